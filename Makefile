@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # none should compile the package anew.
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run view pictures docs test lint check-pages tests test-long references bench lock clean
+.PHONY: help setup run view paper pictures docs test lint check-pages tests test-long references bench lock clean
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -24,6 +24,11 @@ run: setup ## run the TM21 noise sweep, then analyse its bag
 
 view: setup ## show the newest bag in Rerun; ARGS=--web for a browser
 	@$(BIN)/cam-rig view $(ARGS)
+
+paper: setup ## run the paper's experiments, and build their report out/paper.html (5 minutes)
+	@for name in stem flywheel as_cut readings timing factorial calibrate identify; do \
+		echo "== $$name" && $(BIN)/python -m examples.paper.$$name || exit 1; done
+	@$(BIN)/python -m examples.paper.report
 
 pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@rm -rf out/pictures

@@ -5,8 +5,8 @@ to have or to know                                      call
 ======================================================  ===========================================
 a cam, a rig, an experiment from files                  load_cam, load_rig, load_scene
 a cam or a rig of one's own, and its file               Cam(...), Rig(...), .replace(), .save()
-a law: s and its derivatives; its peaks and joints      build_law, Law, plot_law; law; timing
-the shape of a cam, and its checks                      contour, check_contours; as_cut
+a law: s and its derivatives; its peaks and joints      build_law, Law, plot_law; law
+the shape of a cam, and its checks                      contour, check_contours
 a follower's motion, lift-offs, landings at one speed   simulate
 the same over many speeds, with sound                   sweep; of a scene's file: run_scene
 the speed at which contact is lost                      jump_speed; beside the paper's: jump
@@ -17,8 +17,8 @@ the linear model, into scipy.signal                     Rig.state_space, Rig.fre
 a better law, with a proven bound                       design
 many rigs that differ in some numbers                   campaign
 a cam from gauge readings, a rig from a measured run    fit_cam, fit_rig
+how loud a rig is, from measured levels                 fit_sound
 a recorded run; beside the model                        read_bag; compare
-the paper's open question, its Table 2                  factorial, readings
 ======================================================  ===========================================
 
 What they return has ``.tables()``, ``.to_pandas()``, ``.to_json()``, ``.plot()``, ``.summary()``.
@@ -41,10 +41,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from cam_rig.errors import CamRigError
     from cam_rig.laws import Law
-    from cam_rig.paper.as_cut.study import as_cut
-    from cam_rig.paper.factorial.study import factorial
-    from cam_rig.paper.readings.study import readings
-    from cam_rig.paper.timing.study import timing
     from cam_rig.schema import CamConfig as Cam
     from cam_rig.schema import RigConfig as Rig
     from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
@@ -55,6 +51,7 @@ if TYPE_CHECKING:
     from cam_rig.studies.design.study import design
     from cam_rig.studies.fit_cam.study import fit_cam
     from cam_rig.studies.fit_rig.study import fit_rig
+    from cam_rig.studies.fit_sound.study import fit_sound
     from cam_rig.studies.jump.jump_speed import jump_speed
     from cam_rig.studies.jump.study import jump
     from cam_rig.studies.laws.figures import plot_law
@@ -77,7 +74,6 @@ _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
     "Rig": "cam_rig.schema:RigConfig",
-    "as_cut": "cam_rig.paper.as_cut.study",
     "bounce_map": "cam_rig.studies.bounce.study",
     "build_law": "cam_rig.simulation.scene",
     "campaign": "cam_rig.studies.campaign.study",
@@ -86,9 +82,9 @@ _HOMES = {
     "contact": "cam_rig.studies.contact.study",
     "contour": "cam_rig.studies.profile.contour",
     "design": "cam_rig.studies.design.study",
-    "factorial": "cam_rig.paper.factorial.study",
     "fit_cam": "cam_rig.studies.fit_cam.study",
     "fit_rig": "cam_rig.studies.fit_rig.study",
+    "fit_sound": "cam_rig.studies.fit_sound.study",
     "jump": "cam_rig.studies.jump.study",
     "jump_speed": "cam_rig.studies.jump.jump_speed",
     "law": "cam_rig.studies.laws.study",
@@ -100,20 +96,18 @@ _HOMES = {
     "orders": "cam_rig.studies.orders.study",
     "plot_law": "cam_rig.studies.laws.figures",
     "read_bag": "cam_rig.studies.simulate.recorded",
-    "readings": "cam_rig.paper.readings.study",
     "run_scene": "cam_rig.studies.simulate.study",
     "simulate": "cam_rig.studies.simulate.motion",
     "sound_level": "cam_rig.studies.simulate.sound",
     "sweep": "cam_rig.studies.simulate.study",
-    "timing": "cam_rig.paper.timing.study",
     "vibration": "cam_rig.studies.vibration.study",
 }
 __all__ = [
-    "Cam", "CamRigError", "Law", "Rig", "__version__", "as_cut", "bounce_map", "build_law",
-    "campaign", "check_contours", "compare", "contact", "contour", "design", "factorial",
-    "fit_cam", "fit_rig", "jump", "jump_speed", "law", "list_laws",
-    "load_cam", "load_rig", "load_scene", "noise", "orders", "plot_law", "read_bag", "readings",
-    "run_scene", "simulate", "sound_level", "sweep", "timing", "vibration",
+    "Cam", "CamRigError", "Law", "Rig", "__version__", "bounce_map", "build_law",
+    "campaign", "check_contours", "compare", "contact", "contour", "design",
+    "fit_cam", "fit_rig", "fit_sound", "jump", "jump_speed", "law", "list_laws",
+    "load_cam", "load_rig", "load_scene", "noise", "orders", "plot_law", "read_bag",
+    "run_scene", "simulate", "sound_level", "sweep", "vibration",
 ]  # fmt: skip
 
 

@@ -31,10 +31,6 @@ CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
-
-
-#: Tests that share a run or a study with another file's: they go to that file's worker.
-GROUPS = {"test/cli/test_studies.py::test_noise_json_and_plot": "test/cli/test_report.py"}
 #: Wall time (s) after which a test of a kind hangs, on a busy machine; others: pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
 #: More workers than this only take memory.
@@ -55,15 +51,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
     """Give each file's tests to one worker, which makes the file's fixtures once."""
-    return ByGroup(config, log)
-
-
-class ByGroup(LoadFileScheduling):
-    """A file's tests stay together, and so do `GROUPS`."""
-
-    def _split_scope(self, nodeid: str) -> str:
-        file, _, name = nodeid.partition("::")
-        return GROUPS.get(f"{file}::{name.partition('[')[0]}", file)
+    return LoadFileScheduling(config, log)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -286,7 +286,7 @@ def unit_rise(name: str) -> Pieces:
     return fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])
 
 
-# The laws of a factorial study: one rise up and down over any angle, and a cam squeezed.
+# One rise up and down over any event angle.
 
 #: A dwell narrower than this (rad) is left out.
 MIN_DWELL = 1e-9

@@ -11,18 +11,19 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
 from io import BytesIO
+from pathlib import Path
 from platform import python_version
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PackageLoader, StrictUndefined
 from jinja2.environment import TemplateModule
 from matplotlib.figure import Figure
 
 from cam_rig.report.equations import mathml, subscripts
-from cam_rig.show.figure import alone, strips, write_strip
+from cam_rig.show.figure import strips, write_strip
 from cam_rig.show.looks import tokens
-from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
-from cam_rig.show.tables import DataTable, format_number, to_markdown, typeset, typeset_number
+from cam_rig.show.result import NULL_PROGRESS, Progress, Result
+from cam_rig.show.tables import DataTable, to_markdown, typeset, typeset_number
 
 #: What makes the numbers of a page, beside the package itself.
 LIBRARIES = ("numpy", "scipy")
@@ -55,21 +56,11 @@ class Content:
     values: Mapping[str, Any] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
     dpi: float | None = None
-    #: Figures that are drawn, each until one of its panels is cut out.
-    _whole: dict[str, Figure] = field(default_factory=dict, init=False)
 
     @cached_property
     def drawn(self) -> dict[str, list[str]]:
         """Each figure's strips as data URIs, from the top."""
-        self._whole.update((key, draw()) for key, draw in self.figures.items())
-        return {key: uris(figure, self.dpi) for key, figure in self._whole.items()}
-
-    def small(self, key: str, panel: int) -> str:
-        """One panel of a figure as a data URI; empty where there is no such figure."""
-        if key not in self.figures:
-            return ""
-        figure = self._whole.pop(key, None) or self.figures[key]()
-        return uris(alone(figure, panel), self.dpi)[0]
+        return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
 
 
 class Section(NamedTuple):
@@ -151,14 +142,21 @@ class Numbering:
 
 
 def render(
-    kind: str, title: str, made: Made, contents: Mapping[Section, Content], source: Any = None
+    kind: str,
+    title: str,
+    made: Made,
+    contents: Mapping[Section, Content],
+    source: Any = None,
+    folder: Path | None = None,
 ) -> str:
-    """The page as "html" or "md", whose sentences take what they share from ``source``."""
-    templates, numbering, text = environment(kind), Numbering(), ""
+    """Return the page as "html" or "md"; its sentences take shared values from `source`.
+
+    `folder` has further templates of sections (default: those of the package alone).
+    """
+    templates, numbering, text = environment(kind, folder), Numbering(), ""
     drawn = [] if kind == "md" else contents.values()
     parts = {
         "figures": {key: uri for one in drawn for key, uri in one.drawn.items()},
-        "pictures": {} if kind == "md" else _pictures(contents),
         "numbering": numbering,
         "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
         "found": source,
@@ -202,17 +200,11 @@ def _module(
     return templates.get_template(f"{section.template}.jinja").make_module(given)
 
 
-def _pictures(contents: Mapping[Section, Content]) -> dict[Answer, str]:
-    """The picture beside each answer, a panel of a figure of its section."""
-    by_key = {section.key: content for section, content in contents.items()}
-    answers = [one for content in contents.values() for one in content.values.get("answers", ())]
-    return {one: by_key[one.section].small(one.figure, one.panel) for one in answers if one.section}
-
-
-def environment(kind: str) -> Environment:
-    """Where the templates are: "html" escapes what people wrote, "md" does not."""
+def environment(kind: str, folder: Path | None = None) -> Environment:
+    """Return the templates: "html" escapes what people wrote, "md" does not."""
+    package = PackageLoader("cam_rig.report")
     found = Environment(
-        loader=PackageLoader("cam_rig.report"),
+        loader=package if folder is None else ChoiceLoader([FileSystemLoader(folder), package]),
         autoescape=kind == "html",
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -225,7 +217,7 @@ def environment(kind: str) -> Environment:
         "markdown": to_markdown,
     }
     found.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
-    found.filters |= {"mathml": mathml, "subscripts": subscripts, "summary": summary_table}
+    found.filters |= {"mathml": mathml, "subscripts": subscripts}
     found.globals["tokens"] = tokens
     return found
 
@@ -243,39 +235,3 @@ def to(pair: tuple[float, float], shown: str = ".0f") -> str:
 def anchor(heading: str) -> str:
     """What a heading of Markdown is linked by, as GitHub and MkDocs have it."""
     return re.sub(r"[^\w\s-]", "", heading).strip().lower().replace(" ", "-")
-
-
-# A page in short: each question, what the paper says, what came out here, and the verdict.
-
-
-class Answer(NamedTuple):
-    """A row of a summary; ``paper`` is empty on a page of one's own cams.
-
-    ``section`` is the key of that which has more of it, and of its ``figure`` the ``panel`` is
-    the picture beside the answer.
-    """
-
-    question: str
-    here: str
-    verdict: str
-    paper: str = ""
-    section: str = ""
-    figure: str = ""
-    panel: int = 0
-
-
-def summary_table(rows: Iterable[Answer]) -> DataTable:
-    """The answers as a table."""
-    columns = tuple(map(Column, ("question", "paper", "here", "verdict")))
-    (table,) = Records("summary", "Questions and answers", columns, tuple(rows)).to_display()
-    return table
-
-
-def bold(value: float, shown: str = ".6g", unit: str = "") -> str:
-    """A number in bold, with its unit."""
-    return f"**{format_number(value, shown)}{' ' + unit if unit else ''}**"
-
-
-def span(ends: tuple[float, float], shown: str = ".6g", unit: str = "") -> str:
-    """A range in bold, with its unit at the end."""
-    return f"{bold(ends[0], shown)} to {bold(ends[1], shown, unit)}"

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
 from pydantic import BaseModel
 
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import CamRigError
 from cam_rig.laws.cam import CamSet
 from cam_rig.profile.cam_checks import CheckedCam, check_cam
 from cam_rig.profile.checks import Check
-from cam_rig.report.document import Answer, Content, Section, bold, span
+from cam_rig.report.document import Content, Section
 from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
 from cam_rig.show.looks import LONGEST_TITLE
-from cam_rig.show.tables import DataTable, Header, tabulate
+from cam_rig.show.tables import Cell, DataTable, Header, tabulate
+from cam_rig.simulation.by_speed import SpeedRow
 from cam_rig.simulation.scene import (
     ORDER_SPEEDS,
     RELATIVE_NOTE,
@@ -29,7 +30,6 @@ from cam_rig.simulation.scene import (
 )
 from cam_rig.studies.jump.comparison import JumpResult, find_jumps
 from cam_rig.studies.laws import figures as law_figures
-from cam_rig.studies.noise.roles import StudyRoles
 from cam_rig.studies.orders.spectrum import HIGHEST, waterfall
 from cam_rig.studies.orders.study import OrdersResult
 from cam_rig.studies.profile import figures as profile_plot
@@ -37,21 +37,12 @@ from cam_rig.studies.profile.study import ProfileResult
 from cam_rig.studies.simulate import figures as simulation_figures
 from cam_rig.studies.simulate.study import run_scene
 from cam_rig.studies.vibration.study import VibrationResult, measure
-from cam_rig.units import NS, RPM
+from cam_rig.units import NS, RPM, FloatArray
 
 Found = TypeVar("Found")
 
 #: Cams whose law and contour are drawn, at most.
 MOST_CAMS = 6
-
-
-def is_papers(loaded: LoadedScene) -> bool:
-    """Whether a scene is the paper's noise study, on the rig that was calibrated for it."""
-    try:
-        StudyRoles.of(loaded)
-    except ConfigError:
-        return False
-    return loaded.published is not None and loaded.calibrated
 
 
 class SceneStudies:
@@ -91,91 +82,51 @@ class SceneStudies:
         return JumpResult(self.cam_set, tuple(row for one in found.values() for row in one.rows))
 
 
-# In short: what each cam does on its rig, as questions and answers.
+# In short: the numbers of each cam.
 
 
-def _answers(scene: SceneStudies) -> Iterator[Answer]:
-    if scene.checks:
-        yield _passed(scene)
-    yield from _kept(scene)
-    yield from _jump_speeds(scene)
-    yield _loudness(scene)
+def _summary_table(scene: SceneStudies) -> DataTable:
+    """Return one row per cam: checks, loss of contact, jump speed and levels."""
+    jumps = {row.cam: row.found.rpm for row in scene.jumps.rows}
+    curves = scene.run.noise.curves
 
+    def checks(cam: str, passed: bool) -> Cell:
+        return sum(check.passed is passed for check in scene.checks.get(cam, ()))
 
-def _passed(scene: SceneStudies) -> Answer:
-    checks = [check for row in scene.checks.values() for check in row]
-    failed = sum(not check.passed for check in checks)
-    return Answer(
-        "Do the contours pass their checks?",
-        f"{bold(len(checks) - failed)} of {bold(len(checks))} pass",
-        f"{failed} fail{'s' if failed == 1 else ''}" if failed else "all pass",
-        section="contour",
-        figure=f"profile_{next(iter(scene.checks))}",
+    def contact(cam: str) -> list[SpeedRow]:
+        return [row for row in scene.run.by_speed if row.cam == cam]
+
+    def lost(cam: str) -> list[SpeedRow]:
+        return [row for row in contact(cam) if row.flight > 0.0 or row.force_least < 0.0]
+
+    def level(cam: str, end: Callable[[FloatArray], float]) -> Cell:
+        return float(end(curves[cam].level_db)) if cam in curves else None
+
+    fields: list[tuple[Header, Callable[[str], Cell]]] = [
+        (Header("cam"), lambda cam: scene.titles[cam]),
+        (Header("checks passed", "", ".0f"), lambda cam: checks(cam, True)),
+        (Header("failed", "", ".0f"), lambda cam: checks(cam, False)),
+        (Header("speeds", "", ".0f"), lambda cam: len(contact(cam))),
+        (Header("without contact", "", ".0f"), lambda cam: len(lost(cam))),
+        (
+            Header("first at", "rpm", ".6g", missing="–"),
+            lambda cam: min((row.rpm for row in lost(cam)), default=None),
+        ),
+        (
+            Header("longest flight", "ms", ".1f"),
+            lambda cam: max(1e3 * row.flight for row in contact(cam)),
+        ),
+        (Header("jump speed", "rpm", ".1f", missing="–"), jumps.get),
+        (Header("lowest level", "dB", ".1f"), lambda cam: level(cam, np.min)),
+        (Header("highest", "dB", ".1f"), lambda cam: level(cam, np.max)),
+    ]
+    return tabulate(
+        "The cams in short",
+        scene.loaded.cams,
+        fields,
+        "Without contact: the follower flies, or the model holds it and the force is negative.",
+        f"Jump speed: {scene.jumps.run}." if scene.jumps.rows else "",
     )
-
-
-def _kept(scene: SceneStudies) -> Iterator[Answer]:
-    """Of each cam: where it loses contact, and the longest flight."""
-    for panel, cam in enumerate(scene.loaded.cams):
-        rows = [row for row in scene.run.by_speed if row.cam == cam]
-        off = [row for row in rows if row.flight > 0.0]
-        pulled = [row for row in rows if row.force_least < 0.0]
-        here, verdict = f"kept at {bold(len(rows))} of {bold(len(rows))} speeds", "kept"
-        if off:
-            longest = max(off, key=lambda row: row.flight)
-            first = min(row.rpm for row in off)
-            here = (
-                f"lost at {bold(len(off))} of {bold(len(rows))} speeds, first at "
-                f"{bold(first, '.6g', 'rpm')}; the longest flight lasts "
-                f"{bold(1e3 * longest.flight, '.1f', 'ms')}, at {bold(longest.rpm, '.6g', 'rpm')}"
-            )
-            verdict = "contact is lost"
-        elif pulled:
-            count = f"{bold(len(pulled))} of {bold(len(rows))}"
-            here = f"the model holds it, and pulls at {count} speeds"
-            verdict = "contact would be lost"
-        asked = f"Does the follower keep contact with {scene.titles[cam]}?"
-        yield Answer(asked, here, verdict, "", "turn", "force", panel)
-
-
-def _jump_speeds(scene: SceneStudies) -> Iterator[Answer]:
-    fastest = speeds_of(scene.loaded.scene)[-1]
-    for row in scene.jumps.rows:
-        where = "below" if row.found.rpm < fastest else "above"
-        yield Answer(
-            f"What is the jump speed of {scene.titles[row.cam]}?",
-            f"{bold(row.found.rpm, '.1f', 'rpm')} ({scene.jumps.run}); contact is lost at "
-            f"**{math.degrees(row.found.angle):.1f}°**",
-            f"{where} the scene's fastest speed",
-            section="jump",
-            figure="jump",
-        )
-
-
-def _loudness(scene: SceneStudies) -> Answer:
-    levels = [row.level_db for row in scene.run.by_speed if row.level_db is not None]
-    ends = min(levels), max(levels)
-    return Answer(
-        "How loud is it?",
-        span(ends, ".1f", "dB") if ends[0] < ends[1] else bold(ends[0], ".1f", "dB"),
-        _worth(scene),
-        section="sound",
-        figure="noise",
-    )
-
-
-def _worth(scene: SceneStudies) -> str:
-    """What the levels are worth, as the table of levels has it: one word where it is the same."""
-    if not scene.loaded.calibrated:
-        return "relative: no measurement calibrated it"
-    titles = scene.titles
-    roles = {cam: curve.role for cam, curve in scene.run.noise.curves.items()}
-    by_role = {
-        role: [titles[cam] for cam in roles if roles[cam] == role] for role in roles.values()
-    }
-    if len(by_role) == 1:
-        return next(iter(by_role))
-    return "; ".join(f"{role}: {', '.join(cams)}" for role, cams in by_role.items())
 
 
 # The sections.
@@ -185,9 +136,8 @@ def _summary(scene: SceneStudies) -> Content:
     values = {
         "model": scene.loaded.scene.model.replace("_", " "),
         "speeds": speeds_of(scene.loaded.scene),
-        "answers": list(_answers(scene)),
     }
-    return Content(values=values)
+    return Content([_summary_table(scene)], values=values)
 
 
 def _cams(scene: SceneStudies) -> Content:
@@ -256,7 +206,10 @@ def _sound(scene: SceneStudies) -> Content:
     found, tables = OrdersResult(tuple(each.values()), scene.titles), [_levels(scene)]
     if scene.recorded is not None:
         simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}
-        tables.append(recorded_table(scene.recorded, simulated, scene.titles))
+        published, rpm = scene.loaded.published, np.array(speeds_of(scene.loaded.scene))
+        known = {} if published is None else published.regression_db
+        levels = {cam: scene.loaded.published_levels(cam, rpm) for cam in simulated if cam in known}
+        tables.append(recorded_table(scene.recorded, simulated, scene.titles, levels))
     return Content(
         tables + found.speeds.to_display(scene.titles),
         {"noise": scene.run.plot} | ({"orders": found.plot} if each else {}),

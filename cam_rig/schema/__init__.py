@@ -5,17 +5,16 @@ from cam_rig.schema.load import (
     Library,
     load_cam,
     load_published,
-    load_readings,
     load_rig,
     load_scene,
     load_tables,
 )
-from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReading, TableReadings
+from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 
 __all__ = [
     "CamConfig", "Library", "PublishedNoise", "PublishedTables", "RigConfig", "SceneConfig",
-    "TableReading", "TableReadings", "load_cam", "load_published", "load_readings", "load_rig",
+    "load_cam", "load_published", "load_rig",
     "load_scene", "load_tables",
 ]  # fmt: skip

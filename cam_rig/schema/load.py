@@ -19,7 +19,7 @@ from cam_rig.errors import ConfigError, OutputError, did_you_mean
 from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of, made
-from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReadings
+from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
@@ -137,7 +137,6 @@ load_rig = partial(load, kind=RigConfig)
 load_scene = partial(load, kind=SceneConfig)
 load_published = partial(load, kind=PublishedNoise)
 load_tables = partial(load, kind=PublishedTables)
-load_readings = partial(load, kind=TableReadings)
 # Its path: of a path that a command is given, or of the name of a shipped one.
 scene_path = partial(named_path, "scenes")
 cam_path = partial(named_path, "cams")
@@ -153,11 +152,6 @@ def rig_beside(rig: str | Path, scene: Path) -> Path:
 def tables_path() -> Path:
     """The paper's tables as data."""
     return config_root() / "published" / "tables" / "paper.yaml"
-
-
-def readings_path() -> Path:
-    """The readings of the paper's Table 2."""
-    return config_root() / "published" / "readings" / "table2.yaml"
 
 
 def one_scene(names: Sequence[Any] | None) -> Path | None:

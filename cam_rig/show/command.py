@@ -189,11 +189,6 @@ DEFAULT_SCENE = "tm21_sweep"
 # Arguments and options shared by several commands, each with one meaning and one help text.
 
 Scene = Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")]
-SceneOption = Annotated[str, typer.Option(help="Scene file, or a name in config/scenes.")]
-TableCams = Annotated[
-    list[str] | None,
-    typer.Argument(help="Cam files, or names in config/cams; by default those of Table 2."),
-]
 CamsOrScene = Annotated[
     list[str] | None,
     typer.Argument(

@@ -20,9 +20,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
-from matplotlib.legend import Legend
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
@@ -125,37 +123,6 @@ def series(index: int) -> dict[str, Any]:
 def series_marker(index: int) -> dict[str, Any]:
     """Colour and marker of the index-th of several curves that are no cams."""
     return {"color": web(SERIES[index % len(SERIES)]), "marker": MARKERS[index % len(MARKERS)]}
-
-
-# One panel by itself, beside a sentence.
-
-#: Width and height in inches of a panel by itself, letters of a line beside it, ticks of an axis.
-SMALL, BESIDE, TICKS = (1.9, 1.55), 18, 4
-
-
-@styled
-def alone(figure: Figure, panel: int) -> Figure:
-    """The figure cut down to one of its panels, small: curves and axes, no words among them."""
-    kept, near = figure.axes[panel], figure.axes
-    # A label may be one for several panels: below or to the left, with the same axis.
-    under = (a.get_xlabel() for a in near[panel:] if a.get_xlim() == kept.get_xlim())
-    left = (a.get_ylabel() for a in near[panel::-1] if a.get_ylim() == kept.get_ylim())
-    labels = [next(filter(None, one), "") for one in (under, left)]
-    parts = (figure, *figure.subfigs)
-    words = {*figure.findobj(Legend), *kept.texts, *(one for part in parts for one in part.texts)}
-    for artist in (*words, *near, *kept.child_axes, *kept.artists):
-        if artist is not kept:
-            artist.set_in_layout(False)  # a figure knows its title by itself, too
-            artist.remove()
-    kept.set(title="", subplotspec=GridSpec(1, 1, figure=figure)[0])
-    kept.tick_params(labelbottom=True, labelleft=True)
-    for axis, label in zip((kept.xaxis, kept.yaxis), labels, strict=True):
-        axis.set_label_text(wrapped(label, BESIDE))
-        if axis.get_scale() == "linear":
-            axis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 3, 5, 6, 9, 10]))
-    figure.set_size_inches(SMALL)
-    figure.set_layout_engine("constrained")
-    return figure
 
 
 # A tall figure in strips between its rows of panels, so that paper may part it there.

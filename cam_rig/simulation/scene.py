@@ -151,7 +151,7 @@ def calibrated_on(rig: RigConfig, model: str) -> str:
 
 
 def fitted_with(rig: RigConfig, model: str) -> str:
-    """Model and follower in SI units, as ``cam-rig calibrate`` writes them into the source."""
+    """Model and follower in SI units, as ``cam-rig fit sound`` writes them into the source."""
     given = ((key, number) for key, number in rig.follower if number)
     said = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in given)
     return ", ".join((model, *said))

@@ -1,4 +1,4 @@
-"""The noise study on a smaller sweep, computed once for the commands that tell of it."""
+"""A smaller sweep, shipped files, and calls of the command line."""
 
 import json
 import subprocess
@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 from cam_rig.show import terminal as console
-from cam_rig.studies.noise.study import study_noise
 
 from ..figure_faults import faults
 
@@ -65,46 +64,16 @@ def written(root, files):
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """The shipped sweep with every 25 rpm, beside a factorial study and readings, a few."""
-    config = tmp_path_factory.mktemp("study") / "config"
-    scene, factorial = load("scenes", "tm21_sweep"), load("factorials", "continuity")
+    """The shipped sweep with every 25 rpm."""
+    scene = load("scenes", "tm21_sweep")
     scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
-    factorial["rises"] = ["poly345", "poly4567"]
-    levels = {"events": [105, 135], "gentle": [110, 130], "squeezed": [300], "noise": [200]}
-    for key, numbers in levels.items():
-        factorial[key]["assumed"] = numbers
-    readings = load("published/readings", "table2")
-    for name in readings["readings"].keys() - {"shipped", "five_speeds"}:
-        del readings["readings"][name]
-    files = {"scenes/tm21_sweep": scene, "factorials/continuity": factorial}
+    path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"
+    path.parent.mkdir(parents=True)
     yaml = YAML(typ="safe")
     yaml.default_flow_style, yaml.width = None, 1000
-    for name, data in (files | {"published/readings/table2": readings}).items():
-        path = config / f"{name}.yaml"
-        path.parent.mkdir(parents=True)
-        with path.open("w", encoding="utf-8") as file:
-            yaml.dump(data, file)
-    return config / "scenes" / "tm21_sweep.yaml"
-
-
-@pytest.fixture(scope="session")
-def found():
-    """The studies that were computed, by what they depend on."""
-    return {}
-
-
-@pytest.fixture
-def one_study(found, monkeypatch):
-    """The commands compute a study that was not computed before; see `GROUPS`."""
-
-    def study(loaded, rig, arcs=False, *told):
-        key = (loaded.scene.model_dump_json(), rig.model_dump_json(), arcs)
-        if key not in found:
-            found[key] = study_noise(loaded, rig, arcs, *told)
-        return found[key]
-
-    for module in ("cam_rig.studies.noise.study", "cam_rig.report.paper"):
-        monkeypatch.setattr(f"{module}.study_noise", study)
+    with path.open("w", encoding="utf-8") as file:
+        yaml.dump(scene, file)
+    return path
 
 
 GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent

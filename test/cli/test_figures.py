@@ -38,8 +38,6 @@ CASES = [
     "jump {tiny_3} --plot",
     "vibration {slow} --plot",
     "contact {five} --plot",
-    "as-cut {bezier_14} --plot",
-    "timing {bezier_14} --plot",
     "law {tiny_3} --out",
     "law {below_0} --out",
     "law worked_example_constant_velocity --out",
@@ -87,7 +85,6 @@ CAMPAIGNS = {
 #: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
 ELSEWHERE = {
     "noise": "test_studies.py",
-    "factorial": "test_studies.py",
     "fit rig": "../studies/fit_rig/test_command.py",
     "fit cam": "../studies/fit_cam/test_command.py",
     "panel": "../panel/test_lab.py",

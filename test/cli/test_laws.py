@@ -202,6 +202,5 @@ def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
         ("orders", cam, "--rpm", 300),
         ("bounce", cam, "--rpm", 300, "--restitution", 0.3, "--turns", 20, "--settle", 2),
         ("design", cam, "--minimise", "peak_acceleration", "--pieces", 4),
-        ("as-cut", cam),
     ):
         assert call(*command).stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}")

@@ -6,7 +6,6 @@ import pytest
 import typer
 
 from cam_rig.cli.main import COMMANDS, app, command, summary
-from cam_rig.schema.load import config_root
 from tools.docs.commands import verbs
 
 from .conftest import GOLDEN, call, data_of, done
@@ -20,7 +19,6 @@ REFUSED = [
     ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
     ("run quick --bag {tmp}/bag --wait", 2, "--wait: waits for a viewer"),
     ("analyze {tmp}/none", 1, "no such bag"),
-    ("identify bezier15", 2, "cannot be identified"),
     ("simulate --nonsense", 2, ""),
     ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
     ("simulate quick --json {tmp}", 1, "is a folder; allowed: a file"),
@@ -42,22 +40,26 @@ REFUSED = [
     ("law", 2, ""),
     ("laws --family strat", 2, "did you mean 'start'?); allowed: polynomial, start"),
     ("noise --rig tm21", 2, "follower.roller_share: is missing"),
+    ("fit sound {tmp}/none.csv quick", 2, "none.csv: no such file"),
     ("listen quick --out {tmp}/a.mp3", 2, "unknown kind of sound file; allowed"),
     ("listen quick --out {tmp}/a.wav --cam no", 2, "has no cam 'no'"),
     ("listen quick --out /proc/none/a.wav", 1, "/proc/none/a.wav: cannot be"),
     ("listen quick --out {tmp}/a.wav --rpm 0", 2, "--rpm: is '0'; allowed: greater than"),
     ("listen quick --seconds 3 --out {tmp}/a.wav", 2, "--seconds is 3 without --rpm"),
-    ("report --out {tmp}/a.pdf", 2, "unknown kind of page; allowed: .html, .md"),
-    ("report --out {tmp}", 2, "unknown kind of page"),
-    ("report --out /dev/null/a.html", 1, "cannot be written, /dev/null is no writable folder"),
-    ("report --out {tmp}/a.html --bag {golden}", 1, "is a recording of the scene 'quick'"),
-    ("report --out {tmp}/a.html --bag {tmp}/none", 1, "no such bag"),
-    ("report --out {tmp}/a.html --rig tm21", 2, "follower.roller_share: is missing"),
-    ("report --out {tmp}/a.html --scene no_such", 2, "no such file"),
-    ("report --out {tmp}/a.html --factorial no_such", 2, "no such file"),
-    ("report --out {tmp}/a.html quick --factorial continuity", 2, "not the paper's"),
-    ("report --out {tmp}/a.html quick --jobs 2", 2, "not the paper's"),
-    ("report --out {tmp}/a.html --dask nowhere", 2, "allowed: an address"),
+    ("report quick --out {tmp}/a.pdf", 2, "unknown kind of page; allowed: .html, .md"),
+    ("report quick --out {tmp}", 2, "unknown kind of page"),
+    (
+        "report quick --out /dev/null/a.html",
+        1,
+        "/dev/null is no writable folder",
+    ),
+    (
+        "report tm21_sweep --out {tmp}/a.html --bag {golden}",
+        1,
+        "recording of the scene 'quick'",
+    ),
+    ("report quick --out {tmp}/a.html --bag {tmp}/none", 1, "no such bag"),
+    ("report no_such --out {tmp}/a.html", 2, "no such file"),
     ("report --out {tmp}/a.html quick --rig no_such", 2, "no such file"),
     ("profile", 2, "no cam is named; allowed: "),
     ("profile no_such_cam", 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),
@@ -91,14 +93,8 @@ REFUSED = [
     ("orders poly345 --cam tm21", 2, "--cam tm21: poly345 is a cam; allowed: with a scene"),
     ("orders poly345 --rpm 0", 2, "--rpm 0: allowed: 300, or 200,300, or 200:400:10"),
     ("orders poly345 --save a.png", 2, "a.png: unknown kind of recording; allowed: .rrd"),
-    ("readings --search wieght", 2, "did you mean 'weight'?); allowed: "),
-    ("readings --with-times", 2, "needed: --search NAME"),
-    ("timing cycloidal --plot {tmp}/a.png", 2, "has no ordinates to plot"),
     ("contact conjugate --plot {tmp}/a.png", 2, "closing spring"),
-    ("as-cut flat --json {tmp}/a.json", 2, "allowed: a roller in a guide without eccentricity"),
-    ("as-cut bezier15 --base 0 --json {tmp}/a.json", 2, "base: is 0 mm"),
     ("vibration worked_example_constant_velocity", 1, "or a rig without a shaft"),
-    ("factorial no_such", 2, "no_such.yaml: no such file; there are: continuity"),
 ]
 
 
@@ -147,16 +143,6 @@ def test_urdf_goes_to_stdout_or_into_a_file(tmp_path):
     assert '<cylinder radius="0.065"' in printed.stdout
     call("urdf", "tm21_sweep", "--cam", "poly345", "--out", tmp_path / "new" / "rig.urdf")
     assert (tmp_path / "new" / "rig.urdf").read_text(encoding="utf-8") == printed.stdout
-
-
-def test_calibrate_repeats_what_is_in_the_rig_file(tmp_path):
-    """The shipped constants are what the command finds, and a dry run writes nothing."""
-    rig = config_root() / "rigs" / "tm21.yaml"
-    before = rig.read_bytes()
-    result = done("calibrate", "--dry-run")
-    assert "gain 9.86e-05" in result.stderr
-    assert "corner 18.42" in result.stderr
-    assert rig.read_bytes() == before
 
 
 ROOT = typer.main.get_command(app)

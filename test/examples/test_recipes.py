@@ -114,13 +114,13 @@ def test_an_experiment_is_a_function_of_the_package(copy):
 def test_the_report_shows_an_experiment(copy):
     """A function, a line and the example's sentences: a section with its figure and table."""
     copy.add_slice()
-    copy.add(SLICE / "section.jinja", "cam_rig/report/templates/least_preload.jinja")
-    sections = "cam_rig/report/paper_sections.py"
-    copy.insert(sections, "def _jump(paper", SECTION)
+    copy.add(SLICE / "section.jinja", "cam_rig/report/templates/scene/least_preload.jinja")
+    sections = "cam_rig/report/scene.py"
+    copy.insert(sections, "def _jump(scene", SECTION)
     copy.insert(
         sections,
-        '    Section("readings",',
-        '    Section("least_preload", "Least preload", _least_preload),\n',
+        '    Section("numbers",',
+        '    Section("scene/least_preload", "Least preload", _least_preload),\n',
     )
     page = copy.python("-c", PAGE)
     assert "## 1 Least preload" in page
@@ -129,10 +129,10 @@ def test_the_report_shows_an_experiment(copy):
     assert copy.touched <= recipe("A study")
 
 
-SECTION = """def _least_preload(paper: Paper) -> Content:
+SECTION = """def _least_preload(scene: SceneStudies) -> Content:
     from cam_rig.studies.least_preload.study import NULL_PROGRESS, least_preloads
 
-    found = least_preloads(paper.cam_set, [300.0, 480.0], NULL_PROGRESS)
+    found = least_preloads(scene.cam_set, [300.0, 480.0], NULL_PROGRESS)
     return Content(found.to_display(), {"preload": found.plot}, {"preloads": found})
 
 
@@ -140,7 +140,7 @@ SECTION = """def _least_preload(paper: Paper) -> Content:
 PAGE = """
 from types import SimpleNamespace
 from cam_rig.report.document import Made, render
-from cam_rig.report.paper_sections import SECTIONS
+from cam_rig.report.scene import SECTIONS
 from cam_rig.simulation.asked import asked_cams
 section = next(one for one in SECTIONS if one.key == "least_preload")
 content = section.find(SimpleNamespace(cam_set=asked_cams(["poly345"], None)))

@@ -118,9 +118,7 @@ WRONG = [
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 #: What computes for many seconds: it is left out, after the arguments were looked at.
 LONG = {
-    "factorial": ["cam_rig.paper.factorial.study.run_factorial"],
     "noise": ["cam_rig.studies.noise.study.study_noise"],
-    "readings": ["cam_rig.paper.readings.study.read_all"],
     "jump": ["cam_rig.studies.jump.study.refit_rig"],
 }
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
@@ -138,11 +136,11 @@ def right(tmp_path_factory):
     np.savetxt(folder / "lifts.csv", lifts, delimiter=",", header=head, comments="")
     jumps = ["preload [N],jump speed [rpm]", "20,344.9", "30.6,413.4", "45,417.2"]
     (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
+    levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
     one = {"cams": "poly345", "rig": "tm21"}
     made = {
         "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates}
         | {"repeats": True, "known": None},
-        "as_cut": one | {"scene": "quick", "base": 0.05, "roller": 0.005} | told,
         "bounce_map": {"law": LAW, "rig": RIG, "rpm": [450.0], "restitution": 0.5, "turns": 20}
         | {"settle": 0, "start": "rest", "follow": False, "executor": None}
         | {"model": "one_mass", "over": "rpm", "values": None, "out": None, "resume": False}
@@ -158,7 +156,6 @@ def right(tmp_path_factory):
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}
         | {"limits": (), "pieces": 6, "joints": 1, "degree": None, "starts": 1, "seed": 1}
         | {"keep": ("dwells", "events", "lift"), "pareto": None, "points": 3},
-        "factorial": {"study": "continuity", "executor": None} | told,
         "fit_cam": {"tables": folder / "lifts.csv", "shape": "spline", "reverse": False}
         | dict.fromkeys(("follower", "column", "tolerance", "flank", "out"))
         | dict.fromkeys(("roller_radius", "base_radius")),
@@ -166,6 +163,7 @@ def right(tmp_path_factory):
         | {"given": {"damping": 8.6, "spring_stiffness": 4030.0}}
         | dict.fromkeys(("topics", "one_cam", "namespace", "model", "tolerance", "out"))
         | told,
+        "fit_sound": {"levels": levels, "scene": "tm21_sweep", "cam": "poly345"},
         "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None, "refit": False} | told,
         "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5}
         | dict.fromkeys(("mass", "spring_stiffness", "damping", "preload")),
@@ -180,9 +178,6 @@ def right(tmp_path_factory):
         | told,
         "plot_law": {"law": LAW},
         "read_bag": {"bag": GOLDEN, "scene": None},
-        "readings": {"search": None, "with_times": False, "nearby": False}
-        | {"generations": 1, "seed": 1}
-        | told,
         "run_scene": {"scene": "quick", "on_tick": lambda: None},
         "simulate": {"law": LAW, "rig": RIG, "model": "one_mass", "rpm": 450, "turns": 1}
         | {"sample_rate": 48_000, "ramp": None},
@@ -191,7 +186,6 @@ def right(tmp_path_factory):
         | {"rpm": [300.0], "model": "one_mass", "turns": 2, "settle_turns": 1}
         | {"sample_rate": 1000, "ramp": None}
         | told,
-        "timing": {"cams": "poly345"},
         "vibration": one | {"rpm": 300.0} | told,
     }
     made["campaign"]["out"] = tmp_path_factory.mktemp("out") / "campaign"

@@ -172,7 +172,6 @@ def test_a_name_that_is_not_there_lists_those_that_are(tmp_path):
 NO_COMPUTATION = {
     *("run", "replay", "panel", "view"),
     *("new", "export", "listen", "recover", "report", "urdf"),
-    *("calibrate", "identify"),  # they write what they find into a rig's or a cam's file
 }
 #: Names of `import cam_rig` that no command has: what results are made of.
 PARTS = {
@@ -184,6 +183,7 @@ PARTS = {
 FILES = {
     "bounce": {"basins"},  # a function of its own, `cam_rig.studies.bounce.basins`
     "contact": {"events", "sharpest"},
+    "fit sound": {"dry-run"},
     "law": {"out", "save"},
     "compare": {"save"},
     "orders": {"save"},

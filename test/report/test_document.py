@@ -5,7 +5,7 @@ import re
 import pytest
 
 from cam_rig.report import document
-from cam_rig.report.document import Answer, Numbering, environment, percent, summary_table, to
+from cam_rig.report.document import Numbering, environment, percent, to
 from cam_rig.show.tables import DataTable, Header
 
 TABLE = DataTable(
@@ -116,15 +116,6 @@ def test_head_and_contents(rendered):
     assert ", 2023-11-14;" in text
 
 
-def test_answers(rendered):
-    """Each with what the paper says and the verdict, numbers in bold; a table in Markdown."""
-    page = rendered("html")
-    assert "<h3>How fast?</h3>" in page
-    assert "<p><strong>9 rpm</strong>, and not <strong>10</strong></p>" in page
-    assert "Paper: about <strong>9 rpm</strong>" in page
-    assert "| How fast? | about **9 rpm** | **9 rpm**, and not **10** | agrees |" in rendered("md")
-
-
 def test_what_no_sentence_shows_is_in_the_appendix(rendered):
     """Under its section, which leads there; tables of the main part have the first numbers."""
     page, text = rendered("html"), rendered("md")
@@ -133,7 +124,7 @@ def test_what_no_sentence_shows_is_in_the_appendix(rendered):
     assert '<a href="#more-summary">' in main
     assert '<details id="more-summary">' in appendix
     assert "<b>Table 2.</b> A table to check" in appendix
-    assert "### 1 The start, in short, continued\n\n**Table 3. A table to check**" in text
+    assert "### 1 The start, in short, continued\n\n**Table 2. A table to check**" in text
 
 
 def test_equations_and_indices():
@@ -148,19 +139,10 @@ def test_equations_and_indices():
     assert "    F = k_s s\n\n" in render("md", parts)
 
 
-def test_no_paper_no_column():
-    """On a page of one's own cams there is nothing to compare with."""
-    own, paper = (summary_table([Answer("q", "h", "v", said)]) for said in ("", "p"))
-    assert [c.heading for c in own.columns] == ["question", "here", "verdict"]
-    assert paper.rows == (("q", "p", "h", "v"),)
-
-
 def test_numbers_in_sentences():
     """Shares as percentages, ranges from their ends; a true minus, powers raised."""
     assert percent(0.7249) == "72 %"
     assert percent(-0.0053, "+.2f") == "−0.53 %"
     assert to((0.71, 1.66), ".1f") == "0.7 to 1.7"
     assert to((-2e-7, 3.3e8), ".2g") == "−2·10⁻⁷ to 3.3·10⁸"
-    assert document.bold(0.369, ".2f", "%") == "**0.37 %**"
-    assert document.span((0.7, 1.66), ".1f", "turns") == "**0.7** to **1.7 turns**"
     assert document.anchor("12 Given, assumed, identified") == "12-given-assumed-identified"

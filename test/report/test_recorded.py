@@ -3,6 +3,7 @@
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -106,10 +107,14 @@ def test_lines_and_signs():
     assert tree("a < b")[1].text == "<"
 
 
+#: Templates of the paper's report.
+PAPER = Path(__file__).parents[2] / "examples" / "paper" / "templates"
+
+
 def test_every_equation_of_the_pages():
     """Is well-formed, with each bracket closed and something on either side of a bar."""
     found = 0
-    templates = environment("html")
+    templates = environment("html", PAPER)
     for name in templates.list_templates():
         source = templates.loader.get_source(templates, name)[0]
         for text in re.findall(

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.paper.factorial.study import open_factorial
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 
 KINDS = {
@@ -18,7 +17,6 @@ KINDS = {
     "rig": ("rigs/tm21.yaml", load_rig),
     "scene": ("scenes/tm21_sweep.yaml", load_scene),
     "published": ("published/tm21_noise.yaml", load_published),
-    "factorial": ("factorials/continuity.yaml", open_factorial),
 }
 
 

@@ -19,10 +19,9 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
-from cam_rig.paper.factorial.study import open_factorial
 from cam_rig.profile.drawing_files import read_contour
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
-from cam_rig.schema.load import config_root, load_readings, load_tables
+from cam_rig.schema.load import config_root, load_tables
 
 SHIPPED: dict[str, Callable[[Path], object]] = {
     "cams/tm21.yaml": load_cam,
@@ -33,8 +32,6 @@ SHIPPED: dict[str, Callable[[Path], object]] = {
     "scenes/torsion.yaml": load_scene,
     "published/tm21_noise.yaml": load_published,
     "published/tables/paper.yaml": load_tables,
-    "published/readings/table2.yaml": load_readings,
-    "factorials/continuity.yaml": open_factorial,
 }
 #: A little under and far over what may be read.
 SIZES = (100, 10_000, 600_000, 1_040_000, 3_000_000, 10_000_000)

@@ -124,18 +124,9 @@ tm21 | [.nan, 1, 1, 1] | regression_db.tm21[0]: is nan; allowed: a finite number
 tm21 | [low, 1, 1, 1] | regression_db.tm21[0]: is 'low'; allowed: a valid number
 crossover | {between: [bezier, tm21], rpm: 335} | …bezier…
 """
-FACTORIAL = """
-events | {assumed: [90], unit: deg} | …events: are [90.0]; allowed: at least
-gentle | {assumed: [90, 90], unit: deg} | …gentle: are …each once
-events | {assumed: [90, 190], unit: deg} | …events: is 190 deg; allowed: at most
-rises | [poly345, poly345] | …names a law twice
-rises | [poly345, dwell] | …rises[1]: is 'dwell'
-squeezed | {assumed: [400], unit: deg} | …allowed: at most 360 deg
-title | x\\nspeeds: 1 | …unknown key
-"""
 
 
-@pytest.mark.parametrize("kind", ["rig", "scene", "published", "factorial"])
+@pytest.mark.parametrize("kind", ["rig", "scene", "published"])
 def test_wrong_values(refuse, kind):
     """Each number has its dimension and its limit; text of digits, or true, is no number."""
     for key, value, words in rows(globals()[kind.upper()]):

@@ -10,7 +10,6 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cam_rig.errors import ConfigError
-from cam_rig.paper.factorial.study import open_factorial
 from cam_rig.schema import CamConfig, Library, load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
 from cam_rig.schema.quantity import ORIGINS
@@ -114,7 +113,6 @@ def test_whatever_both_understand_both_read_alike(text):
 
 
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
-LOADERS["factorials"] = open_factorial
 #: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.
 BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}
 

@@ -25,7 +25,6 @@ from benchmark.speed.campaign import CampaignRate
 from benchmark.speed.cases import CASES
 from benchmark.speed.peers import PEERS
 from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
-from cam_rig.dynamics.jump import figures as jump_of_one
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import families, rise_curves
@@ -236,7 +235,7 @@ def drawn() -> dict[str, Figure]:
     return {
         "motion": motion.motion_figure(run),
         "over the turn": motion.over_turn({"One": forces, "Another": forces}),
-        "one cam": jump_of_one.figure(JumpSpeed(413.44 * RPM, 5.8, 0.1, curve, rig, 0.5)),
+        "one cam": jump.jump_speed_figure(JumpSpeed(413.44 * RPM, 5.8, 0.1, curve, rig, 0.5)),
         "turn by turn": motion.turn_by_turn(SoundLevel(200.0, 85.0, 80.0 + np.arange(12.0), 2, "")),
         "law": law.figure(cam, curve),
         "rises": law.rises_figure(families().values()),

@@ -25,15 +25,14 @@ GIVEN_BY = {
     "fit_arcs": "fit cam TABLES --shape arcs",
     "fit_jumps": "fit rig SOURCE CAM",
     "fit_rig": "fit rig SOURCE CAM",
+    "fit_sound": "fit sound LEVELS SCENE",
     "fit_spline": "fit cam TABLES",
-    "flywheel": "report",
     "front": "design START --pareto QUANTITY",
     "jump_refit": "jump --refit",
     "law_rises": "law NAMES --rises",
     "panel_marks": "panel SHEETS --mark",
     "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
-    "stem": "report",
 }
 #: So many columns that end two tables of a result alike are listed once.
 REPEATED = 4

@@ -17,6 +17,7 @@ from cam_rig.laws import Law, catalogue
 from cam_rig.laws.cam import law_of
 from cam_rig.laws.catalogue import families
 from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, joints
+from cam_rig.laws.passages import LEVELS, passages
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.load import cam_path, config_root
@@ -164,6 +165,34 @@ def _end(which: str) -> tuple[Column, Column]:
     )
 
 
+@dataclass(frozen=True)
+class HeightsRow:
+    """Cam angles (rad) at which a cam passes heights, by `_passage_key`."""
+
+    cam: str
+    angles: dict[str, float]
+
+    @classmethod
+    def of(cls, cam: CamConfig, law: Law) -> HeightsRow:
+        """Take the first passage upwards and the last downwards through each height."""
+        angles = dict[str, float]()
+        for passage in passages(law, cam.lift.si):
+            key = _passage_key(passage.level, passage.rising)
+            if not passage.rising or key not in angles:
+                angles[key] = passage.angle
+        return cls(cam.name, angles)
+
+
+def _passage_key(level: float, rising: bool) -> str:
+    return f"{'up' if rising else 'down'}_{100.0 * level:g}"
+
+
+def _passage_column(level: float, rising: bool) -> Column:
+    key, way = _passage_key(level, rising), "up" if rising else "down"
+    heading = f"{100.0 * level:g} % {way}"
+    return Column(key, "°", ".3f", heading, lambda row: row.angles.get(key))
+
+
 #: Degrees from row to row of a cam's curves.
 STEP_DEG = 0.5
 
@@ -210,6 +239,11 @@ class CamLawsResult(Result):
             Column("angle", "°", of="joint.angle", doc="cam angle"),
             Column("continuity", of="joint.continuity", doc="below that of the smoothest joints"),
         ),
+        "heights": (
+            Column("cam"),
+            *(_passage_column(level, True) for level in LEVELS),
+            *(_passage_column(level, False) for level in reversed(LEVELS)),
+        ),
     }
 
     cams: tuple[tuple[CamConfig, Law], ...]
@@ -236,7 +270,7 @@ class CamLawsResult(Result):
         return [row for row in every if row.joint.continuity < SMOOTHEST]
 
     def tables(self) -> list[Records]:
-        """``curves``, ``extremes`` and rough ``joints``; several cams stand side by side."""
+        """``curves``, ``extremes``, rough ``joints`` and ``heights``; several cams side by side."""
         unit, factor = catalogue.common_unit(cam for cam, _ in self.cams)
         if len(self.cams) == 1:
             unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
@@ -249,6 +283,13 @@ class CamLawsResult(Result):
             self.array_table("curves"),
             self._extremes(rows),
             self.table("joints", "", self.rough, hidden=True),
+            self.table(
+                "heights",
+                "Cam angles at which the lift passes fractions of itself",
+                (HeightsRow.of(*cam) for cam in self.cams),
+                "Heights are above the lowest lift, as fractions of the lift in the cam's file: "
+                "the first passage upwards, the last downwards.",
+            ),
         ]
 
     def _extremes(self, rows: list[ExtremeRow]) -> Records:

@@ -1,57 +1,32 @@
 """Refining the geometry of an arc cam against its published noise curve, from a good start.
 
-The search of `identify` is global and takes minutes; this one takes seconds, for studies that ask
-how the geometry moves when something else does. It keeps the flank, which every search leaves at
-the straightest that still is concave, and moves two numbers: lift and event.
+A global search takes minutes (examples/paper/identify.py). This one takes seconds, for studies
+that ask how the geometry moves when something else does. It keeps the flank, which every search
+leaves at the straightest that still is concave, and moves two numbers: lift and event.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import Bounds, OptimizeResult, differential_evolution, minimize
+from scipy.optimize import minimize
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import arc_cam
-from cam_rig.schema import CamConfig, SceneConfig
-from cam_rig.show.result import NULL_PROGRESS, Progress
+from cam_rig.schema import CamConfig
 from cam_rig.simulation.regression import cubic
-from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import Acoustics, Turns, simulate, step_levels
-from cam_rig.studies.noise.calibration import PublishedCam
-from cam_rig.units import FloatArray, rms, to_rpm
+from cam_rig.simulation.simulate import Acoustics, Turns
+from cam_rig.simulation.sound_constants import PublishedCam
+from cam_rig.units import FloatArray, rms
 
-# Identifying the geometry of the TM21's own cam from its published noise curve.
-
-#: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
-BOUNDS = np.array([[0.002, 0.05], [60.0, 300.0], [0.05, 0.95]])
 #: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam; beyond
 #: this a flank of some millimetres is straight.
 MAX_FLANK = 0.5
 #: Fit error given to a geometry that cannot exist, dB.
 IMPOSSIBLE = 50.0
-#: Sample rate of a trial.
-TRIAL_RATE_HZ = 8000
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """The identified numbers and the r.m.s. difference they leave, dB."""
-
-    lift_mm: float
-    event_deg: float
-    nose_deg: float
-    rmse_db: float
-    evaluations: int
-
-    @property
-    def dwell_deg(self) -> float:
-        """Each of the two dwells beside the event."""
-        return 180.0 - 0.5 * self.event_deg
 
 
 def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: float) -> CamConfig:
@@ -63,66 +38,6 @@ def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: fl
         segment["span"] |= {"identified": span, "unit": "deg"}
     data["segments"][1]["nose_span"] |= {"identified": nose_deg, "unit": "deg"}
     return CamConfig.model_validate(data)
-
-
-def trial_stage(loaded: LoadedScene) -> LoadedScene:
-    """The same scene, shorter and coarser: within 0.01 dB of the whole one, much faster."""
-    data = loaded.scene.model_dump(exclude_none=True)
-    data["sample_rate"] = {"assumed": TRIAL_RATE_HZ, "unit": "Hz"}
-    data["program"]["turns"] = {"assumed": 3, "unit": "turns"}
-    data["program"]["settle_turns"] = {"assumed": 1, "unit": "turns"}
-    return replace(loaded, scene=SceneConfig.model_validate(data))
-
-
-def identify(
-    loaded: LoadedScene, cam: str, seed: int, progress: Progress = NULL_PROGRESS
-) -> Geometry:
-    """Search lift and angles of an arc cam: differential evolution, seeded, then a local search."""
-    progress.start(None, "searching")
-    arc_cam(loaded.cams[cam])  # it must have arcs to move
-    trial = trial_stage(loaded)
-    rpm = to_rpm(np.array(loaded.scene.program.speeds.si_list))
-    target = loaded.published_levels(cam, rpm)
-    evaluations = 0
-
-    def rmse(x: FloatArray) -> float:
-        nonlocal evaluations
-        evaluations += 1
-        level = _levels(trial, cam, x)
-        return IMPOSSIBLE if level is None else rms(level - target)
-
-    def tell(intermediate_result: OptimizeResult) -> None:
-        progress.describe(f"best {intermediate_result.fun:.2f} dB RMS")
-
-    options: dict[str, Any] = {"popsize": 10, "maxiter": 30, "tol": 1e-3, "polish": False}
-    limits = Bounds(BOUNDS[:, 0], BOUNDS[:, 1])
-    best = differential_evolution(rmse, limits, seed=seed, callback=tell, **options)
-    polished = minimize(
-        rmse, best.x, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200}
-    )
-    lift, event, fraction = polished.x.tolist()
-    # Rounded to what the residual can support, so that the file is readable and spans add up.
-    for digits in (2, 3, 4, 6):  # the fewest that keep the geometry possible
-        short = [round(lift, digits + 4), round(event, digits), round(event * fraction, digits)]
-        left = rmse(np.array([short[0], short[1], short[2] / short[1]]))
-        if left < IMPOSSIBLE:
-            return Geometry(round(1e3 * short[0], 6), short[1], short[2], left, evaluations)
-    raise LawError(f"cam {cam!r}: no arc cam within the bounds comes near its published noise")
-
-
-def _levels(loaded: LoadedScene, cam: str, x: FloatArray) -> FloatArray | None:
-    lift, event, fraction = x.tolist()
-    if np.any(x < BOUNDS[:, 0]) or np.any(x > BOUNDS[:, 1]):
-        return None
-    try:
-        config = with_geometry(loaded.cams[cam], 1e3 * lift, event, event * fraction)
-        if arc_cam(config).radii()[0] > MAX_FLANK:
-            return None
-        trial = loaded.only(cam, build_law(config))
-    except LawError:
-        return None
-    steps = step_levels(simulate(trial), trial.scene.program.settle_turns.si)[cam]
-    return np.array([steps[speed] for speed in sorted(steps)])
 
 
 #: Lifts tried as a start, relative to the given one, and events relative to the valley of equal

@@ -2,111 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from cam_rig.acoustics import RadiationParameters, level_db
-from cam_rig.acoustics.pressure import mean_square_rate
+from cam_rig.acoustics import level_db
 from cam_rig.acoustics.sound_level_meter import weighting_power
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
-from cam_rig.errors import DynamicsError
+from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.laws import Law
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import Acoustics, Sounding
-from cam_rig.units import TURN, FloatArray, rms, to_rpm
+from cam_rig.simulation.simulate import Acoustics
+from cam_rig.simulation.sound_constants import PublishedCam, two_constants
+from cam_rig.units import TURN, FloatArray, rms
 
 #: Terms of the speed response: with its gain a cubic, like a published regression.
 RESPONSE_TERMS = 3
 #: Step of a numerical derivative, relative in a constant, in dB of a response term.
 STEP = 1e-4
-
-
-@dataclass(frozen=True, eq=False)
-class PublishedCam:
-    """A cam's settled turns and its published level (dB) at the same speeds."""
-
-    cam: str
-    turns: Sounding
-    published: FloatArray
-
-    @property
-    def rpm(self) -> FloatArray:
-        """The speeds in rpm."""
-        return to_rpm(self.turns.speeds)
-
-    def every(self, step: int) -> PublishedCam:
-        """Only each ``step``-th speed."""
-        return PublishedCam(self.cam, self.turns.every(step), self.published[::step])
-
-    def difference(self, acoustics: Acoustics) -> FloatArray:
-        """Simulated less published level, dB."""
-        return acoustics.levels(self.turns) - self.published
-
-    def rms(self, acoustics: Acoustics) -> float:
-        """r.m.s. of that difference, dB."""
-        return rms(self.difference(acoustics))
-
-
-@dataclass(frozen=True, eq=False)
-class SteadyTurns:
-    """A cam that keeps contact at all ``speeds`` (rad/s): its steady sound, without samples."""
-
-    law: Law
-    follower: FollowerParameters
-    speeds: FloatArray
-
-    def every(self, step: int) -> SteadyTurns:
-        """Only each ``step``-th speed."""
-        return SteadyTurns(self.law, self.follower, self.speeds[::step])
-
-    def contact_power(self, corner_rate: float) -> FloatArray:
-        """⟨(ω_c (F − q))²⟩ over a turn, ``(n,)`` in (N/s)²."""
-        power = [mean_square_rate(self.law, self.follower, corner_rate, s) for s in self.speeds]
-        return np.array(power)
-
-    def landing_power(self, _radiation: RadiationParameters) -> FloatArray:
-        """There are no landings."""
-        return np.zeros(self.speeds.size)
-
-
-def calibrate(
-    law: Law,
-    follower: FollowerParameters,
-    start: RadiationParameters,
-    speeds: FloatArray,
-    levels: FloatArray,
-) -> tuple[RadiationParameters, float]:
-    """Gain and corner fitted to levels (dB) on the exact steady response, and r.m.s. left."""
-    for speed in speeds:
-        if loss_intervals(law, follower, float(speed)):
-            raise DynamicsError(
-                f"cam {law.name!r} loses contact at {to_rpm(float(speed)):.0f} rpm; allowed for a "
-                "calibration: a cam that keeps contact at every published speed"
-            )
-    cam = PublishedCam(law.name, SteadyTurns(law, follower, speeds), levels)
-    found = two_constants([cam], Acoustics(start))
-    return found.radiation, cam.rms(found)
-
-
-def two_constants(cams: Sequence[PublishedCam], start: Acoustics) -> Acoustics:
-    """Gain and corner of least r.m.s. difference over the cams: two numbers."""
-
-    def residual(x: FloatArray) -> FloatArray:
-        return np.concatenate([cam.difference(_at(start, x)) for cam in cams])
-
-    r = start.radiation
-    found = least_squares(residual, np.log([r.gain, r.corner]), x_scale=0.1)
-    return _at(start, found.x)
-
-
-def _at(start: Acoustics, x: FloatArray) -> Acoustics:
-    gain, corner = np.exp(x).tolist()
-    return start.with_constants(gain, corner)
 
 
 def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:

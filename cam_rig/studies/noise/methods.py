@@ -24,13 +24,9 @@ from cam_rig.simulation.regression import (
     regression,
 )
 from cam_rig.simulation.simulate import Acoustics
+from cam_rig.simulation.sound_constants import PublishedCam, two_constants
 from cam_rig.studies.noise.arc_cam import ArcShape
-from cam_rig.studies.noise.calibration import (
-    PublishedCam,
-    by_substitution,
-    sensitivity,
-    two_constants,
-)
+from cam_rig.studies.noise.calibration import by_substitution, sensitivity
 from cam_rig.studies.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.units import FloatArray, rms
 

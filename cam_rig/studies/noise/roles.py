@@ -16,8 +16,8 @@ from cam_rig.laws import Law
 from cam_rig.schema.published import Crossover
 from cam_rig.simulation.scene import LevelOrigin, LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
+from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
-from cam_rig.studies.noise.calibration import PublishedCam
 from cam_rig.units import FloatArray, to_rpm
 
 #: A shape is fitted at each of these of the study's speeds, and then compared at all.

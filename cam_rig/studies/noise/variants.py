@@ -30,8 +30,8 @@ from cam_rig.schema.segments import Dwell, Rise
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.sound_constants import PublishedCam, two_constants
 from cam_rig.studies.noise.arc_cam import IMPOSSIBLE, MAX_FLANK, ArcShape, ShapeProblem
-from cam_rig.studies.noise.calibration import PublishedCam, two_constants
 from cam_rig.studies.noise.methods import crossing
 from cam_rig.studies.noise.roles import EVERY, NoiseSetup
 from cam_rig.units import FloatArray

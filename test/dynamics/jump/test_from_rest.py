@@ -12,10 +12,10 @@ from cam_rig.dynamics.jump import two_masses
 from cam_rig.dynamics.jump.two_masses import find_jump_speed, force_run
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
-from cam_rig.paper.readings.readings import Rigs, ShapeTable, turn_minima
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM, TURN
+from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
 from ...studies.design.shared import integrated
 from ..helpers import turned

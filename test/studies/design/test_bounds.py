@@ -4,8 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from cam_rig.law_design import convex_program
-from cam_rig.law_design.convex_program import (
+from scipy import sparse
+
+from cam_rig.laws import build_law
+from cam_rig.studies.design import convex_program
+from cam_rig.studies.design.convex_program import (
     BOX,
     LEVELS,
     Affine,
@@ -14,11 +17,8 @@ from cam_rig.law_design.convex_program import (
     bound_of,
     solution_of,
 )
-from cam_rig.law_design.request import LawClass
-from cam_rig.law_design.space import Space
-from scipy import sparse
-
-from cam_rig.laws import build_law
+from cam_rig.studies.design.request import LawClass
+from cam_rig.studies.design.space import Space
 
 from .shared import cam
 

@@ -6,10 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from cam_rig.acoustics import level_db, steady_power
-from cam_rig.errors import ConfigError, DynamicsError
-from cam_rig.schema import load_published
-from cam_rig.schema.load import config_root
+from cam_rig.acoustics import steady_power
+from cam_rig.errors import ConfigError
+from cam_rig.schema.load import config_root, load_published
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import Acoustics, settled_turns
@@ -18,7 +17,6 @@ from cam_rig.studies.noise.calibration import (
     STRUCTURES,
     PublishedCam,
     by_substitution,
-    calibrate,
     compare_structures,
     harmonic_power,
     sensitivity,
@@ -92,7 +90,7 @@ def test_numbers_fitted_are_told(methods):
 
 
 def test_two_constants_are_the_rig_files(study, methods):
-    """The study's calibration is that of `cam-rig calibrate`, and its levels those of the file."""
+    """Its calibration is that of examples/paper/calibrate.py, its levels those of the file."""
     r, found = study.loaded.radiation, methods[0].acoustics.radiation
     assert found.gain == pytest.approx(r.gain, rel=1e-3)
     assert found.corner == pytest.approx(r.corner, rel=1e-3)
@@ -262,46 +260,6 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
     if response:
         tilted = acoustics.with_constants(r.gain, r.corner, (0.501, -0.4, 0.3))
         np.testing.assert_allclose(cam.difference(tilted), slope[:, 1] * 1e-3, rtol=1e-2, atol=1e-7)
-
-
-# Of one cam with a closed form, as cam-rig calibrate fits it.
-
-
-def levels_of(law, follower, radiation):
-    power = [steady_power(law, follower, radiation, float(speed)) for speed in SPEEDS]
-    return level_db(np.sqrt(np.array(power)))
-
-
-@pytest.mark.variants(1)
-@pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
-def test_recovers_gain_and_corner(laws, follower, radiation, gain, corner):
-    """From levels made with known constants it gets them back; all else stays as it was."""
-    law = laws["poly345"]
-    true = dataclasses.replace(radiation, gain=gain, corner=corner)
-    start = dataclasses.replace(radiation, gain=1e-3, corner=5.0)
-    found, rmse = calibrate(law, follower, start, SPEEDS, levels_of(law, follower, true))
-    assert found.gain == pytest.approx(gain, rel=1e-4)
-    assert found.corner == pytest.approx(corner, rel=1e-4)
-    assert dataclasses.replace(found, gain=gain, corner=corner) == true
-    assert rmse < 1e-4
-
-
-def test_residual_is_the_rms_difference(laws, follower, radiation):
-    """Levels that zigzag by ±0.5 dB leave nearly that residual, as the fit can show."""
-    law = laws["poly345"]
-    zigzag = 0.5 * (-1.0) ** np.arange(SPEEDS.size)
-    levels = levels_of(law, follower, radiation) + zigzag
-    found, rmse = calibrate(law, follower, radiation, SPEEDS, levels)
-    left = levels_of(law, follower, found) - levels
-    assert rmse == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-9)
-    assert 0.4 < rmse <= 0.5
-
-
-def test_refuses_a_cam_that_lifts_off(laws, follower, radiation):
-    """With jumps the steady response does not hold: the error names cam and speed."""
-    fast = np.array([300.0, 600.0]) * np.pi / 30.0
-    with pytest.raises(DynamicsError, match="cam 'poly345' loses contact at 600 rpm; allowed"):
-        calibrate(laws["poly345"], follower, radiation, fast, np.array([80.0, 90.0]))
 
 
 # Structures between force and sound: sums over harmonics, and what a fit is worth.

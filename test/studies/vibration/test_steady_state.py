@@ -19,9 +19,9 @@ from cam_rig.dynamics.vibration import (
 )
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import build_law
-from cam_rig.paper.factorial.study import squeezed
 from cam_rig.studies.vibration.study import Claim, Verdict, claims_table, measure
 from cam_rig.units import RPM
+from examples.paper.factorial import squeezed
 
 from ...dynamics.helpers import bumped
 from ..conftest import FIVE

@@ -1,0 +1,52 @@
+"""Cam angles at which a law passes given heights, from the roots of its polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.laws import bernstein
+from cam_rig.laws.law import Law, extremes
+from cam_rig.units import TURN
+
+#: Heights that are listed, as fractions of the lift.
+LEVELS = (0.01, 0.50, 0.99)
+#: A joint within this fraction of the lift of a height is on it, as rounding moves it so far.
+JOINT_TOLERANCE = 1e-12
+#: Roots within this angle (rad) are one: a root at a joint is found on both of its sides.
+SAME_ANGLE = 1e-7
+#: Angle (rad) before and after a root at which the law must be on different sides of the height.
+SIDE_ANGLE = 1e-5
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Passage of a law through a height.
+
+    `level` is the height above the lowest lift as a fraction of the cam's lift, `angle` the cam
+    angle in rad. `rising` is True if the lift grows there.
+    """
+
+    level: float
+    angle: float
+    rising: bool
+
+
+def passages(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[Passage, ...]:
+    """Return every passage of one turn through `levels` of `lift` (m), by rising cam angle."""
+    low = extremes(law, 0)[0].value
+    result = []
+    for level in levels:
+        height = low + level * lift
+        above = law.ordinates - height
+        angles = law.breaks[:-1][np.abs(above[0]) <= JOINT_TOLERANCE * lift].tolist()
+        for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
+            angles += [float(start + span * u) for u in bernstein.crossings(above[:, i])]
+        angles = np.sort(np.mod(angles, TURN))
+        for angle in angles[np.diff(angles, prepend=-np.inf) > SAME_ANGLE].tolist():
+            before, after = law(np.array([angle - SIDE_ANGLE, angle + SIDE_ANGLE])) - height
+            if before * after < 0.0:
+                result.append(Passage(level, angle, bool(after > before)))
+    return tuple(sorted(result, key=lambda passage: passage.angle))

@@ -1,1 +1,0 @@
-"""Where two masses stop being enough: a stem of n masses, and the bar that is their limit."""

@@ -1,1 +1,0 @@
-"""When a cam has lifted its follower, and what moves that: the paper's own caveat."""

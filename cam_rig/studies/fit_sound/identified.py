@@ -1,0 +1,79 @@
+"""Write identified numbers back into a YAML file, keeping its comments and layout."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema.quantity import ORIGINS
+
+#: Replacement of a part of a text: first character, the one after the last, new text.
+Edit = tuple[int, int, str]
+
+
+def set_identified(
+    path: Path, numbers: dict[tuple[str | int, ...], float], source: str, residual: str
+) -> None:
+    """Write numbers as `identified`, with source and residual; nothing else of the text changes.
+
+    `numbers` are by key path, in the unit that the file has there. The file is replaced as a whole.
+    """
+    text = path.read_bytes().decode("utf-8")
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    edits = {
+        edit
+        for keys, number in numbers.items()
+        for edit in _edits(_at(root, keys), text, number, {"source": source, "residual": residual})
+    }
+    for start, stop, new in sorted(edits, reverse=True):
+        text = text[:start] + new + text[stop:]
+    part = path.with_suffix(".yaml.part")
+    try:
+        part.write_bytes(text.encode("utf-8"))
+        os.replace(part, path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _at(node: yaml.Node, keys: tuple[str | int, ...]) -> yaml.MappingNode:
+    """Return the mapping at a key path."""
+    for key in keys:
+        node = (
+            node.value[key]
+            if isinstance(node, yaml.SequenceNode)
+            else next(value for name, value in node.value if name.value == key)
+        )
+    return node
+
+
+def _edits(
+    node: yaml.MappingNode, text: str, number: float, texts: dict[str, str]
+) -> Iterator[Edit]:
+    """Yield the changes in the mapping of one number."""
+    pairs = {name.value: (name, value) for name, value in node.value}
+    origin, old = next(pairs[key] for key in ORIGINS if key in pairs)
+    yield *_span(origin), "identified"
+    between = ", " if node.flow_style else "\n" + " " * origin.start_mark.column
+    missing = [key for key in texts if key not in pairs]
+    added = "".join(f"{between}{key}: {_quoted(texts[key])}" for key in missing)
+    yield *_span(old), f"{number!r}{added}"
+    for key in texts.keys() - missing:
+        start, stop = _span(pairs[key][1])
+        after = text[start:stop]
+        yield start, stop, _quoted(texts[key]) + after[len(after.rstrip()) :]
+
+
+def _span(node: yaml.Node) -> tuple[int, int]:
+    return node.start_mark.index, node.end_mark.index
+
+
+def _quoted(text: str) -> str:
+    """Return a text in double quotes, which YAML and JSON write alike."""
+    return json.dumps(text, ensure_ascii=False)

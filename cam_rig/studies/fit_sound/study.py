@@ -1,0 +1,211 @@
+"""Fit of gain and cut-off of a rig's radiation to measured sound pressure levels of one cam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics.kinetostatic import loss_intervals
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.asked import Scene, asked_scene
+from cam_rig.simulation.scene import FITTED_WITH, MODEL, LoadedScene, fitted_with
+from cam_rig.simulation.simulate import Acoustics
+from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_constants
+from cam_rig.studies.fit_sound.identified import set_identified
+from cam_rig.studies.fit_sound.levels import read_levels
+from cam_rig.units import RPM, FloatArray, to_rpm
+
+#: Least number of levels: a fit of two numbers has then a residual.
+MIN_LEVELS = 3
+#: Limits of the corner in Hz. Orders of a cam sound between some Hz and some hundred Hz, so levels
+#: cannot tell a corner near these limits from one beyond.
+CORNERS = 0.5, 2000.0
+#: A corner within this relative distance of a limit is at it.
+AT_LIMIT = 0.01
+
+
+class LevelRow(NamedTuple):
+    """A measured level (dB) at a speed (rpm), and the fitted rig's."""
+
+    rpm: float
+    measured: float
+    fitted: float
+
+    @property
+    def difference(self) -> float:
+        """Fitted minus measured level, dB."""
+        return self.fitted - self.measured
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SoundFit(Result):
+    """Gain (Pa·s/N) and cut-off (Hz) of a rig's radiation, fitted to levels of one cam.
+
+    `rms` (dB) is the root mean square of the differences left. The numbers hold for the follower
+    and the model of the fit: with others, levels are relative.
+    """
+
+    schema = "cam_rig.fit_sound.1"
+    columns: ClassVar = {
+        "sound": (
+            Column("cam", of="cam"),
+            Column("gain", "Pa·s/N", ".4g"),
+            Column("corner", "Hz", ".4g"),
+            Column("rms", "dB", ".3f", "difference, r.m.s."),
+            Column("speeds", "", "d", of=lambda found: len(found.levels)),
+        ),
+        "levels": (
+            Column("rpm", "rpm", ".6g"),
+            Column("measured", "dB", ".2f"),
+            Column("fitted", "dB", ".2f"),
+            Column("difference", "dB", "+.2f"),
+        ),
+    }
+
+    scene: LoadedScene
+    cam: str
+    gain: float
+    corner: float
+    rms: float
+    levels: tuple[LevelRow, ...]
+
+    def tables(self) -> list[Records]:
+        """``sound``, the two numbers, and ``levels``."""
+        caption = f"Sound of rig {self.scene.rig.name}, fitted to levels of {self.cam}"
+        return [
+            self.table("sound", caption, [self], single=True),
+            self.table("levels", "Measured levels, and those of the fitted rig", self.levels),
+        ]
+
+    def summary(self) -> list[str]:
+        """Return the numbers and the residual."""
+        return [
+            f"{self.cam}: gain {self.gain:.4g} Pa·s/N, corner {self.corner:.4g} Hz; "
+            f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds (2 numbers fitted)"
+        ]
+
+    def write(self) -> Path:
+        """Write gain and corner into the scene's rig file, with source and residual.
+
+        Returns
+        -------
+        Path
+            The rig file. Its comments and layout stay.
+
+        Raises
+        ------
+        ConfigError
+            The file names another cam as `calibrated_on`, or it cannot be written.
+        """
+        rig, file = self.scene.rig, self.scene.rig_file
+        if rig.calibrated_on != self.cam:
+            raise ConfigError(
+                f"{file}: radiation.calibrated_on is {rig.calibrated_on!r}, the levels are of "
+                f"{self.cam!r}; allowed: the same, so write that name into the file first"
+            )
+        # Five digits: far finer than the residual supports, and the file stays readable.
+        numbers: dict[tuple[str | int, ...], float] = {
+            ("radiation", "gain"): float(f"{self.gain:.5g}"),
+            ("radiation", "corner"): float(f"{self.corner:.5g}"),
+        }
+        source = f"cam-rig fit sound, levels of {self.cam}{FITTED_WITH}{fitted_with(rig, MODEL)}"
+        residual = f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds, 2 numbers fitted"
+        set_identified(file, numbers, source, residual)
+        return file
+
+
+@checked
+def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None = None) -> SoundFit:
+    """Fit gain and cut-off of a rig's radiation to measured sound pressure levels of one cam.
+
+    Least squares of the differences in dB, on the exact steady response of a follower in contact.
+    Every other cam's level is then a prediction.
+
+    The command is ``cam-rig fit sound``.
+
+    Parameters
+    ----------
+    levels : a file with one row per speed, columns of rpm and dB; or an array ``(n, 2)`` of these
+    scene : gives the cam, the rig and its background noise: a name, a path, or from `load_scene`
+    cam : a cam of the scene (default: the rig's ``calibrated_on``, else the only one)
+
+    Returns
+    -------
+    SoundFit
+        Its ``write()`` puts the numbers into the rig file.
+
+    Raises
+    ------
+    ConfigError : fewer than 3 levels, a speed that is not positive, or a cam not in the scene
+    DynamicsError : the cam loses contact at a speed, or the levels do not determine the corner
+
+    Examples
+    --------
+    >>> import cam_rig, numpy as np
+    >>> levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
+    >>> found = cam_rig.fit_sound(levels, "tm21_sweep", cam="poly345")  # rpm, dB
+    >>> f"{found.corner:.1f} Hz"
+    '27.4 Hz'
+    """
+    loaded = asked_scene(scene)
+    table = read_levels(Path(levels)) if isinstance(levels, str | Path) else levels
+    _require_levels(table)
+    name = _measured_cam(loaded, cam)
+    measured = _measured(loaded, name, table)
+    fitted = two_constants([measured], Acoustics(loaded.radiation), CORNERS)
+    corner = fitted.radiation.corner
+    if not CORNERS[0] * (1.0 + AT_LIMIT) < corner < CORNERS[1] * (1.0 - AT_LIMIT):
+        raise DynamicsError(
+            f"levels of {name}: do not determine the corner, it leaves {CORNERS[0]:g} to "
+            f"{CORNERS[1]:g} Hz; allowed: levels over a wider range of speeds, or without a "
+            "background that the rig file leaves out"
+        )
+    rows = zip(*table.T.tolist(), fitted.levels(measured.turns).tolist(), strict=True)
+    return SoundFit(
+        scene=loaded,
+        cam=name,
+        gain=fitted.radiation.gain,
+        corner=corner,
+        rms=measured.rms(fitted),
+        levels=tuple(LevelRow(*row) for row in rows),
+    )
+
+
+def _require_levels(table: FloatArray) -> None:
+    """Refuse levels that are too few, or no numbers."""
+    if table.ndim != 2 or table.shape[1] != 2 or table.shape[0] < MIN_LEVELS:
+        raise ConfigError(
+            f"levels: is an array of shape {table.shape}; allowed: ({MIN_LEVELS} or more, 2), each "
+            "row a speed in rpm and a level in dB"
+        )
+    if not (np.isfinite(table).all() and (table[:, 0] > 0.0).all()):
+        raise ConfigError("levels: has a speed or level that is no number, or a speed of 0 or less")
+
+
+def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
+    """Return the cam that was measured, by default the rig's or the only one."""
+    known = cam or loaded.rig.calibrated_on
+    if cam or known in loaded.cams:
+        return known
+    if len(loaded.cams) > 1:
+        raise ConfigError(
+            f"--cam: is missing; allowed: one of the scene's cams, {', '.join(loaded.cams)}"
+        )
+    return next(iter(loaded.cams))
+
+
+def _measured(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam:
+    """Return the steady sound of the cam and its levels; contact must be kept at each speed."""
+    law, follower, speeds = loaded.law_of(name), loaded.follower, table[:, 0] * RPM
+    for speed in speeds.tolist():
+        if loss_intervals(law, follower, speed):
+            raise DynamicsError(
+                f"cam {law.name!r} loses contact at {to_rpm(speed):.0f} rpm; allowed for a fit: a "
+                "cam that keeps contact at every measured speed"
+            )
+    return PublishedCam(name, SteadyTurns(law, follower, speeds), table[:, 1])

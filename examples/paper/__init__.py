@@ -1,0 +1,1 @@
+"""Experiments that only the paper needs, one script each, and the report that shows them."""

@@ -1,0 +1,317 @@
+"""Sections of the paper's report, in the order in which they are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import cam_rig
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.vibration import STAND_IN
+from cam_rig.laws.cam import law_of
+from cam_rig.laws.catalogue import families
+from cam_rig.profile.cam_checks import GUIDED, check_cam
+from cam_rig.report.document import Content, Section
+from cam_rig.report.sections import laws_table, origins
+from cam_rig.simulation.asked import named_cams
+from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC
+from cam_rig.studies.contact import figures as contact_plot
+from cam_rig.studies.contact.study import play_table
+from cam_rig.studies.design import figures as design_plot
+from cam_rig.studies.design.result import designs_table
+from cam_rig.studies.design.study import paper_designs
+from cam_rig.studies.jump import figures as jump_plot
+from cam_rig.studies.jump.comparison import BY_SEGMENTS, jump_by_degree
+from cam_rig.studies.laws import figures as law_figures
+from cam_rig.studies.orders.study import OrdersResult
+from cam_rig.studies.profile import figures as profile_plot
+from cam_rig.studies.vibration.study import claims_table, jump_claims
+from examples.paper import (
+    as_cut,
+    factorial,
+    factorial_figure,
+    flywheel,
+    misprints,
+    readings,
+    stem,
+    timing,
+)
+from examples.paper.common import CAMS, RIG, SCENE, Table
+from examples.paper.shared import PROPOSED, Paper, summary_table
+
+#: Cams of the contact section besides the paper's: other kinds of follower.
+CONTACT_CAMS = ("flat", "oscillating_flat", "point")
+#: Cams that move their follower both ways.
+FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
+#: Speed in rpm of the contact section, and roller and least radius of the nomogram, in lifts.
+CONTACT_RPM, SHARPEST = 300.0, 2.0
+#: Highest order in the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
+#: their thousands of strokes, which are pixels within the SVG.
+SHOWN_ORDERS, ORDERS_DPI = 40, 130
+#: Speeds of the bounce map: from, to (rpm) and number; a restitution that no source prints.
+BOUNCE_RPM, BOUNCE_SPEEDS, RESTITUTION = (300.0, 600.0), 151, 0.7
+#: Speeds of the figures in rpm: below every jump speed, and above all but Bézier 15's.
+STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
+#: The follower's numbers in Table 1: key there, attribute, heading.
+FOLLOWER = (
+    ("spring_stiffness_N_per_m", "spring_stiffness", "return spring [N/m]"),
+    ("stem_stiffness_N_per_m", "stem_stiffness", "follower stem [N/m]"),
+    ("damping_N_s_per_m", "damping", "damping [N·s/m]"),
+    ("mass_kg", "mass", "mass [kg]"),
+)
+
+
+def _summary(paper: Paper) -> Content:
+    return Content([summary_table(paper).for_report])
+
+
+def table_1(paper: Paper) -> Table:
+    """Return the paper's Table 1 and the numbers of both rigs."""
+    elastic, stiff = paper.cam_set.rig, paper.stiff
+    lift, printed = paper.cam_set.cams[PROPOSED].lift.si, paper.printed.table_1
+    rows = [
+        (name, printed[key], *(getattr(rig.follower, at).si for rig in (stiff, elastic)))
+        for key, at, name in FOLLOWER
+    ]
+    return Table(
+        "The paper's Table 1: parameters",
+        f"parameter | paper :.6g | rig {stiff.name} :.6g | rig {elastic.name} :.6g",
+        [*rows, ("lift [m]", printed["lift_m"], lift, lift)],
+        "The paper prints the mass as 13 kg, a misprint.\n"
+        "Its jump speeds do not come out with the stem it prints; the second rig's stem is "
+        "identified from them.",
+    )
+
+
+def _cams(paper: Paper) -> Content:
+    cam_set, scene, arcs = paper.cam_set, paper.scene, paper.arcs
+    cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
+    laws = laws_table(
+        "The laws at their event angles: extremes over the lift",
+        cam_set,
+        {1: ".3f", 2: ".2f"},
+        "Bézier 15 is smoother at its one joint than its ordinates ask for: it is its own mirror "
+        "image, so even derivatives meet.",
+        "It decelerates less than it accelerates, which raises the jump speed.",
+        over_lift=True,
+    )
+    figures = {
+        "rises": partial(law_figures.rises_figure, families().values()),
+        "cams": partial(law_figures.cams_figure, cam_set.pairs),
+        "fig1": partial(law_figures.figure, scene.cams[arcs], scene.laws[arcs]),
+        "fig2": partial(law_figures.figure, cam, law),
+        "profile": partial(profile_plot.figure, cam, law, check_cam(cam, law)),
+    }
+    return Content([table_1(paper).for_report, laws], figures)
+
+
+def _vibration(paper: Paper) -> Content:
+    own, stiff, cam_set = paper.vibration, paper.stiff_vibration, paper.cam_set
+    claims = [*own.claims, *jump_claims(paper.jumps.rpm, cam_set.rig.name), *stiff.claims]
+    speed = [one.tables()[0].select(STEADY_RPM) for one in (own, stiff)]
+    moved = float(cam_set.laws[PROPOSED](0.5 * STAND_IN)) / cam_set.cams[PROPOSED].lift.si
+    tables = [*speed, claims_table(claims, own.rpm)]
+    return Content(
+        [part for table in tables for part in table.to_display(paper.titles)],
+        {"fig4": partial(own.plot, rpm=STEADY_RPM)},
+        {"moves": moved, "steady_rpm": STEADY_RPM},
+    )
+
+
+def _flywheel(_: Paper) -> Content:
+    found, cam = flywheel.study(), flywheel.SHOWN_CAM
+    return Content(
+        [table.for_report for table in flywheel.tables(found)],
+        {"flywheel": partial(flywheel.figure, found)},
+        {
+            "free": found.turns[cam, flywheel.SHOWN],
+            "held": found.turns[cam, math.inf],
+            "bare": found.without_preload[cam],
+            "shown": flywheel.SHOWN,
+        },
+    )
+
+
+def _jump(paper: Paper) -> Content:
+    found, cam_set = paper.jumps, paper.cam_set
+    printed = [row.published_rpm for row in found.rows if row.published_rpm]
+    mean = math.sqrt(sum(x**-2 for x in printed) / len(printed))
+    angles = [math.degrees(row.found.angle) for row in found.rows]
+    follower = TwoMassParameters.from_rig(cam_set.rig)
+    values = {
+        "jump": found.comparison,
+        "degrees": jump_by_degree(cam_set.cams[BY_SEGMENTS], follower, FROM_REST),
+        "rounded_to": readings.GRID_RPM,
+        "rounding": readings.GRID_RPM / math.sqrt(12.0) * mean,
+        "angles": (min(angles), max(angles)),
+        "takeoff_rpm": TAKEOFF_RPM,
+    }
+    flights = partial(jump_plot.lift_off_figure, cam_set, TAKEOFF_RPM)
+    figures: dict[str, Callable[[], Figure]] = {"jump": found.plot, "fig11": flights}
+    return Content(found.to_display(paper.titles), figures, values)
+
+
+def _bounce(paper: Paper) -> Content:
+    """Return the bounces of one mass on the TM21's cam, with an assumed restitution."""
+    law, rpm = paper.scene.laws[paper.arcs], np.linspace(*BOUNCE_RPM, BOUNCE_SPEEDS)
+    found = cam_rig.bounce_map(law, paper.scene.rig, rpm=rpm, restitution=RESTITUTION, turns=100)
+    irregular = [row for row in found.rows if row.motion == IRREGULAR]
+    values = {
+        "bounce": found,
+        "cam": paper.scene.titles[paper.arcs],
+        "restitution": RESTITUTION,
+        "rest": [row.rpm for row in found.rows if row.rests and row.motion == PERIODIC],
+        "irregular": irregular,
+        "spread": max((row.level_spread_db or 0.0 for row in irregular), default=0.0),
+    }
+    return Content(found.to_display(paper.titles), {"bounce": found.plot}, values)
+
+
+def _stem(_: Paper) -> Content:
+    found = stem.study()
+    soft = found[0]
+    tables = [one.over_elements for one in found] + [one.over_cams for one in found]
+    frequencies = soft.over_elements.frame["first natural frequency [Hz]"]
+    return Content(
+        [table.for_report for table in tables],
+        {"stem": stem.figure},
+        {
+            "studies": [(one.stiffness, stem.errors(one)) for one in found],
+            "low": 100.0 * (1.0 - frequencies.iloc[0] / frequencies.iloc[-1]),
+            "matched": soft.matched,
+            "matched_error": stem.matched_error(soft),
+        },
+    )
+
+
+def _as_cut(_: Paper) -> Content:
+    found = as_cut.study()
+    first = found[CAMS.index(as_cut.CUT)]
+    title = cam_rig.load_cam(as_cut.CUT).title
+    sizes = as_cut.table(as_cut.over_sizes(first), f"{title} as cut, over base and roller radius")
+    every = as_cut.table(found, "A roller on the contour that a polar plot of s + R_b gives")
+    figures = {"fig12": partial(as_cut.figure, first)}
+    return Content([every.for_report, sizes.for_report], figures, {"cut": first})
+
+
+def _timing(_: Paper) -> Content:
+    curves = timing.study()
+    tables = timing.events_table(), timing.control_table(curves), timing.ordinates_table(curves[0])
+    values = {
+        "curves": [
+            {
+                "free": curve.reaches[curve.free],
+                "within": timing.events_in_reach(curve),
+                "alone": curve.alone,
+            }
+            for curve in curves
+        ]
+    }
+    return Content(
+        [table.for_report for table in tables], {"timing": partial(timing.figure, curves)}, values
+    )
+
+
+def _contact(paper: Paper) -> Content:
+    found = cam_rig.contact([*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=GUIDED)
+    play = play_table([(cam, law_of(path, cam)) for path, cam in named_cams(FORM_CLOSED)])
+    return Content(
+        found.to_display(paper.titles) + play.to_display(paper.titles),
+        {"contact": found.plot, "events": partial(contact_plot.events_figure, GUIDED, SHARPEST)},
+        {"contact": found},
+    )
+
+
+def _noise(paper: Paper) -> Content:
+    found = paper.noise
+    tables = found.to_display(paper.titles)
+    values = {"best": found.best, "why": found.high_dwell, "levels": tables[-1]}
+    return Content(tables, {"fig16": found.plot}, values)
+
+
+def _orders(paper: Paper) -> Content:
+    """Return orders at the lowest speed, where all keep contact, the figures', and the highest."""
+    found = cam_rig.orders(SCENE, paper.scene.scene.program.speeds.numbers).studies
+    rpm = [spectrum.rpm for spectrum in found[0].spectra]
+    shown = OrdersResult(tuple(one.only(rpm[0], STEADY_RPM, rpm[-1]) for one in found))
+    drawn = OrdersResult(tuple(one.up_to(SHOWN_ORDERS) for one in found), paper.scene.titles)
+    return Content(
+        shown.speeds.to_display(paper.titles),
+        {"orders": drawn.plot},
+        {"studies": found, "steady_rpm": STEADY_RPM},
+        dpi=ORDERS_DPI,
+    )
+
+
+def _question(paper: Paper) -> Content:
+    found = paper.factorial
+    elastic, stiff = (one.at(STEADY_RPM) for one in (paper.vibration, paper.stiff_vibration))
+    stiffer = (elastic[cam].residual_amplitude / stiff[cam].residual_amplitude for cam in elastic)
+    tables = [table.for_report for table in factorial.tables(found)]
+    values = {
+        "classes": found.same_angles.classes,
+        "stiffer": min(stiffer),
+        "advantage": [table for table in tables if table.caption.startswith("Advantage")],
+    }
+    return Content(tables, {"factorial": partial(factorial_figure.figure, found)}, values)
+
+
+def _design(paper: Paper) -> Content:
+    found = paper_designs(paper.cam_set)
+    tables = designs_table(found).to_display(paper.titles)
+    figures = {"best": partial(design_plot.figure, found[0])} if found else {}
+    return Content(tables, figures, {"designs": found, "cut": PROPOSED})
+
+
+def _readings(paper: Paper) -> Content:
+    tables = [table.for_report for table in readings.tables(paper.readings)]
+    rows = [row for one in paper.readings for row in one.rows]
+    half_turns = [30.0 / row.jump for row in rows]
+    limit = [abs(row.at_jump - readings.TABLE_2[row.cam][1]) for row in rows]
+    apart = [abs(row.at_jump - row.beyond) for row in rows]
+    values = {
+        "rounded_to": readings.GRID_RPM,
+        "printed": readings.TABLE_2,
+        "widest": max(row.window for row in rows),
+        "limit_times": sum(x <= half for x, half in zip(limit, half_turns, strict=True)),
+        "moved": sum(not x < half for x, half in zip(apart, half_turns, strict=True)),
+    }
+    return Content(tables, values=values)
+
+
+def _numbers(paper: Paper) -> Content:
+    rigs = {f"rig {rig.name}": rig for rig in (paper.cam_set.rig, paper.stiff)}
+    cams = {f"cam {name}": cam for name, cam in (paper.cam_set.cams | paper.scene.cams).items()}
+    others = {f"reading {name}": one for name, one in paper.readings_by_name.items()}
+    scene = {f"scene {paper.scene.scene.name}": paper.scene.scene}
+    return origins({**rigs, **cams, **scene, **others})
+
+
+def _reading(_: Paper) -> Content:
+    return Content([misprints.table().for_report])
+
+
+SECTIONS = (
+    Section("summary", "In short", _summary, late=True),
+    Section("cams", "Cams and laws", _cams),
+    Section("vibration", "Residual and torsional vibration", _vibration),
+    Section("flywheel", "A flywheel that does not hold its speed", _flywheel),
+    Section("jump", "Jump speed", _jump),
+    Section("bounce", "Bouncing above the jump speed", _bounce),
+    Section("stem", "Where two masses stop being enough", _stem),
+    Section("as_cut", "The cam as it was cut", _as_cut),
+    Section("timing", "Timing of the events", _timing),
+    Section("contact", "Contact pressure and sliding", _contact),
+    Section("noise", "Noise", _noise, late=True),
+    Section("orders", "Orders of force and sound", _orders),
+    Section("question", "Continuity or lower slopes", _question, late=True),
+    Section("design", "What a better law could reach", _design),
+    Section("readings", "The paper's Table 2 read in other ways", _readings, aside=True),
+    Section("numbers", "Given, assumed, identified", _numbers, aside=True),
+    Section("reading", "How the paper was read, and how this was made", _reading, aside=True),
+)

@@ -1,0 +1,168 @@
+"""The cam as it was cut: exact circles, 50 digits, a roller on the contour, and its jump speed."""
+
+from itertools import pairwise
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.two_mass import first_lift_off
+from cam_rig.laws import Law
+from cam_rig.profile.contact import Motion
+from cam_rig.profile.disc import Contour, Disc
+from cam_rig.profile.faces import GuidedCentre
+from cam_rig.profile.measure import closed_curve, rest
+from cam_rig.units import RPM
+from examples.paper import as_cut as script
+from examples.paper.as_cut import cut_at, figure, followed_law, study, table
+
+from ...figure_faults import faults
+
+BASE, ROLLER = 0.065, 0.010
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
+
+
+def random_law(seed, lift=0.02):
+    """A whole turn of one Bézier curve that joins its own start with C²."""
+    ordinates = np.zeros(14)
+    ordinates[4:10] = lift * np.random.default_rng(seed).uniform(0.0, 1.0, 6)
+    return Law(f"random {seed}", [0.0, 2.0 * np.pi], ordinates[:, None])
+
+
+@pytest.fixture(scope="module")
+def followed_by(laws):
+    """The roller's law on each cam cut for a point, computed once."""
+    made = [*(laws[name] for name in ("bezier15", "poly345", "cycloidal")), random_law(3)]
+    return [(law, followed_law(law, BASE, ROLLER)) for law in made]
+
+
+def test_a_roller_put_on_the_contour_stands_there(followed_by):
+    """The finished contour as points, the roller lowered onto it: nothing of the law is used."""
+    point, at = GuidedCentre.on_base(BASE, 0.0, 0.0), ANGLES[::4]
+    for law, found in followed_by:
+        outline = Contour.of(Disc("", point), Motion.uniform(law, 7200)).points
+        measured = rest(GuidedCentre.on_base(BASE, ROLLER, 0.0), closed_curve(outline), at)
+        assert np.abs(found(at) - measured).max() < 1e-11
+
+
+def test_fifty_digits():
+    """Lift and three derivatives against mpmath, which finds the contact and differentiates."""
+    law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER)
+    ordinates = [mp.mpf(float(y)) for y in law.ordinates[:, 0]]
+    with mp.workdps(50):
+
+        def curve(b, phi):
+            u, n = phi / (2 * mp.pi), len(b) - 1
+            return mp.fdot((mp.binomial(n, i) * u**i * (1 - u) ** (n - i) for i in range(n + 1)), b)
+
+        slopes = [13 * (b - a) / (2 * mp.pi) for a, b in pairwise(ordinates)]
+
+        def centre(phi):
+            rho, slope = mp.mpf(BASE) + curve(ordinates, phi), curve(slopes, phi)
+            return mp.expj(phi) * (rho + mp.mpf(ROLLER) * (rho - 1j * slope) / mp.hypot(rho, slope))
+
+        def lift(theta):
+            phi = mp.findroot(lambda x: mp.im(centre(x) * mp.expj(-theta)), theta)
+            return abs(centre(phi)) - mp.mpf(BASE) - mp.mpf(ROLLER)
+
+        series = mp.taylor(lift, mp.mpf(2.7), 3)
+    for order, bound in enumerate((1e-15, 1e-14, 1e-12, 1e-9)):
+        exact = float(series[order]) * (1, 1, 2, 6)[order]
+        assert abs(float(found(2.7, order)) - exact) < bound
+
+
+def test_lift_is_kept_and_never_below(followed_by):
+    """It stands above s, at its extremes on it, with s''/(1 − R_r s''/(ρ (ρ + R_r))) there."""
+    at = np.array([np.pi])
+    for law, found in followed_by:
+        assert (found(ANGLES) - law(ANGLES)).min() > -1e-14
+        assert found.lift == pytest.approx(law.lift, rel=1e-12)
+        assert np.abs(found.jumps(2)).max() < 1e-10
+        if not law.name.startswith("random"):
+            rho, second = BASE + law(at), law(at, 2)
+            exact = second / (1.0 - ROLLER * second / (rho * (rho + ROLLER)))
+            assert np.abs(law(at, 1)).max() < 1e-12
+            assert np.abs(found(at, 2) - exact).max() < 1e-11
+
+
+def test_limits_and_refusals(laws):
+    """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order."""
+    law = laws["bezier15"]
+    assert np.abs(followed_law(law, BASE, 0.0)(ANGLES) - law(ANGLES)).max() < 1e-15
+    base = 50.0
+    above = followed_law(law, base, ROLLER)(ANGLES) - law(ANGLES)
+    rho = base + law(ANGLES)
+    first = ROLLER * law(ANGLES, 1) ** 2 / (2.0 * rho * (rho + ROLLER))
+    assert np.abs(above - first).max() < 0.01 * first.max()
+    with pytest.raises(ValueError, match="hollower than the roller"):
+        followed_law(laws["poly345"], 0.020, 0.020)
+
+
+# -- what the roller does on the rig
+
+
+@pytest.fixture(scope="module")
+def bezier():
+    """Bézier 15 at the radii of its file."""
+    (found,) = study(["bezier15"])
+    return found
+
+
+def test_a_point_changes_nothing(bezier):
+    """With no roller the cam is the one that was drawn, whatever its base circle."""
+    found = cut_at("bezier15", bezier.drawn, 0.04, 0.0)
+    assert found.cut.jump == pytest.approx(bezier.drawn.jump, rel=1e-5)
+    assert np.abs(found.change).max() < 1e-9
+    assert found.above[0] < 1e-15
+
+
+def test_the_jump_speed_by_the_exact_model(bezier, table2):
+    """Contact is lost just above it, and not just below."""
+    follower = TwoMassParameters.from_rig(table2)
+
+    def leaves(rpm):
+        run = first_lift_off(bezier.cut.law, follower, rpm * RPM, np.zeros(2), 1.7)
+        return run is not None
+
+    assert leaves(bezier.cut.jump * (1.0 + 1e-5))
+    assert not leaves(bezier.cut.jump * (1.0 - 1e-5))
+
+
+def test_numbers_of_the_report(bezier):
+    """The row of Bézier 15, to the report's digits; radii as in the cam's file."""
+    row = ["65", "10", "0.866", "-39.12", "-37.41", "569.05", "584.16", "-0.027", "+0.023"]
+    assert table([bezier], "").for_report.text_rows == [["Bézier degree 15", *row, "–", "–"]]
+
+
+@pytest.mark.slow
+def test_jump_speeds_and_landings_of_the_other_cams():
+    """Jump speed of s and as cut, and the speeds from which s and the cut cam land."""
+    rows = table(study(script.CAMS[1:]), "").for_report.text_rows
+    assert [row[6:8] + row[-2:] for row in rows] == [
+        ["413.44", "413.07", "–", "–"],
+        ["388.60", "408.20", "380", "400"],
+        ["412.10", "416.61", "–", "–"],
+        ["397.88", "410.88", "390", "400"],
+    ]
+
+
+def test_it_grows_with_the_roller_and_falls_with_the_base(bezier, monkeypatch):
+    """As the first order does, R_r s'²/(2 ρ (ρ + R_r))."""
+    monkeypatch.setattr(script, "BASES", (0.05, 0.08))
+    monkeypatch.setattr(script, "ROLLERS", (0.005, 0.015))
+    rows = script.over_sizes(bezier)
+    sizes = [(0.05, 0.005), (0.05, 0.015), (0.08, 0.005), (0.08, 0.015)]
+    assert [(row.base, row.roller) for row in rows] == sizes
+    above = [row.above[0] for row in rows]
+    assert above[0] < above[1] > above[3] > above[2] < above[0]
+
+
+def test_the_script(bezier, tmp_path, capsys, monkeypatch):
+    """Both tables, the summary and the figure."""
+    monkeypatch.setattr(script, "study", lambda: [bezier])
+    monkeypatch.setattr(script, "over_sizes", lambda found: [found])
+    script.main(["--out", str(tmp_path)])
+    assert "0.866 mm too high, noise within 0.027 dB" in capsys.readouterr().out
+    assert (tmp_path / "as_cut.png").is_file()
+    assert faults(figure(bezier)) == []

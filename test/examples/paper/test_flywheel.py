@@ -1,0 +1,96 @@
+"""Speed fluctuation of a flywheel: the handbook's formula, eq. 10's limit, and the preload."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.dynamics.vibration import energy_fluctuation, flywheel_turn, steady_twist
+from cam_rig.units import RPM
+from examples.paper import flywheel as script
+from examples.paper.flywheel import INERTIAS, SHOWN, figure, study, tables
+
+from ...figure_faults import faults
+
+SPEED = 300.0 * RPM
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The polynomial 3-4-5 over all inertias."""
+    return study(["poly345"])
+
+
+def turns(found):
+    return list(found.turns.values())
+
+
+def test_the_last_row_is_equation_10(found, laws, table2):
+    """An infinite flywheel does not fluctuate; its twist is the vibration study's."""
+    last = turns(found)[-1]
+    assert last.fluctuation == 0.0 == last.formula
+    twist = np.ptp(steady_twist(laws["poly345"], shaft_of(table2), SPEED)[1])
+    assert last.twist == pytest.approx(twist, rel=1e-5)
+
+
+def test_a_heavier_flywheel_fluctuates_less(found):
+    """Towards 1/I_v, and the twist towards eq. 10's as 1/I_v."""
+    rows = turns(found)
+    assert np.all(np.diff([turn.fluctuation for turn in rows]) < 0.0)
+    five, twenty = rows[-3], rows[-2]
+    assert five.fluctuation / twenty.fluctuation == pytest.approx(4.0, rel=0.01)
+    away = [rows[-1].twist - turn.twist for turn in (five, twenty)]
+    assert away[0] / away[1] == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("cam", ["poly4567", "tm21", "bezier15"])
+def test_the_handbook_formula_holds_on_a_rigid_shaft(laws, table2, cam):
+    """ΔE/(I ω²) for a flywheel so heavy that the load is that of even speed."""
+    shaft = replace(shaft_of(table2), shaft_stiffness=1e6, shaft_damping=5.0)
+    turn = flywheel_turn(laws[cam], shaft, 50.0, SPEED)
+    assert turn.fluctuation == pytest.approx(turn.formula, rel=2e-3)
+
+
+def test_surplus_without_damping_is_kinetic_and_potential(laws, table2):
+    """No damper: ΔE is the largest of ½ m ω² s'² + ½ k s² + F₀ s."""
+    shaft = shaft_of(table2)
+    f = replace(shaft.follower, damping=0.0)
+    law, angles = laws["cycloidal"], np.linspace(0.0, 2.0 * np.pi, 20_001)
+    stored = 0.5 * (f.mass * SPEED**2 * law(angles, 1) ** 2 + f.spring_stiffness * law(angles) ** 2)
+    expected = np.max(stored + f.preload * law(angles))
+    found = energy_fluctuation(law, replace(shaft, follower=f), SPEED)
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_preload_twists_the_shaft(found):
+    """Eq. 10 has no preload: 0.1432 degrees with it, 0.1115 without, at 300 rpm."""
+    with_it = math.degrees(turns(found)[-1].twist)
+    without = math.degrees(found.without_preload["poly345"])
+    assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
+
+
+def test_numbers_of_the_report(found):
+    """Fluctuation and twist behind the flywheel that is shown, to the report's digits."""
+    (_, over_cams) = tables(found)
+    assert over_cams.for_report.text_rows == [
+        ["Polynomial 3-4-5", "3.12", "0.1305", "0.1432", "0.1115"]
+    ]
+
+
+def test_tables(found):
+    """One row for each inertia and each cam."""
+    over_inertia, over_cams = tables(found)
+    assert [row[0] for row in over_inertia.rows][-2:] == ["20", "∞"]
+    assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS
+    assert len(over_cams.rows) == 1
+    assert faults(figure(found)) == []
+
+
+def test_the_script(found, tmp_path, capsys, monkeypatch):
+    """Tables, summary and figure."""
+    monkeypatch.setattr(script, "study", lambda: found)
+    script.main(["--out", str(tmp_path)])
+    assert "twist 0.1432°, 0.1115° without preload" in capsys.readouterr().out
+    assert (tmp_path / "flywheel.png").is_file()

@@ -1,0 +1,219 @@
+"""cam-rig fit sound: known constants come back, tables are read, the rig file keeps its layout."""
+
+import json
+from dataclasses import replace
+from shutil import copytree
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.acoustics import level_db
+from cam_rig.acoustics.pressure import steady_power
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.schema.load import config_root, read_yaml
+from cam_rig.simulation.scene import load_scene
+from cam_rig.studies.fit_sound.identified import set_identified
+from cam_rig.studies.fit_sound.levels import read_levels
+from cam_rig.units import RPM
+
+from ...cli.conftest import call, done
+
+SPEEDS = np.arange(200.0, 401.0, 25.0)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """The scene of the paper's noise measurements."""
+    return load_scene("tm21_sweep")
+
+
+def levels_of(scene, radiation, zigzag=0.0):
+    """Speeds and levels of the 3-4-5 cam with these constants; ``zigzag`` in dB is added."""
+    law, follower = scene.laws["poly345"], scene.follower
+    power = [steady_power(law, follower, radiation, rpm * RPM) for rpm in SPEEDS.tolist()]
+    levels = level_db(np.sqrt(np.array(power))) + zigzag * (-1.0) ** np.arange(SPEEDS.size)
+    return np.column_stack([SPEEDS, levels])
+
+
+@pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
+def test_recovers_gain_and_corner(scene, gain, corner):
+    """From levels made with known constants it gets them back."""
+    true = replace(scene.radiation, gain=gain, corner=corner)
+    found = cam_rig.fit_sound(levels_of(scene, true), scene)
+    assert found.cam == "poly345"
+    assert found.gain == pytest.approx(gain, rel=1e-4)
+    assert found.corner == pytest.approx(corner, rel=1e-4)
+    assert found.rms < 1e-4
+
+
+def test_residual_is_the_rms_difference(scene):
+    """Levels that zigzag by ±0.5 dB leave nearly that residual, and rows show it."""
+    found = cam_rig.fit_sound(levels_of(scene, scene.radiation, 0.5), scene)
+    fitted = replace(scene.radiation, gain=found.gain, corner=found.corner)
+    left = levels_of(scene, fitted)[:, 1] - levels_of(scene, scene.radiation, 0.5)[:, 1]
+    assert [row.difference for row in found.levels] == pytest.approx(left, abs=1e-9)
+    assert found.rms == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-9)
+    assert 0.4 < found.rms <= 0.5
+
+
+def test_a_cam_that_lifts_off_is_refused(scene):
+    """The steady response does not hold then: the error names cam and speed."""
+    fast = np.array([[300.0, 80.0], [400.0, 85.0], [600.0, 90.0]])
+    with pytest.raises(DynamicsError, match="cam 'poly345' loses contact at 600 rpm; allowed"):
+        cam_rig.fit_sound(fast, scene)
+
+
+@pytest.mark.parametrize(
+    ("levels", "cam", "error"),
+    [
+        ([[200.0, 80.0], [300.0, 85.0]], None, "3 or more"),
+        ([[200.0, 80.0], [300.0, np.nan], [400.0, 88.0]], None, "no number"),
+        ([[0.0, 80.0], [300.0, 85.0], [400.0, 88.0]], None, "speed of 0 or less"),
+        ([[200.0, 80.0], [300.0, 85.0], [400.0, 88.0]], "no_such", "has no cam 'no_such'"),
+        ([[200.0, 75.6], [300.0, 83.4], [400.0, 89.9]], None, "do not determine the corner"),
+    ],
+)
+def test_refusals(scene, levels, cam, error):
+    """Too few levels, none that are numbers, another cam, and what determines no corner."""
+    with pytest.raises((ConfigError, DynamicsError), match=error):
+        cam_rig.fit_sound(np.array(levels), scene, cam=cam)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rpm,dB\n200,75.6\n300,\n400,89.9\n",
+        "Drehzahl [rpm];Pegel [dB]\n200;75,6\n400;89,9\n",
+        "# meter\nlevel\tspeed\tnote\n75.6\t200\ta\n89.9\t400\tb\n",
+    ],
+)
+def test_tables(tmp_path, text):
+    """Separators, decimal commas, other columns and empty levels."""
+    path = tmp_path / "levels.csv"
+    path.write_text(text, encoding="utf-8")
+    assert read_levels(path).tolist() == [[200.0, 75.6], [400.0, 89.9]]
+
+
+def test_a_table_without_a_level_is_refused(tmp_path):
+    """Its columns are named."""
+    path = tmp_path / "levels.csv"
+    path.write_text("rpm,force\n200,75.6\n400,89.9\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="columns are rpm, force; allowed: one level"):
+        read_levels(path)
+
+
+# The command.
+
+
+def test_a_dry_run_writes_nothing(scene, tmp_path):
+    """Numbers are printed and in the JSON; the rig file stays."""
+    path, rig = tmp_path / "levels.csv", config_root() / "rigs" / "tm21.yaml"
+    head = "rpm,level [dB]"
+    np.savetxt(path, levels_of(scene, scene.radiation), delimiter=",", header=head, comments="")
+    before = rig.read_bytes()
+    result = done("fit", "sound", path, "tm21_sweep", "--dry-run", "--json", "-")
+    assert json.loads(result.stdout)["sound"]["corner"] == pytest.approx(18.42, rel=1e-6)
+    assert "gain 9.86e-05 Pa·s/N, corner 18.42 Hz" in result.stderr
+    assert rig.read_bytes() == before
+
+
+def test_levels_of_another_cam_than_the_file_says(scene, tmp_path):
+    """They are not written under the wrong name."""
+    path = tmp_path / "levels.csv"
+    levels = np.column_stack([SPEEDS, scene.published_levels("bezier15", SPEEDS)])
+    np.savetxt(path, levels, delimiter=",", header="rpm,dB", comments="")
+    result = call("fit", "sound", path, "tm21_sweep", "--cam", "bezier15")
+    assert result.exit_code == 2
+    assert "radiation.calibrated_on is 'poly345', the levels are of 'bezier15'" in result.stderr
+
+
+def roles(scene):
+    """What the levels of a scene are worth, by cam."""
+    loaded = load_scene(scene)
+    return {cam: loaded.role(cam) for cam in loaded.cams}
+
+
+@pytest.mark.long
+def test_a_calibration_holds_for_its_follower(tmp_path):
+    """Another mass makes levels relative; a calibration ends that, until the next mass."""
+    copytree(config_root(), tmp_path / "own")
+    scene, rig = (tmp_path / "own" / f for f in ("scenes/tm21_sweep.yaml", "rigs/tm21.yaml"))
+    rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.3,", "given: 1.2,"))
+    assert set(roles(scene).values()) == {"relative"}
+    path, loaded = tmp_path / "levels.csv", load_scene(scene)
+    levels = np.column_stack([SPEEDS, loaded.published_levels("poly345", SPEEDS)])
+    np.savetxt(path, levels, delimiter=",", header="rpm,dB", comments="")
+    done("fit", "sound", path, scene)
+    assert "one_mass, mass 1.2 kg, spring_stiffness 4030 N/m" in rig.read_text(encoding="utf-8")
+    found = roles(scene)
+    assert (found["poly345"], found["bezier15"]) == ("calibrated", "predicted")
+    rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.2,", "given: 1.1,"))
+    assert set(roles(scene).values()) == {"relative"}
+
+
+# Numbers in a YAML file.
+
+TEXT = """\
+# A comment that stays.
+radiation:
+  gain: {assumed: 1.5e-4, unit: Pa*s/N}   # a guess
+  corner:
+    given: 20  # of a paper
+    unit: Hz
+    source: >
+      a long
+      story
+    residual: 'none'
+segments:
+  - {law: dwell, span: {identified: 90, unit: deg, source: "old, with comma", residual: 2 dB}}
+  - law: Größe
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text(TEXT, encoding="utf-8")
+    return path
+
+
+def test_numbers_with_what_they_are_from(path):
+    """The origin's key is changed; source and residual are replaced, or added where they lack."""
+    numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner"): 18.4}
+    set_identified(path, {**numbers, ("segments", 0, "span"): 117.5}, 'a "fit"', "0.6 dB, 2 of 3")
+    origin = {"source": 'a "fit"', "residual": "0.6 dB, 2 of 3"}
+    read = read_yaml(path)
+    assert read["radiation"]["gain"] == {"identified": 9.8e-5, "unit": "Pa*s/N", **origin}
+    assert read["radiation"]["corner"] == {"identified": 18.4, "unit": "Hz", **origin}
+    assert read["segments"][0]["span"] == {"identified": 117.5, "unit": "deg", **origin}
+    assert read["segments"][1]["law"] == "Größe"
+
+
+def test_all_else_stays_as_it_was_written(path):
+    """Comments, blanks and the other lines, character by character."""
+    set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
+    changed = TEXT.replace("assumed: 1.5e-4", 'identified: 2.0, source: "s", residual: "r"')
+    assert path.read_text(encoding="utf-8") == changed
+
+
+def test_a_shipped_rig_is_as_it_was_after_its_own_numbers(tmp_path, config_dir):
+    """Calibrating twice writes the same file."""
+    path = tmp_path / "tm21.yaml"
+    path.write_bytes((config_dir / "rigs" / "tm21.yaml").read_bytes())
+    for _ in range(2):
+        before = path.read_bytes()
+        set_identified(path, {("radiation", "gain"): 1e-4}, "s", "r")
+    assert path.read_bytes() == before
+    assert read_yaml(path)["radiation"]["corner"]["identified"] == 18.42
+
+
+def test_a_file_that_cannot_be_written_is_one_line(path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(ConfigError, match=r"rig.yaml: cannot be written \(No space left"):
+        set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
+    assert path.read_text(encoding="utf-8") == TEXT
+    assert [p.name for p in path.parent.iterdir()] == ["rig.yaml"]
