@@ -25,8 +25,8 @@ run: setup ## run the TM21 noise sweep, then analyse its bag
 view: setup ## show the newest bag in Rerun; ARGS=--web for a browser
 	@$(BIN)/cam-rig view $(ARGS)
 
-paper: setup ## run the paper's experiments, and build their report out/paper.html (5 minutes)
-	@for name in stem flywheel as_cut readings timing factorial calibrate identify; do \
+paper: setup ## run the paper's experiments, and build their report out/paper.html (6 minutes)
+	@for name in stem flywheel as_cut refit readings timing factorial calibrate identify; do \
 		echo "== $$name" && $(BIN)/python -m examples.paper.$$name || exit 1; done
 	@$(BIN)/python -m examples.paper.report
 

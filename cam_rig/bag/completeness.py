@@ -112,12 +112,10 @@ class Loss:
 
     @property
     def words(self) -> str:
-        """The gaps in words; empty where there is none."""
-        if not self.gaps:
-            return ""
-        more = len(self.gaps) - MAX_NAMED
-        named = [*self.gaps[:MAX_NAMED], *([f"{more} gaps more"] if more > 0 else [])]
-        return f"{'; '.join(named)} ({self.messages} messages)"
+        """The gaps as text; empty if there is none."""
+        more = [f"{len(self.gaps) - MAX_NAMED} gaps more"] if len(self.gaps) > MAX_NAMED else []
+        named = "; ".join([*self.gaps[:MAX_NAMED], *more])
+        return f"{named} ({self.messages} messages)" if named else ""
 
 
 def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bool) -> Loss:

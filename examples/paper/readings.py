@@ -25,9 +25,9 @@ from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.schema import load_tables
 from cam_rig.schema.load import tables_path
 from cam_rig.schema.quantity import Quantity
-from cam_rig.studies.jump.study import with_event
 from cam_rig.units import RPM, TURN, rms, to_rpm
 from examples.paper.common import Table, parser, publish, titles
+from examples.paper.refit import with_event
 from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
 FILE = Path(__file__).with_name("readings.yaml")

@@ -19,7 +19,6 @@ from scipy.optimize import Bounds, differential_evolution
 
 import cam_rig
 from cam_rig.schema.quantity import Quantity
-from cam_rig.studies.jump.study import with_event
 from cam_rig.units import RPM, TURN, FloatArray
 from examples.paper.common import parser
 from examples.paper.readings import (
@@ -31,6 +30,7 @@ from examples.paper.readings import (
     read,
     tables,
 )
+from examples.paper.refit import with_event
 from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
 #: Bounds of the free parameters in SI units, in the order of a trial.

@@ -16,33 +16,32 @@ from cam_rig.dynamics.vibration import STAND_IN
 from cam_rig.laws.cam import law_of
 from cam_rig.laws.catalogue import families
 from cam_rig.profile.cam_checks import GUIDED, check_cam
+from cam_rig.profile.measure import closure
 from cam_rig.report.document import Content, Section
 from cam_rig.report.sections import laws_table, origins
 from cam_rig.simulation.asked import named_cams
 from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC
 from cam_rig.studies.contact import figures as contact_plot
-from cam_rig.studies.contact.study import play_table
 from cam_rig.studies.design import figures as design_plot
-from cam_rig.studies.design.result import designs_table
-from cam_rig.studies.design.study import paper_designs
 from cam_rig.studies.jump import figures as jump_plot
-from cam_rig.studies.jump.comparison import BY_SEGMENTS, jump_by_degree
 from cam_rig.studies.laws import figures as law_figures
 from cam_rig.studies.orders.study import OrdersResult
 from cam_rig.studies.profile import figures as profile_plot
-from cam_rig.studies.vibration.study import claims_table, jump_claims
+from cam_rig.studies.vibration.study import claims_table
 from examples.paper import (
     as_cut,
+    designs,
     factorial,
     factorial_figure,
     flywheel,
     misprints,
     readings,
+    refit,
     stem,
     timing,
 )
 from examples.paper.common import CAMS, RIG, SCENE, Table
-from examples.paper.shared import PROPOSED, Paper, summary_table
+from examples.paper.shared import PROPOSED, Paper, jump_claims, summary_table
 
 #: Cams of the contact section besides the paper's: other kinds of follower.
 CONTACT_CAMS = ("flat", "oscillating_flat", "point")
@@ -145,7 +144,7 @@ def _jump(paper: Paper) -> Content:
     follower = TwoMassParameters.from_rig(cam_set.rig)
     values = {
         "jump": found.comparison,
-        "degrees": jump_by_degree(cam_set.cams[BY_SEGMENTS], follower, FROM_REST),
+        "degrees": refit.jump_by_degree(cam_set.cams[refit.BY_SEGMENTS], follower, FROM_REST),
         "rounded_to": readings.GRID_RPM,
         "rounding": readings.GRID_RPM / math.sqrt(12.0) * mean,
         "angles": (min(angles), max(angles)),
@@ -219,9 +218,18 @@ def _timing(_: Paper) -> Content:
 
 def _contact(paper: Paper) -> Content:
     found = cam_rig.contact([*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=GUIDED)
-    play = play_table([(cam, law_of(path, cam)) for path, cam in named_cams(FORM_CLOSED)])
+    rows = []
+    for path, cam in named_cams(FORM_CLOSED):
+        play = 1e9 * closure(cam.follower, law_of(path, cam))
+        rows.append((cam.title, cam.follower.type.replace("_", " "), play.min(), play.max()))
+    table = Table(
+        "Play between the two contacts over the turn, each element put on its finished contour",
+        "cam | follower | least [nm] :.1e | greatest [nm] :.1e",
+        rows,
+        "Negative: the follower would jam. The contours are splines through 3600 points.",
+    )
     return Content(
-        found.to_display(paper.titles) + play.to_display(paper.titles),
+        [*found.to_display(paper.titles), table.for_report],
         {"contact": found.plot, "events": partial(contact_plot.events_figure, GUIDED, SHARPEST)},
         {"contact": found},
     )
@@ -262,8 +270,8 @@ def _question(paper: Paper) -> Content:
 
 
 def _design(paper: Paper) -> Content:
-    found = paper_designs(paper.cam_set)
-    tables = designs_table(found).to_display(paper.titles)
+    found = designs.paper_designs(paper.cam_set)
+    tables = [designs.table(found).for_report] if found else []
     figures = {"best": partial(design_plot.figure, found[0])} if found else {}
     return Content(tables, figures, {"designs": found, "cut": PROPOSED})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ from cam_rig.schema.load import tables_path
 from cam_rig.show.looks import in_words
 from cam_rig.simulation.asked import asked_cams
 from cam_rig.studies.jump.comparison import rms_difference
-from cam_rig.studies.vibration.study import Verdict, jump_claims
+from cam_rig.studies.vibration.study import HIGHER, LOWER, Claim, Verdict
 from examples.paper import factorial, readings
 from examples.paper.common import CAMS, RIG, SCENE, STIFF_RIG, Table
 
@@ -161,3 +161,14 @@ def _summary_rows(paper: Paper) -> list[tuple[str, str, str]]:
         )
         found.insert(5, row)
     return [(name, said, re.sub(r"(?<=\d)%", " %", here)) for name, said, here in found]
+
+
+def jump_claims(speeds: Mapping[str, float], rig: str) -> list[Claim]:
+    """Return the paper's claims about the jump speeds (rpm) of its cams, tested on a rig."""
+    is_highest = max(speeds, key=lambda cam: speeds[cam]) == PROPOSED
+    words = "the polynomial of higher degree has the lower jump speed"
+    is_lower = speeds[HIGHER] < speeds[LOWER]
+    return [
+        Claim(rig, "Bézier 15 has the highest jump speed", "Table 2", int(is_highest), 1),
+        Claim(rig, words, "conclusions", int(is_lower), 1),
+    ]

@@ -119,7 +119,6 @@ FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 #: What computes for many seconds: it is left out, after the arguments were looked at.
 LONG = {
     "noise": ["cam_rig.studies.noise.study.study_noise"],
-    "jump": ["cam_rig.studies.jump.study.refit_rig"],
 }
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
@@ -164,7 +163,7 @@ def right(tmp_path_factory):
         | dict.fromkeys(("topics", "one_cam", "namespace", "model", "tolerance", "out"))
         | told,
         "fit_sound": {"levels": levels, "scene": "tm21_sweep", "cam": "poly345"},
-        "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None, "refit": False} | told,
+        "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None} | told,
         "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5}
         | dict.fromkeys(("mass", "spring_stiffness", "damping", "preload")),
         "law": {"names": "poly345", "rises": False},

@@ -28,7 +28,6 @@ GIVEN_BY = {
     "fit_sound": "fit sound LEVELS SCENE",
     "fit_spline": "fit cam TABLES",
     "front": "design START --pareto QUANTITY",
-    "jump_refit": "jump --refit",
     "law_rises": "law NAMES --rises",
     "panel_marks": "panel SHEETS --mark",
     "profile_measured": "profile CAM --from FILE",

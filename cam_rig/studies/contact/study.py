@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
-from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import Extreme
 from cam_rig.profile.contact import Motion
-from cam_rig.profile.measure import closure
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import ContactParts
 from cam_rig.schema.quantity import Quantity
@@ -34,7 +32,7 @@ from cam_rig.studies.contact.surfaces import (
     by_pressure_angle,
     contact_case,
 )
-from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
+from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
 
 #: Event angles of the nomogram's tables, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
@@ -297,30 +295,3 @@ def contact(
             f"pressure_angle: is {math.degrees(pressure_angle):g}°; allowed: 1° to 89°"
         )
     return compare_contacts(asked_cams(cams, rig), rpm, pressure_angle)
-
-
-# Followers that a cam moves both ways: their play between the two contacts.
-
-PLAY = (
-    CAM,
-    Column("follower", of="cam.follower.type", cell=lambda row: _kind(row.cam)),
-    Column("least", "nm", ".1e", of=lambda row: row.play.min().item()),
-    Column("greatest", "nm", ".1e", of=lambda row: row.play.max().item()),
-)
-
-
-class Play(NamedTuple):
-    """The play (m) of one cam's follower over the turn; where it is negative, it jams."""
-
-    cam: CamConfig
-    play: FloatArray
-
-
-def play_table(cams: Iterable[tuple[CamConfig, Law]]) -> Records:
-    """Play of followers that a cam moves both ways."""
-    caption = (
-        "Play between the two contacts over the turn, each element put on its finished contour"
-    )
-    note = "Negative: the follower would jam. The contours are splines through 3600 points."
-    rows = tuple(Play(cam, closure(cam.follower, law)) for cam, law in cams)
-    return Records("play", caption, PLAY, rows, (note,))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -241,31 +240,6 @@ class Front(Result):
         """How far it came where it was interrupted."""
         words = f"interrupted: {len(self.designs)} of {self.asked} points"
         return [words] if self.interrupted else []
-
-
-def _of_goal(key: str, heading: str, name: str) -> Column:
-    def cell(one: LawDesign) -> float | None:
-        return one.goal.shown(getattr(one.goal, name))
-
-    return Column(key, "", ".5g", heading, f"goal.{name}", cell)
-
-
-DESIGNS = (
-    Column("start", of="start.name"),
-    Column("class", of="request.law_class.words"),
-    Column("quantity", of="goal.term.key", cell=lambda one: one.goal.term.words),
-    Column("unit", of="goal.term.quantity.si", cell=lambda one: one.goal.term.quantity.typeset),
-    _of_goal("start_value", "start", "start"),
-    _of_goal("result", "best law", "result"),
-    _of_goal("bound", "", "bound"),
-)
-
-
-def designs_table(designs: Sequence[LawDesign]) -> Records:
-    """Best laws, a row each: start, result, and the bound that no law of its class passes."""
-    caption = "The best laws of their classes, at no higher peak acceleration than the start's"
-    note = "Events, dwells and lift are the start's. Bound: no law of the class is better."
-    return Records("designs", caption, DESIGNS, tuple(designs), (note,))
 
 
 # The designed law as a cam file: B-splines between the dwells of its start.

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib.util import find_spec
 from typing import TypedDict, Unpack, overload
 
 import numpy as np
@@ -18,7 +17,6 @@ import numpy as np
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.cam import CamSet
 from cam_rig.quantities.terms import Limit, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
@@ -398,28 +396,3 @@ def _edge(holds: Callable[[float], bool], inside: float, outside: float) -> floa
         middle = 0.5 * (inside + outside)
         inside, outside = (middle, outside) if holds(middle) else (inside, middle)
     return inside
-
-
-# How far the paper's laws are from the best of their class: its ordinates, its events.
-
-#: One Bézier curve as the paper's, and B-splines between dwells, few pieces and more.
-CURVE, SPLINE, FINE = LawClass(1, 3, 15), LawClass(8, 3), LawClass(16, 3)
-#: Over all speeds of the paper's figures; no law has a higher peak acceleration than its start.
-SOUND, VIBRATION = "sound_level_rigid@200-400rpm", "residual_vibration@200-400rpm"
-LIMITS = ("peak_acceleration<=start",)
-#: What is designed: the cam, and what is asked.
-ASKED = (
-    ("bezier15", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=CURVE)),
-    ("bezier15", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=CURVE)),
-    ("poly345", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=SPLINE)),
-    ("poly345", DesignRequest.of(minimise=VIBRATION, limits=LIMITS, law_class=FINE)),
-    ("poly345", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=FINE)),
-)
-
-
-def paper_designs(cam_set: CamSet) -> list[LawDesign]:
-    """The best laws beside the paper's that are in the set; none without the extra ``design``."""
-    if find_spec("clarabel") is None:
-        return []
-    cams, rig = cam_set.cams, cam_set.rig
-    return [search_design(cams[cam], rig, asked) for cam, asked in ASKED if cam in cams]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -11,13 +12,13 @@ import numpy as np
 from cam_rig.arguments import checked
 from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.asked import Scene, asked_scene
 from cam_rig.simulation.scene import FITTED_WITH, MODEL, LoadedScene, fitted_with
 from cam_rig.simulation.simulate import Acoustics
 from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_constants
 from cam_rig.studies.fit_sound.identified import set_identified
-from cam_rig.studies.fit_sound.levels import read_levels
 from cam_rig.units import RPM, FloatArray, to_rpm
 
 #: Least number of levels: a fit of two numbers has then a residual.
@@ -209,3 +210,30 @@ def _measured(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam
                 "cam that keeps contact at every measured speed"
             )
     return PublishedCam(name, SteadyTurns(law, follower, speeds), table[:, 1])
+
+
+#: Headings of a speed in rpm and of a level in dB, in English, Spanish, German, French, Italian.
+HEADINGS = {
+    "speed": re.compile(r"rpm|1/min|min-1|speed|drehzahl|velocidad|vitesse|giri", re.I),
+    "level": re.compile(r"db|level|pegel|nivel|niveau|livello", re.I),
+}
+
+
+def read_levels(path: Path) -> FloatArray:
+    """Read speeds (rpm) and levels (dB), `(n, 2)`; rows without a level are left out."""
+    table = CellTable(path.name, read_lines(path, "speed and level"))
+    if table.first is None or table.first == 0:
+        raise table.refused("has no heading over its numbers; allowed: a heading, such as rpm, dB")
+    headings = table.headings(len(table.rows[table.first][1]))
+    columns = []
+    for name, pattern in HEADINGS.items():
+        fitting = [i for i, one in enumerate(headings) if pattern.search(one.text)]
+        if len(fitting) != 1:
+            texts = ", ".join(one.text for one in headings)
+            raise table.refused(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
+        columns.append(fitting[0])
+    body = table.rows[table.first :]
+    table.how_read(body, columns)  # refuses a mixture of decimal marks
+    cells = (table.numbers(line, row, headings, columns) for line, row in body)
+    rows = [[row[i] for i in columns] for row in cells]
+    return np.array([row for row in rows if row[1] != NOTHING], dtype=float).reshape(-1, 2)

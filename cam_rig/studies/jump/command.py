@@ -26,9 +26,6 @@ def jump(
     ramp: Annotated[
         float | None, typer.Option(metavar="RPM/S", help="Along a ramp instead, 1 to 1e5.")
     ] = None,
-    refit: Annotated[
-        bool, typer.Option("--refit", help="Fit the rig's unprinted numbers anew (a minute).")
-    ] = False,
     *,
     plot: Path | None,
     progress: Progress,
@@ -38,7 +35,7 @@ def jump(
     The follower is two masses where the rig says how they split, else one rigid mass: from rest at
     cam angle 0, in steady state, or along a ramp. Angle and time are of the first lift-off.
 
-    In Python: cam_rig.jump(cams, rig, from_rest, steady, ramp, refit)
+    In Python: cam_rig.jump(cams, rig, from_rest, steady, ramp)
 
     Examples
     --------
@@ -55,8 +52,4 @@ def jump(
             "--plot shows the least force of speeds that are held, and --ramp holds none; "
             "allowed: one of them"
         )
-    if plot is not None and refit:
-        raise ConfigError("--refit: is not drawn; allowed: without --plot")
-    return study.jump(
-        cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, refit=refit, progress=progress
-    )
+    return study.jump(cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, progress=progress)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -22,14 +21,13 @@ from cam_rig.dynamics.jump.two_masses import (
     FASTEST,
     FROM_REST,
     Jump,
-    find_jump_speed,
     keeps_contact,
     require_run,
 )
 from cam_rig.errors import ConfigError
-from cam_rig.laws import Law, build_law
+from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
-from cam_rig.schema import CamConfig, PublishedTables, load_rig
+from cam_rig.schema import PublishedTables, load_rig
 from cam_rig.schema.load import WORDS, bare, config_root, same_as_shipped
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.show.tables import pluralize
@@ -287,29 +285,3 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
             return Jump(rate * first.time, first.angle % TURN, first.time)
         start = stop
     raise keeps_contact(law)
-
-
-# What the paper does not print of its fifth law: the degree.
-
-#: The paper's fifth law.
-BY_SEGMENTS = "bezier_segments"
-#: The half-rises there are (laws thesis, eq. 3.4-3.9).
-DEGREES = (4, 6, 8)
-_HALF = re.compile(r"bezier\d+_(start|end)")
-
-
-def jump_by_degree(
-    cam: CamConfig, parameters: TwoMassParameters, duration: float
-) -> dict[int, float]:
-    """Jump speed (rpm) from rest with every half-rise of a cam, if it has any, of each degree."""
-    if not any(_HALF.fullmatch(segment.law) for segment in cam.segments):
-        return {}
-    found = {}
-    for degree in DEGREES:
-        segments = [
-            segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
-            for segment in cam.segments
-        ]
-        law = build_law(cam.model_copy(update={"segments": segments}))
-        found[degree] = find_jump_speed(law, parameters, duration) / RPM
-    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
@@ -271,15 +271,3 @@ def _claims(found: VibrationResult) -> Iterable[Claim]:
         words = "the polynomial of higher degree has less residual vibration"
         for key, measure in RESIDUAL.items():
             yield tested(words, "conclusions", less(key), measure)
-
-
-def jump_claims(speeds: Mapping[str, float], rig: str) -> list[Claim]:
-    """The paper's claims of the jump speeds (rpm) by cam, on a rig of that name."""
-    found = []
-    if PROPOSED in speeds:
-        best = max(speeds, key=lambda cam: speeds[cam]) == PROPOSED
-        found.append(Claim(rig, "Bézier 15 has the highest jump speed", "Table 2", int(best), 1))
-    if {LOWER, HIGHER} <= set(speeds):
-        words = "the polynomial of higher degree has the lower jump speed"
-        found.append(Claim(rig, words, "conclusions", int(speeds[HIGHER] < speeds[LOWER]), 1))
-    return found

@@ -16,8 +16,8 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.bernstein import joined
 from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.spline import smooth
-from cam_rig.studies.jump.study import Numbers, refitted
 from cam_rig.units import RPM, TURN
+from examples.paper.refit import Numbers, refitted
 
 from ..helpers import lift_off, with_joints
 

@@ -9,12 +9,12 @@ import cam_rig
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.laws import build_law
-from cam_rig.studies.jump.study import with_event
 from cam_rig.units import RPM, TURN
 from examples.paper import readings as script
 from examples.paper import readings_search
 from examples.paper.readings import TABLE_2, first_on_grid, load_readings, read, tables, window
 from examples.paper.readings_search import BOUNDS, Trials, search
+from examples.paper.refit import with_event
 
 READINGS, RUN = load_readings()
 CAMS = {cam: cam_rig.load_cam(cam) for cam in TABLE_2}

@@ -36,7 +36,7 @@ def fewer(monkeypatch):
     """A few cases of each long study, and no figure is drawn."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.drawn", pictures)
-    monkeypatch.setattr("cam_rig.studies.design.study.ASKED", ())
+    monkeypatch.setattr("examples.paper.designs.ASKED", ())
     monkeypatch.setattr(stem, "STEP_RPM", 50.0)
     monkeypatch.setattr(stem, "ELEMENTS", (1.0, stem.BAR))
     monkeypatch.setattr(as_cut, "BASES", (0.065,))

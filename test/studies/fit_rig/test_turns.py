@@ -10,7 +10,7 @@ from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
+from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.studies.fit_rig.numbers import follower_of
 from cam_rig.studies.fit_rig.residuals import FAR, Likelihood
 from cam_rig.studies.fit_rig.search import Candidate, search
@@ -18,6 +18,7 @@ from cam_rig.studies.fit_rig.start import IN_A_PERIOD, MOST_POINTS, PressingSamp
 from cam_rig.studies.fit_rig.steady_turn import one_mass_turn, resonant, two_mass_turn
 from cam_rig.studies.fit_rig.turns import measured_holds, steady_holds
 from cam_rig.units import NS, RPM, TURN
+from examples.simulated_instruments import InstrumentErrors, measured_run
 
 from .machines import numbers_of
 

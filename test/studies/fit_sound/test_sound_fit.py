@@ -14,7 +14,7 @@ from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.schema.load import config_root, read_yaml
 from cam_rig.simulation.scene import load_scene
 from cam_rig.studies.fit_sound.identified import set_identified
-from cam_rig.studies.fit_sound.levels import read_levels
+from cam_rig.studies.fit_sound.study import read_levels
 from cam_rig.units import RPM
 
 from ...cli.conftest import call, done

@@ -5,17 +5,14 @@ import math
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
-from cam_rig.dynamics.jump.two_masses import Jump, find_jump_speed
+from cam_rig.dynamics.jump.two_masses import Jump
 from cam_rig.errors import ConfigError
-from cam_rig.laws import build_law
 from cam_rig.schema import load_tables
 from cam_rig.schema.load import config_root
-from cam_rig.studies.jump import study as jump_refit
 from cam_rig.studies.jump.comparison import (
     JumpResult,
     JumpRow,
@@ -24,8 +21,8 @@ from cam_rig.studies.jump.comparison import (
     references,
     rms_difference,
 )
-from cam_rig.studies.jump.study import refit, refitted, with_event
 from cam_rig.units import RPM
+from examples.paper.refit import with_event
 
 from ...cli.conftest import call as run
 
@@ -114,46 +111,6 @@ def test_runs_and_ramps_have_limits(only345):
     for ramp in (0.0, -3.0, 0.5, 1e9, math.nan):
         with pytest.raises(ConfigError, match=r"ramp is .* rpm/s; allowed: 1 to 100000 rpm/s"):
             find_jumps(only345, {}, ramp=ramp)
-
-
-def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
-    """Four numbers to four speeds may have several solutions: each start's end, the best first."""
-    monkeypatch.setattr(jump_refit, "STARTS", 2)
-    monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
-    speeds = {
-        cam: 1.01 * find_jump(laws[cam], two_mass, 0.4).rpm for cam in ("poly345", "poly4567")
-    }
-    found = refit(cams, speeds, two_mass, 0.4)
-    ends = [one.rms for one in found.solutions]
-    assert ends == sorted(ends)
-    assert len(ends) == 2
-    assert ends[0] == pytest.approx(found.rms[1])
-    again, follower = refitted({"poly345": cams["poly345"]}, two_mass, found.numbers)
-    rpm = find_jump_speed(again["poly345"], follower, 0.4) / RPM
-    assert rpm / speeds["poly345"] - 1.0 == pytest.approx(found.after["poly345"], abs=1e-6)
-
-
-def test_with_event(cams):
-    """Other event angles: still a turn, both halves of a rise alike; a whole turn stays."""
-    for name, halves in (("poly345", 1), ("bezier_segments", 2)):
-        changed = with_event(cams[name], np.radians(100.0))
-        moving = [np.degrees(s.span.si) for s in changed.segments if s.law != "dwell"]
-        assert moving == pytest.approx([100.0 / halves] * len(moving))
-        assert build_law(changed).lift == pytest.approx(0.05)
-    assert with_event(cams["bezier15"], 1.0) is cams["bezier15"]
-
-
-def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
-    """Speeds made with known numbers give these numbers back, from a start somewhat off."""
-    monkeypatch.setattr(jump_refit, "STARTS", 1)
-    monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
-    four = ("bezier15", "poly345", "poly4567", "cycloidal")
-    speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in four}
-    off = replace(two_mass, preload=0.97 * two_mass.preload)
-    found = refit(cams, speeds, off, 0.4)
-    assert found.rms[1] < 0.1 * found.rms[0]
-    assert found.numbers.preload == pytest.approx(two_mass.preload, rel=0.01)
-    assert found.numbers.event == pytest.approx(np.radians(117.5), rel=0.005)
 
 
 # The table.
@@ -253,20 +210,3 @@ def test_a_rig_of_four_numbers_is_enough(tmp_path, rig):
     assert refused.exit_code == 2
     words = " ".join(refused.stderr.split())
     assert "rig mine: follower.stem_stiffness: is missing; needed by two masses" in words
-
-
-def test_a_refit_is_a_result_too(monkeypatch):
-    """A short one: its tables, the rig as it is first, and the jump speeds on the rig it gives."""
-    monkeypatch.setattr(jump_refit, "STARTS", 1)
-    monkeypatch.setattr(jump_refit, "MAX_STEPS", 1)
-    result = call("--refit", "--from-rest", "0.2", "--json", "-")
-    assert result.exit_code == 0, result.output
-    data = json.loads(result.stdout)
-    as_it_is, best = data["solutions"]
-    assert as_it_is["event"] == pytest.approx(math.radians(117.5))
-    assert best["rms"] <= as_it_is["rms"] * (1.0 + 1e-12)
-    run = {"rig": "paper_table2_refitted", "follower": "two masses", "duration": 0.2, "ramp": None}
-    assert data["run"] == run
-    assert data["standard_errors"]["rounding"] == pytest.approx(0.0033, abs=5e-5)
-    assert "Jump speed on rig paper_table2_refitted" in " ".join(result.stderr.split())
-    assert [row["cam"] for row in data["jump"]] == list(FIVE)

@@ -1,0 +1,50 @@
+"""Distance of the paper's laws from the best of their class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+
+from cam_rig.laws.cam import CamSet
+from cam_rig.studies.design.request import DesignRequest, LawClass
+from cam_rig.studies.design.result import LawDesign
+from cam_rig.studies.design.study import search_design
+from examples.paper.common import Table
+
+#: One Bézier curve as the paper's, and B-splines between dwells, few pieces and more.
+CURVE, SPLINE, FINE = LawClass(1, 3, 15), LawClass(8, 3), LawClass(16, 3)
+#: Over all speeds of the paper's figures; no law has a higher peak acceleration than its start.
+SOUND, VIBRATION = "sound_level_rigid@200-400rpm", "residual_vibration@200-400rpm"
+LIMITS = ("peak_acceleration<=start",)
+#: What is designed: the cam, and what is asked.
+ASKED = (
+    ("bezier15", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=CURVE)),
+    ("bezier15", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=CURVE)),
+    ("poly345", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=SPLINE)),
+    ("poly345", DesignRequest.of(minimise=VIBRATION, limits=LIMITS, law_class=FINE)),
+    ("poly345", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=FINE)),
+)
+
+
+def paper_designs(cam_set: CamSet) -> list[LawDesign]:
+    """Return the best laws for the cams of the set; none if the extra `design` is missing."""
+    if find_spec("clarabel") is None:
+        return []
+    cams, rig = cam_set.cams, cam_set.rig
+    return [search_design(cams[cam], rig, asked) for cam, asked in ASKED if cam in cams]
+
+
+def table(designs: Sequence[LawDesign]) -> Table:
+    """Return one row per law: the start, the result, and the bound of its class."""
+    rows = []
+    for one in designs:
+        goal, words = one.goal, one.request.law_class.words
+        numbers = map(goal.shown, (goal.start, goal.result, goal.bound))
+        unit = goal.term.quantity.typeset
+        rows.append((one.start.name, words, goal.term.words, unit, *numbers))
+    return Table(
+        "The best laws of their classes, at no higher peak acceleration than the start's",
+        "start | class | quantity | unit | start value :.5g | best law :.5g | bound :.5g",
+        rows,
+        "Events, dwells and lift are the start's. Bound: no law of the class is better.",
+    )
