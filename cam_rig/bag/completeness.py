@@ -208,6 +208,5 @@ def _gap_words(run: Lacking, total: int) -> str:
 
 
 def _range_words(what: str, numbers: range) -> str:
-    if len(numbers) == 1:
-        return f"{what} {numbers.start}"
-    return f"{what}s {numbers.start} to {numbers.stop - 1}"
+    last = numbers.stop - 1
+    return f"{what} {last}" if len(numbers) == 1 else f"{what}s {numbers.start} to {last}"
