@@ -1,4 +1,4 @@
-"""How the follower sounds: radiation, pressure samples, sound-level meter."""
+"""Sound of the follower: radiation, sound pressure, sound-level meter."""
 
 from cam_rig.acoustics.pressure import (
     MicrophoneState,

@@ -1,4 +1,4 @@
-"""The command line: the lazy list of commands, and those that start the nodes."""
+"""The command line: the list of commands, and those that start the nodes."""
 
 import os
 import sys

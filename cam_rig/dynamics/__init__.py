@@ -1,4 +1,4 @@
-"""How the follower moves: models by name, all with the same ``advance``."""
+"""Motion of the follower: one model per name, all with the same ``advance``."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The protocol between the nodes, without ROS: what is sent when, admitted, and saved."""
+"""The protocol between the nodes, without ROS: setpoints, flow control, pacing."""

@@ -1,1 +1,1 @@
-"""The wire format: topics, types, quality of service; numbers to messages and back."""
+"""Messages: topics, types and quality of service, conversion from and to numbers."""

@@ -1,4 +1,4 @@
-"""The nodes: shells around the core, the only importers of rclpy."""
+"""The ROS 2 nodes: thin shells around the core, and the importers of rclpy."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""The rig in a browser: a drawing board for motion laws, a live bench, lab sheets."""
+"""The rig in a browser: drawing board for motion laws, live bench, lab sheets."""
 
 from __future__ import annotations
 

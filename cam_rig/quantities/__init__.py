@@ -1,3 +1,3 @@
-"""What may be asked of a law on a rig: each quantity once, with its unit, title and value."""
+"""Quantities of a law on a rig, each defined once with its unit, title and value."""
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The report: every experiment of the paper, redone and taken further, on one page."""
+"""The report of a scene as one self-contained page, and the builder of such pages."""

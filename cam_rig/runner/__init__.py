@@ -1,1 +1,1 @@
-"""The node graph as processes: started, watched, ended."""
+"""The node graph as processes: started, monitored, ended."""

@@ -1,4 +1,4 @@
-"""The configuration: what a person may write in YAML, checked once, in SI afterwards."""
+"""YAML files and tables of numbers: read, checked once, and converted to SI units."""
 
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.load import (

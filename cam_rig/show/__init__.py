@@ -1,1 +1,1 @@
-"""A result as table, text, page and figure, in one style; it knows no slice."""
+"""Results as table, text, page and figure, in one style."""

@@ -1,1 +1,1 @@
-"""A scene file to samples and sound levels, without ROS: the same core as the nodes use."""
+"""A scene file to samples and sound levels, without ROS; the nodes use the same core."""

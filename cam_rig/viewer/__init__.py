@@ -1,4 +1,4 @@
-"""A run in the Rerun viewer: from a bag into a recording, or live."""
+"""A run in the Rerun viewer, from a bag or live, and the web server of the pages."""
 
 from __future__ import annotations
 
