@@ -15,6 +15,7 @@ from collections import defaultdict
 import numpy as np
 
 import cam_rig
+from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.schema import RigConfig
@@ -22,7 +23,6 @@ from cam_rig.studies.fit_rig.numbers import WITHIN_95
 from cam_rig.studies.fit_rig.result import RigFit
 from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.units import to_rpm
-from examples.simulated_instruments import InstrumentErrors, measured_run
 
 #: Cams with a dwell, with and without, smooth and with steps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex")

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 import cam_rig
-from examples.simulated_instruments import measured_run
+from benchmark.simulated_instruments import measured_run
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 JOINT, WRENCHES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"

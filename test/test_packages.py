@@ -91,7 +91,7 @@ def imported(folder="cam_rig"):
 def test_what_is_imported_is_declared():
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | lists["DASK"] | keys
-    found = imported() | imported("benchmark") - {"examples"}
+    found = imported() | imported("benchmark")
     missing = {n for n in found if IMPORTED_AS.get(n, n) not in known}
     # Siconos is Debian's and run by Debian's Python: no index has it
     assert missing - {"builtin_interfaces", "siconos", *OPTIONAL} == MAKERS | TESTS <= lists["TEST"]

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import cam_rig
+from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.simulation.instruments import Signal
@@ -17,7 +18,6 @@ from cam_rig.studies.fit_rig.jump_fit import RIGID
 from cam_rig.studies.fit_rig.numbers import WITHIN_95
 from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.units import to_rpm
-from examples.simulated_instruments import InstrumentErrors, measured_run
 
 #: With dwells and without, smooth and with steps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex", "tm21", "arcs_straight")

@@ -12,6 +12,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
+from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.studies.fit_rig.residuals import Likelihood
 from cam_rig.studies.fit_rig.search import (
     Candidate,
@@ -22,7 +23,6 @@ from cam_rig.studies.fit_rig.search import (
 )
 from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.studies.fit_rig.turns import measured_holds
-from examples.simulated_instruments import InstrumentErrors, measured_run
 
 from .machines import NOISES, coverage, jump_rpm, numbers_of, scores_of
 

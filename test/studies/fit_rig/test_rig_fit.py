@@ -9,10 +9,10 @@ from scipy.optimize import curve_fit
 from scipy.signal import lfilter
 
 import cam_rig
+from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.errors import ConfigError
 from cam_rig.studies.fit_rig.search import noise_of
 from cam_rig.studies.fit_rig.study import fit_run
-from examples.simulated_instruments import InstrumentErrors, measured_run
 
 from .machines import jump_rpm
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import cam_rig
+from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -18,7 +19,6 @@ from cam_rig.studies.fit_rig.start import IN_A_PERIOD, MOST_POINTS, PressingSamp
 from cam_rig.studies.fit_rig.steady_turn import one_mass_turn, resonant, two_mass_turn
 from cam_rig.studies.fit_rig.turns import measured_holds, steady_holds
 from cam_rig.units import NS, RPM, TURN
-from examples.simulated_instruments import InstrumentErrors, measured_run
 
 from .machines import numbers_of
 
