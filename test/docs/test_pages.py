@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,6 +16,7 @@ from tools.docs.commands import PAGE, page
 from tools.docs.drawings import DRAWINGS
 from tools.docs.equations import CODE, EQUATION, drawn, line
 
+from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
 
 #: Folders of the tree whose files the documents name.
@@ -169,11 +169,8 @@ def test_drawing_is_that_of_today(name, tmp_path):
 def site(tmp_path_factory):
     """The site, built as ``make docs`` does; a warning is an error."""
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(folder)]
-    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=500
-    )
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", folder]
+    done = ended(*command, cwd=ROOT, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}, timeout=500)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 

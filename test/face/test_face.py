@@ -3,7 +3,6 @@
 import doctest
 import inspect
 import re
-import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -20,6 +19,8 @@ from cam_rig.cli.main import COMMANDS, command
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.show.command import OUTPUT_OPTIONS
 from cam_rig.show.result import enable_notebook_display
+
+from ..processes import ended
 
 #: Where the public names are: their docstrings have examples.
 WITH_EXAMPLES = sorted({"cam_rig"} | {getattr(cam_rig, name).__module__ for name in cam_rig._HOMES})
@@ -40,10 +41,7 @@ def test_every_public_function_has_an_example():
 
 def test_importing_it_imports_no_library():
     code = "import sys, cam_rig; print(sorted({'numpy', 'scipy', 'pydantic'} & set(sys.modules)))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
-    )
-    assert done.stdout.strip() == "[]"
+    assert ended(sys.executable, "-c", code).stdout.strip() == "[]"
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error():
@@ -306,15 +304,9 @@ def test_mypy_sees_every_type_and_every_mistake(tmp_path):
     """Strict, in a folder of his own, as `make setup` installs it; nothing it is shown is Any."""
     file = tmp_path / "own.py"
     file.write_text(SCRIPT + WRONG, encoding="utf-8")
-    cache = ("--cache-dir", str(tmp_path / "cache"), "--config-file", "/dev/null")
-    done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *cache, str(file)],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        cwd=tmp_path,
-        check=False,
-    )
+    options = ["--strict", "--follow-imports=silent", "--config-file", "/dev/null"]
+    command = [sys.executable, "-m", "mypy", *options, "--cache-dir", tmp_path / "cache", file]
+    done = ended(*command, timeout=600, cwd=tmp_path)
     kinds = re.findall(r'own\.py:(\d+): note: Revealed type is "(.*)"', done.stdout)
     lines = (SCRIPT + WRONG).split("\n")
     assert len(kinds) == SCRIPT.count("reveal_type"), done.stdout

@@ -1,7 +1,6 @@
 """What a node takes: its parameters, its topics, what --help says of them, one scene for all."""
 
 import re
-import subprocess
 import sys
 
 import pytest
@@ -18,6 +17,8 @@ from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published, usage
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM
 from tools.docs.parameters import FOLDER, text
+
+from ..processes import ended
 
 pytestmark = pytest.mark.ros
 LIVE = ("law_server", "cam_drive", "follower", "microphone", "recorder")
@@ -157,9 +158,7 @@ def test_help_starts_nothing():
     """Code 0, on stdout, in a Python that has no rclpy."""
 
     def output(*command, code=0):
-        done = subprocess.run(
-            [sys.executable, *command], capture_output=True, text=True, check=False, timeout=100
-        )
+        done = ended(sys.executable, *command)
         assert done.returncode == code
         return done.stdout
 

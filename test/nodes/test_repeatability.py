@@ -1,7 +1,6 @@
 """One scene gives one bag, also with a stalled node; a killed node ends the run."""
 
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -17,6 +16,7 @@ from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import stop_all
 from cam_rig.studies.simulate.recorded import read_recording
 
+from ..processes import ended
 from .conftest import (
     SLOW,
     TICKS,
@@ -140,9 +140,7 @@ def test_a_full_disk_ends_the_run_with_its_name(short_scene, tmp_path):
     code = (
         f"{start}; import sys; sys.argv = {arguments!r}; from cam_rig.cli.main import main; main()"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=100
-    )
+    run = ended(sys.executable, "-c", code)
     assert run.returncode == 1
     assert "cannot be written (File too large) after" in run.stderr
     assert "Traceback" not in run.stderr

@@ -106,17 +106,14 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
 
 
 def test_without_the_token_there_is_nothing(page):
-    """Neither recording nor viewer: to another user, to a site of another name, to its pages."""
+    """Refuse recording and viewer without the cookie, or with the origin of another site."""
     own = {"Cookie": page.cookie}
-    wrong = [{}, own | {"Host": "evil.example"}, own | {"Origin": "http://evil.example"}]
     for path in ("/", "/a%20run.rrd", "/re_viewer.js", "/shown?ns=1", "/nothing"):
-        assert ask(page.address, path, Cookie=page.cookie)[0] != 403
-        for headers in wrong:
+        assert ask(page.address, path, **own)[0] != 403
+        for headers in ({}, own | {"Origin": "http://evil.example"}):
             status, answered, body = ask(page.address, path, **headers)
             assert (status, answered["Set-Cookie"]) == (403, None)
             assert RECORDED not in body
-        with_token = f"{path.partition('?')[0]}?token=wrong"
-        assert ask(page.address, with_token, Cookie=page.cookie)[0] == 403
 
 
 NO_PATHS = [b"foo", b"@x.invalid/y", b":1/y", b"http://x.invalid/", b"/a\x01b", b"/\xe9", b"x:y@z"]
