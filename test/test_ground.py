@@ -10,7 +10,6 @@ import math
 import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -31,6 +30,7 @@ from cam_rig.testing.running_rig import hold_domain
 from cam_rig.units import correlation_length, rounded_to_error
 from cam_rig.workers import check_workplace, workplace
 
+from .processes import ended
 from .references import References
 
 
@@ -148,10 +148,8 @@ def test_no_signal_to_a_command_ends_what_removes_its_leavings(tmp_path):
     """
     script = tmp_path / "tracked.py"
     script.write_text(TRACKED, encoding="utf-8")
-    found = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, check=True, timeout=100
-    ).stdout
-    rows = dict(line.split(":", maxsplit=1) for line in found.splitlines() if line)
+    found = ended(sys.executable, script).stdout.splitlines()
+    rows = dict(line.split(":", maxsplit=1) for line in found if line)
     deaf = int(rows["SigBlk"], 16) | int(rows["SigIgn"], 16)
     assert [number for number in STOPPING if not deaf >> (number - 1) & 1] == []
 
@@ -170,8 +168,8 @@ def test_an_interrupt_while_a_result_is_sent(tmp_path):
     """The rest of what a killed worker was sending is not waited for."""
     script = tmp_path / "sending.py"
     script.write_text(SENDING, encoding="utf-8")
-    done = subprocess.run([sys.executable, script], capture_output=True, check=False, timeout=100)
-    assert b"KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
+    done = ended(sys.executable, script)
+    assert "KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
 
 
 #: Wall time (s) that what has ended may take to be gone, on a busy machine.

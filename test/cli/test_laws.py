@@ -74,7 +74,6 @@ def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
         (["law", "poly345", "cycloidal", "bezier9", "--out"], "Peaks for unit rise and unit span"),
         (["law", "poly345", "worked_example_quintic", "--out"], "mm/rad"),
         (["law", "bezier6_start", "--out"], "bezier6_start  eq. 3.5"),
-        (["laws", "--family", "end", "--plot"], "bezier4_end"),
     ],
 )
 def test_laws_over_each_other(tmp_path, arguments, words):

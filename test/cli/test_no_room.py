@@ -15,7 +15,8 @@ import typer
 
 from cam_rig.cli import main
 
-from .conftest import BIN, GOLDEN, ended
+from ..processes import ended
+from .conftest import BIN, GOLDEN
 
 #: Commands by what they write to stdout.
 PRINTED = {

@@ -15,8 +15,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from ..processes import WAIT_S, children
-from .conftest import BIN, call, ended
+from ..processes import WAIT_S, children, ended
+from .conftest import BIN, call
 
 COMMAND = (BIN / "cam-rig", "panel")
 

@@ -16,8 +16,8 @@ from cam_rig.cli.main import versions
 from cam_rig.errors import INTERRUPTED, ConfigError
 from cam_rig.extras import LAST_SECOND, source_date
 
-from ..processes import WAIT_S, children
-from .conftest import BIN, call, ended
+from ..processes import WAIT_S, children, ended
+from .conftest import BIN, call
 
 
 @pytest.mark.long

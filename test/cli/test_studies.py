@@ -61,19 +61,6 @@ def test_listen_writes_a_sound_file(tmp_path):
     assert (tmp_path / "again.wav").read_bytes() == out.read_bytes()  # the background is seeded
 
 
-def test_json_of_vibration(tmp_path):
-    """A list over the speeds for each measure of each cam, and the paper's words."""
-    words = ("--rpm", 250, "--rpm", 300, "--json", "-", "--plot", tmp_path / "a.png")
-    result = done("vibration", "poly345", "bezier15", *words)
-    data = json.loads(result.stdout)
-    by = {(row["cam"], row["rpm"]): row for row in data["vibration"]}
-    assert list(by) == [(cam, rpm) for cam in ("poly345", "bezier15") for rpm in (250, 300)]
-    assert not by["bezier15", 300]["low_dwell"]
-    verdicts = [claim["verdict"] for claim in data["claims"] if claim["measure"] != "peak to peak"]
-    assert verdicts == ["agrees"] * 3
-    assert "read within 31.25° of the lowest lift" in " ".join(result.stderr.split())
-
-
 def test_cams_that_are_left_are_marked():
     """Of two cams one is left below 450 rpm: marked in the table, told in JSON, not asked of."""
     speeds = ("--rpm", 300, "--rpm", 450, "--rpm", 450)
@@ -87,5 +74,4 @@ def test_cams_that_are_left_are_marked():
     assert "poly345 †" in result.stderr
     assert "bezier15 * †" not in result.stderr
     assert "contact is lost at 1 of 2 speeds" in result.stderr
-    verdicts = {c["measure"]: c["verdict"] for c in data["claims"] if c["source"] == "fig. 5"}
-    assert verdicts == {"residual amplitude": "agrees", "peak to peak": "disagrees"}
+    assert not by["bezier15", 300]["low_dwell"]

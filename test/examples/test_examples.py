@@ -49,7 +49,6 @@ def test_all_are_known():
         assert f"({path.name})" in listed
 
 
-@pytest.mark.variants(2)
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_a_script_runs(name, tmp_path, capsys):

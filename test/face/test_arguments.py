@@ -15,7 +15,6 @@ from cam_rig.errors import (
     BagError,
     ConfigError,
     DesignError,
-    LawError,
     MissingLibraryError,
     OutputError,
 )
@@ -25,58 +24,43 @@ CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
 
 
-def test_numbers_out_of_range():
-    """A run longer than the command's would not end in any useful time."""
-    for order in (-1, 1.5):
-        with pytest.raises(LawError, match=rf"order is {order}; allowed: 0, 1"):
-            LAW(1.0, order)
-    for duration in (1e5, -1, 0):
-        with pytest.raises(ConfigError, match="allowed: above 0, to 60 s"):
-            cam_rig.jump_speed(LAW, RIG, duration=duration)
-
-
-def test_a_motion_that_cannot_be():
-    for arguments, words in [
-        ({"rpm": -100}, "rpm: is -100 rpm; allowed: at least 0.01 rpm"),
-        ({"rpm": "450"}, r"rpm: is '450' \(str\); allowed: a finite number"),
-        ({"rpm": 450, "turns": None}, r"turns: is None \(NoneType\); allowed: a whole number"),
-        ({"rpm": 450, "turns": 100_000}, "make 6.4e[+]08 samples; allowed: 2e[+]07"),
-        (
-            {"rpm": 450, "model": "two mass"},
-            "model: is 'two mass' .did you mean 'two_mass'.*; allowed: .*'two_mass'",
-        ),
-    ]:
-        with pytest.raises(ConfigError, match=words):
-            cam_rig.simulate(LAW, RIG, **arguments)
-
-
 #: Two numbers of a rig, one of which is a text.
 MIXED = {"mass": 1.3, "damping": "8"}
+GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
-def test_another_type():
-    """The message names argument, value, type and what is allowed, and where that is had."""
-    jump, simulate = cam_rig.jump_speed, cam_rig.simulate
+def test_a_wrong_argument_is_refused_by_its_name():
+    """Name argument, value, type, what is allowed, and where that is had."""
+    jump, simulate = partial(cam_rig.jump_speed, LAW, RIG), partial(cam_rig.simulate, LAW, RIG)
     fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
     cam, law = "allowed: a cam, of load_cam('poly345')", "allowed: a Law, of build_law"
     number, text = "allowed: a finite number", "allowed: a text without NUL"
-    motion = "allowed: a motion, of simulate"
+    seconds, motion = "allowed: above 0, to 60 s", "allowed: a motion, of simulate"
     for call, words in (
+        (partial(LAW, 1.0, -1), "order is -1; allowed: 0, 1"),
+        (partial(LAW, 1.0, 1.5), "order is 1.5; allowed: 0, 1"),
+        *((partial(jump, duration=duration), seconds) for duration in (1e5, -1, 0)),
+        (partial(jump, duration=True), f"duration: is True (bool); {number} or None"),
+        (partial(jump, duration=math.nan), f"duration: is nan (float); {number} or None"),
+        (partial(cam_rig.jump_speed, RIG, LAW), f"law: is RigConfig; {law}"),
+        (partial(simulate, rpm=-100), "rpm: is -100 rpm; allowed: at least 0.01 rpm"),
+        (partial(simulate, rpm="450"), f"rpm: is '450' (str); {number}"),
+        (partial(simulate, rpm=10**5000), f"rpm: is int of more than 63 bits; {number}"),
+        (partial(simulate, rpm=450, turns=None), "turns: is None (NoneType); allowed: a whole"),
+        (partial(simulate, rpm=450, turns=100_000), "make 6.4e+08 samples; allowed: 2e+07"),
+        (partial(simulate, rpm=450, model="two mass"), "is 'two mass' (did you mean 'two_mass'"),
+        (partial(cam_rig.simulate, "poly345", RIG, rpm=450), f"law: is 'poly345' (str); {law}"),
         (partial(cam_rig.build_law, "poly345"), f"cam: is 'poly345' (str); {cam}"),
-        (partial(simulate, "poly345", RIG, rpm=450), f"law: is 'poly345' (str); {law}"),
-        (partial(jump, RIG, LAW), f"law: is RigConfig; {law}"),
         (partial(fit, given=MIXED), f"given['damping']: is '8' (str); {number}"),
         (partial(fit, given={"damping": math.nan}), f"given['damping']: is nan (float); {number}"),
         (partial(fit, given={1: 8.6}), f"a name in given: is 1 (int); {text}"),
-        (partial(jump, LAW, RIG, duration=True), f"duration: is True (bool); {number} or None"),
-        (partial(jump, LAW, RIG, duration=math.nan), f"duration: is nan (float); {number} or None"),
         (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
         (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
-        (partial(simulate, LAW, RIG, rpm=10**5000), f"rpm: is int of more than 63 bits; {number}"),
+        (partial(cam_rig.read_bag, GOLDEN, "jump_two_mass"), "allowed: the cams of scene jump_two"),
     ):
-        with pytest.raises(ConfigError) as refused:
+        with pytest.raises(cam_rig.CamRigError) as refused:
             call()
-        assert str(refused.value) == words
+        assert words in str(refused.value)
 
 
 def test_a_number_of_numpy():
@@ -101,11 +85,6 @@ def test_a_level_is_calibrated_only_on_the_rig_that_was():
     assert not cam_rig.sound_level(pulled).calibrated
 
 
-def test_a_scene_with_other_cams_than_the_bag():
-    with pytest.raises(BagError, match=r"holds .*tm21; allowed: the cams of scene jump_two_mass"):
-        cam_rig.read_bag("bags/golden", "jump_two_mass")
-
-
 #: Texts, numbers and things, most of them wrong wherever they are given.
 WRONG = [
     *(None, True, False, 0, -1, 10**12, 2**63 - 1, 10**400, 10**5000, np.int64(-3), np.bool_(True)),
@@ -121,7 +100,6 @@ LONG = {
     "noise": ["cam_rig.studies.noise.study.study_noise"],
     "jump": ["cam_rig.studies.jump.study.refit_rig"],
 }
-GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
 @pytest.fixture(scope="module")

@@ -38,17 +38,6 @@ def test_true_answers_are_right_and_those_ten_percent_off_wrong(lab, seed, tmp_p
     assert wide.right == len(wide.marks)
 
 
-@pytest.mark.parametrize("lab", LABS)
-def test_what_was_written_is_read_again(lab, tmp_path):
-    """Readings and answers, each of its set-up."""
-    path = filled(sheet_of(lab=lab), tmp_path)
-    book = Notebook(sheet_of(lab=lab), tmp_path)
-    book.recorded = read_sheet(path)
-    rows = book.page()["readings"]
-    assert [row["number"] for row in rows] == list(range(1, len(rows) + 1))
-    assert all(("point" in row) is (row["rpm"] is not None) for row in rows)
-
-
 def test_the_class_of_each_lab_is_drawn(tmp_path):
     """A row a sheet, the farthest last, one without an answer after it; a point an answer, full
     where it is beyond the tolerance."""

@@ -6,7 +6,6 @@ The types are those that comments and messages.d.ts tell of.
 import itertools
 import json
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ from cam_rig.panel.lab.labs import LABS
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 
-from ..processes import WAIT_S
+from ..processes import WAIT_S, ended
 from ..viewer.asking import Visitor
 from .conftest import BENCH, BOARD, BrowserPage, in_browser, sheet_of
 
@@ -28,10 +27,7 @@ TSC = TOOLS / "node_modules/.bin/tsc"
 
 def tsc(*words):
     """What TypeScript's compiler says."""
-    command = [TSC, *map(str, words)]
-    return subprocess.run(
-        command, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
-    )
+    return ended(TSC, *words, cwd=TOOLS)
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
