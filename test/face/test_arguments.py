@@ -18,7 +18,6 @@ from cam_rig.errors import (
     MissingLibraryError,
     OutputError,
 )
-from cam_rig.show.result import NULL_PROGRESS
 
 CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
@@ -104,70 +103,57 @@ LONG = {
 
 @pytest.fixture(scope="module")
 def right(tmp_path_factory):
-    """Arguments of every function that are right, and cheap."""
-    motion = cam_rig.simulate(LAW, RIG, rpm=450, turns=2)
-    points, told = {"points": 1, "seed": 1, "executor": None}, {"progress": NULL_PROGRESS}
-    folder = tmp_path_factory.mktemp("measured")
-    angle = np.arange(0.0, 360.0, 5.0)
+    """Arguments of every function that are right, and cheap; its defaults where none is named."""
+    folder, angle = tmp_path_factory.mktemp("measured"), np.arange(0.0, 360.0, 5.0)
     lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])
     head = "angle [deg],lift [mm]"
     np.savetxt(folder / "lifts.csv", lifts, delimiter=",", header=head, comments="")
     jumps = ["preload [N],jump speed [rpm]", "20,344.9", "30.6,413.4", "45,417.2"]
     (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
     levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
-    one = {"cams": "poly345", "rig": "tm21"}
-    made = {
-        "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates}
-        | {"repeats": True, "known": None},
-        "bounce_map": {"law": LAW, "rig": RIG, "rpm": [450.0], "restitution": 0.5, "turns": 20}
-        | {"settle": 0, "start": "rest", "follow": False, "executor": None}
-        | {"model": "one_mass", "over": "rpm", "values": None, "out": None, "resume": False}
-        | {"workers": 1}
-        | told,
+    one, on_rig = {"cams": "poly345", "rig": "tm21"}, {"law": LAW, "rig": RIG}
+    fitted = {"damping": 8.6, "spring_stiffness": 4030.0}
+    named = {
+        "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates},
+        "bounce_map": on_rig | {"rpm": [450.0], "restitution": 0.5, "turns": 20, "settle": 0},
         "build_law": {"cam": CAM},
-        "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
-        "check_contours": {"cams": "poly345", "every": False},
-        "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
-        | dict.fromkeys(("topics", "namespace", "offset_deg")),
-        "contact": one | {"rpm": 200.0, "pressure_angle": None},
+        "campaign": {"study": "tolerance_poly345", "points": 1, "seed": 1}
+        | {"out": tmp_path_factory.mktemp("out") / "campaign"},
+        "check_contours": {"cams": "poly345"},
+        "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"},
+        "contact": one | {"rpm": 200.0},
         "contour": {"cam": CAM, "points": 36},
-        "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}
-        | {"limits": (), "pieces": 6, "joints": 1, "degree": None, "starts": 1, "seed": 1}
-        | {"keep": ("dwells", "events", "lift"), "pareto": None, "points": 3},
-        "fit_cam": {"tables": folder / "lifts.csv", "shape": "spline", "reverse": False}
-        | dict.fromkeys(("follower", "column", "tolerance", "flank", "out"))
-        | dict.fromkeys(("roller_radius", "base_radius")),
+        "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration"}
+        | {"pieces": 6, "joints": 1, "starts": 1, "points": 3},
+        "fit_cam": {"tables": folder / "lifts.csv"},
         "fit_rig": {"source": folder / "jumps.csv", "cam": "poly345", "rig": "tm21"}
-        | {"given": {"damping": 8.6, "spring_stiffness": 4030.0}}
-        | dict.fromkeys(("topics", "one_cam", "namespace", "model", "tolerance", "out"))
-        | told,
+        | {"given": fitted},
         "fit_sound": {"levels": levels, "scene": "tm21_sweep", "cam": "poly345"},
-        "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None, "refit": False} | told,
-        "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5}
-        | dict.fromkeys(("mass", "spring_stiffness", "damping", "preload")),
-        "law": {"names": "poly345", "rises": False},
+        "jump": one | {"from_rest": 0.5},
+        "jump_speed": on_rig | {"duration": 0.5},
+        "law": {"names": "poly345"},
         "list_laws": {"family": "start"},
         "load_cam": {"cam": "poly345"},
         "load_rig": {"rig": "tm21"},
         "load_scene": {"scene": "quick"},
-        "noise": {"scene": "quick", "rig": RIG, "one_rig": False} | told,
-        "orders": {"source": "poly345", "rpm": 300.0, "cam": None, "rig": "tm21"}
-        | {"model": "one_mass", "orders": 5}
-        | told,
+        "noise": {"scene": "quick", "rig": RIG},
+        "orders": {"source": "poly345", "rpm": 300.0, "rig": "tm21"}
+        | {"model": "one_mass", "orders": 5},
         "plot_law": {"law": LAW},
-        "read_bag": {"bag": GOLDEN, "scene": None},
-        "run_scene": {"scene": "quick", "on_tick": lambda: None},
-        "simulate": {"law": LAW, "rig": RIG, "model": "one_mass", "rpm": 450, "turns": 1}
-        | {"sample_rate": 48_000, "ramp": None},
-        "sound_level": {"motion": motion, "settle_turns": 1},
-        "sweep": one
-        | {"rpm": [300.0], "model": "one_mass", "turns": 2, "settle_turns": 1}
-        | {"sample_rate": 1000, "ramp": None}
-        | told,
-        "vibration": one | {"rpm": 300.0} | told,
+        "read_bag": {"bag": GOLDEN},
+        "run_scene": {"scene": "quick"},
+        "simulate": on_rig | {"rpm": 450, "turns": 1},
+        "sound_level": {"motion": cam_rig.simulate(LAW, RIG, rpm=450, turns=2)},
+        "sweep": one | {"rpm": [300.0], "turns": 2, "settle_turns": 1, "sample_rate": 1000},
+        "vibration": one | {"rpm": 300.0},
     }
-    made["campaign"]["out"] = tmp_path_factory.mktemp("out") / "campaign"
-    return made
+    return {
+        name: {
+            key: one.default for key, one in signature(getattr(cam_rig, name)).parameters.items()
+        }
+        | given
+        for name, given in named.items()
+    }
 
 
 #: What is no argument's fault alone: a file that is not there, a place, a design without a law.

@@ -34,15 +34,6 @@ def with_one_moved(board, lifts):
     return ordinates
 
 
-def test_a_page_gets_what_json_can_carry(board):
-    """No infinity, no array: the rig's weights in SI, and a number for every handle."""
-    page = json.loads(json.dumps(board.page(), allow_nan=False))
-    assert page["rig"]["mass"] == cam_rig.load_rig("paper_table2").follower.mass.si
-    assert len(page["handles"]) == 30
-    assert page["drawn_as"] == {"degree": 5, "exact": True}
-    assert page["start_made"]
-
-
 def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
     """With the pull as a page begins, up and down: no undercut."""
     law, handle = board.drawn.start.law, board.drawn.handles[7]

@@ -24,13 +24,12 @@ from benchmark.speed.campaign import CampaignRate
 from benchmark.speed.cases import CASES
 from benchmark.speed.peers import PEERS
 from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
-from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import rise_curves
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.profile.cam_checks import check_cam
 from cam_rig.profile.shapes import distances
-from cam_rig.schema import CamConfig, load_rig, load_scene, load_tables
+from cam_rig.schema import load_rig, load_scene, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.show import looks as pictures
 from cam_rig.show.figure import WIDTH, empty, logarithmic, series, styled, write
@@ -103,9 +102,7 @@ def test_every_axis_has_its_quantity_and_unit(figures: dict[str, Figure]) -> Non
         assert any(LABEL.fullmatch(axes.get_xlabel()) for axes in figure.axes), name
 
 
-def test_a_law_is_drawn_to_its_third_derivative(
-    figures: dict[str, Figure], cam_set: CamSet
-) -> None:
+def test_a_law_is_drawn_to_its_third_derivative(figures, cam_set):
     """Each panel's curve is the law's derivative in mm a power of rad."""
     curve = cam_set.laws["poly345"]
     for order, axes in enumerate(figures["law"].axes):
@@ -117,9 +114,7 @@ def test_a_law_is_drawn_to_its_third_derivative(
         assert away.sum() <= 2 * curve.spans.size  # either side of a jump at a knot
 
 
-def test_the_jump_speed_is_where_the_force_is_zero(
-    figures: dict[str, Figure], jumps: JumpResult
-) -> None:
+def test_the_jump_speed_is_where_the_force_is_zero(figures, jumps):
     """A marker on the zero line for each cam, at the speed that was found."""
     axes = figures["jump"].axes[0]
     marked = [one.get_xydata() for one in axes.lines if one.get_marker() == "o"]
@@ -198,9 +193,7 @@ def test_curves_that_are_no_cams_have_no_cams_colour() -> None:
     assert not {one["color"] for one in looks} & set(map(web, COLOURS))
 
 
-def test_conjugate_discs_have_their_own_colours(
-    cams: dict[str, CamConfig], laws: dict[str, Law]
-) -> None:
+def test_conjugate_discs_have_their_own_colours(cams, laws):
     """Both contours, each in the colour of its curvature."""
     cam, curve = cams["conjugate"], laws["conjugate"]
     figure = profile.figure(cam, curve, check_cam(cam, curve))
