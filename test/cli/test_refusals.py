@@ -8,7 +8,7 @@ import typer
 from cam_rig.cli.main import COMMANDS, app, command, summary
 from tools.docs.commands import verbs
 
-from .conftest import GOLDEN, call, data_of, done
+from .conftest import call, data_of, done
 
 #: Command line, exit code, words of its line; none where typer shows the usage instead.
 REFUSED = [
@@ -17,10 +17,8 @@ REFUSED = [
     ("run no_such_scene --bag {tmp}/bag", 2, "no such file"),
     ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
     ("run quick --bag {tmp}/bag --wait", 2, "--wait: waits for a viewer"),
-    ("analyze {tmp}/none", 1, "no such bag"),
     ("simulate --nonsense", 2, ""),
     ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
-    ("simulate quick --json {tmp}", 1, "is a folder; allowed: a file"),
     ("simulate quick --json /proc/none/a.json", 1, "/proc/none/a.json: cannot be"),
     ("export quick --to {tmp}/a.xlsx", 2, "allowed: .parquet, .csv, .npz, .wav"),
     ("export quick --rpm 222 --to {tmp}/a.csv", 2, "no samples of a cam at 222 rpm"),
@@ -43,8 +41,6 @@ REFUSED = [
     ("listen quick --seconds 3 --out {tmp}/a.wav", 2, "--seconds is 3 without --rpm"),
     ("report quick --out {tmp}/a.pdf", 2, "unknown kind of page; allowed: .html, .md"),
     ("report quick --out /dev/null/a.html", 1, "/dev/null is no writable folder"),
-    ("report tm21_sweep --out {tmp}/a.html --bag {golden}", 1, "recording of the scene 'quick'"),
-    ("report quick --out {tmp}/a.html --bag {tmp}/none", 1, "no such bag"),
     ("report no_such --out {tmp}/a.html", 2, "no such file"),
     ("profile", 2, "no cam is named; allowed: "),
     ("profile no_such_cam", 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),
@@ -81,10 +77,9 @@ REFUSED = [
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
 def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, line, code, words):
     """Before anything runs, where it can be seen before."""
-    places = {"tmp": tmp_path, "golden": GOLDEN}
-    result = call(*line.format_map(places).split())
+    result = call(*line.format(tmp=tmp_path).split())
     assert result.exit_code == code
-    assert words.format_map(places) in result.stderr
+    assert words.format(tmp=tmp_path) in result.stderr
     assert result.stderr.count("cam-rig: ") == bool(words), result.stderr
     assert "Traceback" not in result.stderr
     assert list(tmp_path.iterdir()) == []

@@ -55,6 +55,11 @@ def test_a_wrong_argument_is_refused_by_its_name():
         (partial(fit, given={1: 8.6}), f"a name in given: is 1 (int); {text}"),
         (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
         (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
+        (partial(cam_rig.load_cam, "poly34"), "poly34.yaml: no such file (did you mean 'poly345'"),
+        (partial(cam_rig.contour, CAM, 3), "points: is 3; allowed: 36 to 1000000"),
+        (partial(RIG.with_follower, preload=-1.0), "follower.preload: is -1 N; allowed"),
+        (partial(RIG.with_follower, preloud=1.0), "follower.preloud: unknown key"),
+        (partial(cam_rig.read_bag, "config"), "config: is not a bag"),
         (partial(cam_rig.read_bag, GOLDEN, "jump_two_mass"), "allowed: the cams of scene jump_two"),
     ):
         with pytest.raises(cam_rig.CamRigError) as refused:

@@ -61,9 +61,7 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
         next(report for report in reports if report["tick"] == 2)
 
         assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # too many samples a tick
-        assert "allowed: free, real_time" in user.refused("cam_drive", "pacing", "fast")
         assert "no such file" in user.refused("law_server", "cam", "no_such_cam")
-        assert "read-only" in user.refused("follower", "scene", "other.yaml").replace("_", "-")
         assert round(user.get("cam_drive", "rpm"), 3) in SCENE_RPM
         assert user.get("law_server", "cam") in ("", "tm21")
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,15 +10,8 @@ from PIL import Image
 
 from cam_rig.report.document import uris
 from cam_rig.show.figure import empty, strips, styled, write, write_strip
-from tools.docs.browser import open_browser, why_no_browser
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
-
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(why_no_browser() is not None, reason=f"no browser: {why_no_browser()}"),
-]
+pytestmark = pytest.mark.slow
 #: Relative luminance by WCAG 2: what its contrast ratio is made of.
 CONTRAST = """([one, other]) => {
   const light = name => {
@@ -34,19 +25,12 @@ CONTRAST = """([one, other]) => {
 }"""
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    """A browser without a window."""
-    with open_browser() as browser:
-        yield browser
-
-
 @pytest.fixture
 def opened(chromium, rendered):
     """The page in a window of a width, in a colour scheme."""
     text = rendered("html")
 
-    def of(width: int, scheme: str = "light") -> Page:
+    def of(width, scheme="light"):
         viewport = {"width": width, "height": 800}
         page = chromium.new_context(viewport=viewport, color_scheme=scheme).new_page()
         page.set_content(text)

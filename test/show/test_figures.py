@@ -19,11 +19,6 @@ from matplotlib.markers import CARETUP
 from PIL import Image
 
 import cam_rig
-from benchmark.speed import report as work_precision
-from benchmark.speed.campaign import CampaignRate
-from benchmark.speed.cases import CASES
-from benchmark.speed.peers import PEERS
-from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import rise_curves
 from cam_rig.laws.segments import NAMED_RISES
@@ -230,16 +225,7 @@ def drawn() -> dict[str, Figure]:
         "over the turn": motion.over_turn({"One": forces, "Another": forces}),
         "one cam": jump.jump_speed_figure(JumpSpeed(413.44 * RPM, 5.8, 0.1, curve, rig, 0.5)),
         "turn by turn": motion.turn_by_turn(SoundLevel(200.0, 85.0, 80.0 + np.arange(12.0), 2, "")),
-        "bench": work_precision.figure(work_precision.Comparison(_bench())),
     }
-
-
-def _bench() -> WorkPrecisionStudy:
-    """Six cases, every peer, errors over many decades."""
-    points = [WorkPrecisionPoint(10.0**-k, 10.0 ** (2 * k - 14), None, 3, None) for k in range(4)]
-    sweeps = [Sweep(peer, points) for peer in PEERS]
-    results = {key: CaseResult(case(), points[-1], None, sweeps) for key, case in CASES.items()}
-    return WorkPrecisionStudy(results, {}, True, 2, 1.0, CampaignRate(2, 100, 25.0))
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import pytest
@@ -330,20 +331,11 @@ def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path
 # -- what a page does beside the viewer -------------------------------------------------------
 
 
-class Wall:
-    """A clock that a test sets."""
-
-    now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
 def test_the_delay_is_wall_time_at_any_pace(factor):
     """As of the page's report; one that hangs says nothing, and its delay grows all the same."""
-    wall = Wall()
-    page = PageTime(wall)
+    wall = SimpleNamespace(now=0.0)
+    page = PageTime(lambda: wall.now)
     for i in range(40):
         wall.now = 0.25 * i
         page.driven(factor * wall.now)
@@ -359,7 +351,7 @@ def test_the_delay_is_wall_time_at_any_pace(factor):
 
 def test_a_page_that_shows_nothing_or_is_ahead_is_not_late():
     """Without a rig time there is no delay; what the drive has not reported may be shown."""
-    page = PageTime(Wall())
+    page = PageTime(lambda: 0.0)
     page.driven(1.0)
     page.take("ns=-1")
     page.until_open()
