@@ -19,10 +19,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import LocalCluster
-from typer.testing import CliRunner
 
 from cam_rig import workers as executors
-from cam_rig.cli.main import app
 from cam_rig.errors import BEGIN, END, CamRigError, ConfigError, OutputError, RunError
 from cam_rig.files import temporary_folder
 from cam_rig.interrupts import STOPPING
@@ -30,6 +28,7 @@ from cam_rig.testing.running_rig import hold_domain
 from cam_rig.units import correlation_length, rounded_to_error
 from cam_rig.workers import check_workplace, workplace
 
+from .cli.conftest import GOLDEN, call
 from .processes import ended
 from .references import References
 
@@ -42,9 +41,6 @@ def test_a_message_of_thousands_of_numbers_keeps_its_begin_and_its_remedy() -> N
         assert str(one).endswith("; allowed: 3 numbers")
     whole = "x" * (BEGIN + END)
     assert str(CamRigError(whole)) == whole
-
-
-GOLDEN = str(Path(__file__).parents[1] / "bags" / "golden")
 
 
 def full(*_, **__):
@@ -63,7 +59,7 @@ def full_later(*_, **__):
 def test_no_place_for_temporary_files_is_one_line(monkeypatch, tmp_path, arguments):
     """Code 1, and TMPDIR as the way out."""
     monkeypatch.setattr(tempfile, "gettempdir", full)
-    result = CliRunner().invoke(app, arguments)
+    result = call(*arguments)
     assert result.exit_code == 1
     assert result.exception is None or isinstance(result.exception, SystemExit)
     assert "No usable temporary directory" in result.stderr
@@ -72,7 +68,7 @@ def test_no_place_for_temporary_files_is_one_line(monkeypatch, tmp_path, argumen
 
 def test_a_disk_that_fills_while_files_are_unpacked_is_told_of(monkeypatch):
     monkeypatch.setattr(Path, "write_bytes", full_later)
-    result = CliRunner().invoke(app, ["analyze", GOLDEN])
+    result = call("analyze", GOLDEN)
     assert result.exit_code == 1
     assert "(No space left on device); name a folder with room in TMPDIR" in result.stderr
     assert "recover" not in result.stderr

@@ -11,11 +11,10 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from tools.docs.course_pictures import COURSE, SHOWN, pictures
 
+from ..cli.conftest import call
 from ..processes import ended
 from .conftest import DOCS, ROOT, blocks, text
 
@@ -74,7 +73,7 @@ def run(command: str) -> str:
         done = ended(sys.executable, "-m", "cam_rig.cli.main", *arguments, timeout=500)
         code, printed = done.returncode, done.stdout + done.stderr
     else:
-        result = CliRunner().invoke(app, arguments)
+        result = call(*arguments)
         code, printed = result.exit_code, result.output
     assert code == 0, f"{command}\n{printed}"
     return printed

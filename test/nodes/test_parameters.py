@@ -173,9 +173,9 @@ def test_help_starts_nothing():
 # Every node has the drive's scene, or the run does not begin.
 
 
-@pytest.fixture
-def scene(tmp_path):
-    """Write a scene's file."""
+def test_the_file_of_a_scene_counts_not_its_folder(tmp_path):
+    """Copies are one; another is refused by name, or by what the file holds. A node without a scene
+    is taken: the player's consumers have the bag's own; a file may be gone since it was read."""
 
     def scene(name, text, folder=""):
         path = tmp_path / (folder or text) / f"{name}.yaml"
@@ -183,12 +183,6 @@ def scene(tmp_path):
         path.write_text(text, encoding="utf-8")
         return str(path)
 
-    return scene
-
-
-def test_the_file_of_a_scene_counts_not_its_folder(scene):
-    """Copies are one; another is refused by name, or by what the file holds. A node without a scene
-    is taken: the player's consumers have the bag's own; a file may be gone since it was read."""
     require_same_scene("follower", scene_identity(scene("one", "a")), scene("one", "a", "copy"))
     for theirs, words in (("two", "and two for"), ("one", "and another file of")):
         with pytest.raises(ConfigError, match=words):

@@ -6,16 +6,15 @@ import threading
 import time
 
 import pytest
-from typer.testing import CliRunner
 
 from cam_rig.bag.files import is_unclosed
-from cam_rig.cli.main import app
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import stop_all
 from cam_rig.studies.simulate.recorded import read_recording
 
+from ..cli.conftest import call
 from ..processes import ended
 from .conftest import (
     SLOW,
@@ -123,7 +122,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(short_scene, tmp_path, m
 
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", kill_recorder)
     bag = tmp_path / "bag"
-    result = CliRunner().invoke(app, ["run", str(short_scene), "--bag", str(bag)])
+    result = call("run", short_scene, "--bag", bag)
     assert result.exit_code == 1
     assert f"node recorder was ended by signal 9 after tick {TICKS}" in result.stderr
     assert "what was recorded so far is in" in result.stderr and "saved" in result.stderr

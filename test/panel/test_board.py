@@ -8,10 +8,8 @@ import shlex
 import numpy as np
 import pytest
 from shapely import Point, Polygon
-from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.cli.main import app
 from cam_rig.errors import (
     ConfigError,
     LawError,
@@ -25,6 +23,8 @@ from cam_rig.panel.board.drawable import at_rest, level
 from cam_rig.profile.drawing_files import read_dxf
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
+
+from ..cli.conftest import done
 
 
 def with_one_moved(board, lifts):
@@ -245,9 +245,7 @@ def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path):
     assert words[:3] == ["cam-rig", "design", found["path"]]
     assert words[words.index("--rig") + 1] == rig
     assert words[words.index("--out") + 1] == str(out / "mine_designed.yaml")
-    fewer = [*words[1:], "--pieces", "4", "--joints", "C2"]
-    result = CliRunner().invoke(app, fewer)
-    assert result.exit_code == 0, result.output
+    done(*words[1:], "--pieces", "4", "--joints", "C2")
     designed = cam_rig.load_cam(out / "mine_designed.yaml")
     start = cam_rig.jump_speed(board.law(), board.rig).rpm
     assert cam_rig.jump_speed(cam_rig.build_law(designed), board.rig).rpm > start

@@ -6,10 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_min_force
 from cam_rig.errors import ConfigError
@@ -19,6 +17,7 @@ from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
 from cam_rig.panel.lab.sheet import LabSetup, drawn
 from cam_rig.units import RPM
 
+from ..cli.conftest import call
 from ..viewer.asking import ask
 from .conftest import ANSWERS, filled, served_lab, sheet_of
 
@@ -252,7 +251,7 @@ def test_nonsense_and_what_cannot_be_written_are_refused_and_not_recorded(plain,
 
 def mark(*arguments):
     """Exit code, stdout and stderr."""
-    found = CliRunner().invoke(app, ["panel", "--mark", *map(str, arguments)])
+    found = call("panel", "--mark", *arguments)
     return found.exit_code, found.stdout, found.stderr
 
 

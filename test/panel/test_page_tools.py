@@ -15,9 +15,9 @@ from cam_rig.panel.lab.labs import LABS
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 
-from ..processes import WAIT_S, ended
+from ..processes import ended
 from ..viewer.asking import Visitor
-from .conftest import BENCH, BOARD, BrowserPage, in_browser, sheet_of
+from .conftest import BENCH, BOARD, BrowserPage, in_browser, received, sheet_of
 
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
@@ -57,16 +57,6 @@ def wrong_types(folder, messages):
     (folder / "sent.ts").write_text(text, encoding="utf-8")
     options = "--ignoreConfig --noEmit --strict --target es2022 --lib es2023,dom"
     return tsc(*options.split(), "--types", "", folder / "sent.ts", TOOLS / "messages.d.ts").stdout
-
-
-def received(socket, *kinds):
-    """The first message of each kind that comes, answers to what was sent among them."""
-    found = {}
-    while set(found) != set(kinds):
-        message = socket.recv(timeout=WAIT_S)
-        if isinstance(message, str) and (read := json.loads(message))["type"] in kinds:
-            found.setdefault(read["type"], read)
-    return found
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")

@@ -32,7 +32,7 @@ from cam_rig.viewer.web_server import MAX_MESSAGE
 
 from ..processes import WAIT_S, children, until
 from ..viewer.asking import Visitor, ask
-from .conftest import BENCH, BOARD
+from .conftest import BENCH, BOARD, received
 
 PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/languages", "/nothing"]
 PATHS += ["/save", "/dxf"]
@@ -164,13 +164,6 @@ def answer_to(page, number):
             return found
         if found["type"] == "answer" and found["answer"] == number:
             return found
-
-
-def next_of(page, kind):
-    """The next message of a kind."""
-    while (message := json.loads(page.recv(timeout=300)))["type"] != kind:
-        pass
-    return dict(message)
 
 
 TEXTS = ["", "x", "\\ud800", "\\udfff\\ud800", "\\u0000", "é" * 200, "__proto__", "/../..", "\\n"]
@@ -355,16 +348,16 @@ def test_only_the_last_law_is_answered_at_rest_by_a_process_that_may_be_killed(p
         begun = panel.board.version
         for number in range(1, 21):
             page.send(json.dumps(change | {"number": number, "rpm": 200 + number}))
-        answer = next_of(page, "rest")
+        answer = received(page, "rest")["rest"]
         while answer["version"] < begun + 20:
-            answer = next_of(page, "rest")
+            answer = received(page, "rest")["rest"]
         assert answer["rpm"] == 220.0
         for child in begun_by_this(WORKER):
             os.kill(child, signal.SIGKILL)
         page.send(json.dumps(change | {"number": 21, "rpm": 200}))
-        assert "ended" in next_of(page, "rest")["words"]
+        assert "ended" in received(page, "rest")["rest"]["words"]
         page.send(json.dumps(change | {"number": 22, "rpm": 200}))
-        assert "jump" in next_of(page, "rest")
+        assert "jump" in received(page, "rest")["rest"]
 
 
 def begun_by_this(*wanted):
@@ -389,7 +382,7 @@ def test_one_design_at_a_time_and_it_can_be_stopped(panel):
         assert status == 409
         assert "so stop it" in words["words"]
         assert panel.post("/design/stop")[0] == 200
-        while not next_of(page, "design").get("stopped"):
+        while not received(page, "design")["design"].get("stopped"):
             pass
         assert begun_by_this(WORKER, DESIGN) == []
         assert sorted(path.name for path in out.iterdir()) == ["other.yaml", "start.yaml"]
@@ -410,7 +403,7 @@ def test_a_design_that_cannot_begin_or_end_says_why(panel):
     (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
     with panel.page(BOARD) as page:
         assert design(panel, "frame")[0] == 202
-        assert "its follower is constant_breadth" in next_of(page, "design")["words"]
+        assert "its follower is constant_breadth" in received(page, "design")["design"]["words"]
 
 
 @pytest.mark.long
@@ -421,10 +414,10 @@ def test_a_design_is_told_as_it_grows_and_written(panel):
     board.save("begin", board.drawn.ordinates.tolist())
     with panel.page(BOARD) as page:
         assert design(panel, "begin")[0] == 202
-        message, best = next_of(page, "design"), []
+        message, best = received(page, "design")["design"], []
         while "so_far_rpm" in message:
             best.append(message["so_far_rpm"])
-            message = next_of(page, "design")
+            message = received(page, "design")["design"]
     assert best
     assert best == sorted(best)
     law = cam_rig.build_law(cam_rig.load_cam(message["path"]))
