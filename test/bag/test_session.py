@@ -50,6 +50,11 @@ def by_topic(kept):
     return found
 
 
+@pytest.fixture
+def session(kept):
+    return RecordingSession(kept, StateValidator(RATE))
+
+
 @pytest.fixture(scope="module")
 def states(golden):
     return [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.CAM_STATE]
@@ -101,9 +106,8 @@ def test_a_step_waits_for_its_law(golden, kept, states):
     assert written == [stamp for stamp in states if stamp < laws[1]]
 
 
-def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states):
+def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states, session):
     """A second run into the same bag, its rig time from zero: named; the first one stays whole."""
-    session = RecordingSession(kept, StateValidator(RATE))
     for topic, number, cdr in golden:
         session.take(topic, cdr, LIVE, number)
     whole = by_topic(kept)
@@ -153,9 +157,8 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
     assert str(refused.value).startswith(words)
 
 
-def test_a_forged_diagnosis_ends_a_recording(golden, kept):
+def test_a_forged_diagnosis_ends_a_recording(golden, session):
     """The microphone's diagnostics from another process than its levels are refused."""
-    session = RecordingSession(kept, StateValidator(RATE))
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
     session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
@@ -185,9 +188,8 @@ def test_a_law_that_is_not_the_files_is_refused(golden, kept):
     assert topics.LAW_COEFFICIENTS.name not in by_topic(kept)
 
 
-def test_messages_of_no_known_state_are_bounded(golden, kept):
+def test_messages_of_no_known_state_are_bounded(golden, session):
     """A flood of unknown stamps does not fill the memory."""
-    session = RecordingSession(kept, StateValidator(RATE))
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
     with pytest.raises(RefusedError, match="of no known state"):
         for second in range(1000):
@@ -241,9 +243,8 @@ def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
     assert by_topic(kept) == straight
 
 
-def test_what_a_recorder_makes_itself_is_not_taken(kept):
+def test_what_a_recorder_makes_itself_is_not_taken(session):
     """Whoever publishes it: the derived messages of a bag follow from its samples."""
-    session = RecordingSession(kept, StateValidator(RATE))
     for topic in set(topics.RECORDING) - set(topics.RECEIVED):
         with pytest.raises(RefusedError, match=f"{topic.name}: a recorder makes these"):
             session.take(topic, b"", LIVE, 1)

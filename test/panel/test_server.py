@@ -274,16 +274,20 @@ def test_a_huge_message_ends_its_own_page_alone(panel):
 # -- who sleeps -------------------------------------------------------------------------------
 
 
-def asleep(panel, path):
-    """A page's websocket that reads nothing, not even the answer to its handshake."""
+def begun_request(panel, first, more, body=""):
+    """A socket on which a page's request was sent, and nothing is read of the answer."""
     page = socket.socket()
     page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     page.connect((panel.url.hostname, panel.url.port))
-    upgrade = {"Host": panel.url.netloc, "Upgrade": "websocket", "Connection": "Upgrade"}
-    key = {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version": "13"}
-    lines = [f"{name}: {value}" for name, value in (upgrade | key | panel.headers).items()]
-    page.sendall("\r\n".join([f"GET {path} HTTP/1.1", *lines, "", ""]).encode())
+    headers = {"Host": panel.url.netloc} | panel.headers | more
+    lines = [first, *(f"{name}: {value}" for name, value in headers.items()), "", body]
+    page.sendall("\r\n".join(lines).encode())
     return page
+
+
+#: What makes a request of a websocket.
+UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
 
 
 @pytest.mark.parametrize("path", [BOARD, BENCH])
@@ -294,7 +298,7 @@ def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
     with panel.page(path) as one, panel.page(path) as two:
         until(lambda: len(pages) == 2)
-        sleeper = asleep(panel, path)
+        sleeper = begun_request(panel, f"GET {path} HTTP/1.1", UPGRADE)
         until(lambda: len(pages) == 3)
         number, end = 0, time.monotonic() + WAIT_S
         while len(pages) == 3:
@@ -314,11 +318,8 @@ def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
 
 def test_a_request_that_never_ends_holds_no_other_up(panel):
     """A lab's page that has sent half of its reading, of a browser that is suspended."""
-    with socket.create_connection((panel.url.hostname, panel.url.port)) as page:
-        own = {"Host": panel.url.netloc} | panel.headers
-        lines = [f"{name}: {x}" for name, x in own.items()]
-        head = ["POST /lab/student HTTP/1.1", *lines, "Content-Length: 100", "", '{"student"']
-        page.sendall("\r\n".join(head).encode())
+    length = {"Content-Length": "100"}
+    with begun_request(panel, "POST /lab/student HTTP/1.1", length, '{"student"'):
         assert panel.send("/lab/student", {"student": "A"})[0] == 200
     assert panel.lab.notebook.recorded.student == "A"
 

@@ -185,12 +185,8 @@ def placed_from(axes, points):
     """Rows of x and y that points were placed from."""
     x, y = np.array(points).reshape(-1, 2).T
     across, up = x / axes.width, 1.0 - (y - axes.top) / axes.height
-    return np.stack(
-        [
-            low + part * (high - low)
-            for part, (low, high) in zip((across, up), (axes.x, axes.y), strict=True)
-        ]
-    )
+    placed = ((across, *axes.x), (up, *axes.y))
+    return np.stack([low + part * (high - low) for part, low, high in placed])
 
 
 def axes_of(bag):

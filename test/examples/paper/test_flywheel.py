@@ -71,7 +71,7 @@ def test_the_preload_twists_the_shaft(found):
     assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
 
 
-def test_the_script(found, tmp_path, capsys, monkeypatch):
+def test_the_script(found, printed_by, monkeypatch):
     """One row per inertia and per cam, the digits of the report, the summary and the figure."""
     over_inertia, over_cams = tables(found)
     assert [row[0] for row in over_inertia.rows][-2:] == ["20", "∞"]
@@ -80,7 +80,5 @@ def test_the_script(found, tmp_path, capsys, monkeypatch):
         ["Polynomial 3-4-5", "3.12", "0.1305", "0.1432", "0.1115"]
     ]
     monkeypatch.setattr(script, "study", lambda: found)
-    script.main(["--out", str(tmp_path)])
-    assert "twist 0.1432°, 0.1115° without preload" in capsys.readouterr().out
-    assert (tmp_path / "flywheel.png").is_file()
+    assert "twist 0.1432°, 0.1115° without preload" in printed_by(script)
     assert faults(figure(found)) == []
