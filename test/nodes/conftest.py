@@ -23,7 +23,6 @@ from cam_rig.errors import RunError
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.nodes import process
 from cam_rig.nodes.__main__ import NODES
-from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import live
 from cam_rig.runner.node_table import RECORDER
 from cam_rig.testing.client import RigClient
@@ -173,16 +172,6 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
         for report in here.progress():
             on_tick(report["tick"])
     assert set(here.codes.values()) == {0}
-
-
-def run_graph(scene, bag, on_tick=None, **drive):
-    """Run processes to the end, calling ``on_tick(graph, tick)`` for each; the lines logged."""
-    logged = []
-    with Graph(patient(scene, bag, **drive), log=logged.append) as graph:
-        for report in graph.progress():
-            if on_tick is not None:
-                on_tick(graph, report["tick"])
-    return logged
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -29,10 +29,6 @@ pytestmark = pytest.mark.ros
 SCENE_RPM = (250.0, 400.0)
 
 
-def states_of(bag):
-    return [cam_state_of(message) for _, _, message in messages(bag, (topics.CAM_STATE,))]
-
-
 def set_speeds(user, reports):
     """Whole numbers are numbers; 0 is the scene's; what is read is the speed now."""
 
@@ -79,7 +75,7 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
         user.call("/cam_drive/start")
         for _ in reports:
             pass
-    states = states_of(bag)
+    states = [cam_state_of(message) for _, _, message in messages(bag, (topics.CAM_STATE,))]
     validator = StateValidator(2000.0)
     for state in states:
         validator.validate(state)

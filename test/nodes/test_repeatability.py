@@ -25,7 +25,6 @@ from .conftest import (
     node_processes,
     patient,
     payloads_of,
-    run_graph,
     unused,
     wait_until,
 )
@@ -68,21 +67,17 @@ def resident_mb(process):
 @pytest.mark.long
 def test_a_suspended_consumer_lets_no_memory_grow(short_scene, undisturbed, tmp_path):
     """For 5 s by SIGSTOP, as processes."""
-    grown = []
-
-    def stall(graph, tick):
-        if tick != 30:
-            return
-        others = [p.process for name, p in graph.processes.items() if name != "microphone"]
-        stalled = graph.processes["microphone"].process
-        stalled.send_signal(signal.SIGSTOP)
-        time.sleep(1.0)
-        before = [resident_mb(process) for process in others]
-        time.sleep(4.0)
-        grown.extend(resident_mb(p) - mb for p, mb in zip(others, before, strict=True))
-        stalled.send_signal(signal.SIGCONT)
-
-    run_graph(short_scene, tmp_path / "bag", stall)
+    with Graph(patient(short_scene, tmp_path / "bag"), log=print) as graph:
+        for report in graph.progress():
+            if report["tick"] == 30:
+                others = [p.process for name, p in graph.processes.items() if name != "microphone"]
+                stalled = graph.processes["microphone"].process
+                stalled.send_signal(signal.SIGSTOP)
+                time.sleep(1.0)
+                before = [resident_mb(process) for process in others]
+                time.sleep(4.0)
+                grown = [resident_mb(p) - mb for p, mb in zip(others, before, strict=True)]
+                stalled.send_signal(signal.SIGCONT)
     assert max(grown) < 5.0
     assert payloads_of(tmp_path / "bag") == undisturbed
 
