@@ -108,6 +108,17 @@ def heard_hangup() -> Iterator[None]:
     signal.signal(signal.SIGHUP, before)
 
 
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """A browser without a window, or a skipped test where none is installed."""
+    from tools.docs.browser import open_browser, why_no_browser
+
+    if why := why_no_browser():
+        pytest.skip(f"no browser: {why}")
+    with open_browser() as browser:
+        yield browser
+
+
 @pytest.fixture(scope="session")
 def config_dir() -> Path:
     """The shipped ``config`` folder."""

@@ -6,7 +6,7 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.bag.reader import raw_messages
+from cam_rig.bag.reader import raw_messages, read_counts
 from cam_rig.bag.writer import BagWriter
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.units import NS
@@ -60,12 +60,11 @@ def write_bag(path, topics, plugin=StoragePlugin.MCAP):
     return path
 
 
-def write_two_rigs(path, bag):
-    """The messages of a bag of the rig that are compared, twice: under / and under /rig2."""
-    read = {"/cam/state", "/follower/samples", "/microphone/pressure"}
+def write_rigs(path, bag, *namespaces):
+    """The messages of a bag of the rig, once in each namespace."""
     with BagWriter(path) as writer:
-        for connection, time_ns, data in raw_messages(bag, read):
-            for namespace in ("", "/rig2"):
+        for connection, time_ns, data in raw_messages(bag, set(read_counts(bag))):
+            for namespace in namespaces:
                 topic = recorded_topic(connection.topic)
                 writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
     return path

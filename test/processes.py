@@ -1,5 +1,6 @@
 """What Linux's own tables tell of processes, and a wait for what they do."""
 
+import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -8,12 +9,19 @@ from pathlib import Path
 WAIT_S = 100.0
 
 
+def ended(*command, **how):
+    """Return a process that has ended, with its output as text."""
+    words, pipes = [*map(str, command)], {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.run(words, text=True, check=False, **{"timeout": WAIT_S} | pipes | how)
+
+
 def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):
-    """Wait for something that another thread or process does, step by step."""
+    """Wait step by step until a condition that another thread or process meets, and return it."""
     end = time.monotonic() + wait
-    while not condition():
+    while not (result := condition()):
         assert time.monotonic() < end, f"it never came true {said()}"
         step()
+    return result
 
 
 def text_of(place):

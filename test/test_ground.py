@@ -10,7 +10,6 @@ import math
 import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -20,10 +19,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import LocalCluster
-from typer.testing import CliRunner
 
 from cam_rig import workers as executors
-from cam_rig.cli.main import app
 from cam_rig.errors import BEGIN, END, CamRigError, ConfigError, OutputError, RunError
 from cam_rig.files import temporary_folder
 from cam_rig.interrupts import STOPPING
@@ -31,6 +28,8 @@ from cam_rig.testing.running_rig import hold_domain
 from cam_rig.units import correlation_length, rounded_to_error
 from cam_rig.workers import check_workplace, workplace
 
+from .cli.conftest import GOLDEN, call
+from .processes import ended
 from .references import References
 
 
@@ -42,9 +41,6 @@ def test_a_message_of_thousands_of_numbers_keeps_its_begin_and_its_remedy() -> N
         assert str(one).endswith("; allowed: 3 numbers")
     whole = "x" * (BEGIN + END)
     assert str(CamRigError(whole)) == whole
-
-
-GOLDEN = str(Path(__file__).parents[1] / "bags" / "golden")
 
 
 def full(*_, **__):
@@ -63,7 +59,7 @@ def full_later(*_, **__):
 def test_no_place_for_temporary_files_is_one_line(monkeypatch, tmp_path, arguments):
     """Code 1, and TMPDIR as the way out."""
     monkeypatch.setattr(tempfile, "gettempdir", full)
-    result = CliRunner().invoke(app, arguments)
+    result = call(*arguments)
     assert result.exit_code == 1
     assert result.exception is None or isinstance(result.exception, SystemExit)
     assert "No usable temporary directory" in result.stderr
@@ -72,7 +68,7 @@ def test_no_place_for_temporary_files_is_one_line(monkeypatch, tmp_path, argumen
 
 def test_a_disk_that_fills_while_files_are_unpacked_is_told_of(monkeypatch):
     monkeypatch.setattr(Path, "write_bytes", full_later)
-    result = CliRunner().invoke(app, ["analyze", GOLDEN])
+    result = call("analyze", GOLDEN)
     assert result.exit_code == 1
     assert "(No space left on device); name a folder with room in TMPDIR" in result.stderr
     assert "recover" not in result.stderr
@@ -148,10 +144,8 @@ def test_no_signal_to_a_command_ends_what_removes_its_leavings(tmp_path):
     """
     script = tmp_path / "tracked.py"
     script.write_text(TRACKED, encoding="utf-8")
-    found = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, check=True, timeout=100
-    ).stdout
-    rows = dict(line.split(":", maxsplit=1) for line in found.splitlines() if line)
+    found = ended(sys.executable, script).stdout.splitlines()
+    rows = dict(line.split(":", maxsplit=1) for line in found if line)
     deaf = int(rows["SigBlk"], 16) | int(rows["SigIgn"], 16)
     assert [number for number in STOPPING if not deaf >> (number - 1) & 1] == []
 
@@ -170,8 +164,8 @@ def test_an_interrupt_while_a_result_is_sent(tmp_path):
     """The rest of what a killed worker was sending is not waited for."""
     script = tmp_path / "sending.py"
     script.write_text(SENDING, encoding="utf-8")
-    done = subprocess.run([sys.executable, script], capture_output=True, check=False, timeout=100)
-    assert b"KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
+    done = ended(sys.executable, script)
+    assert "KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
 
 
 #: Wall time (s) that what has ended may take to be gone, on a busy machine.

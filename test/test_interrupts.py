@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from cam_rig.interrupts import STOPPING
+
+from .processes import ended
 
 pytestmark = pytest.mark.usefixtures("heard_hangup")
 #: What every script begins with; `now` sends itself a signal.
@@ -37,17 +38,20 @@ handle_signals()
 
 def run(script: str, folder: Path) -> tuple[int, list[str], str]:
     """The exit code of a script, the lines that it prints, and its stderr."""
-    done = subprocess.run(
-        [sys.executable, "-c", BEGIN + script],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        check=False,
-        timeout=100,
-    )
+    done = ended(sys.executable, "-c", BEGIN + script, cwd=folder)
     return done.returncode, done.stdout.splitlines(), done.stderr
 
 
+#: Where most scenes act: what is raised within is printed.
+SCENE = """
+try:
+    with raised():
+        {}
+        print("never")
+except Interrupted as error:
+    print(error)
+"""
+RAISED = "interrupted by SIGTERM"
 #: Scripts by what they show, with the lines that each prints; each ends with 143.
 SCENES = {
     "an import is finished, and no lock of it is held": (
@@ -69,15 +73,8 @@ except Interrupted:
         ["imported True"],
     ),
     "what a `with` makes is removed": (
-        """
-try:
-    with raised():
-        with resource(enter=now):
-            print("never")
-except Interrupted as error:
-    print(error)
-""",
-        ["made", "removed", "interrupted by SIGTERM"],
+        SCENE.format("with resource(enter=now):\n            print('never')"),
+        ["made", "removed", RAISED],
     ),
     "also of an ExitStack": (
         """
@@ -91,27 +88,13 @@ except Interrupted:
         ["made", "removed"],
     ),
     "signals do not disturb what is being removed": (
-        """
-try:
-    with raised():
-        with resource(leave=lambda: (now(), now(signal.SIGINT), now(signal.SIGHUP))):
-            now()
-except Interrupted as error:
-    print(error)
-""",
-        ["made", "removed", "interrupted by SIGTERM"],
+        "more = lambda: (now(), now(signal.SIGINT), now(signal.SIGHUP))"
+        + SCENE.format("with resource(leave=more):\n            now()"),
+        ["made", "removed", RAISED],
     ),
     "one that comes while a resource is removed is raised afterwards": (
-        """
-try:
-    with raised():
-        with resource(leave=now):
-            print("body")
-        print("never")
-except Interrupted:
-    print("raised")
-""",
-        ["made", "body", "removed", "raised"],
+        SCENE.format("with resource(leave=now):\n            print('body')"),
+        ["made", "body", "removed", RAISED],
     ),
     "a wait within the begin of a `with` is cut short": (
         """
@@ -119,13 +102,9 @@ except Interrupted:
 def wait():
     now()
     print("never")
-try:
-    with raised(), resource(enter=wait):
-        print("never")
-except Interrupted:
-    print("raised")
-""",
-        ["raised"],
+"""
+        + SCENE.format("with resource(enter=wait):\n            print('never')"),
+        [RAISED],
     ),
     "and so is one that begins after the signal": (
         """
@@ -135,13 +114,9 @@ def wait():
 def both():
     now()
     wait()
-try:
-    with raised(), resource(enter=both):
-        print("never")
-except Interrupted:
-    print("raised")
-""",
-        ["raised"],
+"""
+        + SCENE.format("with resource(enter=both):\n            print('never')"),
+        [RAISED],
     ),
     "in a destructor, where nothing can be raised, it is raised after it": (
         """
@@ -153,14 +128,9 @@ class Dying:
 def let_die():
     Dying()
     return None
-try:
-    with raised():
-        let_die()
-        print("never")
-except Interrupted:
-    print("raised")
-""",
-        ["raised"],
+"""
+        + SCENE.format("let_die()"),
+        [RAISED],
     ),
     "what compiled code makes of it is an interrupt again": (
         """
@@ -168,25 +138,11 @@ from matplotlib import _path
 class Lost:
     def __array__(self, *_, **__):
         now()
-try:
-    with raised():
-        _path.affine_transform([[0.0, 0.0]], Lost())
-except Interrupted as error:
-    print(error)
-""",
-        ["interrupted by SIGTERM"],
+"""
+        + SCENE.format("_path.affine_transform([[0.0, 0.0]], Lost())"),
+        [RAISED],
     ),
-    "one that came before is raised at the begin": (
-        """
-now()
-try:
-    with raised():
-        print("never")
-except Interrupted:
-    print("raised")
-""",
-        ["raised"],
-    ),
+    "one that came before is raised at the begin": ("now()" + SCENE.format(""), [RAISED]),
     "whoever keeps what there is ends with its code all the same": (
         """
 with raised():

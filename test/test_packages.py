@@ -4,7 +4,6 @@ import ast
 import json
 import os
 import re
-import subprocess
 import sys
 from collections import Counter
 from importlib.metadata import version
@@ -16,6 +15,8 @@ import yaml
 
 import cam_rig
 from cam_rig.extras import EXTRAS, OPTIONAL
+
+from .processes import ended
 
 ROOT = Path(__file__).parents[1]
 #: rosdep keys of the libraries whose key is not python3-<name>.
@@ -132,8 +133,7 @@ def test_the_lock_has_all_extras():
 
 
 def run(code):
-    command, pipes = [sys.executable, "-c", code], {"capture_output": True, "text": True}
-    return subprocess.run(command, check=False, cwd=ROOT, timeout=100, **pipes)
+    return ended(sys.executable, "-c", code, cwd=ROOT)
 
 
 def test_the_core_alone_runs_the_ten_lines():
@@ -269,7 +269,7 @@ def test_the_image_starts_a_launch_file_that_there_is():
     assert package == "cam_rig" and (ROOT / "launch" / launch).is_file()
     entry = DOCKER / "entrypoint.sh"
     assert os.access(entry, os.X_OK)
-    subprocess.run(["bash", "-n", str(entry)], check=True, timeout=100)
+    assert ended("bash", "-n", entry).returncode == 0
 
 
 def test_compose_builds_that_image():

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -34,16 +35,9 @@ class Use(NamedTuple):
     type: str | None = None
 
 
-class Bag(NamedTuple):
-    """Types of the golden bag's topics, the last message of each, and all frames of /tf."""
-
-    types: dict[str, str]
-    messages: dict[str, Any]
-    frames: set[str]
-
-
 @pytest.fixture(scope="module")
-def golden() -> Bag:
+def golden() -> SimpleNamespace:
+    """Types of the golden bag's topics, the last message of each, and all frames of /tf."""
     with AnyReader([ROOT / "bags" / "golden"]) as reader:
         types = {topic: info.msgtype for topic, info in reader.topics.items()}
         found = {
@@ -56,7 +50,7 @@ def golden() -> Bag:
         for one in found[topic].transforms
         for name in (one.header.frame_id, one.child_frame_id)
     }
-    return Bag(types, found, frames)
+    return SimpleNamespace(types=types, messages=found, frames=frames)
 
 
 def rviz(path: Path) -> tuple[list[Use], set[str]]:
@@ -128,7 +122,7 @@ def number(message: Any, field: str) -> float:
     return float(message)
 
 
-def curve(golden: Bag, name: str) -> float:
+def curve(golden: SimpleNamespace, name: str) -> float:
     """The number of one of PlotJuggler's curves."""
     topic = max((t for t in golden.types if name.startswith(f"{t}/")), key=len)
     message, path = golden.messages[topic], name.removeprefix(f"{topic}/")
@@ -139,7 +133,7 @@ def curve(golden: Bag, name: str) -> float:
 
 
 @pytest.mark.parametrize("path", LAYOUTS, ids=lambda path: path.name)
-def test_a_layout_shows_what_a_bag_holds(path: Path, golden: Bag) -> None:
+def test_a_layout_shows_what_a_bag_holds(path: Path, golden: SimpleNamespace) -> None:
     uses, frames = READERS[path.suffix](path)
     assert uses
     assert frames <= golden.frames

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
-from typer.testing import CliRunner
 
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import bag_file
@@ -21,7 +20,6 @@ from cam_rig.bag.records import records_of
 from cam_rig.bag.recover import examine, recover, state_words
 from cam_rig.bag.replay import compare, played
 from cam_rig.bag.session import RecordingSession
-from cam_rig.cli.main import app
 from cam_rig.errors import CamRigError, DynamicsError, RefusedError
 from cam_rig.live.queues import FollowerQueue
 from cam_rig.live.state_validation import StateValidator
@@ -38,6 +36,7 @@ from cam_rig.messages.codec import (
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.studies.simulate.recorded import read_recording
 
+from ..cli.conftest import call
 from .bags import GOLDEN, LOADED, Frugal
 
 LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
@@ -161,7 +160,7 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
                 assert str(error).count("cannot be read as a rosbag2 bag") < 2
     (bag / "bag_0.mcap").write_bytes(data)
     with Frugal():
-        result = CliRunner().invoke(app, ["analyze", str(bag)])
+        result = call("analyze", bag)
     assert result.exit_code in (0, 1, 2)
     assert isinstance(result.exception, (SystemExit, type(None)))
 

@@ -31,13 +31,12 @@ def packed_zeros(size, compression):
     """Zeros of some length, compressed piece by piece."""
     out, zeros = io.BytesIO(), bytes(2**20)
     if compression == "zstd":
-        with zstandard.ZstdCompressor().stream_writer(out, closefd=False) as stream:
-            for _ in range(size // len(zeros)):
-                stream.write(zeros)
+        packed = zstandard.ZstdCompressor().stream_writer(out, closefd=False)
     else:
-        with lz4.frame.LZ4FrameFile(out, "wb") as stream:
-            for _ in range(size // len(zeros)):
-                stream.write(zeros)
+        packed = lz4.frame.LZ4FrameFile(out, "wb")
+    with packed as stream:
+        for _ in range(size // len(zeros)):
+            stream.write(zeros)
     return out.getvalue()
 
 

@@ -29,28 +29,6 @@ SOME = pytest.mark.parametrize("some", [3, pytest.param(0, marks=pytest.mark.lon
 once = cache(payloads)
 
 
-def few(bag, golden, **how):
-    """A recorder of few instants a turn, for speed."""
-    return record(bag, golden, points_per_turn=2, **how)
-
-
-@pytest.fixture(scope="module")
-def straight(tmp_path_factory, golden):
-    """The bag of a recorder that lived to its end."""
-    bag = tmp_path_factory.mktemp("straight") / "bag"
-    few(bag, golden).close()
-    return bag
-
-
-@pytest.fixture(scope="module")
-def straight_split(tmp_path_factory, golden):
-    """The same, split."""
-    bag = tmp_path_factory.mktemp("straight_split") / "bag"
-    few(bag, golden, split=SPLIT).close()
-    assert len(mcap_files(bag)) > 2
-    return bag
-
-
 def names(bag):
     return sorted(path.suffix for path in bag.iterdir())
 
@@ -81,11 +59,11 @@ def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
 
 
 @SOME
-def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, some):
+def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some):
     """All was flushed: recovered, it is the bag that would have been closed."""
 
     def prepare(name):
-        recorder = few(tmp_path / f"bag{name}", golden)
+        recorder = record(tmp_path / f"bag{name}", golden, points_per_turn=2)
         recorder._session.close()
         recorder._writer.flush()
         return tmp_path / f"bag{name}", recorder.close
@@ -93,7 +71,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, so
     for bag in killed_bags(prepare, some):
         if is_unclosed(bag):
             state_words(bag)
-        assert payloads(bag) == once(straight)
+        assert payloads(bag) == once(whole)
         assert len(read_recording(bag).ticks) == 16
 
 
@@ -130,12 +108,12 @@ def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, some):
 
 
 @SOME
-def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, straight_split, some):
+def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some):
     """Two files that were not closed, as a kill between them leaves: each becomes whole."""
 
     def prepare(name):
         bag = tmp_path / name / "bag"
-        shutil.copytree(straight_split, bag)
+        shutil.copytree(split, bag)
         for file in mcap_files(bag)[:2]:
             file.write_bytes(file.read_bytes()[:-400])
         return bag, lambda: recover_in_place(bag)
@@ -143,7 +121,7 @@ def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, straight_sp
     for bag in killed_bags(prepare, some):
         if is_unclosed(bag):
             recover_in_place(bag)
-        assert payloads(bag) == once(straight_split)
+        assert payloads(bag) == once(split)
         assert set(names(bag)) == {".mcap", ".yaml"}
 
 

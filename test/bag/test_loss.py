@@ -65,9 +65,8 @@ def test_every_tick_of_the_golden_bag_is_there():
 def test_ticks_that_are_gone_are_numbered(first, last):
     """Each tick by its place in the scene, whichever part of the file is gone."""
     gone = set(TIMES[first : last + 1])
-    loss = loss_of(
-        held(lambda topic, m: topic in NUMBERED or m.log_time not in gone), SCENE, False, True
-    )
+    kept = held(lambda topic, m: topic in NUMBERED or m.log_time not in gone)
+    loss = loss_of(kept, SCENE, False, True)
     if (first, last) == (0, 16):
         assert loss_of(Holdings(), SCENE, False, True).open_end
         return
@@ -96,12 +95,8 @@ def test_what_is_gone_of_a_tick_is_named(topic):
     """One topic, at one tick or at several."""
     for first, last in ((4, 4), (11, 13)):
         gone = set(TIMES[first : last + 1])
-        loss = loss_of(
-            held(lambda name, m, gone=gone: name != topic or m.log_time not in gone),
-            SCENE,
-            False,
-            True,
-        )
+        kept = held(lambda name, m, gone=gone: name != topic or m.log_time not in gone)
+        loss = loss_of(kept, SCENE, False, True)
         ticks = f"tick {first}" if first == last else f"ticks {first} to {last}"
         assert loss.gaps == (f"{topic} of {ticks} of 16",)
         assert loss.messages == last - first + 1

@@ -10,7 +10,7 @@ from cam_rig.bag.reader import read_ticks
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.units import TURN
 
-from ..foreign_bags import BEGIN, joint, number, wrench, write_bag, write_two_rigs
+from ..foreign_bags import BEGIN, joint, number, wrench, write_bag, write_rigs
 from .bags import GOLDEN
 
 TIME = np.arange(400) / 200.0
@@ -130,7 +130,7 @@ def test_the_rig_s_own_bag_needs_no_mapping():
 
 def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
     """Which one is meant is not guessed; named, it is read as if it were alone."""
-    bag = write_two_rigs(tmp_path / "two", GOLDEN)
+    bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     expected = read_measured(GOLDEN, cam="tm21")
     for namespace in ("/", "rig2"):
         run = read_measured(bag, cam="tm21", namespace=namespace)

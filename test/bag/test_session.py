@@ -50,6 +50,11 @@ def by_topic(kept):
     return found
 
 
+@pytest.fixture
+def session(kept):
+    return RecordingSession(kept, StateValidator(RATE))
+
+
 @pytest.fixture(scope="module")
 def states(golden):
     return [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.CAM_STATE]
@@ -101,9 +106,8 @@ def test_a_step_waits_for_its_law(golden, kept, states):
     assert written == [stamp for stamp in states if stamp < laws[1]]
 
 
-def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states):
+def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states, session):
     """A second run into the same bag, its rig time from zero: named; the first one stays whole."""
-    session = RecordingSession(kept, StateValidator(RATE))
     for topic, number, cdr in golden:
         session.take(topic, cdr, LIVE, number)
     whole = by_topic(kept)
@@ -153,9 +157,8 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
     assert str(refused.value).startswith(words)
 
 
-def test_a_forged_diagnosis_ends_a_recording(golden, kept):
+def test_a_forged_diagnosis_ends_a_recording(golden, session):
     """The microphone's diagnostics from another process than its levels are refused."""
-    session = RecordingSession(kept, StateValidator(RATE))
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
     session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
@@ -185,9 +188,8 @@ def test_a_law_that_is_not_the_files_is_refused(golden, kept):
     assert topics.LAW_COEFFICIENTS.name not in by_topic(kept)
 
 
-def test_messages_of_no_known_state_are_bounded(golden, kept):
+def test_messages_of_no_known_state_are_bounded(golden, session):
     """A flood of unknown stamps does not fill the memory."""
-    session = RecordingSession(kept, StateValidator(RATE))
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
     with pytest.raises(RefusedError, match="of no known state"):
         for second in range(1000):
@@ -211,9 +213,14 @@ def test_what_states_have_overtaken_is_let_go(golden, kept):
             session.take(topics.LAW, junk, LIVE, number)
 
 
+def diagnosis(node, words, stamp=0, **values):
+    pairs = [new("diagnostic_msgs/KeyValue", key, value) for key, value in values.items()]
+    status = new("diagnostic_msgs/DiagnosticStatus", 0, node, words, "", pairs)
+    return new("diagnostic_msgs/DiagnosticArray", header(stamp, ""), [status])
+
+
 def of_speaker(node, stamp):
-    status = new("diagnostic_msgs/DiagnosticStatus", 0, node, "all is well", "", [])
-    return serialize(new("diagnostic_msgs/DiagnosticArray", header(stamp, ""), [status]))
+    return serialize(diagnosis(node, "all is well", stamp))
 
 
 def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
@@ -236,9 +243,8 @@ def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
     assert by_topic(kept) == straight
 
 
-def test_what_a_recorder_makes_itself_is_not_taken(kept):
+def test_what_a_recorder_makes_itself_is_not_taken(session):
     """Whoever publishes it: the derived messages of a bag follow from its samples."""
-    session = RecordingSession(kept, StateValidator(RATE))
     for topic in set(topics.RECORDING) - set(topics.RECEIVED):
         with pytest.raises(RefusedError, match=f"{topic.name}: a recorder makes these"):
             session.take(topic, b"", LIVE, 1)
@@ -270,26 +276,16 @@ def test_the_gaps_of_the_alignment_are_zero(golden):
 # -- what the microphone read in a recording, as a replay sets it again -----------------------
 
 
-def diagnosis(node, words, **values):
-    pairs = [new("diagnostic_msgs/KeyValue", key, value) for key, value in values.items()]
-    status = new("diagnostic_msgs/DiagnosticStatus", 0, node, words, "rig", pairs)
-    return new("diagnostic_msgs/DiagnosticArray", header(0, ""), [status])
-
-
 def test_a_recording_says_what_its_microphone_read():
     """At each second of rig time, and nothing else in between."""
     assert {one.quantity for one in played(GOLDEN)} == {"", "LZF"}
 
 
-@pytest.mark.parametrize("words", ["hears LAF", "any other words", ""])
-def test_a_quantity_is_a_value_and_no_part_of_a_sentence(words):
-    """Whatever the words are, and however they change; another node reads none."""
-    assert quantity_of(diagnosis("microphone", words, **{QUANTITY: "LCS"})) == "LCS"
-    assert quantity_of(diagnosis("microphone", words)) == ""
-    assert quantity_of(diagnosis("follower", words, **{QUANTITY: "LCS"})) == ""
-
-
-@pytest.mark.parametrize("value", ["", "L", "LBF", "LAFx", "laf"])
-def test_what_is_no_level_is_not_set(value):
-    """A bag may be of anybody's making: a symbol that no meter has is as none."""
-    assert quantity_of(diagnosis("microphone", "hears LAF", **{QUANTITY: value})) == ""
+def test_a_quantity_is_a_value_of_the_microphone():
+    """Read a level that meters have, of the microphone alone, whatever the words of the status."""
+    wrong = [("microphone", value) for value in ("", "L", "LBF", "LAFx", "laf")]
+    for words in ("hears LAF", ""):
+        assert quantity_of(diagnosis("microphone", words, **{QUANTITY: "LCS"})) == "LCS"
+        assert quantity_of(diagnosis("microphone", words)) == ""
+        for node, value in (("follower", "LCS"), *wrong):
+            assert quantity_of(diagnosis(node, words, **{QUANTITY: value})) == ""

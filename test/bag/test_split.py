@@ -205,12 +205,10 @@ def test_a_limit_by_words_or_a_refusal_in_words():
         assert Split.parsed(text) == expected
     for text, words in (
         ("100", r"allowed: a number and one of MB, GB, MiB, GiB, s, min, h, as 100MB or 60s"),
-        ("60 rpm", "allowed: a number and one of"),
         ("-5s", "allowed: a number and one of"),
         ("1e9s", "allowed: a number and one of"),
         ("0.5MB", r"is 0\.5MB; allowed: a file of 1000000 bytes \(1 MB\) or more"),
         ("0s", r"is 0s; allowed: a file of 1 to 3\.2e\+08 s of rig time"),
-        ("999999999999h", "allowed: a file of 1 to"),
         ("99999999999GB", "allowed: a file of 1000000 bytes"),
     ):
         with pytest.raises(ConfigError, match=words):

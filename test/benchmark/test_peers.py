@@ -30,16 +30,14 @@ from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure
 
 def test_the_peer_loses_contact_where_the_campaign_says():
     """CVODE's contact force of 1.7 s from rest has a root from 1e-4 above the jump speed on."""
-    found = campaign_from({**STUDY, "plan": {"kind": "sobol", "points": 2}}, library())
+    found = campaign_from(
+        {**STUDY, "plan": {"kind": "sobol", "points": 2}}, Library((config_root(),))
+    )
     rows = measure_batch(found, 0, 1)
     p = TwoMassParameters.from_rig(make_point(found, rows.inputs[0]).rig)
     speed = rad_per_s(float(rows.measures[0, 0]))
     assert not leaves(p, found.law, speed * (1.0 - 1e-4))
     assert leaves(p, found.law, speed * (1.0 + 1e-4))
-
-
-def library():
-    return Library((config_root(),))
 
 
 def test_the_peer_halves_down_to_the_speed(monkeypatch):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmark.speed import exact
-from benchmark.speed import exact as exact_twist
 from benchmark.speed import study as stored
 from benchmark.speed.exact import DIGITS, exact_pieces, flow
 from benchmark.speed.models import LANDING, LIFT_OFF, TwoMasses
@@ -29,7 +28,7 @@ def test_the_torsional_reference_is_repeatable(cases):
     case = cases["torsional"]
     short = replace(case, times=case.times[:25])
     kept = stored.read(short)
-    again = exact_twist.solve_twist(short)
+    again = exact.solve_twist(short)
     assert again.error(kept) < 1e-15
 
 
@@ -38,7 +37,7 @@ def test_the_torsional_reference_solves_the_equation(cases):
     case = cases["torsional"]
     step, at = 2e-6, 0.028
     near = replace(case, times=at + step * np.arange(-1.0, 2.0))
-    found = exact_twist.solve_twist(near)
+    found = exact.solve_twist(near)
     (before, twist, after), rate = found.displacement[0], found.velocity[0, 1]
     acceleration = (after - 2.0 * twist + before) / step**2
     p, turning = case.model, case.speed + rate

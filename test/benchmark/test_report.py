@@ -18,6 +18,8 @@ from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPre
 from benchmark.work_precision import quickest
 from cam_rig.show.figure import write
 
+from ..figure_faults import faults
+
 
 def solution(events=(), shift=0.0):
     return Solution(np.array([[1.0, 2.0 + shift]]), np.array([[4.0, -8.0]]), tuple(events))
@@ -99,8 +101,10 @@ def test_a_ratio_that_is_only_a_bound_is_marked(study):
 
 def test_the_plot_is_a_picture(study, tmp_path):
     """With something in it."""
-    write(Comparison(study).plot(), tmp_path / "a.png")
+    figure = Comparison(study).plot()
+    write(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert faults(figure) == []
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """A smaller sweep, shipped files, and calls of the command line."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -69,21 +68,11 @@ def sweep(tmp_path_factory):
     scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
     path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"
     path.parent.mkdir(parents=True)
-    yaml = YAML(typ="safe")
-    yaml.default_flow_style, yaml.width = None, 1000
-    with path.open("w", encoding="utf-8") as file:
-        yaml.dump(scene, file)
+    path.write_text(json.dumps(scene), encoding="utf-8")
     return path
 
 
 GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent
-
-
-def ended(*command, **how):
-    """A process that has ended, with what it printed."""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    words = [str(one) for one in command]
-    return subprocess.run(words, text=True, check=False, timeout=100, **pipes | how)
 
 
 def call(*arguments):

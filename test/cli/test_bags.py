@@ -18,6 +18,7 @@ from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
 from cam_rig.messages.topics import recorded_topic
 
+from ..bag.bags import cut_off
 from .conftest import GOLDEN, call, done
 
 MESSAGES = sum(read_counts(GOLDEN).values())
@@ -64,27 +65,20 @@ def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
 
 def test_recover_of_a_cut_bag(tmp_path):
     """A cut copy of a bag: recovered beside it, the damaged one is as it was."""
-    torn = tmp_path / "torn"
-    shutil.copytree(GOLDEN, torn)
-    file = torn / "golden_0.mcap"
-    file.write_bytes(file.read_bytes()[:-5_000])
-    before = file.read_bytes()
+    torn = cut_off(tmp_path / "torn", bag_file(GOLDEN).stat().st_size - 5_000)
+    before = bag_file(torn).read_bytes()
     refused = call("analyze", torn)
     assert refused.exit_code == 1 and "cam-rig recover" in refused.stderr
     result = done("recover", torn)
     assert "saved; nothing lost" in result.stderr and "bytes" not in result.stderr
-    assert file.read_bytes() == before and read_counts(tmp_path / "torn_recovered")
+    assert bag_file(torn).read_bytes() == before and read_counts(tmp_path / "torn_recovered")
     again = call("recover", torn)
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
 def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     """A recovered bag looks like any other: what is missing is attached to it, and reported."""
-    torn = tmp_path / "torn"
-    torn.mkdir()
-    data = bag_file(GOLDEN).read_bytes()
-    (torn / "torn_0.mcap").write_bytes(data[: len(data) * 8 // 10])
-    words = call("recover", torn).stderr.replace("\n", " ")
+    words = call("recover", cut_off(tmp_path / "torn", 0.8)).stderr.replace("\n", " ")
     missing = f"ticks {read_counts(tmp_path / 'torn_recovered')['/cam/state']} to 16 of 16"
     assert missing in words
     bag = tmp_path / "torn_recovered"

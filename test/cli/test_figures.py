@@ -3,6 +3,7 @@
 What is wrong with a figure is found where it is written: see ``no_faulty_figure``.
 """
 
+import json
 import re
 import shutil
 from textwrap import dedent
@@ -12,6 +13,7 @@ import pytest
 from cam_rig.schema.load import config_root
 from tools.docs.commands import verbs
 
+from ..conftest import scene_data
 from .conftest import GOLDEN, done, shipped
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
@@ -118,13 +120,12 @@ def own(tmp_path_factory):
     quick = shipped("scenes", "quick")
     title = "A scene whose title has many more letters than forty, over a whole figure of 170 mm"
     write("scenes", "quick", retitled(quick, "quick", title))
-    plain = retitled(quick, "five", title).replace("published: tm21_noise\n", "")
-    five = plain.replace("[tm21, bezier15]", "[tiny_3, bezier_14, arcs_2, flat_7, arm_7]")
-    write("scenes", "five", five.replace("[200, 300, 350, 400]", "[3, 450, 12000]"))
+    five = {"title": title, "cams": ["tiny_3", "bezier_14", "arcs_2", "flat_7", "arm_7"]}
+    for name, speeds in (("five", [3, 450, 12000]), ("slow", [3, 200])):
+        write("scenes", name, json.dumps(scene_data(name=name, speeds=speeds, **five)))
     for name, text in CAMPAIGNS.items():
         head = f"name: {name}\ntitle: '{title}'\nbase: {{cam: poly345, rig: paper_table2}}\n"
         write("campaigns", name, head + dedent(text))
-    write("scenes", "slow", five.replace("[200, 300, 350, 400]", "[3, 200]"))
     return files
 
 

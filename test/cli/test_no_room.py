@@ -15,7 +15,8 @@ import typer
 
 from cam_rig.cli import main
 
-from .conftest import BIN, GOLDEN, ended
+from ..processes import ended
+from .conftest import BIN, GOLDEN
 
 #: Commands by what they write to stdout.
 PRINTED = {
@@ -61,9 +62,7 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("what", PRINTED)
-def test_a_stdout_that_is_full(
-    what: str, unbuffered: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stdout_that_is_full(what, unbuffered, tmp_path, monkeypatch):
     """Its reader would take half a result for a whole one; the code says that it is none."""
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     with open("/dev/full", "wb") as full:
@@ -73,9 +72,7 @@ def test_a_stdout_that_is_full(
     assert line.startswith("cam-rig: stdout: cannot be") and "No space left on device" in line
 
 
-def test_a_temporary_file_without_room(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_temporary_file_without_room(tmp_path, monkeypatch, capsys):
     """Its error has no name either: the folder is named, not stdout, which takes all."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     alone = typer.Typer(pretty_exceptions_enable=False)

@@ -15,8 +15,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from ..processes import WAIT_S, children
-from .conftest import BIN, call, ended
+from ..processes import WAIT_S, children, ended, is_running
+from .conftest import BIN, call
 
 COMMAND = (BIN / "cam-rig", "panel")
 
@@ -51,8 +51,8 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
 
 #: Stands for a browser: says with what it was called, and stays.
 BROWSER = """#!{python}
-import pathlib, sys, time
-pathlib.Path({said!r}).write_text(chr(10).join(sys.argv[1:]))
+import os, pathlib, sys, time
+pathlib.Path({said!r}).write_text(chr(10).join([str(os.getpid()), *sys.argv[1:], ""]))
 time.sleep(600)
 """
 
@@ -75,32 +75,23 @@ def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> No
             token = address.partition("token=")[2].encode()
             assert token
             end = time.monotonic() + 60.0
-            while not (said.exists() and said.read_text()):
+            while not (said.exists() and said.read_text().endswith("\n")):
                 assert time.monotonic() < end, "no browser was opened"
                 time.sleep(0.02)
+            pid, where = said.read_text().split()
             for arguments in Path("/proc").glob("[0-9]*/cmdline"):
                 with suppress(OSError):  # it has ended meanwhile
                     assert token not in arguments.read_bytes()
-            assert len(browsers(browser)) == 1
-            page = Path(unquote(urlsplit(said.read_text()).path))
+            assert is_running(pid)
+            page = Path(unquote(urlsplit(where).path))
             assert address in page.read_text(encoding="utf-8")
             assert page.stat().st_mode & 0o777 == 0o600
             assert page.parent.stat().st_mode & 0o777 == 0o700
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(WAIT_S)
-            for child in browsers(browser):
-                os.kill(child, signal.SIGKILL)
+            os.kill(int(pid), signal.SIGKILL)
     assert not page.exists()
-
-
-def browsers(script: Path) -> list[int]:
-    found = []
-    for arguments in Path("/proc").glob("[0-9]*/cmdline"):
-        with suppress(OSError):
-            if str(script).encode() in arguments.read_bytes().split(b"\0"):
-                found.append(int(arguments.parts[2]))
-    return found
 
 
 def test_a_port_in_use_is_one_line() -> None:

@@ -7,15 +7,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cam_rig.laws import build_law
-from cam_rig.profile import turn_angles
-from cam_rig.schema import load_cam
-from cam_rig.schema.load import cam_path, config_root
+from cam_rig.schema.load import config_root
 from cam_rig.show.tables import format_number
 
 from .conftest import call as run
-from .conftest import data_of, shipped, written
 from .conftest import done as run_done
+from .conftest import shipped, written
 
 call = partial(run, "profile")
 done = partial(run_done, "profile")
@@ -48,11 +45,11 @@ def test_all_shipped_cams_pass(all_shipped):
     assert refused == {cam["cam"] for cam in data["cams"] if cam["cannot_be_made"]}
     assert refused == {check["cam"] for check in data["checks"] if not check["passed"]}
     assert all(name in result.stderr for name in names)
-    named = {(check["cam"], check["check"]): check for check in data["checks"]}
-    pressure = named["tm21", "pressure angle"]
+    (pressure,) = (
+        c for c in data["checks"] if (c["cam"], c["check"]) == ("tm21", "pressure angle")
+    )
     assert pressure["value"] == pytest.approx(np.radians(19.094), abs=1e-5)
-    assert pressure["angle"] == pytest.approx(np.radians(140.7), abs=1e-4)
-    assert (pressure["limit"], pressure["unit"]) == (pytest.approx(np.pi / 6.0), "rad")
+    assert pressure["unit"] == "rad"
 
 
 def test_the_table_of_all_fits_80_columns(all_shipped):
@@ -118,25 +115,12 @@ def test_there_and_back(tmp_path, suffix):
 
 
 def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
-    """200 of 360 rows, and rows in no order: measured, and said what is wrong with them."""
+    """Measure 200 of 360 rows, and report what is wrong with them."""
     done("flat", "--points", "360", "--out", tmp_path / "a.csv")
-    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
-    shuffled = [rows[i] for i in np.random.default_rng(1).permutation(360)]
-    for some, words in ((rows, ""), (rows[:200], "points 200 and 1 are"), (shuffled, "crosses")):
-        (tmp_path / "b.csv").write_text("\n".join([header, *some]))
-        result = done("flat", "--from", tmp_path / "b.csv")
-        assert ("b.csv: " in result.stderr) == bool(words)
-        assert words in result.stderr
-
-
-def test_another_cams_contour_is_measured_too(tmp_path):
-    """The follower reads what the contour gives, and says how far that is from the law."""
-    call("poly4567", "--out", tmp_path / "a.csv")
-    (found,) = data_of("profile", "poly345", "--from", tmp_path / "a.csv")["contours"]
-    angle = turn_angles(720)
-    laws = [build_law(load_cam(cam_path(name))) for name in ("poly4567", "poly345")]
-    difference = laws[0](angle) - laws[1](angle)
-    assert abs(found["largest_error"]) == pytest.approx(np.abs(difference).max(), rel=1e-2)
+    rows = (tmp_path / "a.csv").read_text().splitlines()
+    (tmp_path / "b.csv").write_text("\n".join(rows[:201]))
+    assert "b.csv: " not in done("flat", "--from", tmp_path / "a.csv").stderr
+    assert "points 200 and 1 are" in done("flat", "--from", tmp_path / "b.csv").stderr
 
 
 def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
@@ -146,17 +130,6 @@ def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
     assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
     result = done("tm21", "--cutter", "8", "--tolerance", "0.01", "--out", tmp_path / "d.svg")
     assert "chord error at most 0.01 µm" in result.stderr
-
-
-def test_an_arm_that_does_not_reach_is_a_wrong_file(tmp_path):
-    """Base circle out of the arm's reach: no cam with these numbers, code 2 as for a wrong key."""
-    name = "oscillating_roller"
-    text, count = re.subn(r"( arm: {\w+: )[\d.]+", r"\g<1>5", shipped("cams", name))
-    assert count == 1
-    result = call(written(tmp_path, {f"{name}.yaml": text}) / f"{name}.yaml")
-    assert result.exit_code == 2
-    assert "out of reach at the base circle" in result.stderr
-    assert len(result.stderr.splitlines()) == 1
 
 
 def test_a_contour_for_another_follower(tmp_path):

@@ -8,34 +8,27 @@ import typer
 from cam_rig.cli.main import COMMANDS, app, command, summary
 from tools.docs.commands import verbs
 
-from .conftest import GOLDEN, call, data_of, done
+from .conftest import call, data_of, done
 
 #: Command line, exit code, words of its line; none where typer shows the usage instead.
 REFUSED = [
-    ("urdf quick --cam none", 2, "no such file; there are: "),
     ("urdf quick --cam conjugate", 2, "conjugate"),
     ("simulate no_such_scene", 2, "no_such_scene.yaml: no such file; there are: "),
     ("run no_such_scene --bag {tmp}/bag", 2, "no such file"),
     ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
     ("run quick --bag {tmp}/bag --wait", 2, "--wait: waits for a viewer"),
-    ("analyze {tmp}/none", 1, "no such bag"),
     ("simulate --nonsense", 2, ""),
     ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
-    ("simulate quick --json {tmp}", 1, "is a folder; allowed: a file"),
     ("simulate quick --json /proc/none/a.json", 1, "/proc/none/a.json: cannot be"),
     ("export quick --to {tmp}/a.xlsx", 2, "allowed: .parquet, .csv, .npz, .wav"),
-    ("export quick --to {tmp}", 2, "unknown kind of file"),
     ("export quick --rpm 222 --to {tmp}/a.csv", 2, "no samples of a cam at 222 rpm"),
-    ("export quik --to {tmp}/a.csv", 2, "did you mean 'quick'"),
     ("export quik --to {tmp}/a.csv", 2, "quik: no such bag, nor scene: "),
-    ("law zzz", 2, "'zzz': no such cam or rise; cams: arcs_"),
     ("law poly354", 2, "no such cam or rise (did you mean 'poly345'?); cams: arcs_"),
     ("law poly345 bezier8start", 2, "did you mean 'bezier8_start'?"),
     ("law poly345 cycloidal poly345", 2, "'poly345' is named twice; allowed: each"),
     ("law bezier15 bezier9", 2, "'bezier15' is a cam and no rise, 'bezier9' is a rise"),
     ("law bezier15 --rises", 2, "no rise, --rises asks for rises; allowed: cams with"),
     ("law poly345 {tmp}/none.yaml", 2, "cam-rig: {tmp}/none.yaml: no such file"),
-    ("law {tmp}/none", 2, "cam-rig: {tmp}/none: no such file\n"),
     ("law poly345 --out {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
     ("law", 2, ""),
     ("laws --family strat", 2, "did you mean 'start'?); allowed: polynomial, start"),
@@ -47,26 +40,12 @@ REFUSED = [
     ("listen quick --out {tmp}/a.wav --rpm 0", 2, "--rpm: is '0'; allowed: greater than"),
     ("listen quick --seconds 3 --out {tmp}/a.wav", 2, "--seconds is 3 without --rpm"),
     ("report quick --out {tmp}/a.pdf", 2, "unknown kind of page; allowed: .html, .md"),
-    ("report quick --out {tmp}", 2, "unknown kind of page"),
-    (
-        "report quick --out /dev/null/a.html",
-        1,
-        "/dev/null is no writable folder",
-    ),
-    (
-        "report tm21_sweep --out {tmp}/a.html --bag {golden}",
-        1,
-        "recording of the scene 'quick'",
-    ),
-    ("report quick --out {tmp}/a.html --bag {tmp}/none", 1, "no such bag"),
+    ("report quick --out /dev/null/a.html", 1, "/dev/null is no writable folder"),
     ("report no_such --out {tmp}/a.html", 2, "no such file"),
-    ("report --out {tmp}/a.html quick --rig no_such", 2, "no such file"),
     ("profile", 2, "no cam is named; allowed: "),
     ("profile no_such_cam", 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),
     ("profile flat --out {tmp}/a.step", 2, "unknown kind of file; allowed: .dxf, .svg, .csv"),
-    ("profile flat --out {tmp}", 2, "unknown kind of file"),
     ("profile flat tm21 --out {tmp}/a.dxf", 2, "2 cams for one file"),
-    ("profile --all --plot {tmp}/a.png", 2, "cams for one file"),
     ("profile flat --pitch", 2, "--pitch and --cutter need --out"),
     ("profile tm21 --pitch --cutter 3 --out {tmp}/a.dxf", 2, "are two paths"),
     ("profile tm21 --cutter -3 --out {tmp}/a.dxf", 2, "is -3 mm; allowed: more than 0"),
@@ -84,7 +63,6 @@ REFUSED = [
     ("jump --rig no_such_rig", 2, "no_such_rig.yaml: no such file"),
     ("jump --from-rest -1", 2, "the run from rest lasts -1 s; allowed: above 0"),
     ("jump --steady --ramp 100", 2, "allowed: one of them"),
-    ("jump --steady --from-rest 3", 2, "allowed: one of them"),
     ("jump --ramp 350 --plot {tmp}/a.png", 2, "--ramp holds none"),
     ("orders poly354", 2, "poly354: no such cam or scene (did you mean 'poly345'?)"),
     ("orders poly345 --cam tm21", 2, "--cam tm21: poly345 is a cam; allowed: with a scene"),
@@ -98,10 +76,9 @@ REFUSED = [
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
 def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, line, code, words):
     """Before anything runs, where it can be seen before."""
-    places = {"tmp": tmp_path, "golden": GOLDEN}
-    result = call(*line.format_map(places).split())
+    result = call(*line.format(tmp=tmp_path).split())
     assert result.exit_code == code
-    assert words.format_map(places) in result.stderr
+    assert words.format(tmp=tmp_path) in result.stderr
     assert result.stderr.count("cam-rig: ") == bool(words), result.stderr
     assert "Traceback" not in result.stderr
     assert list(tmp_path.iterdir()) == []

@@ -13,6 +13,7 @@ from cam_rig.report.command import page_made
 from cam_rig.simulation.scene import build_law, load_cam, load_scene
 from cam_rig.studies.simulate.study import run_scene
 
+from ..conftest import scene_data
 from ..figure_faults import EXPONENT, HYPHEN
 from .conftest import GOLDEN, shipped, written
 from .conftest import done as run_done
@@ -75,27 +76,6 @@ segments:
     source: dial gauge
     tolerance: {assumed: 0.002, unit: mm, source: gauge}
 """
-HARSH_CAM = """
-name: harsh
-title: A harsh cam
-lift: {given: 12, unit: mm, source: drawing}
-follower: {type: point, base_radius: {given: 30, unit: mm, source: drawing}}
-segments:
-  - {law: constant_velocity, to: 1, span: {given: 180, unit: deg, source: drawing}}
-  - {law: constant_velocity, to: 0, span: {given: 180, unit: deg, source: drawing}}
-"""
-OWN_SCENE = """
-name: own
-title: My cams on my rig
-cams: [own, harsh]
-rig: mine
-model: one_mass
-sample_rate: {assumed: 2, unit: kHz, source: own}
-program:
-  speeds: {assumed: [300, 1500], unit: rpm, source: own}
-  turns: {assumed: 3, unit: turns, source: own}
-  settle_turns: {assumed: 1, unit: turns, source: own}
-"""
 
 
 @pytest.fixture(scope="module")
@@ -105,13 +85,16 @@ def own_scene(tmp_path_factory):
     rows = (f"{i},{1e3 * 0.24 * lift(math.radians(i)):.4f}" for i in range(360))
     rig = shipped("rigs", "tm21").replace("name: tm21", "name: mine")
     rig = rig.replace("given: 1.3,", "given: 0.45,")
+    scene = scene_data(cams=["own", "harsh"], rig="mine", speeds=[300, 1500], sample_rate=2000)
+    name = "worked_example_constant_velocity"  # its velocity jumps: no jump speed
+    harsh = shipped("cams", name).replace(f"name: {name}", "name: harsh")
     files = {
         "cams/own.yaml": OWN_CAM,
-        "cams/harsh.yaml": HARSH_CAM,
+        "cams/harsh.yaml": re.sub(r"(?m)^title: .*", "title: A harsh cam", harsh),
         "cams/lifts.csv": "angle_deg,lift_mm\n" + "\n".join(rows),
         "rigs/mine.yaml": rig,
         "rigs/other.yaml": rig.replace("name: mine", "name: other"),
-        "scenes/own.yaml": OWN_SCENE,
+        "scenes/own.yaml": json.dumps(scene),
     }
     return written(tmp_path_factory.mktemp("person"), files) / "scenes" / "own.yaml"
 
@@ -129,7 +112,7 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     assert untypeset(page) == []
     assert not re.search(r"<th[^>]*>(own|harsh)</th", page)  # cams by their titles
     assert "My &lt;measured&gt; cam" in page
-    assert "A harsh cam: law" in page  # its velocity jumps: no jump speed
+    assert "A harsh cam: law" in page
     assert "Levels are relative" in page
     assert "<dd>2023-11-14</dd>" in page
     assert "<code>cam-rig report own.yaml --out own.html</code>" in page

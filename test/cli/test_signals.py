@@ -35,7 +35,6 @@ COMMANDS = {
     "run quick --bag {out}/bag": 12.0,
     "campaign tolerance_poly345 --points 64 --out {out}/rows --jobs 2": 10.0,
     "report quick --out {out}/quick.html": 10.0,
-    "report --out {out}/report.html --jobs 2": 30.0,
     "design poly345 --maximise jump_speed --limit peak_acceleration<=start --out {out}/a.yaml": 8.0,
 }
 

@@ -2,12 +2,8 @@
 
 import os
 import re
-import signal
-import subprocess
 import sys
-import time
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
@@ -16,24 +12,8 @@ from cam_rig.cli.main import versions
 from cam_rig.errors import INTERRUPTED, ConfigError
 from cam_rig.extras import LAST_SECOND, source_date
 
-from ..processes import WAIT_S, children
-from .conftest import BIN, call, ended
-
-
-@pytest.mark.long
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="children are found in /proc")
-def test_an_interrupt_while_workers_begin(tmp_path):
-    """They are in the middle of their imports, and print nothing; nothing is written."""
-    words = [BIN / "cam-rig", "report", "--out", tmp_path / "a.html"]
-    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    while not any("spawn_main" in " ".join(words) for words in children(process.pid).values()):
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal's Ctrl-C, which all of a group get
-    _, printed = process.communicate(timeout=WAIT_S)
-    assert process.returncode == INTERRUPTED
-    assert printed.strip() == "cam-rig: interrupted by SIGINT"  # blank lines clear a bar
-    assert list(tmp_path.iterdir()) == []
+from ..processes import ended
+from .conftest import BIN, call
 
 
 def test_an_interrupt_while_modules_are_imported():

@@ -26,7 +26,7 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
 
 
 def commands(page: Path, program: str) -> list[list[str]]:
-    """The arguments of every call of a program in code, as a shell splits them."""
+    """Return the arguments of every call of a program in code, as a shell would pass them on."""
     code = re.findall(r"(?<!`)`([^`\n]+(?:\n[^`\n]+)?)`(?!`)", FENCE.sub("", text(page)))
     lines = [line for _, _, content in blocks(page) for line in content.splitlines()]
     lines += [line for line in text(page).splitlines() if line.startswith("    ")]
@@ -34,15 +34,10 @@ def commands(page: Path, program: str) -> list[list[str]]:
     for line in [*(c.replace("\n", " ") for c in code), *lines]:
         call = re.match(rf"(?:\$ )?\s*(?:\.venv/bin/)?{program} (.*)", line.strip())
         if call:
-            found.append(arguments(call[1]))
+            words = shlex.split(call[1], comments=True)
+            ends = [i for i, word in enumerate(words) if word in {"|", ">", "&", "&&", ";"}]
+            found.append(words[: min(ends, default=len(words))])
     return found
-
-
-def arguments(line: str) -> list[str]:
-    """What a shell would pass on: without comment, pipe, redirection, background."""
-    words = shlex.split(line, comments=True)
-    ends = [i for i, word in enumerate(words) if word in {"|", ">", "&", "&&", ";"}]
-    return words[: min(ends, default=len(words))]
 
 
 def rows(page: Path, first: str) -> list[list[str]]:

@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import cam_rig
 from cam_rig.bag.reader import read_counts
-from cam_rig.cli.main import app
 from cam_rig.errors import ConfigError
 from cam_rig.messages import topics
 from cam_rig.messages.topics import Topic
@@ -21,6 +19,7 @@ from cam_rig.testing.running_rig import isolated_domain
 from tools.docs import results as results_page
 from tools.docs.results import given_by, results
 
+from ..cli.conftest import done
 from .conftest import DOCS, ROOT, rows, text
 
 PAGE = DOCS / "nodes.md"
@@ -84,8 +83,7 @@ def test_the_bag_of_quick_with_more_ticks(tmp_path):
     text = (ROOT / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
     scene.write_text(text.replace("program:", f"program:\n  ticks_per_turn: {ticks}"))
     with isolated_domain():
-        done = CliRunner().invoke(app, ["run", str(scene), "--bag", str(bag)])
-    assert done.exit_code == 0, done.output
+        done("run", scene, "--bag", bag)
     found = size_of(bag)
     assert figures[::2] == found[::2]
     assert int(found[1]) == pytest.approx(int(figures[1]), rel=0.01)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,6 +16,7 @@ from tools.docs.commands import PAGE, page
 from tools.docs.drawings import DRAWINGS
 from tools.docs.equations import CODE, EQUATION, drawn, line
 
+from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
 
 #: Folders of the tree whose files the documents name.
@@ -26,20 +26,14 @@ ANY = re.compile(r"NAME|mine|^bags/(?!golden|README)")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_and_pictures_exist(page):
-    """Every relative link of a page leads to a file."""
+def test_files_that_a_page_names_exist(page):
+    """Every relative link, and every path of this repository in code, leads to a file."""
     links = re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text(page)))
     for link in links:
         if not link.startswith(("http:", "https:", "#")):
             assert (page.parent / link.partition("#")[0]).is_file(), f"{page.name}: {link}"
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_files_of_the_tree_exist(page):
-    """Every path of this repository that a page gives in code."""
     named = set(re.findall(rf"`({TREE})`", text(page)))
-    missing = [p for p in named if not ANY.search(p) and not list(ROOT.glob(p.rstrip("/")))]
-    assert not missing
+    assert not [p for p in named if not ANY.search(p) and not list(ROOT.glob(p.rstrip("/")))]
 
 
 def test_short_names_in_the_lists_exist():
@@ -78,7 +72,6 @@ def test_list_of_rooms_is_whole():
 
 
 VERBS = {name: command(name) for name in COMMANDS}
-IDS = [p.name for p in PAGES]
 
 
 def test_the_page_of_commands_is_that_of_today():
@@ -86,47 +79,25 @@ def test_the_page_of_commands_is_that_of_today():
     assert text(PAGE) == page()
 
 
-@pytest.mark.parametrize("document", PAGES, ids=IDS)
-def test_cam_rig_commands_parse(document):
-    """Each verb exists and takes the options given, with values of their types."""
+@pytest.mark.parametrize("document", PAGES, ids=[page.name for page in PAGES])
+def test_commands_of_a_page_exist(document):
+    """Each verb with its options, make target, node, launch file, script and extra exists."""
     for verb, *arguments in commands(document, "cam-rig"):
-        if verb.isupper():
-            continue
-        assert verb in VERBS, f"{document.name}: cam-rig {verb}"
-        if arguments and "[OPTIONS]" not in arguments:
-            VERBS[verb].make_context(verb, list(arguments))
-
-
-@pytest.mark.parametrize("document", PAGES, ids=IDS)
-def test_make_targets_exist(document):
-    """Each target stands in the Makefile."""
-    makefile = text(ROOT / "Makefile")
+        if not verb.isupper():
+            assert verb in VERBS, verb
+            if arguments and "[OPTIONS]" not in arguments:
+                VERBS[verb].make_context(verb, list(arguments))
+    makefile, setup = text(ROOT / "Makefile"), text(ROOT / "setup.py")
     for target, *_ in commands(document, "make"):
-        assert re.search(rf"^{target}:", makefile, re.M), f"{document.name}: make {target}"
-
-
-@pytest.mark.parametrize("document", PAGES, ids=IDS)
-def test_ros_commands_name_what_is_installed(document):
-    """ros2 run names a node of setup.py, ros2 launch a file of launch/."""
-    for _, name, *_ in (c[:3] for c in commands(document, "ros2 run")):
-        assert re.search(rf'"{name}( =|")', text(ROOT / "setup.py"))
-    for _, name, *_ in (c[:3] for c in commands(document, "ros2 launch")):
-        assert (ROOT / "launch" / name).is_file()
-
-
-def test_scripts_exist():
-    """Every ``python path`` and every module run with -m."""
-    for document in PAGES:
-        for path in re.findall(r"python ((?:tools|benchmark)/[\w/]+\.py)", text(document)):
-            assert (ROOT / path).is_file(), f"{document.name}: {path}"
-
-
-def test_extras_exist():
-    """Every ``cam_rig[extra]`` is one of setup.py."""
-    setup = text(ROOT / "setup.py")
-    for document in PAGES:
-        for extra in re.findall(r"cam_rig\[([\w-]+)\]", text(document)):
-            assert f'"{extra}": ' in setup, f"{document.name}: cam_rig[{extra}]"
+        assert re.search(rf"^{target}:", makefile, re.M), target
+    for _, name, *_ in commands(document, "ros2 run"):
+        assert re.search(rf'"{name}( =|")', setup), name
+    for _, name, *_ in commands(document, "ros2 launch"):
+        assert (ROOT / "launch" / name).is_file(), name
+    for path in re.findall(r"python ((?:tools|benchmark)/[\w/]+\.py)", text(document)):
+        assert (ROOT / path).is_file(), path
+    for extra in re.findall(r"cam_rig\[([\w-]+)\]", text(document)):
+        assert f'"{extra}": ' in setup, extra
 
 
 # -- the Python of the documents runs as it stands --------------------------------------------
@@ -169,11 +140,8 @@ def test_drawing_is_that_of_today(name, tmp_path):
 def site(tmp_path_factory):
     """The site, built as ``make docs`` does; a warning is an error."""
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(folder)]
-    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=500
-    )
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", folder]
+    done = ended(*command, cwd=ROOT, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}, timeout=500)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 

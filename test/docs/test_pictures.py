@@ -54,9 +54,7 @@ def test_the_viewers_picture_shows_every_curve() -> None:
         assert count(pixels, colour) > 40, f"#{colour >> 8:06x}"
 
 
-def test_a_photograph_is_of_the_bags_own_layout(
-    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
     """Served as a page, asked for the colours that must be seen, and written as they were."""
     pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 
@@ -82,9 +80,7 @@ def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_command_writes_all_but_what_needs_a_browser(
-    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_writes_all_but_what_needs_a_browser(bag, tmp_path, monkeypatch):
     """Without one, the viewer's picture is left as it is, and this is said."""
     monkeypatch.setattr(pictures, "FRAMES", 6)
     monkeypatch.setattr("tools.docs.browser.why_no_browser", lambda: "none is installed")
@@ -98,9 +94,7 @@ def test_the_command_writes_all_but_what_needs_a_browser(
         assert film.n_frames == 6
 
 
-def test_the_cam_with_the_highest_jump_is_animated(
-    archive: TurnArchive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cam_with_the_highest_jump_is_animated(archive, tmp_path, monkeypatch):
     """Of the two, polynomial 3-4-5 at 700 rpm."""
     shown: list[str] = []
     monkeypatch.setattr(pictures, "animate", lambda _, turn, path: shown.append(turn.cam))

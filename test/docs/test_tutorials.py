@@ -5,18 +5,17 @@ from __future__ import annotations
 import re
 import runpy
 import shlex
-import subprocess
 import sys
 from collections.abc import Iterator
 from decimal import Decimal
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from tools.docs.course_pictures import COURSE, SHOWN, pictures
 
+from ..cli.conftest import call
+from ..processes import ended
 from .conftest import DOCS, ROOT, blocks, text
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
@@ -71,11 +70,10 @@ def run(command: str) -> str:
     program, *arguments = shlex.split(command)
     assert program == "cam-rig"
     if arguments[0] == "run":
-        call = [sys.executable, "-m", "cam_rig.cli.main", *arguments]
-        done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=500)
+        done = ended(sys.executable, "-m", "cam_rig.cli.main", *arguments, timeout=500)
         code, printed = done.returncode, done.stdout + done.stderr
     else:
-        result = CliRunner().invoke(app, arguments)
+        result = call(*arguments)
         code, printed = result.exit_code, result.output
     assert code == 0, f"{command}\n{printed}"
     return printed

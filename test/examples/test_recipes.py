@@ -8,11 +8,12 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from ..processes import ended
 
 ROOT = Path(__file__).parents[2]
 SLICE = ROOT / "examples" / "least_preload"
@@ -51,10 +52,7 @@ class Copy:
     def python(self, *arguments):
         """What a process prints that finds this copy first."""
         env = os.environ | {"PYTHONPATH": str(self.folder)}
-        done = subprocess.run(
-            [sys.executable, *arguments],
-            cwd=self.folder, env=env, capture_output=True, text=True, timeout=100, check=False,
-        )  # fmt: skip
+        done = ended(sys.executable, *arguments, cwd=self.folder, env=env)
         assert done.returncode == 0, done.stderr[-2000:]
         return done.stdout
 

@@ -15,68 +15,56 @@ from cam_rig.errors import (
     BagError,
     ConfigError,
     DesignError,
-    LawError,
     MissingLibraryError,
     OutputError,
 )
-from cam_rig.show.result import NULL_PROGRESS
 
 CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
 
 
-def test_numbers_out_of_range():
-    """A run longer than the command's would not end in any useful time."""
-    for order in (-1, 1.5):
-        with pytest.raises(LawError, match=rf"order is {order}; allowed: 0, 1"):
-            LAW(1.0, order)
-    for duration in (1e5, -1, 0):
-        with pytest.raises(ConfigError, match="allowed: above 0, to 60 s"):
-            cam_rig.jump_speed(LAW, RIG, duration=duration)
-
-
-def test_a_motion_that_cannot_be():
-    for arguments, words in [
-        ({"rpm": -100}, "rpm: is -100 rpm; allowed: at least 0.01 rpm"),
-        ({"rpm": "450"}, r"rpm: is '450' \(str\); allowed: a finite number"),
-        ({"rpm": 450, "turns": None}, r"turns: is None \(NoneType\); allowed: a whole number"),
-        ({"rpm": 450, "turns": 100_000}, "make 6.4e[+]08 samples; allowed: 2e[+]07"),
-        (
-            {"rpm": 450, "model": "two mass"},
-            "model: is 'two mass' .did you mean 'two_mass'.*; allowed: .*'two_mass'",
-        ),
-    ]:
-        with pytest.raises(ConfigError, match=words):
-            cam_rig.simulate(LAW, RIG, **arguments)
-
-
 #: Two numbers of a rig, one of which is a text.
 MIXED = {"mass": 1.3, "damping": "8"}
+GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
-def test_another_type():
-    """The message names argument, value, type and what is allowed, and where that is had."""
-    jump, simulate = cam_rig.jump_speed, cam_rig.simulate
+def test_a_wrong_argument_is_refused_by_its_name():
+    """Name argument, value, type, what is allowed, and where that is had."""
+    jump, simulate = partial(cam_rig.jump_speed, LAW, RIG), partial(cam_rig.simulate, LAW, RIG)
     fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
     cam, law = "allowed: a cam, of load_cam('poly345')", "allowed: a Law, of build_law"
     number, text = "allowed: a finite number", "allowed: a text without NUL"
-    motion = "allowed: a motion, of simulate"
+    seconds, motion = "allowed: above 0, to 60 s", "allowed: a motion, of simulate"
     for call, words in (
+        (partial(LAW, 1.0, -1), "order is -1; allowed: 0, 1"),
+        (partial(LAW, 1.0, 1.5), "order is 1.5; allowed: 0, 1"),
+        *((partial(jump, duration=duration), seconds) for duration in (1e5, -1, 0)),
+        (partial(jump, duration=True), f"duration: is True (bool); {number} or None"),
+        (partial(jump, duration=math.nan), f"duration: is nan (float); {number} or None"),
+        (partial(cam_rig.jump_speed, RIG, LAW), f"law: is RigConfig; {law}"),
+        (partial(simulate, rpm=-100), "rpm: is -100 rpm; allowed: at least 0.01 rpm"),
+        (partial(simulate, rpm="450"), f"rpm: is '450' (str); {number}"),
+        (partial(simulate, rpm=10**5000), f"rpm: is int of more than 63 bits; {number}"),
+        (partial(simulate, rpm=450, turns=None), "turns: is None (NoneType); allowed: a whole"),
+        (partial(simulate, rpm=450, turns=100_000), "make 6.4e+08 samples; allowed: 2e+07"),
+        (partial(simulate, rpm=450, model="two mass"), "is 'two mass' (did you mean 'two_mass'"),
+        (partial(cam_rig.simulate, "poly345", RIG, rpm=450), f"law: is 'poly345' (str); {law}"),
         (partial(cam_rig.build_law, "poly345"), f"cam: is 'poly345' (str); {cam}"),
-        (partial(simulate, "poly345", RIG, rpm=450), f"law: is 'poly345' (str); {law}"),
-        (partial(jump, RIG, LAW), f"law: is RigConfig; {law}"),
         (partial(fit, given=MIXED), f"given['damping']: is '8' (str); {number}"),
         (partial(fit, given={"damping": math.nan}), f"given['damping']: is nan (float); {number}"),
         (partial(fit, given={1: 8.6}), f"a name in given: is 1 (int); {text}"),
-        (partial(jump, LAW, RIG, duration=True), f"duration: is True (bool); {number} or None"),
-        (partial(jump, LAW, RIG, duration=math.nan), f"duration: is nan (float); {number} or None"),
         (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
         (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
-        (partial(simulate, LAW, RIG, rpm=10**5000), f"rpm: is int of more than 63 bits; {number}"),
+        (partial(cam_rig.load_cam, "poly34"), "poly34.yaml: no such file (did you mean 'poly345'"),
+        (partial(cam_rig.contour, CAM, 3), "points: is 3; allowed: 36 to 1000000"),
+        (partial(RIG.with_follower, preload=-1.0), "follower.preload: is -1 N; allowed"),
+        (partial(RIG.with_follower, preloud=1.0), "follower.preloud: unknown key"),
+        (partial(cam_rig.read_bag, "config"), "config: is not a bag"),
+        (partial(cam_rig.read_bag, GOLDEN, "jump_two_mass"), "allowed: the cams of scene jump_two"),
     ):
-        with pytest.raises(ConfigError) as refused:
+        with pytest.raises(cam_rig.CamRigError) as refused:
             call()
-        assert str(refused.value) == words
+        assert words in str(refused.value)
 
 
 def test_a_number_of_numpy():
@@ -101,11 +89,6 @@ def test_a_level_is_calibrated_only_on_the_rig_that_was():
     assert not cam_rig.sound_level(pulled).calibrated
 
 
-def test_a_scene_with_other_cams_than_the_bag():
-    with pytest.raises(BagError, match=r"holds .*tm21; allowed: the cams of scene jump_two_mass"):
-        cam_rig.read_bag("bags/golden", "jump_two_mass")
-
-
 #: Texts, numbers and things, most of them wrong wherever they are given.
 WRONG = [
     *(None, True, False, 0, -1, 10**12, 2**63 - 1, 10**400, 10**5000, np.int64(-3), np.bool_(True)),
@@ -120,75 +103,61 @@ FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 LONG = {
     "noise": ["cam_rig.studies.noise.study.study_noise"],
 }
-GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
 @pytest.fixture(scope="module")
 def right(tmp_path_factory):
-    """Arguments of every function that are right, and cheap."""
-    motion = cam_rig.simulate(LAW, RIG, rpm=450, turns=2)
-    points, told = {"points": 1, "seed": 1, "executor": None}, {"progress": NULL_PROGRESS}
-    folder = tmp_path_factory.mktemp("measured")
-    angle = np.arange(0.0, 360.0, 5.0)
+    """Arguments of every function that are right, and cheap; its defaults where none is named."""
+    folder, angle = tmp_path_factory.mktemp("measured"), np.arange(0.0, 360.0, 5.0)
     lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])
     head = "angle [deg],lift [mm]"
     np.savetxt(folder / "lifts.csv", lifts, delimiter=",", header=head, comments="")
     jumps = ["preload [N],jump speed [rpm]", "20,344.9", "30.6,413.4", "45,417.2"]
     (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
     levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
-    one = {"cams": "poly345", "rig": "tm21"}
-    made = {
-        "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates}
-        | {"repeats": True, "known": None},
-        "bounce_map": {"law": LAW, "rig": RIG, "rpm": [450.0], "restitution": 0.5, "turns": 20}
-        | {"settle": 0, "start": "rest", "follow": False, "executor": None}
-        | {"model": "one_mass", "over": "rpm", "values": None, "out": None, "resume": False}
-        | {"workers": 1}
-        | told,
+    one, on_rig = {"cams": "poly345", "rig": "tm21"}, {"law": LAW, "rig": RIG}
+    fitted = {"damping": 8.6, "spring_stiffness": 4030.0}
+    named = {
+        "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates},
+        "bounce_map": on_rig | {"rpm": [450.0], "restitution": 0.5, "turns": 20, "settle": 0},
         "build_law": {"cam": CAM},
-        "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
-        "check_contours": {"cams": "poly345", "every": False},
-        "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
-        | dict.fromkeys(("topics", "namespace", "offset_deg")),
-        "contact": one | {"rpm": 200.0, "pressure_angle": None},
+        "campaign": {"study": "tolerance_poly345", "points": 1, "seed": 1}
+        | {"out": tmp_path_factory.mktemp("out") / "campaign"},
+        "check_contours": {"cams": "poly345"},
+        "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"},
+        "contact": one | {"rpm": 200.0},
         "contour": {"cam": CAM, "points": 36},
-        "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}
-        | {"limits": (), "pieces": 6, "joints": 1, "degree": None, "starts": 1, "seed": 1}
-        | {"keep": ("dwells", "events", "lift"), "pareto": None, "points": 3},
-        "fit_cam": {"tables": folder / "lifts.csv", "shape": "spline", "reverse": False}
-        | dict.fromkeys(("follower", "column", "tolerance", "flank", "out"))
-        | dict.fromkeys(("roller_radius", "base_radius")),
+        "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration"}
+        | {"pieces": 6, "joints": 1, "starts": 1, "points": 3},
+        "fit_cam": {"tables": folder / "lifts.csv"},
         "fit_rig": {"source": folder / "jumps.csv", "cam": "poly345", "rig": "tm21"}
-        | {"given": {"damping": 8.6, "spring_stiffness": 4030.0}}
-        | dict.fromkeys(("topics", "one_cam", "namespace", "model", "tolerance", "out"))
-        | told,
+        | {"given": fitted},
         "fit_sound": {"levels": levels, "scene": "tm21_sweep", "cam": "poly345"},
-        "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None} | told,
-        "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5}
-        | dict.fromkeys(("mass", "spring_stiffness", "damping", "preload")),
-        "law": {"names": "poly345", "rises": False},
+        "jump": one | {"from_rest": 0.5},
+        "jump_speed": on_rig | {"duration": 0.5},
+        "law": {"names": "poly345"},
         "list_laws": {"family": "start"},
         "load_cam": {"cam": "poly345"},
         "load_rig": {"rig": "tm21"},
         "load_scene": {"scene": "quick"},
-        "noise": {"scene": "quick", "rig": RIG, "one_rig": False} | told,
-        "orders": {"source": "poly345", "rpm": 300.0, "cam": None, "rig": "tm21"}
-        | {"model": "one_mass", "orders": 5}
-        | told,
+        "noise": {"scene": "quick", "rig": RIG},
+        "orders": {"source": "poly345", "rpm": 300.0, "rig": "tm21"}
+        | {"model": "one_mass", "orders": 5},
         "plot_law": {"law": LAW},
-        "read_bag": {"bag": GOLDEN, "scene": None},
-        "run_scene": {"scene": "quick", "on_tick": lambda: None},
-        "simulate": {"law": LAW, "rig": RIG, "model": "one_mass", "rpm": 450, "turns": 1}
-        | {"sample_rate": 48_000, "ramp": None},
-        "sound_level": {"motion": motion, "settle_turns": 1},
-        "sweep": one
-        | {"rpm": [300.0], "model": "one_mass", "turns": 2, "settle_turns": 1}
-        | {"sample_rate": 1000, "ramp": None}
-        | told,
-        "vibration": one | {"rpm": 300.0} | told,
+        "read_bag": {"bag": GOLDEN},
+        "run_scene": {"scene": "quick"},
+        "simulate": on_rig | {"rpm": 450, "turns": 1},
+        "sound_level": {"motion": cam_rig.simulate(LAW, RIG, rpm=450, turns=2)},
+        "sweep": one | {"rpm": [300.0], "turns": 2, "settle_turns": 1, "sample_rate": 1000},
+        "vibration": one | {"rpm": 300.0},
     }
-    made["campaign"]["out"] = tmp_path_factory.mktemp("out") / "campaign"
-    return made
+    return {
+        name: {
+            key: one.default for key, one in signature(getattr(cam_rig, name)).parameters.items()
+        }
+        | given
+        for name, given in named.items()
+    }
 
 
 #: What is no argument's fault alone: a file that is not there, a place, a design without a law.

@@ -3,7 +3,6 @@
 import doctest
 import inspect
 import re
-import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -17,9 +16,11 @@ from matplotlib.figure import Figure
 import cam_rig
 from cam_rig.arguments import in_python
 from cam_rig.cli.main import COMMANDS, command
-from cam_rig.errors import BagError, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.show.command import OUTPUT_OPTIONS
 from cam_rig.show.result import enable_notebook_display
+
+from ..processes import ended
 
 #: Where the public names are: their docstrings have examples.
 WITH_EXAMPLES = sorted({"cam_rig"} | {getattr(cam_rig, name).__module__ for name in cam_rig._HOMES})
@@ -40,10 +41,7 @@ def test_every_public_function_has_an_example():
 
 def test_importing_it_imports_no_library():
     code = "import sys, cam_rig; print(sorted({'numpy', 'scipy', 'pydantic'} & set(sys.modules)))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
-    )
-    assert done.stdout.strip() == "[]"
+    assert ended(sys.executable, "-c", code).stdout.strip() == "[]"
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error():
@@ -101,11 +99,7 @@ def test_the_jump_speed_is_drawn_where_the_force_is_zero(law, rig, figures):
     assert np.interp(found.rpm, rpm, force) == pytest.approx(0.0, abs=0.2)
 
 
-def test_a_rig_of_other_numbers_is_checked_as_its_file_is(rig):
-    with pytest.raises(ConfigError, match=r"'paper_table2': follower.preload: is -1 N; allowed"):
-        rig.with_follower(preload=-1.0)
-    with pytest.raises(ConfigError, match=r"follower.preloud: unknown key.*did you mean 'preload'"):
-        rig.with_follower(preloud=1.0)
+def test_a_rig_of_other_numbers_is_another(rig):
     changed = rig.with_follower(roller_share=0.3)
     assert changed.follower.roller_share.si == 0.3
     assert rig.follower.roller_share.si == 0.4
@@ -117,8 +111,6 @@ def test_the_points_of_a_contour_are_as_many_as_asked_for_and_cannot_be_changed(
     assert shape.to_pandas()["x"].tolist() == shape.x.tolist()
     with pytest.raises(ValueError, match="read-only"):
         shape.x[0] = 0.0
-    with pytest.raises(ConfigError, match="points: is 3; allowed: 36 to 1000000"):
-        cam_rig.contour(cam_rig.load_cam("poly345"), points=3)
 
 
 def test_a_conjugate_cam_has_two_contours(figures):
@@ -157,11 +149,7 @@ def test_progress_is_told_tick_by_tick():
     assert len(told) == len(run.ticks) == 16
 
 
-def test_a_name_that_is_not_there_lists_those_that_are(tmp_path):
-    with pytest.raises(ConfigError, match=r"poly34.yaml: no such file \(did you mean 'poly345'"):
-        cam_rig.load_cam("poly34")
-    with pytest.raises(BagError):
-        cam_rig.read_bag(tmp_path)
+def test_a_cam_is_loaded_by_its_name_or_path():
     path = Path(__file__).parents[2] / "config" / "cams" / "poly345.yaml"
     assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")
 
@@ -306,15 +294,9 @@ def test_mypy_sees_every_type_and_every_mistake(tmp_path):
     """Strict, in a folder of his own, as `make setup` installs it; nothing it is shown is Any."""
     file = tmp_path / "own.py"
     file.write_text(SCRIPT + WRONG, encoding="utf-8")
-    cache = ("--cache-dir", str(tmp_path / "cache"), "--config-file", "/dev/null")
-    done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *cache, str(file)],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        cwd=tmp_path,
-        check=False,
-    )
+    options = ["--strict", "--follow-imports=silent", "--config-file", "/dev/null"]
+    command = [sys.executable, "-m", "mypy", *options, "--cache-dir", tmp_path / "cache", file]
+    done = ended(*command, timeout=600, cwd=tmp_path)
     kinds = re.findall(r'own\.py:(\d+): note: Revealed type is "(.*)"', done.stdout)
     lines = (SCRIPT + WRONG).split("\n")
     assert len(kinds) == SCRIPT.count("reveal_type"), done.stdout

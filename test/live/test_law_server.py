@@ -53,18 +53,13 @@ def test_a_refused_request_leaves_the_mounted_cam(cams, cam, words):
     assert cams.cam == LOADED.scene.cams[0]
 
 
-def test_a_cam_that_was_refused_is_read_again(tmp_path):
+def test_a_cam_that_was_refused_is_read_again(tmp_path, make_loaded_scene):
     """An operator mends its file; the same request then mounts it."""
-    for folder in ("cams", "rigs", "scenes"):
-        (tmp_path / folder).mkdir()
+    (tmp_path / "cams").mkdir()
     own, shipped = tmp_path / "cams" / "own.yaml", config_root() / "cams" / "poly345.yaml"
     text = shipped.read_text(encoding="utf-8").replace("name: poly345", "name: own")
     own.write_text(text.replace("law: poly345", "law: constant_velocity"), encoding="utf-8")
-    scene = (config_root() / "scenes" / "torsion.yaml").read_text(encoding="utf-8")
-    (tmp_path / "scenes" / "mine.yaml").write_text(
-        scene.replace("name: torsion", "name: mine"), encoding="utf-8"
-    )
-    cams = CamMounting(open_scene(tmp_path / "scenes" / "mine.yaml"))
+    cams = CamMounting(make_loaded_scene(rig="paper_table2", model="torsional"))
     with pytest.raises(CamRigError, match="velocity"):
         cams.request("own")
     own.write_text(text, encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import json
 import socket
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,8 @@ import pytest
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.live import sockets
 from cam_rig.live.sockets import LineSocket, line_of, read_line, require_loopback
+
+from ..processes import ended
 
 
 @pytest.fixture
@@ -84,17 +85,10 @@ GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 def test_without_a_loopback_a_command_says_so(command, tmp_path):
     """In a network namespace where it is down; with the remedy, and nothing is left."""
     require_loopback()  # this machine has one
-    if subprocess.run([*ALONE, "true"], capture_output=True, check=False, timeout=60).returncode:
+    if ended(*ALONE, "true").returncode:
         pytest.skip("no network namespace can be made here")
-    words = command.format(golden=GOLDEN).split()
-    done = subprocess.run(
-        [*ALONE, Path(sys.executable).with_name("cam-rig"), *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-        timeout=100,
-    )
+    words = [Path(sys.executable).with_name("cam-rig"), *command.format(golden=GOLDEN).split()]
+    done = ended(*ALONE, *words, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("cam-rig: the loopback interface, 127.0.0.1: is")
     assert done.stderr.rstrip().endswith("so: ip link set lo up")

@@ -170,12 +170,8 @@ def test_torque_times_speed_is_the_power_that_goes_into_the_follower(laws, follo
         power = found.torque * found.speed
         touching = found.force != 0.0
         lost += int((~touching).sum())
-        np.testing.assert_allclose(
-            power[touching],
-            (found.force * found.velocity)[touching],
-            rtol=0,
-            atol=1e-9 * np.abs(power).max(),
-        )
+        into, rounding = (found.force * found.velocity)[touching], 1e-9 * np.abs(power).max()
+        np.testing.assert_allclose(power[touching], into, rtol=0, atol=rounding)
         assert (found.torque[~touching] == 0.0).all()
     assert lost > 0
 

@@ -3,7 +3,6 @@
 import os
 import re
 import shutil
-import subprocess
 import sys
 from functools import partial
 from xml.etree import ElementTree
@@ -32,6 +31,8 @@ from cam_rig.messages.urdf import Body, inertial, urdf
 from cam_rig.profile import contours, contours_at
 from cam_rig.profile.faces import GuidedFace, Swung, SwungFace
 from cam_rig.units import NS
+
+from ..processes import ended
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 near = partial(pytest.approx, rel=1e-5)
@@ -102,9 +103,7 @@ def test_the_parser_of_ros_takes_it(kind, tmp_path):
     folders = f"{os.path.dirname(sys.executable)}:{os.environ['PATH']}"
     parser = shutil.which("check_urdf", path=folders)
     assert parser is not None, "neither cmeel-urdfdom nor liburdfdom-tools is installed"
-    answer = subprocess.run(
-        [parser, file], capture_output=True, text=True, check=False, timeout=100
-    )
+    answer = ended(parser, file)
     assert answer.returncode == 0, answer.stderr
     assert f"root Link: {BASE}" in answer.stdout
     assert "rror" not in answer.stderr

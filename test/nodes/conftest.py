@@ -1,9 +1,9 @@
 """Runs of the nodes: all in this process, a thread each, or as processes; and what they leave."""
 
 import json
-import subprocess
 import time
 from contextlib import ExitStack, nullcontext, suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from queue import Empty, Queue
@@ -23,29 +23,16 @@ from cam_rig.errors import RunError
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.nodes import process
 from cam_rig.nodes.__main__ import NODES
-from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import live
 from cam_rig.runner.node_table import RECORDER
 from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
 
+from ..conftest import scene_data
+from ..processes import ended, until
+
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT = 300.0
-SCENE = """
-name: short
-title: A short sweep of two cams
-cams: [tm21, bezier15]
-rig: tm21
-model: one_mass
-sample_rate: {assumed: 2, unit: kHz, source: "keeps the test short"}
-points_per_turn: 24
-program:
-  speeds: {assumed: [250, 400], unit: rpm, source: "a test"}
-  turns: {assumed: 8, unit: turns, source: "a test"}
-  settle_turns: {assumed: 1, unit: turns, source: "a test"}
-  ticks_per_turn: 2
-published: tm21_noise
-"""
 TICKS = 64
 #: A pacing at which it lasts a quarter of a minute: no busy machine holds a test up for so long.
 SLOW = "0.4x"
@@ -161,19 +148,11 @@ def unused():
 
 def node_processes(path):
     """Processes of a run, found by a path that they were started with."""
-    found = subprocess.run(
-        ["pgrep", "-f", str(path)], capture_output=True, text=True, check=False, timeout=100
-    )
-    return found.stdout.split()
+    return ended("pgrep", "-f", path).stdout.split()
 
 
-def wait_until(condition):
-    """Poll until something is true, and give it back."""
-    end = time.monotonic() + WAIT
-    while not (found := condition()):
-        assert time.monotonic() < end, "it did not come true"
-        time.sleep(0.02)
-    return found
+#: Poll until a condition holds, and return its value.
+wait_until = partial(until, step=lambda: time.sleep(0.02), wait=WAIT)
 
 
 def has_ticks(bag):
@@ -195,16 +174,6 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
     assert set(here.codes.values()) == {0}
 
 
-def run_graph(scene, bag, on_tick=None, **drive):
-    """Run processes to the end, calling ``on_tick(graph, tick)`` for each; the lines logged."""
-    logged = []
-    with Graph(patient(scene, bag, **drive), log=logged.append) as graph:
-        for report in graph.progress():
-            if on_tick is not None:
-                on_tick(graph, report["tick"])
-    return logged
-
-
 @pytest.fixture(scope="session", autouse=True)
 def unbounded():
     """A process ends where DDS does not come back; that of the tests is none to end."""
@@ -218,7 +187,9 @@ def short_scene(tmp_path_factory):
     """64 ticks: two cams, two speeds."""
     path = tmp_path_factory.mktemp("short") / "scenes" / "short.yaml"
     path.parent.mkdir()
-    path.write_text(SCENE, encoding="utf-8")
+    changes = {"cams": ["tm21", "bezier15"], "points_per_turn": 24, "published": "tm21_noise"}
+    program = {"speeds": [250, 400], "turns": 8, "ticks_per_turn": 2, "sample_rate": 2000}
+    path.write_text(json.dumps(scene_data(name="short", **changes, **program)), encoding="utf-8")
     return path
 
 

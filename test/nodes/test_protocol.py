@@ -235,7 +235,6 @@ def test_weightings_change_live(make):
     wanted = [Parameter(name, value=v) for name, v in zip(names, "AS", strict=True)]
     assert microphone.set_parameters_atomically(wanted).successful
     assert microphone._meter.quantity == "LAS"
-    assert not microphone.set_parameters([Parameter("frequency_weighting", value="B")])[
-        0
-    ].successful
+    (refused,) = microphone.set_parameters([Parameter("frequency_weighting", value="B")])
+    assert not refused.successful
     assert microphone._meter.quantity == "LAS"

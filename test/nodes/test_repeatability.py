@@ -1,22 +1,21 @@
 """One scene gives one bag, also with a stalled node; a killed node ends the run."""
 
 import signal
-import subprocess
 import sys
 import threading
 import time
 
 import pytest
-from typer.testing import CliRunner
 
 from cam_rig.bag.files import is_unclosed
-from cam_rig.cli.main import app
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import stop_all
 from cam_rig.studies.simulate.recorded import read_recording
 
+from ..cli.conftest import call
+from ..processes import ended
 from .conftest import (
     SLOW,
     TICKS,
@@ -26,7 +25,6 @@ from .conftest import (
     node_processes,
     patient,
     payloads_of,
-    run_graph,
     unused,
     wait_until,
 )
@@ -69,21 +67,17 @@ def resident_mb(process):
 @pytest.mark.long
 def test_a_suspended_consumer_lets_no_memory_grow(short_scene, undisturbed, tmp_path):
     """For 5 s by SIGSTOP, as processes."""
-    grown = []
-
-    def stall(graph, tick):
-        if tick != 30:
-            return
-        others = [p.process for name, p in graph.processes.items() if name != "microphone"]
-        stalled = graph.processes["microphone"].process
-        stalled.send_signal(signal.SIGSTOP)
-        time.sleep(1.0)
-        before = [resident_mb(process) for process in others]
-        time.sleep(4.0)
-        grown.extend(resident_mb(p) - mb for p, mb in zip(others, before, strict=True))
-        stalled.send_signal(signal.SIGCONT)
-
-    run_graph(short_scene, tmp_path / "bag", stall)
+    with Graph(patient(short_scene, tmp_path / "bag"), log=print) as graph:
+        for report in graph.progress():
+            if report["tick"] == 30:
+                others = [p.process for name, p in graph.processes.items() if name != "microphone"]
+                stalled = graph.processes["microphone"].process
+                stalled.send_signal(signal.SIGSTOP)
+                time.sleep(1.0)
+                before = [resident_mb(process) for process in others]
+                time.sleep(4.0)
+                grown = [resident_mb(p) - mb for p, mb in zip(others, before, strict=True)]
+                stalled.send_signal(signal.SIGCONT)
     assert max(grown) < 5.0
     assert payloads_of(tmp_path / "bag") == undisturbed
 
@@ -123,7 +117,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(short_scene, tmp_path, m
 
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", kill_recorder)
     bag = tmp_path / "bag"
-    result = CliRunner().invoke(app, ["run", str(short_scene), "--bag", str(bag)])
+    result = call("run", short_scene, "--bag", bag)
     assert result.exit_code == 1
     assert f"node recorder was ended by signal 9 after tick {TICKS}" in result.stderr
     assert "what was recorded so far is in" in result.stderr and "saved" in result.stderr
@@ -140,9 +134,7 @@ def test_a_full_disk_ends_the_run_with_its_name(short_scene, tmp_path):
     code = (
         f"{start}; import sys; sys.argv = {arguments!r}; from cam_rig.cli.main import main; main()"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=100
-    )
+    run = ended(sys.executable, "-c", code)
     assert run.returncode == 1
     assert "cannot be written (File too large) after" in run.stderr
     assert "Traceback" not in run.stderr

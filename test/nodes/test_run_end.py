@@ -1,5 +1,6 @@
 """The run's end without a runner: the drive says so, the bag is closed, the nodes end or stay."""
 
+import re
 import threading
 from itertools import cycle
 from types import SimpleNamespace
@@ -57,12 +58,6 @@ def listen(user, kind, topic):
     return heard
 
 
-def said(name, logged):
-    """What a node has said at INFO."""
-    begin = f"[{name}]: "
-    return [line.split(begin, 1)[1] for line in logged.splitlines() if begin in line]
-
-
 def test_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
     user, given, undisturbed, tmp_path, capfd
 ):
@@ -75,16 +70,8 @@ def test_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
     assert (run.level, run.text, run.ticks) == (DiagnosticStatus.OK, "done", TICKS)
     assert not is_unclosed(tmp_path / "bag")
     assert payloads_of(tmp_path / "bag") == undisturbed
-    logged = capfd.readouterr().err
-    turning = [line for line in said(DRIVE, logged) if line.startswith("turning")]
-    assert turning == [
-        f"turning {cam} at {rpm} rpm" for cam in ("tm21", "bezier15") for rpm in (250, 400)
-    ]
-    first, last = said("follower", logged)
-    assert (first, last) == ("waiting for cam_drive and law_server", f"done with {TICKS} ticks")
-    first, *_, last = said(RECORDER, logged)
-    assert first.startswith(f"recording into {tmp_path / 'bag'}")
-    assert last.startswith(f"closed {tmp_path / 'bag'}: {TICKS + 1} states")
+    turning = re.findall(r"\[cam_drive\]: turning (\w+) at (\d+) rpm", capfd.readouterr().err)
+    assert turning == [(cam, rpm) for cam in ("tm21", "bezier15") for rpm in ("250", "400")]
 
 
 @pytest.mark.long

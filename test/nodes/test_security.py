@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
@@ -55,15 +56,10 @@ def hostile():
     yield "/follower/samples", array_message([("a", 1), ("b", 2_000_000)], np.zeros(2_000_000))
     yield "/follower/samples", array_message([], [])
     yield "/cam/rpm", Float64(data=nan)
-    for kind, topic in (
-        (JointState, "/follower/state"),
-        (FluidPressure, "/microphone/pressure"),
-        (Header, "/recorder/written"),
-    ):
-        message = kind()
-        stamp = message.stamp if kind is Header else message.header.stamp
-        stamp.sec = 2**31 - 1
-        yield topic, message
+    far = Header(stamp=Time(sec=2**31 - 1))
+    yield "/follower/state", JointState(header=far)
+    yield "/microphone/pressure", FluidPressure(header=far)
+    yield "/recorder/written", far
     yield "/microphone/level", Float64(data=math.inf)
 
 

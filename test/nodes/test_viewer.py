@@ -43,22 +43,16 @@ def arrived(file, recorded):
     return seen if all(ends) else None
 
 
-def as_recorded(bag, folder):
-    """The bag's curves: it is whole, and every curve has something to show."""
-    require_complete(bag, load_scene(QUICK))
-    save_recording(bag, folder / "bag.rrd")
-    recorded = curves(folder / "bag.rrd")
-    assert all(recorded[name].size for name in CURVES)
-    return recorded
-
-
 def test_the_live_picture_is_the_bags(domain, tmp_path):
     """All six nodes run, no tick is missing in bag or picture, and the numbers are the same. Of
     every two samples of this scene a live curve has the least and the greatest."""
     bag, folder = tmp_path / "bag", tmp_path / "page"
     folder.mkdir()
     run_to_end(QUICK, bag, screen=str(folder))
-    recorded = as_recorded(bag, tmp_path)
+    require_complete(bag, load_scene(QUICK))
+    save_recording(bag, tmp_path / "bag.rrd")
+    recorded = curves(tmp_path / "bag.rrd")
+    assert all(recorded[name].size for name in CURVES)
     seen = wait_until(lambda: arrived(newest_recording(folder), recorded))
     for name in CURVES:
         times, values = seen[name].T

@@ -51,6 +51,16 @@ def socket_of(visitor, path):
     )
 
 
+def received(socket, *kinds):
+    """The first message of each kind that comes, answers to what was sent among them."""
+    found = {}
+    while set(found) != set(kinds):
+        message = socket.recv(timeout=WAIT_S)
+        if isinstance(message, str) and (read := json.loads(message))["type"] in kinds:
+            found.setdefault(read["type"], read)
+    return found
+
+
 def blocks_of(data):
     """Begin and step (s), and the rows of each tick's block, as a page is sent them."""
     found = []

@@ -12,7 +12,6 @@ from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_o
 from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.panel.bench import live_state
-from cam_rig.panel.bench.controls import SETTINGS
 from cam_rig.panel.bench.drawing import (
     POINTS,
     Cams,
@@ -106,14 +105,6 @@ def test_a_wrong_set_up_is_refused():
             OWN.changed(given, RIG)
         assert words in str(raised.value)
         assert "\n" not in str(raised.value)
-
-
-def test_what_a_page_sets_is_what_a_node_takes_while_it_runs():
-    """One table for page, server and node."""
-    nodes = {name: node for name, (node, _) in SETTINGS.items()}
-    drive, ear = ("rpm", "pacing"), ("frequency_weighting", "time_weighting")
-    wanted = dict.fromkeys(drive, "cam_drive") | dict.fromkeys(ear, "microphone")
-    assert nodes == wanted | {"cam": "law_server"}
 
 
 # -- what pages are shown follows from what the nodes say, in whatever order it comes ---------

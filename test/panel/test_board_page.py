@@ -11,7 +11,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.board import START_RPM, Board
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, motion_in_base64, table_angles
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.command import REDIRECT
 from cam_rig.panel.server import serve
@@ -291,8 +291,8 @@ def test_what_is_drawn_can_be_taken_along(page, board, tmp_path):
 
 
 @pytest.mark.long
-def test_the_start_and_other_laws_are_shown_beside(page, board, served):
-    """Each curve apart; none is taken away again. So is a design, as the server tells of it."""
+def test_the_start_another_law_and_a_design_are_shown_beside(page, board):
+    """Show each as a curve of its own; the board answers while its design runs."""
     assert page.path("chart2", "ghost") != ""
     page.page.locator("#second").select_option("cycloidal")
     page.until(lambda: page.page.locator("#chart2 .second").count() == 1)
@@ -302,27 +302,15 @@ def test_the_start_and_other_laws_are_shown_beside(page, board, served):
 
     page.save("begin")
     page.until(lambda: "Saved" in page.text("status"))
-    served.pages._tell({"type": "design", "so_far_rpm": 512.3})
-    page.until(lambda: "512.3 rpm so far" in page.text("design_progress"))
-    assert page.page.locator("#design_stop").is_visible()
-    motion = motion_in_base64(cam_rig.build_law(cam_rig.load_cam("cycloidal")))
-    served.pages._tell({"type": "design", "rpm": 600.0, "motion": motion, "path": "x.yaml"})
-    page.until(lambda: page.text("status").startswith("Designed: "))
-    page.until(lambda: page.path("chart2", "second") != "")
-    assert page.page.locator("#design_run").is_visible()
-
-
-@pytest.mark.long
-def test_a_design_runs_beside_the_board(page, board):
-    """The board answers meanwhile; its file is there in the end."""
-    page.save("begin")
-    page.until(lambda: "Saved" in page.text("status"))
     page.page.locator("#design_run").click()
     page.until(lambda: "rpm so far" in page.text("design_progress"))
+    assert page.page.locator("#design_stop").is_visible()
     page.drag(7, -4.0)
     page.settled()
     page.until(lambda: page.text("status").startswith("Designed: "))
     assert (board.out / "begin_designed.yaml").exists()
+    page.until(lambda: page.path("chart2", "second") != "")
+    assert page.page.locator("#design_run").is_visible()
 
 
 def test_nothing_sticks_out_and_the_language_that_is_chosen_stays(page):

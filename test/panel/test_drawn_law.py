@@ -9,7 +9,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.drawable import _nearest, as_b_splines, with_own_ordinates
 from cam_rig.panel.board.drawn_law import ORDERS, DrawnLaw, table_angles
-from cam_rig.schema import CamConfig, load_cam
+from cam_rig.schema import load_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE
 from cam_rig.studies.design.space import events
 
@@ -122,8 +122,9 @@ def test_what_is_drawn_jumps_at_the_speed_of_the_files_law():
 
 
 def test_joints_of_what_is_drawn_are_the_laws_own():
-    """Neither rougher nor smoother where the law's pieces meet, and smooth between."""
-    for name in ("poly345", "cycloidal", "measured", "half_rises"):
+    """Neither rougher nor smoother where pieces meet, corners included, and smooth between."""
+    corners = "worked_example_constant_velocity"
+    for name in ("poly345", "cycloidal", "measured", "half_rises", corners):
         wanted = {round(j.angle, 9): j.continuity for j in joints(build_law(load(name)))}
         found = {round(j.angle, 9): j.continuity for j in joints(as_b_splines(load(name)).law)}
         assert {angle: found[angle] for angle in wanted} == wanted, name
@@ -138,14 +139,3 @@ def test_what_cannot_be_drawn_is_refused():
     (event,) = events(law, 0)
     with pytest.raises(ConfigError, match=r"too many pieces from 0° on.*allowed: 500"):
         _nearest(law, event)
-
-
-def test_a_corner_of_a_law_stays_one():
-    """Two straight flanks without a dwell between: the knot there is as many times as it can be."""
-    cam = load("worked_example_constant_velocity").model_dump(exclude_none=True)
-    half = {"assumed": 180.0, "unit": "deg", "source": "test"}
-    rise = {"law": "constant_velocity", "span": half}
-    cam["segments"] = [rise | {"to": 1.0}, rise | {"to": 0.0}]
-    start = as_b_splines(CamConfig.model_validate(cam))
-    assert start.exact
-    assert {j.angle: j.continuity for j in joints(start.law)}[np.pi] == 0

@@ -3,6 +3,7 @@
 import json
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from http.client import HTTPException
 
 import numpy as np
@@ -36,17 +37,6 @@ def test_true_answers_are_right_and_those_ten_percent_off_wrong(lab, seed, tmp_p
         assert marked.right == right * len(marked.marks)
     (wide,) = mark_sheets([filled(sheet, tmp_path, 0.1)], [], None, 12.0).sheets
     assert wide.right == len(wide.marks)
-
-
-@pytest.mark.parametrize("lab", LABS)
-def test_what_was_written_is_read_again(lab, tmp_path):
-    """Readings and answers, each of its set-up."""
-    path = filled(sheet_of(lab=lab), tmp_path)
-    book = Notebook(sheet_of(lab=lab), tmp_path)
-    book.recorded = read_sheet(path)
-    rows = book.page()["readings"]
-    assert [row["number"] for row in rows] == list(range(1, len(rows) + 1))
-    assert all(("point" in row) is (row["rpm"] is not None) for row in rows)
 
 
 def test_the_class_of_each_lab_is_drawn(tmp_path):
@@ -206,31 +196,27 @@ def test_a_page_answers_with_a_comma_and_is_told_nothing_of_the_true_numbers(lab
 EACH = 10
 
 
-class ClassServer:
-    """`cam-rig panel --lab jump` for all groups, as a process of its own."""
-
-    def __init__(self, out, groups):
-        seeds = [word for group in groups for word in ("--seed", group)]
-        self.process = begin_panel(out, "--lab", "jump", *seeds, stderr=subprocess.DEVNULL)
-        lines = [self.process.stdout.readline().strip() for _ in groups]
-        self.addresses = dict(line.split(": ", 1) for line in lines)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.communicate(timeout=WAIT_S)
-
-    def page(self, group):
-        """A browser of a group's, led to its page, and the sheet that it is shown."""
-        page = Visitor(self.addresses[group])
-        return page, json.loads(page.get(f"/lab/{group}/sheet"))
+@contextmanager
+def class_server(out, groups):
+    """`cam-rig panel --lab jump` for all groups as a process, and the address of each group."""
+    seeds = [word for group in groups for word in ("--seed", group)]
+    with begin_panel(out, "--lab", "jump", *seeds, stderr=subprocess.DEVNULL) as process:
+        lines = [process.stdout.readline().strip() for _ in groups]
+        try:
+            yield process, dict(line.split(": ", 1) for line in lines)
+        finally:
+            process.kill()
 
 
-def record_until_killed(server, group, recorded_one):
+def page_of(addresses, group):
+    """A browser of a group's, led to its page, and the sheet that it is shown."""
+    page = Visitor(addresses[group])
+    return page, json.loads(page.get(f"/lab/{group}/sheet"))
+
+
+def record_until_killed(addresses, group, recorded_one):
     """Speeds whose recording a page was told of, with what it had on its way in the end."""
-    (page, sheet), told = server.page(group), []
+    (page, sheet), told = page_of(addresses, group), []
     setup = {name: values[0] for name, values in sheet["options"].items()}
     for rpm in range(400, 400 + EACH):
         try:
@@ -248,19 +234,19 @@ def record_until_killed(server, group, recorded_one):
 def test_groups_at_once_lose_nothing_when_the_server_is_killed(many, tmp_path):
     """What a page was told is in its group's file; started again, the server goes on with it."""
     groups = [f"group-{number}" for number in range(many)]
-    with ClassServer(tmp_path, groups) as server, ThreadPoolExecutor(many) as pool:
+    with class_server(tmp_path, groups) as (server, places), ThreadPoolExecutor(many) as pool:
         count = iter(range(many * EACH))
 
         def one():
             if next(count) == 3 * many:
-                server.process.kill()
+                server.kill()
 
-        pages = [(pool.submit(record_until_killed, server, group, one), group) for group in groups]
+        pages = [(pool.submit(record_until_killed, places, group, one), group) for group in groups]
         told = {group: page.result(WAIT_S) for page, group in pages}
     assert any(rpm is not None for _, rpm in told.values())
-    with ClassServer(tmp_path, groups) as again:
+    with class_server(tmp_path, groups) as (_, places):
         for group, (speeds, waiting) in told.items():
-            found = [row["rpm"] for row in again.page(group)[1]["readings"]]
+            found = [row["rpm"] for row in page_of(places, group)[1]["readings"]]
             assert found[: len(speeds)] == speeds
             assert found[len(speeds) :] in ([], [waiting])
     files = [path for path in tmp_path.glob("lab_*.csv") if path.stat().st_size]

@@ -6,7 +6,6 @@ The types are those that comments and messages.d.ts tell of.
 import itertools
 import json
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,9 @@ from cam_rig.panel.lab.labs import LABS
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 
-from ..processes import WAIT_S
+from ..processes import ended
 from ..viewer.asking import Visitor
-from .conftest import BENCH, BOARD, BrowserPage, in_browser, sheet_of
+from .conftest import BENCH, BOARD, BrowserPage, in_browser, received, sheet_of
 
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
@@ -28,10 +27,7 @@ TSC = TOOLS / "node_modules/.bin/tsc"
 
 def tsc(*words):
     """What TypeScript's compiler says."""
-    command = [TSC, *map(str, words)]
-    return subprocess.run(
-        command, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
-    )
+    return ended(TSC, *words, cwd=TOOLS)
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
@@ -61,16 +57,6 @@ def wrong_types(folder, messages):
     (folder / "sent.ts").write_text(text, encoding="utf-8")
     options = "--ignoreConfig --noEmit --strict --target es2022 --lib es2023,dom"
     return tsc(*options.split(), "--types", "", folder / "sent.ts", TOOLS / "messages.d.ts").stdout
-
-
-def received(socket, *kinds):
-    """The first message of each kind that comes, answers to what was sent among them."""
-    found = {}
-    while set(found) != set(kinds):
-        message = socket.recv(timeout=WAIT_S)
-        if isinstance(message, str) and (read := json.loads(message))["type"] in kinds:
-            found.setdefault(read["type"], read)
-    return found
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")

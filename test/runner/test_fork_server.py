@@ -19,7 +19,7 @@ from cam_rig.runner import fork_server as runner_half
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import NodeProcess, environment
 
-from ..processes import is_running, until
+from ..processes import ended, is_running, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.starts]
 COMMAND = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
@@ -163,9 +163,8 @@ print(json.dumps([threads, sorted(before), sorted(set(sys.modules) - before)]))
 def test_it_has_one_thread_and_all_that_nodes_share():
     """A fork of a process with threads may wait for ever; of rclpy each node makes its own. What is
     left to the nodes is rclpy with what only it needs, and the nodes themselves."""
-    code = [sys.executable, "-c", PRELOAD]
     given = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(code, env=given, capture_output=True, text=True, check=True, timeout=100)
+    done = ended(sys.executable, "-c", PRELOAD, env=given)
     threads, loaded, left = json.loads(done.stdout)
     assert threads == 1
     assert not [name for name in loaded if name.partition(".")[0] in ("rclpy", "scipy", "rerun")]

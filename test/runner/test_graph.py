@@ -21,13 +21,15 @@ from cam_rig.runner.node_process import NodeProcess, environment, live
 from cam_rig.runner.node_table import NODES, VIEWER, held_by
 from cam_rig.runner.resources import log_folder
 
+from ..processes import ended
+
 KILLED = -signal.SIGKILL
 
 
 @pytest.fixture
 def made(monkeypatch, tmp_path):
     """Makes graphs whose nodes have ended, with a code for each start, or end when asked to."""
-    did = SimpleNamespace(started=[], logged=[], stopped=[], cleaned=[])
+    did = SimpleNamespace(logged=[], stopped=[], cleaned=[])
 
     class Process:
         pid = os.getpid()
@@ -55,7 +57,6 @@ def made(monkeypatch, tmp_path):
                 ends = codes.get(name, [])
                 self.process = Process(ends.pop(0) if ends else None, name, closing)
                 self.overdue = False
-                did.started.append(name)
 
         monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
         nodes = live(tmp_path, tmp_path / "bag", screen=screen)
@@ -68,34 +69,21 @@ def made(monkeypatch, tmp_path):
     return make
 
 
-@pytest.fixture
-def progress(made):
-    """Lets the drive be done, in a graph whose nodes have been started; what follows."""
+FAILED = [
+    (other, KILLED, f"node {other} was ended by signal 9")
+    for other in ("recorder", "follower", "microphone", "law_server")
+]
+FAILED.append(("recorder", 1, r"node recorder ended with code 1 before .*: no space"))
 
-    def progress(**codes):
-        for of in vars(made.did).values():
-            of.clear()
-        graph = made(**codes)
-        graph._start_all()
-        made.did.started.clear()
-        graph._progress.put('{"done": true}')
+
+@pytest.mark.parametrize(("node", "code", "words"), FAILED)
+def test_a_node_that_fails_beside_the_drive_is_named(made, node, code, words):
+    """Name the node and the last line of its stderr, not the drive, which ended as it should."""
+    graph = made(cam_drive=[0], **{node: [code]})
+    graph._start_all()
+    graph._progress.put('{"done": true}')
+    with pytest.raises(RunError, match=words):
         list(graph.progress())
-        return made.did.started, made.did.logged
-
-    return progress
-
-
-def test_a_node_killed_beside_the_drive_is_named(progress):
-    """Not the drive, which has ended as it should."""
-    for other in ("recorder", "follower", "microphone", "law_server"):
-        with pytest.raises(RunError, match=f"node {other} was ended by signal 9"):
-            progress(cam_drive=[0], **{other: [KILLED]})
-
-
-def test_a_node_that_fails_beside_the_drive_is_named_with_its_error(progress):
-    """The last line of its stderr is the reason."""
-    with pytest.raises(RunError, match=r"node recorder ended with code 1 before .*: no space"):
-        progress(cam_drive=[0], recorder=[1])
 
 
 def test_the_fatal_error_of_a_node_is_its_reason(made):
@@ -211,18 +199,13 @@ def test_a_run_with_little_memory(tmp_path, mebibytes):
     """However little it may have, it ends with a line and leaves no process, or records whole."""
     bag, limit = tmp_path / "bag", mebibytes * 2**20
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", str(bag)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
-        timeout=100,
+    done = ended(
+        *command, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     )
     if done.returncode:
         assert "Traceback" not in done.stderr
         assert "cam-rig: " in done.stderr.strip().splitlines()[-1]
-    assert subprocess.run(["pgrep", "-f", str(bag)], check=False, timeout=100).returncode == 1
+    assert ended("pgrep", "-f", bag).returncode == 1
 
 
 def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):

@@ -7,10 +7,8 @@ import os
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -30,6 +28,8 @@ from cam_rig.runner.resources import (
     require_room,
     why_killed,
 )
+
+from ..processes import ended
 
 # A domain, and a namespace of it.
 
@@ -269,10 +269,9 @@ FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /de
 def in_a_full_one(*command):
     """What the command gives in a mount namespace of its own."""
     unshare = shutil.which("unshare")
-    run = partial(subprocess.run, capture_output=True, text=True, check=False, timeout=100)
-    if unshare is None or run([unshare, "-m", "true"]).returncode:
+    if unshare is None or ended(unshare, "-m", "true").returncode:
         pytest.skip("no mount namespace can be made here")
-    done = run([unshare, "-m", "sh", "-c", FULL + shlex.join(command)])
+    done = ended(unshare, "-m", "sh", "-c", FULL + shlex.join(command))
     if "mount:" in done.stderr:
         pytest.skip("no file system can be mounted here")
     return done

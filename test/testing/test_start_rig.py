@@ -1,7 +1,6 @@
 """`cam_rig.testing` as a package of somebody else's uses it: in a pytest of its own."""
 
 import os
-import subprocess
 import sys
 from importlib.metadata import entry_points
 
@@ -16,6 +15,7 @@ from cam_rig.testing import client
 from cam_rig.testing.running_rig import isolated_domain
 
 from ..docs.conftest import DOCS, blocks
+from ..processes import ended
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
@@ -122,14 +122,7 @@ def test_nothing_is_left_whatever_a_test_does(pytester):
     assert "of the test's own" in text
     assert "node follower was ended by signal 9" in text
     assert "[cam_drive]" in text
-    left = subprocess.run(
-        ["pgrep", "-f", str(pytester.path)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=100,
-    )
-    assert left.stdout == ""
+    assert ended("pgrep", "-f", pytester.path).stdout == ""
 
 
 # A client beside a rig, where DDS loses an answer.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,19 +24,12 @@ from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.units import NS, FloatArray
 from cam_rig.viewer.recording import save_recording
 
-SCENE = """
-name: small
-title: Two cams, two speeds
-cams: [poly345, bezier15]
-rig: tm21
-model: one_mass
-sample_rate: {assumed: 4, unit: kHz, source: "small"}
-program:
-  speeds: {assumed: [300, 700], unit: rpm, source: "slow, and so fast that the follower jumps"}
-  turns: {assumed: 2, unit: turns, source: "small"}
-  settle_turns: {assumed: 1, unit: turns, source: "small"}
-  ticks_per_turn: 2
-"""
+from ..conftest import scene_data
+
+#: Two cams at two speeds, the second so fast that the follower jumps.
+SCENE = scene_data(
+    title="Two cams, two speeds", speeds=[300, 700], turns=2, ticks_per_turn=2, sample_rate=4000
+)
 
 
 @dataclass
@@ -86,7 +80,7 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
         shutil.copytree(config / part, folder / "config" / part)
     path = folder / "config" / "scenes" / "small.yaml"
     path.parent.mkdir()
-    path.write_text(scene, encoding="utf-8")
+    path.write_text(json.dumps(scene), encoding="utf-8")
     loaded = open_scene(path)
     made = SmallBag(folder / "small", loaded)
     with BagWriter(made.path) as writer:

@@ -25,10 +25,8 @@ from tools.docs.browser import (
     TIMEOUT_S,
     count,
     new_page,
-    open_browser,
     photograph,
     photographs,
-    why_no_browser,
 )
 
 pytestmark = pytest.mark.slow
@@ -60,15 +58,6 @@ SHOWN = {
 LEFT_OUT = series.VELOCITY_LINE
 #: Of no curve, and as far from each as the curves are from each other.
 NOBODYS = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    """One browser for all visits."""
-    if why := why_no_browser():
-        pytest.skip(f"no browser: {why}")
-    with open_browser() as made:
-        yield made
 
 
 @dataclass

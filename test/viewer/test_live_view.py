@@ -175,15 +175,12 @@ def test_pictures_of_a_paced_run_come_evenly_between_its_ticks(bag, monkeypatch)
     now, factor = [100.0], 0.5
     sent = {}
 
-    def clock():
-        return now[0]
-
     def note(_, entity, indexes, columns):
         times = [rr.TimeColumn.as_arrow_array(index).cast("int64").to_numpy() for index in indexes]
         sent.setdefault(entity, []).append((now[0], float(np.max(times[0])) / NS))
 
-    monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=clock))
-    monkeypatch.setattr(live, "FramePace", partial(FramePace, clock=clock))
+    monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(live, "FramePace", partial(FramePace, clock=lambda: now[0]))
     monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
     monkeypatch.setattr(rr.RecordingStream, "send_columns", note)
     view = LiveView(bag.loaded, stream_address(free_port()))

@@ -136,16 +136,13 @@ class Notes:
 def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
     """Each tick once, and its sound after it."""
     notes = Notes()
-    feed = RunFeed(notes)
+    feed, sounds = RunFeed(notes), zip(bag.levels, bag.pressures, strict=True)
     queues = [
         [lambda c=c, p=p: feed.profile(c, p) for c, p in bag.profiles.items()],
         [lambda s=s: feed.state(s) for s in cam_states(bag.loaded.scene)],
         [lambda r=r: feed.block(r) for r in bag.rows],
         [lambda v=v: feed.level(v) for _, v in bag.levels],
-        [
-            lambda t=t, p=p: feed.pressure(t, p)
-            for (t, _), p in zip(bag.levels, bag.pressures, strict=True)
-        ],
+        [lambda t=t, p=p: feed.pressure(t, p) for (t, _), p in sounds],
     ]
     chance = random.Random(seed)
     while any(queues):

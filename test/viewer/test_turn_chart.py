@@ -18,6 +18,7 @@ from cam_rig.viewer.quantities import LANDING, LIFT_OFF, drawn_of, gap_of, scene
 from cam_rig.viewer.recording import LiveView, save_recording
 from cam_rig.viewer.turn_chart import HEAD, LAID, ROW, WIDTH, TurnAxes, curve
 
+from ..conftest import scene_data
 from .conftest import Picture, make_bag, told
 
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
@@ -149,19 +150,6 @@ def test_what_is_beyond_its_axis_ends_at_its_edge():
 # -- the map of bounces in the viewer: the exact states once a turn, turn after turn ----------
 
 
-SCENE = """
-name: small
-title: A follower that rebounds
-cams: [tm21]
-rig: tm21_bouncing
-model: one_mass
-sample_rate: {{assumed: 4, unit: kHz, source: "small"}}
-program:
-  speeds: {{assumed: {speeds}, unit: rpm, source: "turned up"}}
-  turns: {{assumed: {turns}, unit: turns, source: "small"}}
-  settle_turns: {{assumed: 1, unit: turns, source: "small"}}
-  ticks_per_turn: {ticks}
-"""
 #: m: how far the follower moves in a sample's time, of which a landing beside angle 0 costs a part.
 BESIDE_A_LANDING = 2.5e-4
 #: Turns at a speed: so few that the last digit has not grown where it is irregular.
@@ -172,7 +160,8 @@ TURNS = 6
 def bouncing_bag(request, tmp_path_factory, config_dir):
     """A knob turned up from where it rests on the cam to where it is irregular."""
     speeds = sorted(np.random.default_rng(7).uniform(380.0, 560.0, 3).round(2).tolist())
-    scene = SCENE.format(speeds=speeds, turns=TURNS, ticks=request.param)
+    rig, program = "tm21_bouncing", {"turns": TURNS, "ticks_per_turn": request.param}
+    scene = scene_data(cams=["tm21"], rig=rig, speeds=speeds, sample_rate=4000, **program)
     return make_bag(tmp_path_factory.mktemp("bounces"), config_dir, scene=scene)
 
 
@@ -196,12 +185,8 @@ def placed_from(axes, points):
     """Rows of x and y that points were placed from."""
     x, y = np.array(points).reshape(-1, 2).T
     across, up = x / axes.width, 1.0 - (y - axes.top) / axes.height
-    return np.stack(
-        [
-            low + part * (high - low)
-            for part, (low, high) in zip((across, up), (axes.x, axes.y), strict=True)
-        ]
-    )
+    placed = ((across, *axes.x), (up, *axes.y))
+    return np.stack([low + part * (high - low) for part, low, high in placed])
 
 
 def axes_of(bag):

@@ -9,3 +9,16 @@ from cam_rig.schema import load_rig
 def table2(config_dir):
     """The rig that was identified from the jump speeds of Table 2."""
     return load_rig(config_dir / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture
+def printed_by(tmp_path, capsys):
+    """Run a script, and return what it prints; its figure is written."""
+
+    def run(script):
+        script.main(["--out", str(tmp_path)])
+        name = script.__name__.rpartition(".")[2]
+        assert (tmp_path / f"{name}.png").is_file()
+        return capsys.readouterr().out
+
+    return run

@@ -158,11 +158,9 @@ def test_it_grows_with_the_roller_and_falls_with_the_base(bezier, monkeypatch):
     assert above[0] < above[1] > above[3] > above[2] < above[0]
 
 
-def test_the_script(bezier, tmp_path, capsys, monkeypatch):
+def test_the_script(bezier, printed_by, monkeypatch):
     """Both tables, the summary and the figure."""
     monkeypatch.setattr(script, "study", lambda: [bezier])
     monkeypatch.setattr(script, "over_sizes", lambda found: [found])
-    script.main(["--out", str(tmp_path)])
-    assert "0.866 mm too high, noise within 0.027 dB" in capsys.readouterr().out
-    assert (tmp_path / "as_cut.png").is_file()
+    assert "0.866 mm too high, noise within 0.027 dB" in printed_by(script)
     assert faults(figure(bezier)) == []

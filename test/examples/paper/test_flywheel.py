@@ -71,26 +71,14 @@ def test_the_preload_twists_the_shaft(found):
     assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
 
 
-def test_numbers_of_the_report(found):
-    """Fluctuation and twist behind the flywheel that is shown, to the report's digits."""
-    (_, over_cams) = tables(found)
-    assert over_cams.for_report.text_rows == [
-        ["Polynomial 3-4-5", "3.12", "0.1305", "0.1432", "0.1115"]
-    ]
-
-
-def test_tables(found):
-    """One row for each inertia and each cam."""
+def test_the_script(found, printed_by, monkeypatch):
+    """One row per inertia and per cam, the digits of the report, the summary and the figure."""
     over_inertia, over_cams = tables(found)
     assert [row[0] for row in over_inertia.rows][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS
-    assert len(over_cams.rows) == 1
-    assert faults(figure(found)) == []
-
-
-def test_the_script(found, tmp_path, capsys, monkeypatch):
-    """Tables, summary and figure."""
+    assert over_cams.for_report.text_rows == [
+        ["Polynomial 3-4-5", "3.12", "0.1305", "0.1432", "0.1115"]
+    ]
     monkeypatch.setattr(script, "study", lambda: found)
-    script.main(["--out", str(tmp_path)])
-    assert "twist 0.1432°, 0.1115° without preload" in capsys.readouterr().out
-    assert (tmp_path / "flywheel.png").is_file()
+    assert "twist 0.1432°, 0.1115° without preload" in printed_by(script)
+    assert faults(figure(found)) == []

@@ -189,17 +189,16 @@ def rows(found):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
-def test_one_element_jumps_as_two_masses(laws, table2, cam):
+def test_one_element_jumps_as_two_masses(laws, follower, table2, cam):
     """The jump study's steady state, found by its own search and exact proof."""
-    follower = TwoMassParameters.from_rig(table2)
     expected = find_jump(laws[cam], follower, None).rpm
     assert stem_jump(laws[cam], Stem(follower, 1.0), table2) == pytest.approx(expected, rel=2e-5)
 
 
 @pytest.mark.parametrize("elements", [2.0, 5.0])
-def test_the_exact_solver_loses_contact_there(laws, table2, elements):
+def test_the_exact_solver_loses_contact_there(laws, follower, table2, elements):
     """A chain's least force through the rig's solver changes its sign at the jump speed."""
-    law, stem = laws["cycloidal"], Stem(TwoMassParameters.from_rig(table2), elements)
+    law, stem = laws["cycloidal"], Stem(follower, elements)
     jump = stem_jump(law, stem, table2) * RPM
     below, above = (exact(law, stem, jump * (1.0 + s), 8000)[0].min() for s in (-1e-4, 1e-4))
     assert below > 0.0 > above
@@ -234,10 +233,9 @@ def test_numbers_of_the_report(found, rows):
     assert texts[1:] == ["414.5", "377.6", "+9.78", "235", "0.54", "412.4", "1.05e6"]
 
 
-def test_where_two_masses_are_not_sufficient(found, laws, table2):
+def test_where_two_masses_are_not_sufficient(found, laws, follower):
     """At the speed given they miss the bar's least force by a tenth of the preload, not below."""
     rpm = float(found.over_cams.frame["force off from [rpm]"][0])
-    follower = TwoMassParameters.from_rig(table2)
 
     def missed(at):
         two, bar = (stem_turn(laws["poly345"], Stem(follower, n), at * RPM) for n in (1.0, BAR))
@@ -246,9 +244,8 @@ def test_where_two_masses_are_not_sufficient(found, laws, table2):
     assert missed(rpm) > 0.1 >= max(missed(rpm - 5.0), missed(rpm - 10.0))
 
 
-def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, table2):
+def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, follower):
     """Most of the error of two masses is that of their first natural frequency."""
-    follower = TwoMassParameters.from_rig(table2)
     stiffness = matched_stiffness(follower)
     bar = Stem(replace(follower, stem_stiffness=stiffness), BAR).frequencies(1)
     assert bar == pytest.approx(Stem(follower, 1.0).frequencies(1), rel=1e-10)
@@ -258,20 +255,18 @@ def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, table2):
     assert abs(two / softer - 1.0) < 0.1 * abs(two / bar - 1.0)
 
 
-def test_vibration_is_read_in_the_low_dwell(laws, table2):
+def test_vibration_is_read_in_the_low_dwell(laws, follower):
     """The head moves less in the low dwell than over the turn."""
     law = laws["poly345"]
-    turn = stem_turn(law, Stem(TwoMassParameters.from_rig(table2), BAR), SPEED)
+    turn = stem_turn(law, Stem(follower, BAR), SPEED)
     assert 0.0 < np.ptp(turn.head[low_dwell(law).holds(turn.angle)]) < np.ptp(turn.head)
 
 
-def test_the_script(found, tmp_path, capsys, monkeypatch):
+def test_the_script(found, printed_by, monkeypatch):
     """Both tables, the summary and the figure; the bar is the last row."""
     monkeypatch.setattr(script, "study", lambda: [found])
-    script.main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
+    printed = printed_by(script)
     assert "two masses off by at most +9.78 % (Polynomial 3-4-5), level by 0.54 dB" in printed
-    assert (tmp_path / "stem.png").is_file()
     masses = [row[0] for row in found.over_elements.rows]
     assert masses == ["2", "3", "4", "6", "10", "bar"]
     assert math.isinf(ELEMENTS[-1])

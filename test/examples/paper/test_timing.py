@@ -90,11 +90,9 @@ def test_numbers_of_the_report(curves):
     ]
 
 
-def test_the_script(tmp_path, capsys):
+def test_the_script(printed_by):
     """Tables, the summary and the figure; every event of the cams of Table 2."""
-    script.main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
+    printed = printed_by(script)
     assert "the 1 % event alone by 1° takes ordinates changed by 99.5 % of the lift" in printed
     assert "43.663" in printed
-    assert (tmp_path / "timing.png").is_file()
     assert faults(figure(study())) == []

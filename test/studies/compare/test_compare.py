@@ -14,7 +14,7 @@ from cam_rig.studies.compare.study import RunComparison, compare
 
 from ...cli.conftest import GOLDEN, data_of, done
 from ...cli.conftest import call as run
-from ...foreign_bags import joint, number, wrench, write_bag, write_two_rigs
+from ...foreign_bags import joint, number, wrench, write_bag, write_rigs
 from ...viewer.conftest import Picture
 from .bench import compared, measured
 
@@ -156,7 +156,7 @@ def test_a_chart_says_what_is_equal(golden, bench):
 
 def test_of_two_rigs_one_is_compared(tmp_path):
     """Refused with their names and the remedy; then the one that is named."""
-    bag = write_two_rigs(tmp_path / "two", GOLDEN)
+    bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     result = call(bag, "quick")
     assert result.exit_code == 1
     assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
