@@ -6,12 +6,12 @@ import pytest
 from benchmark.speed import exact
 from benchmark.speed.models import Case, Oscillator
 from benchmark.speed.study import stem_motion as motion
-from cam_rig.dynamics import FollowerParameters, Interval, kinetostatic
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.elastic_stem import outputs, response
 from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.dynamics.linear.response import LinearResponse, sample
 from cam_rig.errors import DynamicsError
-from cam_rig.units import NS, TURN
+from cam_rig.units import TURN
 
 SPEED = 300.0 * np.pi / 30.0
 
@@ -72,17 +72,6 @@ def test_the_equation_of_motion_holds(law, follower):
     assert np.abs(force - p.preload - p.stem_stiffness * (s - x)).max() < 1e-15 * p.stem_stiffness
 
 
-def test_the_periodic_state_is_what_many_turns_tend_to(laws, follower):
-    """With damping the start is forgotten: the steady state needs one linear solve, no turns."""
-    parameters = FollowerParameters(1.3, 4030.0, 800.0, 0.0, 1e5)
-    model = response(laws["poly345"], parameters, SPEED)
-    begin = model.periodic()
-    again = model.end(begin, 0.0, TURN / SPEED)
-    many = model.end(np.array([0.01, -1.0]), 0.0, 200.0 * TURN / SPEED)
-    np.testing.assert_allclose(again, begin, rtol=0, atol=1e-12 * np.abs(begin).max())
-    np.testing.assert_allclose(many, begin, rtol=0, atol=1e-11 * np.abs(begin).max())
-
-
 def test_resonance_has_no_steady_state(laws):
     """A steady state is refused where there is none, with the speed."""
     square = (9.0 * SPEED) ** 2
@@ -95,22 +84,6 @@ def test_resonance_has_no_steady_state(laws):
 
 
 # -- the follower that never leaves the cam: where an interval ends, where the cam would pull
-
-
-FAST = 400.0 * np.pi / 30.0
-
-
-@pytest.mark.variants(3)
-def test_state_is_the_next_sample(law, follower):
-    """The state at the end is what the next interval's first sample shows."""
-    stop = 37 * NS // 1000
-    first, second = (Interval(a, b, FAST * a / NS, FAST) for a, b in ((0, stop), (stop, 2 * stop)))
-    state, _ = kinetostatic.advance(law, follower, None, first, 1000)
-    _, block = kinetostatic.advance(law, follower, state, second, 1000)
-    shown = (state.displacement, state.velocity, state.contact_force)
-    sizes = np.abs(block.rows[[1, 2, 4]]).max(axis=1)
-    assert np.all(np.abs(block.rows[[1, 2, 4], 0] - shown) <= 1e-12 * sizes)
-    assert state.in_contact
 
 
 @pytest.mark.variants(3)

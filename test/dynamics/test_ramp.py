@@ -9,6 +9,7 @@ import pytest
 
 from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.speed_ramp import substitute
+from cam_rig.dynamics.torsional.model import TorsionalParameters
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import TURN
 
@@ -16,6 +17,7 @@ from .helpers import MS, ONE, assert_same, edge_law, exact_law, off_joints, tick
 
 #: A stem damped so well that it does not chatter: no rounding grows from landing to landing.
 TWO = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
+SHAFT = TorsionalParameters(ONE, 0.02, 5e3, 0.1)
 
 
 def exact_motion(law, interval, time):
@@ -59,6 +61,8 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
     size = np.abs(exact).max(axis=1)
     assert state.displacement == pytest.approx(end[0], abs=1e-13 * size[0])
     assert state.velocity == pytest.approx(end[1], abs=1e-12 * size[1])
+    last = np.array([4030.0, 8.642, 1.3]) @ end + 12.753
+    assert state.contact_force == pytest.approx(last, abs=1e-12 * np.abs(force).max())
 
 
 def test_substitute_is_a_law_of_time(laws):
@@ -109,10 +113,16 @@ def test_first_lift_off_of_one_mass_along_a_ramp(laws):
     assert on.angle == pytest.approx(whole.angle_at(on.time), abs=1e-12)
 
 
-@pytest.mark.variants(4)
+@pytest.mark.variants(5)
 @pytest.mark.parametrize(
     ("model", "p"),
-    [("kinetostatic", ONE), ("one_mass", ONE), ("elastic_stem", ONE), ("two_mass", TWO)],
+    [
+        ("kinetostatic", ONE),
+        ("one_mass", ONE),
+        ("elastic_stem", ONE),
+        ("two_mass", TWO),
+        ("torsional", SHAFT),
+    ],
 )
 def test_the_length_of_a_tick_does_not_enter(laws, ramp, model, p):
     """1 ms against 200 ms: 1e-10 of the largest value of each row, and the same events."""

@@ -20,7 +20,6 @@ from cam_rig.dynamics import (
 )
 from cam_rig.dynamics.two_mass import Separation
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 
 from .helpers import MS, every, ticked
@@ -334,12 +333,3 @@ def test_a_turn_ends_where_the_next_begins(laws, paper_rig):
         assert 0.0 <= wrap(huge)[1] < TURN
     for turns, angle in ((3, 1.0), (-7, 0.5), (10_000_000, 6.2)):
         assert wrap(turns * TURN + angle) == (turns, pytest.approx(angle, abs=np.spacing(1e8)))
-
-
-def test_a_disc_knows_no_turns():
-    """Nothing happens on a disc, however late and however it is cut."""
-    disc = Law("disc", np.array([0.0, TURN]), np.full((2, 1), 0.01))
-    p = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
-    state, block = MODELS["one_mass"].advance(disc, p, None, Interval(0, NS, 6.28e11, 50.0), 100)
-    assert block.events == ()
-    assert state.in_contact

@@ -14,8 +14,6 @@ from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.trajectory import jumps_table
-from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -149,41 +147,6 @@ def test_stem_comes_back_after_a_turn(edge):
     )
     settled = model.end(np.zeros(2), 0.0, 3.0 * TURN / SPEED)
     np.testing.assert_allclose(settled, start, atol=1e-12 * SPEED * STEP)
-
-
-def test_flight_over_the_joints(edge):
-    """At 700 rpm it flies over the corners: never under the cam, and back on it exactly."""
-    speed = 700.0 * np.pi / 30.0
-    course = OneMassTrajectory(edge, ONE, Interval(0, 300 * MS, 0.0, speed))
-    course.run(None)
-    flights = [phase for phase in course.phases if phase.flight is not None]
-    joints = (edge.breaks[:-1] + TURN * np.arange(4)[:, None]).ravel() / speed
-    assert any(np.any(np.abs(joints - phase.end) < 1e-15) for phase in flights[:-1])
-    for phase in flights:
-        times = np.linspace(phase.begin, phase.end, 500)
-        gap = phase.flight.motion(times - phase.begin)[0] - edge(speed * times)
-        assert gap.min() > -1e-14
-    landed = [event for event in course.events if event.kind == "landing"]
-    assert len(landed) >= 3
-    ends = {phase.end: phase.flight for phase in flights}
-    begins = {phase.end: phase.begin for phase in flights}
-    for event in landed[1:]:
-        if event.time in ends:
-            y = ends[event.time].motion(np.array([event.time - begins[event.time]]))[0][0]
-            assert y == pytest.approx(edge.at(event.angle)[0], abs=1e-13)
-
-
-def test_end_mass_goes_on(edge):
-    """Two masses: a blow on the roller does not touch the end mass, η̇ jumps by −α ω Δs'."""
-    course = Separation(edge, TWO, SPEED)
-    course.run(0.102)
-    before, after = (
-        states(course, np.array([t]))[:, 0] for t in (0.1 - 1e-12, course.phases[1].begin)
-    )
-    assert after[3] == pytest.approx(before[3], abs=1e-9)
-    assert after[1] - before[1] == pytest.approx(SPEED * STEP, rel=1e-9)
-    impact = course.phases[1].vibration
-    assert impact[1] == pytest.approx(-TWO.share * SPEED * STEP, rel=1e-9)
 
 
 @pytest.mark.parametrize("stop", [0.6 * 7, 0.6 * 7 + 0.23])

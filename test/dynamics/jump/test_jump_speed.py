@@ -13,9 +13,7 @@ from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed, rigid
 from cam_rig.dynamics.jump.two_masses import find_jump_speed
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.bernstein import joined
 from cam_rig.laws.law import extremes, peak
-from cam_rig.laws.spline import smooth
 from cam_rig.studies.jump.study import Numbers, refitted
 from cam_rig.units import RPM, TURN
 
@@ -41,13 +39,6 @@ def test_jump_speed_is_the_exact_models(laws, two_mass, cam, duration):
     assert leaves(law, two_mass, found.speed + 0.005 * RPM, duration)
     turned = found.speed * found.time % (2.0 * np.pi)
     assert found.angle == pytest.approx(turned, rel=1e-4)
-
-
-def test_a_faster_cam_may_be_followed_again(laws, two_mass):
-    """Contact is not lost for good: 3-4-5 is left at 420 rpm, not at 435, and again at 450."""
-    law = laws["poly345"]
-    lost = [leaves(law, two_mass, rpm * RPM, 1.7) for rpm in (410.0, 420.0, 435.0, 450.0)]
-    assert lost == [False, True, False, True]
 
 
 @pytest.mark.parametrize("slowest", [1.0, 249.0, 340.0])
@@ -307,13 +298,6 @@ def test_a_law_below_zero_falls_away_from_its_follower(laws, follower):
 # Laws of many pieces: as the same law in few, and as exhaustive searches.
 
 
-def through(law, count):
-    """The spline of degree 5 through so many readings of a law."""
-    angles = np.linspace(0.0, TURN, count, endpoint=False)
-    breaks, columns = smooth(angles, law(angles), 0.0).pieces
-    return Law(law.name, breaks, joined(columns))
-
-
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("duration", [0.5, None])
 @pytest.mark.parametrize("cam", ["poly345", "measured"])
@@ -324,31 +308,6 @@ def test_a_law_in_more_pieces_is_the_same_law(laws, two_mass, cam, duration):
     for more in (20, 60):
         law = with_joints(laws[cam], *rng.uniform(0.0, TURN, more))
         assert find_jump(law, two_mass, duration).speed == pytest.approx(expected, rel=1e-6)
-
-
-def test_readings_jump_as_their_law(laws, two_mass):
-    """A spline through every other degree jumps where its law does, to 3e-4."""
-    expected = find_jump(laws["poly345"], two_mass).rpm
-    assert find_jump(through(laws["poly345"], 180), two_mass).rpm == pytest.approx(
-        expected, rel=3e-4
-    )
-
-
-@pytest.mark.variants(2)
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_no_slower_speed_leaves_a_long_law(laws, two_mass, seed):
-    """The exact model, part after part, stays on at 25 slower speeds and leaves just above."""
-    rng = np.random.default_rng(seed)
-    law = through(laws[("poly4567", "cycloidal", "bezier15")[seed]], int(rng.integers(60, 160)))
-    rig = replace(
-        two_mass,
-        stem_stiffness=two_mass.stem_stiffness * rng.uniform(0.3, 2.0),
-        preload=two_mass.preload * rng.uniform(0.5, 2.0),
-    )
-    found = find_jump(law, rig, 0.4).speed
-    for part in [*rng.uniform(0.5, 1.0, 24), 1.0 - 1e-6]:
-        assert lift_off(law, rig, found * part, np.zeros(2), 0.4) is None
-    assert lift_off(law, rig, found * (1.0 + 1e-6), np.zeros(2), 0.4)
 
 
 @pytest.mark.variants(3)

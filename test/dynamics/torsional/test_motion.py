@@ -13,10 +13,10 @@ from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve, steady_state
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law, bernstein, build_law
+from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN
 
-from ..helpers import MS, every, ticked
+from ..helpers import MS
 
 SPEED, SLOW = 400.0 * np.pi / 30.0, 350.0 * np.pi / 30.0
 
@@ -222,30 +222,3 @@ def test_a_ramp_against_forty_digits(laws, many_digits, name, speed, ramp, durat
     flywheel = speed * times + 0.5 * ramp * times**2
     np.testing.assert_allclose(got[2], flywheel + twist, rtol=0, atol=1e-13)
     np.testing.assert_allclose(got[3], speed + ramp * times + rate, rtol=0, atol=1e-12)
-
-
-def test_a_disc_lags_by_the_torque_that_turns_it(make_cam):
-    """On a dwell of a whole turn the cam hangs back by ψ = −I α/k_s and swings about that."""
-    disc = build_law(make_cam({"law": "dwell", "span": 360}))
-    p = SHAFT
-    rest = -50.0 / (p.mobility * p.shaft_stiffness)
-    times = np.linspace(0.0, 0.7, 60)
-    got = solve(disc, p, TorsionalState(0.0, 0.0, 0.0, 0.0), 0.0, 0.7, 50.0).at(times)
-    rate = math.sqrt(p.mobility * p.shaft_stiffness)
-    exact = rest * (1.0 - np.cos(rate * times))
-    np.testing.assert_allclose(got[0], exact, rtol=0, atol=1e-12 * abs(rest))
-    held = solve(disc, p, TorsionalState(rest, 0.0, 0.0, 0.0), 0.0, 0.7, 50.0).at(times)
-    np.testing.assert_allclose(held[0], rest, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("speed", "ramp"), [(0.0, 80.0), (32.0, -80.0)])
-def test_the_length_of_a_tick_does_not_enter(laws, speed, ramp):
-    """2 ms against 200 ms, from rest and down to rest: 1e-10 of the largest value of each row."""
-    p = dataclasses.replace(SHAFT, shaft_damping=0.1)
-    law, total = laws["poly345"], 400 * MS
-    whole = Interval(0, total, 0.0, speed, ramp)
-    rows, _, state = ticked(law, "torsional", p, whole, every(2 * MS, total), 24_000)
-    coarse, _, end = ticked(law, "torsional", p, whole, every(200 * MS, total), 24_000)
-    size = np.abs(coarse).max(axis=1)
-    assert (np.abs(rows - coarse).max(axis=1)[:5] < 1e-10 * size[:5]).all()
-    assert state.inner == pytest.approx(end.inner, rel=1e-10, abs=1e-14)
