@@ -58,20 +58,6 @@ def test_the_window_begins_at_its_closed_form(restitution):
     assert motions[-1].multipliers.real.max() > 1.0  # it has gone round, and back up
 
 
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
-def test_multipliers_are_those_of_the_closed_form(restitution):
-    """Trace (1 + r)² (1 + s̈/g) − 2 r, determinant r²."""
-    least, doubling = window(restitution)
-    ratio = least + 0.6 * (doubling - least)
-    speed, state = one_landing(restitution, ratio)
-    motion = Family(LAW, by_speed(ball(restitution)), 1).at(speed, state)
-    np.testing.assert_allclose(motion.state, state, rtol=1e-10)
-    bend = -math.sqrt(ratio**2 - least**2)
-    trace = (1.0 + restitution) ** 2 * (1.0 + bend) - 2.0 * restitution
-    assert np.trace(motion.derivative) == pytest.approx(trace, abs=1e-10)
-    assert np.linalg.det(motion.derivative) == pytest.approx(restitution**2, rel=1e-11)
-
-
 @pytest.mark.parametrize(
     ("restitution", "ratio", "damping", "spring", "landings"),
     [

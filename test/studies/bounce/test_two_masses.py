@@ -128,16 +128,6 @@ def test_classes_and_exponents(table2):
     assert "two masses" in found.title
 
 
-def test_a_level_is_that_of_a_simulation(table2):
-    """A scene's microphone hears what stands beside the row."""
-    law, rig = table2
-    row = cam_rig.bounce_map(law, rig, rpm=400, model="two_mass", turns=20, settle=60).rows[0]
-    motion = cam_rig.simulate(law, rig, rpm=400, model="two_mass", turns=20, sample_rate=12_000)
-    assert row.level_db == pytest.approx(
-        cam_rig.sound_level(motion, settle_turns=4).level_db, abs=0.05
-    )
-
-
 @pytest.mark.parametrize(
     "last", [598.0, pytest.param(565.0, marks=[pytest.mark.long, pytest.mark.slow])]
 )

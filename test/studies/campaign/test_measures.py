@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.steady_rules import FORCE_RTOL, MAX_FORCE_TURNS
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.quantities.catalogue import DESIGNED, measured_in
@@ -217,10 +217,3 @@ def test_twenty_draws_agree_with_an_independent_integrator(study):
             for part in (-3e-4, 3e-4)
         )
         assert below > 0.0 > above
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_every_measure_has_a_title_of_its_own(model):
-    """Two that differ in their numbers are told apart in words."""
-    titles = [one.title for one in measured_in(model).values()]
-    assert len(set(titles)) == len(titles)

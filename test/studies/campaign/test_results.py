@@ -57,13 +57,6 @@ def test_an_interval_holds_its_quantile(probability):
     assert held / 400 > 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
 
 
-def test_a_small_sample_says_what_it_cannot_tell():
-    """Ten points have no upper bound of their 99 % quantile, and so not itself; none nothing."""
-    few = quantile(np.arange(10.0), 0.99)
-    assert math.isnan(few.high) and math.isnan(few.value)
-    assert math.isnan(quantile(np.zeros(0), 0.5).value)
-
-
 @pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
 def test_a_quantile_is_told_from_so_many_draws_on(probability, needed):
     """The textbook's numbers: 0.99^368 < 2.5 %, so that a draw lies below it; of both ends."""

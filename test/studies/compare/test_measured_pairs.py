@@ -317,21 +317,6 @@ def test_a_heavier_follower_takes_its_mass_times_its_acceleration_more(
         np.testing.assert_allclose(step.lift.difference, 0.0, rtol=0, atol=1e-15)
 
 
-def test_the_largest_departure_is_named_with_its_place(make_loaded_scene):
-    """Speed and angle at which the heavier follower's inertia is largest."""
-    loaded = make_loaded_scene(cams=["poly345"], speeds=[150, 260], sample_rate=8000)
-    loaded = random_rig(loaded, 3)
-    heavy, law = with_follower(loaded, mass=1.1), loaded.laws["poly345"]
-    rows = compare_steps(RecordedPairs(loaded).steps(*recorded(heavy)), loaded.laws)
-    most = np.abs(law(np.linspace(0.0, TURN, 100_000), 2)).max()
-    force, more = rows[-1].force, heavy.follower.mass - loaded.follower.mass
-    assert abs(force.largest) == pytest.approx(more * (260.0 * RPM) ** 2 * most, rel=1e-3)
-    assert abs(float(law(np.radians(force.degrees), 2))) == pytest.approx(most, rel=1e-3)
-    _, largest, *_ = largest_deviations(rows)
-    assert (largest.value, largest.rpm) == (force.largest, rows[-1].rpm)
-    assert np.degrees(largest.angle) == pytest.approx(force.degrees)
-
-
 def test_lost_messages_are_left_out_and_what_is_left_is_the_same(make_loaded_scene):
     """Ticks without samples; states lost at one speed, and where the speed changes."""
     loaded = make_loaded_scene(

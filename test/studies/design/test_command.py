@@ -8,10 +8,8 @@ import pytest
 
 from cam_rig.laws import build_law
 from cam_rig.laws.law import peak
-from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.schema import load_cam
 from cam_rig.studies.design import study
-from cam_rig.studies.design.rows import ROWS
 
 from ...cli import conftest as cli
 
@@ -157,11 +155,3 @@ def test_refusals_are_one_line():
         assert (result.exit_code, result.stdout) == (code, ""), words
         assert words in result.stderr
         assert len(result.stderr.strip().splitlines()) == 1
-
-
-def test_the_help_names_every_goal():
-    """What the table of quantities has; rows are of these alone."""
-    assert set(ROWS) <= set(DESIGNED)
-    words = call("--help").stdout
-    for name, one in DESIGNED.items():
-        assert name in words, one.title

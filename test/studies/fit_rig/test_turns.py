@@ -22,22 +22,6 @@ from cam_rig.units import NS, RPM, TURN
 from .machines import numbers_of
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_every_hold_is_found_with_its_speed(law, rig, seed):
-    """Five speeds between ramps, 1024 counts: each is found once."""
-    rpms = np.random.default_rng(seed).uniform(60.0, 470.0, 5)
-    errors = InstrumentErrors(rate=100)
-    run = measured_run(law, rig, "kinetostatic", rpms, errors, seed, settled_for=1)
-    holds = steady_holds(run)
-    assert [round(hold.rpm) for hold in holds] == [round(rpm) for rpm in rpms]
-    for hold, rpm in zip(holds, rpms, strict=True):
-        # nearly whole counts a reading are the worst that an encoder does to a line
-        assert abs(hold.speed - rpm * RPM) < 1e-3 * hold.speed
-        assert hold.turns > 3.5
-    off = [abs(h.speed - rpm * RPM) / h.speed_error for h, rpm in zip(holds, rpms, strict=True)]
-    assert np.median(off) < 2.0
-
-
 def course(random, rate, counts, ramp):
     """A cam at four random speeds, 3 to 12 turns each, ``ramp`` s between: its angle, its speeds.
 
