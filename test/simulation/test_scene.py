@@ -276,17 +276,6 @@ def test_the_angle_keeps_its_digits(make_scene):
             break
 
 
-def test_angle_is_continuous(scene):
-    """θ at a state is where the state before it has turned to, over speeds and cams, unramped."""
-    for before, after in pairwise(cam_states(scene)):
-        interval = before.until(after)
-        assert (interval.start_ns, interval.stop_ns) == (before.time_ns, after.time_ns)
-        told = interval.angle, interval.speed, interval.acceleration
-        assert told == (before.angle, before.speed, 0.0)
-        reached = before.speed * (after.time_ns - before.time_ns) / NS
-        assert after.since(before) == pytest.approx(reached, abs=1e-12)
-
-
 def test_order_of_cams_and_speeds(scene):
     """Cam after cam, and for each the speeds in the order given; as many ticks as said."""
     states = list(cam_states(scene))
@@ -327,14 +316,15 @@ def test_states_tell_ramps_from_held_speeds(ramped):
     assert ramps == pytest.approx(2 * 3 * 0.7, rel=1e-12)
 
 
-def test_angle_and_speed_go_on_over_ramps(ramped):
-    """No jump of the angle anywhere, and none of the speed but where a cam is put on."""
-    states = list(cam_states(ramped))
+def test_angle_and_speed_go_on(scene, ramped):
+    """The angle never jumps; along ramps the speed jumps only where a cam is put on."""
+    for program in (scene, ramped):
+        states = list(cam_states(program))
+        for part, (before, after) in zip(intervals(program), pairwise(states), strict=True):
+            assert part.unwrapped_at(part.duration) == pytest.approx(after.unwrapped, abs=1e-11)
+            if program is ramped and after.cam == before.cam and after is not states[-1]:
+                assert part.speed_at(part.duration) == pytest.approx(after.speed, rel=1e-9)
     assert states[0].speed == 0.0
-    for part, (before, after) in zip(intervals(ramped), pairwise(states), strict=True):
-        assert part.unwrapped_at(part.duration) == pytest.approx(after.unwrapped, abs=1e-11)
-        if after.cam == before.cam and after is not states[-1]:
-            assert part.speed_at(part.duration) == pytest.approx(after.speed, rel=1e-9)
 
 
 def test_ticks_of_a_ramp_are_no_longer_than_of_its_faster_end(ramped):

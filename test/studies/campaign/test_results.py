@@ -121,21 +121,6 @@ def test_shares_of_a_campaign(results, tmp_path):
     assert shares[PRELOAD].total < 0.02
 
 
-@pytest.mark.long
-def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(results, tmp_path):
-    """The 1 % quantile, of random draws on a Latin hypercube."""
-    vary = {MASS: {"normal": 5, "unit": "%"}, PRELOAD: {"normal": 5, "unit": "%"}}
-    found = []
-    for points in (400, 4000):
-        plan = {"kind": "latin_hypercube", "points": points, "seed": points}
-        one = results(tmp_path / str(points), vary=vary, plan=plan)
-        found.append(one.quantiles(one.campaign.measures[0])[0])
-    few, many = found
-    assert few.probability == 0.01
-    assert few.low < many.value < few.high
-    assert many.high - many.low < 0.5 * (few.high - few.low)
-
-
 def test_tables_say_what_few_points_do_not_tell(results, tmp_path):
     """Of 8 draws the median, and of no other quantile a number."""
     result = results(tmp_path)

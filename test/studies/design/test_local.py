@@ -139,15 +139,6 @@ def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> 
     assert max(peaks) == pytest.approx(found.goal.result, rel=1e-5)
 
 
-@pytest.mark.long
-def test_the_jump_speed_of_a_rigid_mass_under_a_limit_on_the_radius() -> None:
-    """The limit costs speed: its result is below the bound without it, and above the start."""
-    limits = [*NO_HARDER, "radius_of_curvature>=start"]
-    free = designed(LawClass(8, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
-    found = designed(LawClass(8, 3), starts=2, maximise="jump_speed_rigid", limits=limits)
-    assert found.goal.start < found.goal.result <= free.goal.bound  # type: ignore[operator]
-
-
 def level(law: Law, text: str) -> float:
     return measured(problem(LawClass(4, 3)), law, term(text), "<=")
 

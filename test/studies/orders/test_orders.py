@@ -263,17 +263,6 @@ def test_an_fft_comes_to_the_same(cam, model, rpm, away, laws, rig):
     assert differences[1] < max(0.5 * differences[0], 1e-13)
 
 
-@pytest.mark.parametrize(("cam", "rpm"), [("poly345", 520), ("tm21", 400), ("bezier15", 600)])
-def test_landings_keep_the_balance_of_momentum(cam, rpm, laws, rig, follower):
-    """Over a turn with flights the mean of force and landings is preload + k ȳ."""
-    found = order_spectrum(laws[cam], "one_mass", rig, rpm * RPM, 3)
-    assert found.steady.landings
-    motion = cam_rig.simulate(laws[cam], rig, rpm=rpm, turns=6, sample_rate=200_000)
-    turn = round(200_000 * 60 / rpm)
-    spring = follower.spring_stiffness * motion.lift[-turn * found.steady.turns :].mean()
-    assert found.amplitude[0] == pytest.approx(follower.preload + spring, rel=1e-5)
-
-
 def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
     """With landings, up to 60 kHz: the mean square of the sound's samples over a settled turn."""
     loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)

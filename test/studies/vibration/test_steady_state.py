@@ -19,7 +19,7 @@ from cam_rig.dynamics.vibration import (
 )
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import build_law
-from cam_rig.studies.vibration.study import Claim, Verdict, claims_table, measure
+from cam_rig.studies.vibration.study import Verdict, measure
 from cam_rig.units import RPM
 from examples.paper.factorial import squeezed
 
@@ -190,15 +190,3 @@ def test_a_law_too_steep_to_split(laws, soft):
         DynamicsError, match=r"residual vibration of .* in a vibration of .*; allowed"
     ):
         residual_vibration(law, soft, np.array([3000.0 * RPM]))
-
-
-def test_claims_stand_with_their_rig_measure_and_cases():
-    """A row for each measure and rig, with the cases where there are several."""
-    claims = [Claim("soft", "least", "fig. 5", 4, 4, "peak to peak"), Claim("a", "b", "c", 1, 1)]
-    (shown,) = claims_table(claims, (200.0, 300.0)).to_display()
-    assert [row[2:] for row in shown.text_rows] == [
-        ["peak to peak", "soft", "agrees, 4 of 4"],
-        ["", "a", "agrees"],
-    ]
-    assert "200, 300 rpm" in shown.notes[0]
-    assert claims_table([], (300.0,)).to_display() == []
