@@ -169,34 +169,30 @@ def changed(rig, part, **numbers):
     return RigConfig.model_validate(data)
 
 
-def test_a_copy_with_another_follower_is_not_calibrated(rig):
-    """The constants stand in its file as identified, but with another follower."""
-    assert is_calibrated(rig, "one_mass")
-    for numbers in (
-        {"mass": {"given": 0.8, "unit": "kg"}},
-        {"spring_stiffness": {"given": 9.0, "unit": "N/mm"}},
-        {"preload": {"given": 40.0, "unit": "N"}},
-        {"restitution": {"assumed": 0.3, "unit": "1"}},
-        {"roller_share": {"assumed": 0.4, "unit": "1"}},
-    ):
-        assert not is_calibrated(changed(rig, "follower", **numbers), "one_mass")
-    same = changed(rig, "follower", mass={"assumed": 1300.0, "unit": "g"})
-    assert is_calibrated(same, "one_mass")  # what counts is the number
+OTHER = {"mass": {"given": 0.8, "unit": "kg"}}
 
 
-def test_constants_of_its_own(rig):
-    """Fitted anew they count; assumed they do not."""
-    other = changed(rig, "follower", mass={"given": 0.8, "unit": "kg"})
-    fitted = changed(other, "radiation", gain={"identified": 2e-4, "unit": "Pa*s/N"})
-    assumed = changed(other, "radiation", gain={"assumed": 2e-4, "unit": "Pa*s/N"})
-    assert is_calibrated(fitted, "two_mass")
-    assert not is_calibrated(assumed, "one_mass")
-
-
-def test_another_model_was_not_fitted(rig):
-    """The constants take the model's error too."""
-    assert not is_calibrated(rig, "elastic_stem")
-    assert not is_calibrated(cam_rig.load_rig("paper_table2"), "two_mass")
+@pytest.mark.parametrize(
+    ("follower", "gain", "model", "calibrated"),
+    [
+        ({}, None, "one_mass", True),
+        ({"mass": {"assumed": 1300.0, "unit": "g"}}, None, "one_mass", True),  # the same number
+        (OTHER, None, "one_mass", False),
+        ({"spring_stiffness": {"given": 9.0, "unit": "N/mm"}}, None, "one_mass", False),
+        ({"preload": {"given": 40.0, "unit": "N"}}, None, "one_mass", False),
+        ({"restitution": {"assumed": 0.3, "unit": "1"}}, None, "one_mass", False),
+        ({"roller_share": {"assumed": 0.4, "unit": "1"}}, None, "one_mass", False),
+        ({}, None, "elastic_stem", False),
+        (OTHER, "identified", "two_mass", True),
+        (OTHER, "assumed", "one_mass", False),
+    ],
+)
+def test_constants_count_for_their_follower(rig, follower, gain, model, calibrated):
+    """Another follower or model has no calibration, unless its constants were fitted again."""
+    copy = changed(rig, "follower", **follower)
+    if gain is not None:
+        copy = changed(copy, "radiation", gain={gain: 2e-4, "unit": "Pa*s/N"})
+    assert is_calibrated(copy, model) == calibrated
 
 
 def test_no_cam_of_an_uncalibrated_scene_has_a_role(rig):
@@ -207,7 +203,7 @@ def test_no_cam_of_an_uncalibrated_scene_has_a_role(rig):
         "predicted",
         "identified",
     }
-    own = replace(scene, rig=changed(rig, "follower", mass={"given": 0.8, "unit": "kg"}))
+    own = replace(scene, rig=changed(rig, "follower", **OTHER))
     assert {own.level_origin(cam) for cam in own.cams} == {"relative"}
     assert (
         own.fitted_origin("poly345") == "calibrated"

@@ -150,22 +150,3 @@ def test_of_two_rigs_one_is_compared(tmp_path):
     assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
     data = data_of("compare", bag, "quick", "--namespace", "/rig2", "--cam", "tm21")
     assert len(data["departures"]) == 4
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "error"),
-    [
-        (["quick", "--offset", "3"], 2, "offset 3°: the rig's bags have exact angles"),
-        (["quick", "--topics", "angle=/a lift=/b"], 2, "has cams tm21, bezier15; say with --cam"),
-        (["quick", "--topics", "angle=/a lift=/b", "--namespace", "x"], 2, "names whole topics"),
-        (["quick", "--topics", "angle=/a"], 2, "names angle; allowed: the angle and at least one"),
-        (["quick", "--cam", "tm12"], 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
-        (["quick", "--save", "a.txt"], 2, "a.txt: unknown kind of recording; allowed: .rrd"),
-        (["quick", "--plot", "a.txt"], 2, "unknown kind of picture"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_a_line(arguments, code, error):
-    """Name, value, what is allowed."""
-    result = call(GOLDEN, *arguments)
-    assert result.exit_code == code and error in result.stderr
-    assert len(result.stderr.splitlines()) == 1
