@@ -23,7 +23,7 @@ from benchmark.speed.models import (
     Twist,
     TwoMasses,
 )
-from cam_rig.dynamics import MODELS, FollowerParameters, Interval
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.laws import Law
@@ -226,22 +226,6 @@ def test_a_stem_at_any_speed(laws, cam, rpm):
     x, v = largest_errors(case, exact.solve(case))
     assert x < 1e-12
     assert v < 1e-12
-
-
-@EACH
-def test_a_force_at_any_speed(laws, follower, cam, rpm):
-    """F = m ω² s'' + c ω s' + k s + P: between spring and inertia lie fourteen orders."""
-    law, p, speed = laws[cam], follower, rpm * np.pi / 30.0
-    stop = round(0.9 * TURN / speed * 1e9)
-    rate = max(1, round(200 * speed / TURN))
-    rows = MODELS["kinetostatic"].advance(law, p, None, Interval(0, stop, 0.0, speed), rate)[1].rows
-    s, v, a = (law(speed * rows[0], order) * speed**order for order in range(3))
-    force = p.mass * a + p.damping * v + p.spring_stiffness * s + p.preload
-    for got, wanted in zip(rows[1:5], (s, v, a, force), strict=True):
-        np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-    assert rows.shape[1] > 5
-    assert not rows[5].any()
-    np.testing.assert_array_equal(rows[0], np.arange(rows.shape[1]) / rate)
 
 
 @pytest.mark.usefixtures("digits")

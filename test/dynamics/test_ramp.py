@@ -83,36 +83,6 @@ def test_substitute_is_a_law_of_time(laws):
     assert middle == pytest.approx(laws["poly4567"].at(interval.angle_at(time))[0], abs=1e-15)
 
 
-def test_first_lift_off_of_one_mass_along_a_ramp(laws):
-    """It leaves where m s̈ + c ṡ + k s + F₀ = 0 with 40 digits, and lands where 40 digits say."""
-    law, whole = laws["poly345"], Interval(0, 400 * MS, 0.0, 30.0, 100.0)
-    events = ticked(law, "one_mass", ONE, whole, [0, whole.stop_ns])[1]
-    off, on = events[:2]
-    assert (off.kind, on.kind) == ("lift-off", "landing")
-    with mp.workdps(40):
-
-        def force(t):
-            s, v, a = exact_motion(law, whole, t)
-            return mp.mpf(1.3) * a + mp.mpf(8.642) * v + 4030 * s + mp.mpf(12.753)
-
-        left = mp.findroot(force, mp.mpf(off.time))
-        s, v, _ = exact_motion(law, whole, left)
-        decay = mp.mpf(8.642) / mp.mpf(1.3) / 2
-        w = mp.sqrt(4030 / mp.mpf(1.3) - decay**2)
-        above = s + mp.mpf(12.753) / 4030
-
-        def gap(t):
-            swing = above * mp.cos(w * t) + (v + decay * above) / w * mp.sin(w * t)
-            flight = mp.exp(-decay * t) * swing - mp.mpf(12.753) / 4030
-            return flight - exact_motion(law, whole, left + t)[0]
-
-        flown = mp.findroot(gap, mp.mpf(on.time) - left)
-    assert off.time == pytest.approx(float(left), abs=1e-13)
-    assert on.time == pytest.approx(float(left + flown), abs=1e-12)
-    assert off.angle == pytest.approx(whole.angle_at(off.time), abs=1e-13)
-    assert on.angle == pytest.approx(whole.angle_at(on.time), abs=1e-12)
-
-
 @pytest.mark.variants(5)
 @pytest.mark.parametrize(
     ("model", "p"),

@@ -98,47 +98,6 @@ def test_the_tick_does_not_enter(laws, paper_rig, cam, name):
 # Flights of seeded rigs of every damping.
 
 
-def random_rig(seed, model):
-    """Parameters and rpm, over the range that a rig may have."""
-    rng = np.random.default_rng(seed)
-    mass, share = rng.uniform(0.5, 2.0), rng.uniform(0.2, 0.6)
-    spring, preload = 10.0 ** rng.uniform(0.0, 4.0), rng.uniform(5.0, 60.0)
-    restitution = float(rng.choice([0.0, 0.3, 0.5, 0.7]))
-    damping, rpm = rng.uniform(0.0, 30.0), rng.uniform(250.0, 600.0)
-    if model == "one_mass":
-        p = FollowerParameters(mass, spring, damping, preload, 3.3e8, restitution)
-    else:
-        stem, masses = 10.0 ** rng.uniform(5.0, 7.0), (mass * share, mass * (1.0 - share))
-        dampings = rng.uniform(1.0, 200.0), damping
-        p = TwoMassParameters(*masses, stem, spring, *dampings, preload, restitution)
-    return p, rpm
-
-
-@pytest.mark.parametrize(
-    ("cam", "seeds"),
-    [
-        ("poly345", (101,)),
-        ("bezier15", (113,)),
-        *(pytest.param(c, range(100, 140), marks=pytest.mark.long) for c in (*CAMS, "bezier15")),
-    ],
-)
-def test_the_number_of_flights_is_the_runs_own(laws, cam, seeds):
-    """Not that of its ticks: the same events, impulses to 1e-9. Bézier 15 is all one piece."""
-    for model, seed in itertools.product(("one_mass", "two_mass"), seeds):
-        p, rpm = random_rig(seed, model)
-        whole = Interval(0, round(2.0 * TURN / (rpm * RPM) * NS), 0.0, rpm * RPM)
-        total = whole.stop_ns
-        _, wanted, last = ticked(laws[cam], model, p, whole, [0, total], 1000)
-        impulses = sum(e.impulse for e in wanted)
-        for tick in (total // 2, 50 * MS, 7 * MS, MS):
-            _, events, state = ticked(laws[cam], model, p, whole, every(tick, total), 1000)
-            assert [e.kind for e in events] == [e.kind for e in wanted]
-            times = [e.time for e in wanted]
-            assert [e.time for e in events] == pytest.approx(times, abs=1e-9)
-            assert sum(e.impulse for e in events) == pytest.approx(impulses, rel=1e-9)
-            assert state.in_contact == last.in_contact
-
-
 def test_critical_damping_is_nothing_special(laws):
     """An end mass on a closing spring damped critically flies as one damped by a hair more or less.
 
