@@ -1,6 +1,5 @@
 """Every model along a ramp: exact, however time is cut, with the true angles of the cam."""
 
-import dataclasses
 import math
 
 import mpmath as mp
@@ -13,7 +12,7 @@ from cam_rig.dynamics.torsional.model import TorsionalParameters
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import TURN
 
-from .helpers import MS, ONE, assert_same, edge_law, exact_law, off_joints, ticked
+from .helpers import MS, ONE, assert_same, edge_law, exact_law, ticked
 
 #: A stem damped so well that it does not chatter: no rounding grows from landing to landing.
 TWO = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
@@ -141,16 +140,3 @@ def test_a_blow_along_a_ramp(model, p, mass, cuts):
     top = next(e for e in events if e.angle > math.radians(150.0) - 1e-9)
     assert top.kind == "lift-off"
     assert top.time == pytest.approx(0.1 * math.sqrt(2.5), abs=1e-13)
-
-
-@pytest.mark.variants(3)
-@pytest.mark.parametrize("acceleration", [START.acceleration, 150.0])
-@pytest.mark.parametrize(
-    ("model", "p"), [("one_mass", ONE), ("elastic_stem", ONE), ("two_mass", TWO)]
-)
-def test_ticks_along_a_ramp_with_jumps(model, p, acceleration):
-    """1 ms, one ending on a joint, against 170 ms: 1e-10, off the jumps themselves."""
-    whole = dataclasses.replace(START, acceleration=acceleration)
-    fine = ticked(EDGE, model, p, whole, range(0, 170 * MS + 1, MS))
-    coarse = ticked(EDGE, model, p, whole, [0, 170 * MS])
-    assert_same(fine, coarse, 1e-10, off_joints(EDGE, 0.5 * acceleration * fine[0][0] ** 2))

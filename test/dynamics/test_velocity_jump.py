@@ -18,7 +18,7 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
-from .helpers import MS, ONE, assert_same, off_joints, ticked
+from .helpers import MS, ONE, assert_same, every, off_joints, ticked
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE
@@ -62,8 +62,14 @@ def test_struck_where_the_run_begins(edge):
     np.testing.assert_allclose(start[1:4], [0.0, 0.0, 0.0], atol=1e-12)
 
 
-@pytest.mark.variants(4)
-@pytest.mark.parametrize("rpm", [100.0, 97.3, 300.0])
+#: Even speeds, at the first of which ticks and samples end on joints; ramps from rest, of which the
+#: first is at 60° after 0.1 s.
+EVEN = [Interval(0, 600 * MS, 0.0, rpm * np.pi / 30.0) for rpm in (100.0, 97.3, 300.0)]
+RAMPS = [Interval(0, 170 * MS, 0.0, 0.0, rate) for rate in (2.0 * np.pi / 0.03, 150.0)]
+
+
+@pytest.mark.variants(7)
+@pytest.mark.parametrize("whole", EVEN + RAMPS)
 @pytest.mark.parametrize(
     ("model", "p", "tolerance"),
     [
@@ -74,13 +80,13 @@ def test_struck_where_the_run_begins(edge):
         ("one_mass", dataclasses.replace(ONE, restitution=0.2), 1e-7),
     ],
 )
-def test_the_length_of_a_tick_does_not_enter(edge, model, p, tolerance, rpm):
-    """Ticks of 1 ms and 200 ms; at 100 rpm ticks and samples end on the joints."""
+def test_the_length_of_a_tick_does_not_enter(edge, model, p, tolerance, whole):
+    """Ticks of 1 ms and of 200 ms give the same run, also along ramps."""
     # A sample that falls on a jump may show either side of it, so these are not compared.
-    speed = rpm * np.pi / 30.0
-    fine = run(model, edge, p, range(0, 600 * MS + 1, MS), speed)
-    coarse = run(model, edge, p, range(0, 600 * MS + 1, 200 * MS), speed)
-    apart = off_joints(edge, fine[0][0] * speed)
+    total = whole.stop_ns
+    fine, coarse = (ticked(edge, model, p, whole, every(t * MS, total)) for t in (1, 200))
+    time = fine[0][0]
+    apart = off_joints(edge, whole.speed * time + 0.5 * whole.acceleration * time**2)
     assert_same(fine, coarse, tolerance, apart)
 
 

@@ -219,30 +219,6 @@ def test_a_rig_without_a_stem_has_a_jump_speed():
     assert ramped["poly345"]["rpm"] > rows["poly345"]["rpm"]
 
 
-def test_a_scene_brings_its_rig():
-    """The cams of a scene turn on its rig, and on another where that is asked for."""
-    rows, run, _ = told("quick")
-    assert set(rows) == {"tm21", "bezier15"}
-    assert run["rig"] == "tm21"
-    assert told("quick", "--rig", "paper_table2")[1]["follower"] == "two masses"
-
-
-def test_a_rig_of_four_numbers_is_enough(tmp_path, rig):
-    """Mass, spring, damping and preload have a jump speed, that of the same rig with all else."""
-    keys = {"mass", "spring_stiffness", "damping", "preload"}
-    four = rig.follower.model_dump(exclude_none=True, include=keys)
-    path = tmp_path / "mine.yaml"
-    path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": four}))
-    mine, whole = (told("poly345", "--rig", rig)[0]["poly345"]["rpm"] for rig in (path, "tm21"))
-    assert mine == whole
-    half = four | {"roller_share": {"given": 0.4, "unit": "1"}}
-    path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": half}))
-    refused = call("poly345", "--rig", path)
-    assert refused.exit_code == 2
-    words = " ".join(refused.stderr.split())
-    assert "rig mine: follower.stem_stiffness: is missing; needed by two masses" in words
-
-
 def test_a_refit_is_a_result_too(monkeypatch):
     """A short one: its tables, the rig as it is first, and the jump speeds on the rig it gives."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)

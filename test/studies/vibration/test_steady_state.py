@@ -43,26 +43,25 @@ def test_low_dwell_goes_around_the_turn(laws):
     assert found.holds(inside).tolist() == [True, True, True, False, False]
 
 
-def test_low_dwell_anywhere(make_cam):
-    """A cam that rests low in mid-turn is read there."""
-    cam = make_cam(
-        {"law": "dwell", "span": 90},
-        {"law": "poly345", "to": 0, "span": 60},
-        {"law": "dwell", "span": 100},
-        {"law": "poly345", "to": 1, "span": 110},
-    )
-    found = low_dwell(build_law(cam))
-    assert np.degrees([found.start, found.span]) == pytest.approx([150.0, 100.0])
+DWELL, RISE, FALL = {"law": "dwell"}, {"law": "poly345", "to": 1}, {"law": "poly345", "to": 0}
 
 
-def test_a_law_that_never_rests_is_read_at_its_lowest(make_cam):
-    """Wherever that is: at θ = 0 this cam is at its top."""
-    cam = make_cam(
-        {"law": "poly345", "to": 0, "span": 200}, {"law": "poly345", "to": 1, "span": 160}
-    )
-    found = low_dwell(build_law(cam))
-    assert not found.dwell
-    assert np.degrees(found.middle) == pytest.approx(200.0)
+@pytest.mark.parametrize(
+    ("parts", "start", "span"),
+    [
+        ([DWELL | {"span": 90}, FALL | {"span": 60}, DWELL | {"span": 100}], 150.0, 100.0),
+        ([FALL | {"span": 200}], None, None),
+    ],
+)
+def test_low_dwell_anywhere(make_cam, parts, start, span):
+    """A cam is read where it rests low in mid-turn, or about its lowest angle if it never rests."""
+    angle = 360 - sum(part["span"] for part in parts)
+    low = low_dwell(build_law(make_cam(*parts, RISE | {"span": angle})))
+    assert low.dwell == (start is not None)
+    if low.dwell:
+        assert np.degrees([low.start, low.span]) == pytest.approx([start, span])
+    else:
+        assert np.degrees(low.middle) == pytest.approx(200.0)
 
 
 def test_acceleration_on_a_stiff_stem_is_the_laws(laws, follower):
