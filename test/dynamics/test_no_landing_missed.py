@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cam_rig
-from cam_rig.dynamics import COLUMNS, MODELS, Block, Interval, Samples
+from cam_rig.dynamics import COLUMNS, MODELS, Interval, Samples
 from cam_rig.dynamics.free_masses import free_masses, to_inner
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
@@ -296,13 +296,6 @@ def test_names_are_the_columns_in_order():
         assert column.partition(" [")[0] in (name, f"contact_{name}", name[0])
         np.testing.assert_array_equal(getattr(samples, name), samples.rows[row])
     np.testing.assert_array_equal(samples.motion, samples.rows[1:4])
-
-
-def test_names_are_views():
-    """What is written by name is in the array, of a block too."""
-    block = Block(Interval(0, NS, 0.0, 1.0), np.zeros((6, 3)))
-    block.force[1] = 7.0
-    assert block.rows[4].tolist() == [0.0, 7.0, 0.0]
 
 
 NAMES = ("time", "lift", "velocity", "acceleration", "force", "impulse")

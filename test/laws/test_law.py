@@ -124,7 +124,6 @@ def test_what_is_no_law_no_angle_and_no_order_is_refused(laws):
         (good, np.full((4, 2), np.nan), "must be finite"),
         ([0.0, np.inf, TURN], two, "must be finite"),
         ([0.0, 1.0, 6.0], two, "rise from 0 to 2π, got .*6"),
-        ([0.0, 7.0, TURN], two, "rise from 0 to 2π"),
         ([0.0, 0.0, TURN], two, "rise from 0 to 2π"),
         ([0.1, 1.0, TURN], two, "rise from 0 to 2π, got .*0\\.1"),
     ):
@@ -132,14 +131,12 @@ def test_what_is_no_law_no_angle_and_no_order_is_refused(laws):
             Law("crooked", breaks, ordinates)
     for angle, words in (
         (math.nan, "angle is nan"),
-        (-math.inf, "angle is -inf"),
         ([0.0, 1.0, math.nan], r"angle\[2\] is nan"),
         ([[0.0, math.inf], [0.0, 0.0]], r"angle\[0, 1\] is inf"),
         (None, "angle is nan"),
         (-1e17, "angle is -1e\\+17"),
         (10**400, r"no number a float holds.*\(int\)"),
         ("a turn", r"no number a float holds.*\(str\)"),
-        ([0.0, "a"], r"no number a float holds.*\(list\)"),
     ):
         with pytest.raises(LawError, match=f"{words}.*allowed: finite angles in rad"):
             laws["poly345"](angle)

@@ -63,14 +63,6 @@ def test_a_meter_wanders_where_it_is_irregular(tm21):
     assert spread[500] < 0.02
 
 
-def test_from_above_another_motion(tm21, rig):
-    """At 420 rpm there are two: four landings a turn come down from 450; from rest not."""
-    speeds, how = [420, 430, 440, 450], {"turns": 40, "settle": 200, "start": ABOVE}
-    found = cam_rig.bounce_map(tm21.law, rig, rpm=speeds, restitution=0.7, **how)
-    assert [row.rpm for row in found.rows] == speeds
-    assert [(row.motion, row.landings_per_turn) for row in found.rows] == [(PERIODIC, 4.0)] * 4
-
-
 def test_an_executor_gives_the_same(tm21, rig):
     """Row for row; and it is one cam on one rig, whoever computes."""
     rpm, how = np.array([390.0, 450.0, 310.0]), {"restitution": 0.7, "turns": 60, "settle": 300}
