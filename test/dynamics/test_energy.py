@@ -19,14 +19,12 @@ from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
 from . import helpers
-from .helpers import MS, cut_at_joints, gauss
+from .helpers import CALM, MS, cut_at_joints, gauss
 
 SPEED = 350.0 * RPM
 SOFT = helpers.TWO
 STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 FREE = replace(STEM, stem_damping=0.0, damping=0.0)
-#: Damped so well that it does not chatter.
-CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 
 def missing_of_one(law, p, speed, milliseconds):

@@ -20,21 +20,7 @@ from cam_rig.dynamics.two_mass import Separation, phase_states
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 
-from .helpers import MS, ONE, TWO, bumped, every, land, ticked
-
-
-def noisy(law, pieces, amplitude, seed):
-    """The law through noisy points, one a piece: cubics of Hermite's kind, C¹."""
-    breaks = np.linspace(0.0, TURN, pieces + 1)
-    breaks[-1] = TURN
-    points = law(breaks[:-1]) + amplitude * np.random.default_rng(seed).standard_normal(pieces)
-    third = (np.roll(points, -1) - np.roll(points, 1)) / 6.0
-    following = np.roll(points, -1)
-    return Law(
-        "noisy",
-        breaks,
-        np.stack([points, points + third, following - np.roll(third, -1), following]),
-    )
+from .helpers import MS, ONE, TWO, bumped, every, land, noisy, ticked
 
 
 def scanned(course, samples, force_at):
@@ -83,7 +69,7 @@ MORE_NOISE = [
 )
 def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
     """1440 pieces and 5 µm of noise: the follower is never in the cam, nor is it pulled at."""
-    law = noisy(laws["poly345"], 1440, amplitude, seed)
+    law = noisy(laws["poly345"], 1440, amplitude, np.random.default_rng(seed))
     events, gap, force = run(law, p, 450.0, turns, 20_000)
     assert events > 50 or amplitude < 1e-6
     assert gap > -1e-14

@@ -32,6 +32,7 @@ CASES = {
     "elastic_stem": ("elastic_stem", 400.0, {}),
     "elastic_stem, undamped": ("elastic_stem", 400.0, {"damping": 0.0, "stem_stiffness": 1e10}),
     "torsional": ("torsional", 350.0, {}),
+    "torsional, free flywheel": ("torsional", 350.0, {"flywheel_inertia": 0.05}),
     "one mass, flying": ("one_mass", 600.0, {}),
     "one mass, bouncing": ("one_mass", 600.0, {"restitution": 0.5}),
     "two_mass": ("two_mass", 450.0, {}),

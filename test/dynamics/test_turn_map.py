@@ -16,17 +16,8 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 
-from .helpers import ONE
+from .helpers import ONE, noisy
 from .test_compiled import bumpy
-
-
-def noisy(rng):
-    """A measured cam: 1440 cubic pieces, C¹, of a harmonic lift and 0.2 µm of noise."""
-    angle = np.linspace(0.0, TURN, 1441)
-    lift = 0.003 * (1.0 - np.cos(angle[:-1])) + 2e-7 * rng.standard_normal(1440)
-    slope = np.gradient(np.concatenate([lift[-3:], lift, lift[:3]]))[3:-3] / 3.0
-    following, after = np.roll(lift, -1), np.roll(slope, -1)
-    return Law("noisy", angle, np.stack([lift, lift + slope, following - after, following]))
 
 
 def random_map(laws, seed, fastest=900.0):
@@ -37,7 +28,7 @@ def random_map(laws, seed, fastest=900.0):
     if seed % 4 == 1:
         law = bumpy(rng)
     elif seed % 8 == 3:
-        law = noisy(rng)
+        law = noisy(lambda angle: 0.003 * (1.0 - np.cos(angle)), 1440, 2e-7, rng)
     p = replace(
         ONE,
         damping=[0.0, 8.642, 200.0][int(rng.integers(3))],

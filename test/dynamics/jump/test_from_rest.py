@@ -97,22 +97,6 @@ def vars_of(rigs):
     return [getattr(rigs, field.name) for field in fields(TwoMassParameters)[:7]]
 
 
-def test_each_rig_has_spans_of_its_own():
-    """Rigs side by side, each with another event angle: as each alone."""
-    rng = np.random.default_rng(7)
-    cam = load_cam(config_root() / "cams" / "poly345.yaml")
-    law, rigs = build_law(cam), random_rigs(rng, 3)
-    wider = law.spans * np.array([0.8, 1.1, 0.9, 1.1, 0.8])
-    spans = np.stack([law.spans, wider * 2.0 * np.pi / wider.sum(), law.spans])
-    shape = ShapeTable.of(law)
-    together = turn_minima(shape, spans, rigs, 400.0 * RPM, TURNS)
-    for i in range(3):
-        one = Rigs(*(numbers[i : i + 1] for numbers in vars_of(rigs)))
-        alone = turn_minima(shape, spans[i : i + 1], one, 400.0 * RPM, TURNS)
-        np.testing.assert_allclose(together.force[i], alone.force[0], rtol=1e-10, atol=1e-8)
-        np.testing.assert_allclose(together.angle[i], alone.angle[0], rtol=1e-10)
-
-
 # A search for a jump speed looks at no more values than it may, whatever the rig.
 
 #: Looks that a test lets a search have.
