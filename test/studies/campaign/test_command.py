@@ -17,7 +17,7 @@ from cam_rig.schema.load import config_root
 from cam_rig.show.result import NULL_PROGRESS
 from cam_rig.studies.campaign import command as module
 from cam_rig.studies.campaign.campaign import BatchRows, measure_batch, open_campaign
-from cam_rig.studies.campaign.command import CampaignProgress, in_words, sized
+from cam_rig.studies.campaign.command import CampaignProgress
 from cam_rig.studies.campaign.dataset import CampaignDataset
 
 from ...cli import conftest as cli
@@ -283,10 +283,3 @@ def test_the_size_is_that_of_the_whole(batches):
         whole, same = dataset.size()
     assert whole == same == sum(path.stat().st_size for path in dataset.folder.glob("*.parquet"))
     assert about == pytest.approx(whole, rel=0.2)
-
-
-def test_times_and_sizes_in_words():
-    """In the largest unit of which there are two."""
-    words = ["0 s", "90 s", "10 min", "2 h", "58 d"]
-    assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == words
-    assert sized(2.1e6, 4.1e9) == "0.0021 of about 4.1 GB"

@@ -63,15 +63,6 @@ def test_a_scene_over_speed(tmp_path):
     assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload, where the lift is zero
 
 
-def test_another_rig_and_model():
-    """A cam, or a cam of a scene, on a rig that is named; the model by the field's name."""
-    of_cam = call("poly345", "--rig", "paper_table2", "--model", "two_mass", "--rpm", "390,400")
-    assert of_cam.exit_code == 0, of_cam.stderr
-    words = ["--cam", "poly345", "--rpm", "400", "--rig", "paper_table2", "--json", "-"]
-    of_scene = json.loads(call("tm21_sweep", *words).stdout)
-    assert of_scene["run"] == {"rig": "paper_table2", "model": "one_mass"}
-
-
 def test_speeds_as_words():
     """One, some, or from and to by a step."""
     assert speeds_in("300") == [300.0]
