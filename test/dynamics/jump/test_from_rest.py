@@ -84,17 +84,13 @@ def test_of_one_rig_as_of_many(name):
     spans = np.repeat(law.spans[None], 5, axis=0)
     found = turn_minima(ShapeTable.of(law, 4000), spans, rigs, rpm * RPM, TURNS)
     lowest = np.minimum.accumulate(found.force, axis=1)
-    for i, numbers in enumerate(zip(*vars_of(rigs), strict=True)):
-        follower = TwoMassParameters(*map(float, numbers))
+    for i in range(5):
+        numbers = (float(getattr(rigs, f.name)[i]) for f in fields(TwoMassParameters)[:7])
+        follower = TwoMassParameters(*numbers)
         for turn in (0, 1, TURNS - 1):
             run = force_run(law, follower, (turn + 1) * 60.0 / rpm * (1.0 - 1e-12))
             exact = run.min_output(rpm * RPM)
             assert lowest[i, turn] == pytest.approx(exact, rel=0.02, abs=1.0)
-
-
-def vars_of(rigs):
-    """The numbers of the rigs in the order of the follower's."""
-    return [getattr(rigs, field.name) for field in fields(TwoMassParameters)[:7]]
 
 
 # A search for a jump speed looks at no more values than it may, whatever the rig.

@@ -31,11 +31,6 @@ def run_of(law, parameters, duration=None):
     return ModalRun.of(response, force_output(parameters), duration)
 
 
-def motion_of(run, speed):
-    """Its motion at a speed (rad/s), in plain Python."""
-    return motion_at(mode_on_law(law_series(run.law), run.mode), speed)
-
-
 def test_exactly_critical_damping(laws, two_mass):
     """Where two modes become one their amplitudes are endless, their sum is not."""
     critical = 2.0 * np.sqrt(two_mass.stiffness * two_mass.end_mass)
@@ -105,7 +100,8 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     table = law_series(law)
     floors = np.full(table.first_pieces.size - 1, np.inf)
     search = SearchRange(0.0, speed * length, 0.25)
-    nearly = find_min_output(table, run.mode, motion_of(run, speed), search, floors)
+    motion = motion_at(mode_on_law(table, run.mode), speed)
+    nearly = find_min_output(table, run.mode, motion, search, floors)
     size = np.abs(force).max()
     begins = table.breaks[table.first_pieces]
     of = np.searchsorted(begins, (speed * times) % TURN + 1e-12, side="right") - 1

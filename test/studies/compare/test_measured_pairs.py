@@ -266,14 +266,6 @@ def test_only_the_bounce_differs(scene):
 # -- a recording against a model that was driven with its own states: what theory says, exactly
 
 
-def random_rig(loaded, seed):
-    """Another mass, damping and spring, and a preload that holds the follower on any cam."""
-    random = np.random.default_rng(100 + seed)
-    names = ("mass", "spring_stiffness", "damping")
-    factors = dict(zip(names, random.uniform(0.5, 2.0, 3).tolist(), strict=True))
-    return with_follower(loaded, preload=80.0, **factors)
-
-
 def recorded(loaded):
     """What a bag of a scene's run has: ticks, states, pressures by the end of the tick."""
     pressures = {tick.stop_ns: tick.pressure for tick in simulate(loaded)}
@@ -305,7 +297,10 @@ def test_a_heavier_follower_takes_its_mass_times_its_acceleration_more(
     """In contact F = m ω² s'' + c ω s' + k s + F₀, so ΔF = Δm ω² s'' at every sample."""
     loaded = make_loaded_scene(cams=["poly345"], model=model, speeds=[60, 120], sample_rate=2000)
     law = random_law(seed, "poly345")
-    loaded = random_rig(replace(loaded, laws={"poly345": law}), seed)
+    random, names = np.random.default_rng(100 + seed), ("mass", "spring_stiffness", "damping")
+    factors = dict(zip(names, random.uniform(0.5, 2.0, 3).tolist(), strict=True))
+    # a preload that keeps the follower on any cam
+    loaded = with_follower(replace(loaded, laws={"poly345": law}), preload=80.0, **factors)
     heavy = with_follower(loaded, mass=1.1)
     more = heavy.follower.mass - loaded.follower.mass
     for step in RecordedPairs(loaded).steps(*recorded(heavy)):
