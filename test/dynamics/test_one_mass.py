@@ -11,13 +11,9 @@ from cam_rig.units import NS
 from .helpers import ticked
 
 
-def speed_of(rpm):
-    return rpm * np.pi / 30.0
-
-
 def test_rides_at_200_rpm(laws, follower):
     """Below the jump speed nothing happens: the samples are those of the kinetostatic model."""
-    cuts, whole = [0, NS // 5, NS], Interval(0, NS, 0.0, speed_of(200.0))
+    cuts, whole = [0, NS // 5, NS], Interval(0, NS, 0.0, 200.0 * np.pi / 30.0)
     ridden, expected = (
         ticked(laws["poly345"], model, follower, whole, cuts)
         for model in ("one_mass", "kinetostatic")

@@ -60,25 +60,23 @@ def test_a_rig_gives_the_numbers_or_is_refused(rig, follower, paper_rig):
 
 def test_what_is_damped_too_much_is_rigid(paper_rig):
     """Ten times critically is taken; more is another model's, where a flight took an hour."""
-    two, shaft = MODELS["two_mass"], paper_rig.shaft
-    p = two.parameters(paper_rig.with_follower(damping=0.0))
+    p, shaft = MODELS["two_mass"].parameters(paper_rig), paper_rig.shaft
     most = 20.0 * math.sqrt((p.stem_stiffness + p.spring_stiffness) * p.end_mass)
-    rigs = [
-        paper_rig.with_follower(damping=0.4 * most, stem_damping=x * most) for x in (0.59999, 0.61)
-    ]
-    assert two.parameters(rigs[0]).damping_ratio == pytest.approx(10.0, rel=1e-4)
-    with pytest.raises(DynamicsError, match=r"10\.1 times .* critical .* 10 times, .* one_mass"):
-        two.parameters(rigs[1])
-    most = 20.0 * math.sqrt(shaft.stiffness.si * shaft.cam_inertia.si)
-    rigs = [
-        paper_rig.replace(shaft=shaft.model_dump() | {"damping": f"{x * most} N*m*s/rad"})
-        for x in (0.99999, 1.01)
-    ]
-    assert MODELS["torsional"].parameters(rigs[0]).shaft_damping == pytest.approx(most, rel=1e-4)
-    with pytest.raises(
-        DynamicsError, match=r"10\.1 times .* critical .* 10 times, .* another model"
-    ):
-        MODELS["torsional"].parameters(rigs[1])
+    stiff = 20.0 * math.sqrt(shaft.stiffness.si * shaft.cam_inertia.si)
+
+    def damped(model, factor):
+        rig = paper_rig.with_follower(damping=0.4 * most, stem_damping=(factor - 0.4) * most)
+        if model == "torsional":
+            shaft_data = shaft.model_dump() | {"damping": f"{factor * stiff} N*m*s/rad"}
+            rig = paper_rig.replace(shaft=shaft_data)
+        return MODELS[model].parameters(rig)
+
+    assert damped("two_mass", 0.99999).damping_ratio == pytest.approx(10.0, rel=1e-4)
+    assert damped("torsional", 0.99999).shaft_damping == pytest.approx(stiff, rel=1e-4)
+    for model, other in (("two_mass", "one_mass"), ("torsional", "another model")):
+        words = rf"10\.1 times .* critical .* 10 times, .* {other}"
+        with pytest.raises(DynamicsError, match=words):
+            damped(model, 1.01)
 
 
 def test_contact_time_is_half_a_period(follower):

@@ -32,21 +32,6 @@ def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
     return ticked(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.4])
-@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("two_mass", CALM)])
-def test_struck_from_rest(edge, model, p, restitution):
-    """At the start of the rise: J = m (1 + e) ω Δs', ΔE = m (1 − e²) (ω Δs')²/2, at 60°."""
-    p = dataclasses.replace(p, restitution=restitution)
-    first = run(model, edge, p, [0, 101 * MS])[1][0]
-    mass = p.mass if model == "one_mass" else p.roller_mass
-    assert first.kind == "landing"
-    assert first.time == pytest.approx(0.1, abs=1e-15)
-    assert first.angle == pytest.approx(np.pi / 3.0, abs=1e-15)
-    assert first.impulse == pytest.approx(mass * (1.0 + restitution) * SPEED * STEP, rel=1e-14)
-    lost = 0.5 * mass * (1.0 - restitution**2) * (SPEED * STEP) ** 2
-    assert first.energy_lost == pytest.approx(lost, rel=1e-14)
-
-
 def test_struck_where_the_run_begins(edge):
     """A follower at rest on the dwell feels the rise that begins with the run."""
     breaks = np.radians([0.0, 90.0, 150.0, 240.0, 300.0, 360.0])

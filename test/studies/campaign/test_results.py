@@ -60,6 +60,7 @@ def test_an_interval_holds_its_quantile(probability):
 @pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
 def test_a_quantile_is_told_from_so_many_draws_on(probability, needed):
     """The textbook's numbers: 0.99^368 < 2.5 %, so that a draw lies below it; of both ends."""
+    assert math.isnan(quantile(np.zeros(0), probability).value)
     for p in (probability, 1.0 - probability):
         assert math.isnan(quantile(np.arange(needed - 1.0), p).value)
         told = quantile(np.arange(float(needed)), p)

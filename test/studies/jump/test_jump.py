@@ -44,12 +44,6 @@ def two_mass(cam_set):
 
 
 @pytest.fixture(scope="module")
-def only345(cam_set):
-    """3-4-5 alone."""
-    return cam_set.only(["poly345"])
-
-
-@pytest.fixture(scope="module")
 def found(cam_set, published):
     """The jumps of the five."""
     return find_jumps(cam_set, references(cam_set, published))
@@ -105,14 +99,14 @@ def test_comparison_on_another_rig(found):
     assert compared(ramp=350.0) is None
 
 
-def test_runs_and_ramps_have_limits(only345):
+def test_runs_and_ramps_have_limits(cam_set):
     """No time, no run; a ramp of nothing never gets anywhere, one without end is a blow."""
     for duration in (0.0, -1.0, 60.1, 1e9, math.nan, math.inf):
         with pytest.raises(ConfigError, match="allowed: above 0, to 60 s, or the steady state"):
-            find_jumps(only345, {}, duration)
+            find_jumps(cam_set.only(["poly345"]), {}, duration)
     for ramp in (0.0, -3.0, 0.5, 1e9, math.nan):
         with pytest.raises(ConfigError, match=r"ramp is .* rpm/s; allowed: 1 to 100000 rpm/s"):
-            find_jumps(only345, {}, ramp=ramp)
+            find_jumps(cam_set.only(["poly345"]), {}, ramp=ramp)
 
 
 def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
