@@ -34,6 +34,8 @@ MS = NS // 1000
 #: A rigid follower, and the two masses of the paper.
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
+#: A stem damped so well that it does not chatter: no rounding grows from landing to landing.
+CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 
 class Run(NamedTuple):
@@ -148,6 +150,20 @@ def bumped(law, middle, width, height):
             ordinates[:, i] += np.linalg.solve(bernstein.basis(degree, u), bump)
     ordinates[-1] = np.roll(ordinates[0], -1)
     return Law("bumped", law.breaks, ordinates)
+
+
+def noisy(law, pieces, amplitude, rng):
+    """Return the C¹ law of Hermite's cubics through noisy points of a law, one per piece."""
+    breaks = np.linspace(0.0, TURN, pieces + 1)
+    breaks[-1] = TURN
+    points = law(breaks[:-1]) + amplitude * rng.standard_normal(pieces)
+    third = (np.roll(points, -1) - np.roll(points, 1)) / 6.0
+    following = np.roll(points, -1)
+    return Law(
+        "noisy",
+        breaks,
+        np.stack([points, points + third, following - np.roll(third, -1), following]),
+    )
 
 
 class _Walk(Separation):

@@ -19,14 +19,12 @@ from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
 from . import helpers
-from .helpers import MS, cut_at_joints, gauss
+from .helpers import CALM, MS, cut_at_joints, gauss
 
 SPEED = 350.0 * RPM
 SOFT = helpers.TWO
 STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 FREE = replace(STEM, stem_damping=0.0, damping=0.0)
-#: Damped so well that it does not chatter.
-CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 
 def missing_of_one(law, p, speed, milliseconds):
@@ -90,20 +88,16 @@ def stored_in_two(p, state):
     return kinetic + springs + p.preload * y
 
 
-def fastest_rate(p):
-    """Of the free motion, rad/s."""
-    return float(np.abs(np.linalg.eigvals(p.inner_matrix)).max())
-
-
 def missing_of_two(law, p, rpm, turns):
     """The same of two masses, relative to ∫|F ṡ| dt."""
     speed = rpm * RPM
     found = Separation(law, p, speed)
     found.run(turns * TURN / speed)
     work = flowed = burnt = 0.0
+    fastest = float(np.abs(np.linalg.eigvals(p.inner_matrix)).max())  # of the free motion, rad/s
     for phase in found.phases:
         for a, b in itertools.pairwise(cut_at_joints(law, speed, phase.begin, phase.end)):
-            edges = np.linspace(a, b, 3 + int((b - a) * fastest_rate(p) / 2.0))
+            edges = np.linspace(a, b, 3 + int((b - a) * fastest / 2.0))
             times, weights = gauss(edges, 16)
             _, v, _, w, force = phase_states(found, phase, times)
             power = force * speed * law(speed * times, 1)

@@ -58,16 +58,6 @@ def test_free_vibration_keeps_its_phase(laws):
     assert v / (1e-4 * float(rate)) == pytest.approx(turned, abs=limit)
 
 
-def test_walking_is_skipping(laws, follower):
-    """Turn after turn comes to the state that doubling the turn's map comes to."""
-    undamped = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 3.3e8)
-    model, start = response(laws["tm21"], undamped, SPEED), np.array([1e-5, 0.0])
-    angle, duration = 1.0, 1000.3 * TURN / SPEED
-    walked = model.states(start, angle, np.array([duration]))[:, 0]
-    size = np.array([1.0, 15_932.0]) * 1e-5
-    assert np.abs((model.end(start, angle, duration) - walked) / size).max() < 1e-8
-
-
 def test_forced_resonance_grows_for_all_turns(laws):
     """Secular growth: after N turns N times the growth of one, no more and no less."""
     # A mode off its harmonic by eps loses the phase 9·2π N eps; that squared would show.

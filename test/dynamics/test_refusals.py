@@ -60,25 +60,23 @@ def test_a_rig_gives_the_numbers_or_is_refused(rig, follower, paper_rig):
 
 def test_what_is_damped_too_much_is_rigid(paper_rig):
     """Ten times critically is taken; more is another model's, where a flight took an hour."""
-    two, shaft = MODELS["two_mass"], paper_rig.shaft
-    p = two.parameters(paper_rig.with_follower(damping=0.0))
+    p, shaft = MODELS["two_mass"].parameters(paper_rig), paper_rig.shaft
     most = 20.0 * math.sqrt((p.stem_stiffness + p.spring_stiffness) * p.end_mass)
-    rigs = [
-        paper_rig.with_follower(damping=0.4 * most, stem_damping=x * most) for x in (0.59999, 0.61)
-    ]
-    assert two.parameters(rigs[0]).damping_ratio == pytest.approx(10.0, rel=1e-4)
-    with pytest.raises(DynamicsError, match=r"10\.1 times .* critical .* 10 times, .* one_mass"):
-        two.parameters(rigs[1])
-    most = 20.0 * math.sqrt(shaft.stiffness.si * shaft.cam_inertia.si)
-    rigs = [
-        paper_rig.replace(shaft=shaft.model_dump() | {"damping": f"{x * most} N*m*s/rad"})
-        for x in (0.99999, 1.01)
-    ]
-    assert MODELS["torsional"].parameters(rigs[0]).shaft_damping == pytest.approx(most, rel=1e-4)
-    with pytest.raises(
-        DynamicsError, match=r"10\.1 times .* critical .* 10 times, .* another model"
-    ):
-        MODELS["torsional"].parameters(rigs[1])
+    stiff = 20.0 * math.sqrt(shaft.stiffness.si * shaft.cam_inertia.si)
+
+    def damped(model, factor):
+        rig = paper_rig.with_follower(damping=0.4 * most, stem_damping=(factor - 0.4) * most)
+        if model == "torsional":
+            shaft_data = shaft.model_dump() | {"damping": f"{factor * stiff} N*m*s/rad"}
+            rig = paper_rig.replace(shaft=shaft_data)
+        return MODELS[model].parameters(rig)
+
+    assert damped("two_mass", 0.99999).damping_ratio == pytest.approx(10.0, rel=1e-4)
+    assert damped("torsional", 0.99999).shaft_damping == pytest.approx(stiff, rel=1e-4)
+    for model, other in (("two_mass", "one_mass"), ("torsional", "another model")):
+        words = rf"10\.1 times .* critical .* 10 times, .* {other}"
+        with pytest.raises(DynamicsError, match=words):
+            damped(model, 1.01)
 
 
 def test_contact_time_is_half_a_period(follower):
@@ -119,7 +117,6 @@ BAD_TIMES = [
     ([0.2, 0.1], r"times: 0.1 s comes after 0.2 s; allowed: ascending"),
     ([-0.1, 0.1], r"times are -0.1 to 0.1 s; allowed: 0 to"),
     ([0.0, NAN], r"times: has .*nan.*; allowed: a row of finite numbers"),
-    ([0.0, INF], r"times: has .*inf.*; allowed: a row of finite numbers"),
     (0.1, r"times: has .*0.1.*; allowed: a row"),
     (None, r"times.*; allowed: a row"),
     ("soon", r"times is 'soon'; allowed: a row"),
@@ -147,7 +144,6 @@ def test_times(laws):
 
 STARTS = [
     (1e300, 0.0, REST, r"speed is 1e\+300 rad/s; allowed: .*1e\+09 rad/s"),
-    (1e-300, 0.0, REST, r"speed is 1e-300 rad/s; allowed"),
     (0.0, 0.0, REST, r"speed is 0"),
     ("fast", 0.0, REST, r"speed is 'fast' rad/s; allowed"),
     (30.0, NAN, REST, r"angle is nan; allowed: finite"),
@@ -191,15 +187,12 @@ def test_a_state_of_another_model(laws, name, parameters):
 
 INTERVALS = [
     ((0, NAN, 0.0, 1.0), r"stop_ns is nan; allowed: a whole number of ns"),
-    ((0, INF, 0.0, 1.0), r"stop_ns is inf; allowed: a whole number of ns"),
     ((None, NS, 0.0, 1.0), r"start_ns is None; allowed"),
     ((0, NS, 1.1e15, 1.0), r"angle is 1100000000000000.0; allowed: .*the phase is lost"),
     ((0, NS, 0.0, 1e13), r"last angle is .*; allowed: .*the phase is lost"),
     ((0, NS, 0.0, None), r"speed is None; allowed: finite"),
     ((0, NS, 0.0, INF), r"an interval whose speed is inf; allowed: finite"),
     ((0, NS, 0.0, 5.0, -6.0), r"a ramp from 5 to -1 rad/s; allowed: from rest or forwards"),
-    ((0, NS, 0.0, -1.0, 6.0), r"a ramp from -1 to 5 rad/s; allowed"),
-    ((0, NS, 0.0, -2.0, -1.0), r"a ramp from -2 to -3 rad/s; allowed"),
     ((0, NS, 0.0, 1.0, NAN), r"an interval whose acceleration is nan; allowed: finite"),
 ]
 
@@ -216,7 +209,6 @@ def test_interval():
 
 TWISTS = [
     (TWIST, (0.0, 0.0), "duration is 0.0; allowed: finite and > 0"),
-    (TWIST, (INF, 0.0), "duration is inf"),
     (TWIST, (1.0, NAN), "ramp is nan; allowed: finite"),
     (replace(TWIST, twist=NAN), (1.0, 0.0), "twist is nan; allowed: finite"),
     (replace(TWIST, twist_rate=1e14), (1.0, 0.0), "diverges after 40 tries; check"),

@@ -8,8 +8,7 @@ import pytest
 from scipy.interpolate import BPoly
 
 import cam_rig
-from cam_rig.dynamics import MODELS, Interval
-from cam_rig.errors import DynamicsError, LawError
+from cam_rig.errors import LawError
 from cam_rig.laws import bernstein, build_law, catalogue
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.segments import Rise, Segment
@@ -171,20 +170,6 @@ def test_a_step_is_refused(make_cam):
     ):
         with pytest.raises(LawError, match=rf"'steppy'.*{where}.*allowed: no step"):
             build_law(make_cam(*segments, name="steppy"))
-
-
-def test_velocity_steps_and_discs_under_the_models(make_cam, follower):
-    """An infinite force is refused by name; on a disc the contact force is the preload."""
-    law = build_law(make_cam(bezier(180, 0, 1), bezier(180, 1, 0)))
-    assert list(law.velocity_jumps.values()) == pytest.approx([0.1 / math.pi, -0.1 / math.pi])
-    with pytest.raises(DynamicsError, match="velocity jumps by"):
-        MODELS["kinetostatic"].advance(law, follower, None, Interval(0, 10**9, 0.0, 6.0), 1000)
-    disc = build_law(make_cam(dwell(360)))
-    assert disc.lift == 0.0
-    for model in ("kinetostatic", "one_mass", "elastic_stem"):
-        advance = MODELS[model].advance
-        rows = advance(disc, follower, None, Interval(0, 10**9, 0.0, 40.0), 20_000)[1].rows
-        np.testing.assert_allclose(rows[4], follower.preload, rtol=1e-12)
 
 
 def test_the_ripple_of_bezier15(cams, laws):

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import cam_rig
 from cam_rig import load_cam
@@ -22,19 +21,6 @@ def test_simple_harmonic(make_cam):
     up = np.arccos(1.0 - 2.0 * np.array(LEVELS))
     assert [passage.angle for passage in found] == pytest.approx([*up, *(2 * np.pi - up[::-1])])
     assert [passage.rising for passage in found] == [True] * 3 + [False] * 3
-
-
-def test_cycloidal():
-    """u − sin(2πu)/2π = p has one root."""
-    span, start = np.radians(117.5), np.radians(31.25)
-    found = passages(build_law(load_cam("cycloidal")), 0.05)
-    for passage in found[:3]:
-
-        def away(u, level=passage.level):
-            return u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi) - level
-
-        u = brentq(away, 0.0, 1.0, xtol=1e-15)
-        assert passage.angle == pytest.approx(start + span * u, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["half_rises", "bezier_segments", "poly345", "trigonometric"])

@@ -173,13 +173,6 @@ def test_fifty_harmonics(make_cam):
     assert abs(peak(law, 3).value) == pytest.approx(0.5 * 50**3 * LIFT, rel=1e-10)
 
 
-def test_shipped_trigonometric_law_is_flat_at_both_ends(laws):
-    """Its velocity is 15/16 sin⁵: five derivatives vanish at the bottom and at the top."""
-    angles = np.linspace(0.0, TURN, 61)
-    velocity = laws["trigonometric"](angles, 1) / LIFT
-    np.testing.assert_allclose(velocity, 15 / 16 * np.sin(angles) ** 5, rtol=0, atol=1e-13)
-
-
 # -- polynomials through conditions, the worked example's printed numbers, and B-splines ------
 
 

@@ -12,7 +12,7 @@ from benchmark.speed import exact as exact_solution
 from benchmark.speed import study as rig
 from benchmark.speed.exact import polynomial, powers
 from benchmark.speed.models import Case, Oscillator, output_times
-from cam_rig.laws import Law, bernstein
+from cam_rig.laws import Law
 from cam_rig.laws.sampling import AT_SAMPLE, SampleRun, repeated, sample
 from cam_rig.units import TURN
 
@@ -149,13 +149,6 @@ def exact():
                 series = [i * a for i, a in enumerate(series)][1:]
             found[degree] = np.array(rows)
     return found
-
-
-def test_bernstein_form_keeps_its_digits(exact):
-    """Each value is a sum of positive weights that add to one: rounding does not grow."""
-    for degree in DEGREES:
-        b, size = ordinates(degree), np.abs(ordinates(degree)).max()
-        assert np.abs(bernstein.evaluate(b, U) - exact[degree][0]).max() < degree * EPS * size
 
 
 def test_derivatives_and_samples_of_a_law(exact):

@@ -5,7 +5,7 @@ import pytest
 
 from cam_rig.profile import contours, turn_angles
 
-from .conftest import OPPOSITE, make
+from .conftest import make
 
 STEP = 1e-5
 
@@ -67,16 +67,6 @@ def test_face_equations(angles):
         close(contour.pressure, beta, 1e-16)
         beside = make(kind, eccentricity=-7.0)
         close(contour.points, beside.contours(angles)[0].points, 1e-16)
-
-
-def test_constant_breadth_and_diameter_are_constant(angles):
-    """Opposite tangents are 2 R_b + s_max apart, opposite centres 2 R_p + s_max (§2.2.2)."""
-    one, two = (make(kind, OPPOSITE) for kind in ("constant_breadth", "constant_diameter"))
-    here, there = (one.contours(angles + turn)[0] for turn in (0.0, np.pi))
-    breadth = sum(np.sum(side.points * side.normal, axis=0) for side in (here, there))
-    np.testing.assert_allclose(breadth, 2 * 0.050 + 0.010, rtol=1e-13)
-    here, there = (two.contours(angles + turn)[0] for turn in (0.0, np.pi))
-    np.testing.assert_allclose(np.hypot(*(here.pitch - there.pitch)), 2 * 0.058 + 0.010, rtol=1e-13)
 
 
 def test_conjugate_rollers_keep_their_distance(angles):

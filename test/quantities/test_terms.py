@@ -17,7 +17,6 @@ from cam_rig.units import RPM
     ("text", "value"),
     [
         ("lift@90deg>=30mm", 0.03),
-        ("lift @ 90 >= 3 cm", 0.03),
         ("peak_acceleration<=68.64mm/rad^2", 0.06864),
         ("residual_vibration@200-400rpm<=0.6um", 0.6e-6),
         ("jump_speed>=450rpm", 450.0 * RPM),
@@ -43,7 +42,6 @@ def test_a_limit_is_read_in_its_unit(text: str, value: float) -> None:
         ("peak_acceleration", "allowed: quantity<=value"),
         ("peak_acceleration<=fast", "value is 'fast'"),
         ("peak_acceleration<=5N", "allowed: a number with one of mm/rad"),
-        ("peak_acceleration<=5", "allowed: a number with one of"),
         ("peak_acceleration>=5mm/rad^2", "not convex"),
         ("peak_accel<=start", "did you mean 'peak_acceleration'"),
         ("jump_speed@100rpm>=start", "allowed: jump_speed alone"),
@@ -52,7 +50,6 @@ def test_a_limit_is_read_in_its_unit(text: str, value: float) -> None:
         ("residual_vibration@200-400deg<=1um", "unit is 'deg'"),
         ("lift@400deg>=1mm", "angles of one turn"),
         ("lift@9o>=1mm", "unit is 'o'"),
-        ("event_angle<=90deg", "such as event_angle@1"),
         ("event_angle@1.5<=90deg", "such as event_angle@1"),
         ("", "allowed: quantity"),
     ],

@@ -40,14 +40,6 @@ def check(load, path):
         assert path.name in str(error)
 
 
-@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode), st.sampled_from([*LOADERS]))
-def test_any_bytes(tmp_path, data, name):
-    """Not UTF-8, not YAML, another document."""
-    path = tmp_path / "any.yaml"
-    path.write_bytes(data)
-    check(LOADERS[name], path)
-
-
 def paths_in(data, here=()):
     yield here
     items = data.items() if isinstance(data, dict) else enumerate(data)

@@ -75,8 +75,6 @@ def test_limits():
 
 ROOT = Path(__file__).parents[2]
 NAMES = set(get_args(get_args(Model)[0]))
-#: An older name where a model is meant; the words mean other things too.
-OLD = re.compile(r"(model:? +`?|one_mass.{1,9})(separation|residual)\b|`separation`|`residual`[,)]")
 
 
 def test_every_table_has_the_same_names(make_scene):
@@ -115,16 +113,3 @@ def test_a_fit_reads_an_old_name_and_refuses_another():
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
         assert done.exit_code == 2
         assert words in " ".join(done.output.replace("│", " ").split())
-
-
-def test_no_text_has_an_old_name():
-    """Errors, pages, shipped files."""
-    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    for model in ("rigid", "two_mass"):
-        with pytest.raises(cam_rig.CamRigError) as refused:
-            cam_rig.simulate(law, cam_rig.load_rig("tm21"), model=model, rpm=300)
-        assert not re.search("|".join(OLD_MODELS), str(refused.value))
-    for folder, ending in (("docs", "md"), ("config", "yaml"), ("examples", "*"), ("launch", "py")):
-        for path in sorted((ROOT / folder).rglob(f"*.{ending}")):
-            found = OLD.search(path.read_text(encoding="utf-8"))
-            assert found is None, f"{path}: {found}"

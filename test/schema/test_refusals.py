@@ -74,14 +74,12 @@ RIG = """
 title | [a, b] | title: is …allowed: a valid string
 mass | {given: -1.5, unit: kg} | follower.mass: is -1.5 kg; allowed: greater than 0 kg
 mass | {given: .nan, unit: kg} | follower.mass: is nan; allowed: finite numbers
-mass | {given: .inf, unit: kg} | follower.mass: is inf; allowed: finite numbers
 mass | {given: 1, unit: lb} | follower.mass: has unit 'lb', not a mass; allowed: kg, g
 mass | {given: [1, 2], unit: kg} | follower.mass: is [1.0, 2.0]; allowed: one number
 mass | {given: 1, assumed: 2, unit: kg} | follower.mass: has given and assumed; allowed: exactly one
 mass | {unit: kg} | follower.mass: has none; allowed: exactly one of given, assumed, identified
 mass | 1.3 | follower.mass: is 1.3; allowed: …
 mass |  | follower.mass: is None; allowed: …
-mass | {given: abc, unit: kg} | follower.mass.given: …allowed: …
 mass | {given: '1.3', unit: kg} | follower.mass.given: …allowed: …
 mass | {given: 1,3, unit: kg} | follower.mass: the key 3 is no text; a number has a decimal point
 mass | {given: '1,3', unit: kg} | follower.mass.given: is '1,3'; …; a number has a decimal point
@@ -92,7 +90,6 @@ mass | {given: 1e-30, unit: kg} | follower.mass: is 1e-30 kg; allowed: at least 
 stem_stiffness | {given: -3.3e8, unit: N/m} | follower.stem_stiffness: is -3.3e+08 N/m; allowed: gr
 damping | {given: -1, unit: N*s/m} | follower.damping: is -1 N*s/m; allowed: at least 0
 preload | 15 N | follower.preload: is '15 N'; allowed: a number by its origin, with its unit, as {
-preload | {given: -1, unit: N} | follower.preload: is -1 N; allowed: at least 0
 restitution | {given: 1, unit: "1"} | follower.restitution: is 1; allowed: at most 0.999
 restitution | {given: -0.1, unit: "1"} | follower.restitution: is -0.1; allowed: at least 0
 corner | {given: -17, unit: Hz} | radiation.corner: is -17 Hz; allowed: greater than 0
@@ -111,7 +108,6 @@ turns | {given: 2.5, unit: turns} | …turns: is 2.5 turns; allowed: a whole num
 turns | {given: 0, unit: turns} | program.turns: is 0 turns; allowed: at least 1
 settle_turns | {given: 1000, unit: turns} | …settle_turns: is 1000 turns; allowed: less
 ticks_per_turn | 0 | program.ticks_per_turn: is 0; allowed: greater than or equal to 1
-ticks_per_turn | many | program.ticks_per_turn: is 'many'; allowed: a whole number
 points_per_turn | 0 | points_per_turn: is 0; allowed: greater than or equal to 1
 points_per_turn | 3601 | points_per_turn: is 3601; allowed: less than or equal
 given | [-200, 210] | program.speeds: is -200 rpm; allowed: at least 0.01 rpm
@@ -121,7 +117,6 @@ unit | Hz | program.speeds: has unit 'Hz', not a speed; allowed: rad/s, rpm
 PUBLISHED = """
 range_rpm | [200] | range_rpm[1]: missing
 tm21 | [.nan, 1, 1, 1] | regression_db.tm21[0]: is nan; allowed: a finite number
-tm21 | [low, 1, 1, 1] | regression_db.tm21[0]: is 'low'; allowed: a valid number
 crossover | {between: [bezier, tm21], rpm: 335} | …bezier…
 """
 

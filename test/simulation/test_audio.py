@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import SoundSource, level_db
-from cam_rig.acoustics.sound_level_meter import class_1_up_to_hz
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import Signal, encoder_count
 from cam_rig.simulation.meter import MeterSimulator
@@ -60,38 +59,6 @@ def test_a_weighting_that_is_set_already_changes_nothing(make_loaded_scene):
     with pytest.raises(ConfigError, match="time_weighting is 'I'"):
         meter.weigh("A", "I")
     assert meter.quantity == "LZF"
-
-
-def test_background_adds_its_energy(make_loaded_scene):
-    """With background too, on the mean over many ticks: it is noise, a tick is short."""
-    loaded = make_loaded_scene(cams=["tm21"], speeds=[200], turns=20)
-    heard = np.array([(10 ** (r.equivalent / 10), 10 ** (a / 10)) for r, a in listen(loaded, 73.0)])
-    measured, account = 10.0 * np.log10(heard.mean(axis=0))
-    assert measured == pytest.approx(account, abs=0.15)
-
-
-def test_fast_level_settles_to_the_account(make_loaded_scene):
-    """After ten turns (two seconds) the Fast level, averaged over a turn, is the level there."""
-    loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=12, sample_rate=12_000)
-    *_, (reading, level) = listen(loaded, background=-400.0)
-    assert reading.level == pytest.approx(level, abs=0.01)
-
-
-def test_most_of_the_sound_is_below_hearing(make_loaded_scene):
-    """The structure passes the cam's low harmonics, which A weighs down: LA is far below LZ."""
-    loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=4)
-    last = {}
-    for weighting in "ACZ":
-        *_, (reading, _) = listen(loaded, -400.0, weighting)
-        last[weighting] = reading.equivalent
-    assert last["A"] < last["C"] - 5.0 < last["Z"] - 10.0
-
-
-@pytest.mark.parametrize("rate", [100, 44_100, 95_999, 10**6])
-def test_what_the_node_reads_is_class_1(make_loaded_scene, rate):
-    """Whatever rate a scene is sampled at, the meter's own suffices for all of class 1."""
-    source = SoundSource(make_loaded_scene().radiation, rate)
-    assert class_1_up_to_hz(MeterSimulator(source).meter.rate) == 20_000.0
 
 
 @pytest.mark.variants(4)

@@ -48,14 +48,6 @@ def published():
     )
 
 
-def test_settle_turns_are_left_out():
-    """The first two turns of a step do not count, however loud."""
-    levels = step_levels(ticks([100.0, 100.0, 1.0, 1.0]), settle_turns=2)
-    assert levels == {"a": {10.0: pytest.approx(float(level_db(1.0)), abs=1e-12)}}
-    later = step_levels(ticks([100.0, 100.0, 1.0, 1.0]), settle_turns=1)
-    assert later["a"][10.0] > levels["a"][10.0] + 30.0
-
-
 def test_each_step_settles_anew():
     run = [
         *ticks([9.0, 1.0]),

@@ -79,13 +79,6 @@ def test_a_wrong_argument_is_one_line(law, rig, arguments, words):
         cam_rig.simulate(law, rig, **arguments)
 
 
-def test_a_model_says_which_laws_it_takes(rig):
-    """A velocity that jumps is no law for a follower that stays on the cam."""
-    law = cam_rig.build_law(cam_rig.load_cam("worked_example_constant_velocity"))
-    with pytest.raises(DynamicsError, match="velocity"):
-        cam_rig.simulate(law, rig, model="kinetostatic", rpm=300)
-
-
 def test_the_level_leaves_out_the_first_turns(law, rig):
     """The mean in energy of the others; all turns but one may be left out."""
     # At 375 rpm each turn has 640 samples, so that each weighs the same.

@@ -84,33 +84,13 @@ def test_of_one_rig_as_of_many(name):
     spans = np.repeat(law.spans[None], 5, axis=0)
     found = turn_minima(ShapeTable.of(law, 4000), spans, rigs, rpm * RPM, TURNS)
     lowest = np.minimum.accumulate(found.force, axis=1)
-    for i, numbers in enumerate(zip(*vars_of(rigs), strict=True)):
-        follower = TwoMassParameters(*map(float, numbers))
+    for i in range(5):
+        numbers = (float(getattr(rigs, f.name)[i]) for f in fields(TwoMassParameters)[:7])
+        follower = TwoMassParameters(*numbers)
         for turn in (0, 1, TURNS - 1):
             run = force_run(law, follower, (turn + 1) * 60.0 / rpm * (1.0 - 1e-12))
             exact = run.min_output(rpm * RPM)
             assert lowest[i, turn] == pytest.approx(exact, rel=0.02, abs=1.0)
-
-
-def vars_of(rigs):
-    """The numbers of the rigs in the order of the follower's."""
-    return [getattr(rigs, field.name) for field in fields(TwoMassParameters)[:7]]
-
-
-def test_each_rig_has_spans_of_its_own():
-    """Rigs side by side, each with another event angle: as each alone."""
-    rng = np.random.default_rng(7)
-    cam = load_cam(config_root() / "cams" / "poly345.yaml")
-    law, rigs = build_law(cam), random_rigs(rng, 3)
-    wider = law.spans * np.array([0.8, 1.1, 0.9, 1.1, 0.8])
-    spans = np.stack([law.spans, wider * 2.0 * np.pi / wider.sum(), law.spans])
-    shape = ShapeTable.of(law)
-    together = turn_minima(shape, spans, rigs, 400.0 * RPM, TURNS)
-    for i in range(3):
-        one = Rigs(*(numbers[i : i + 1] for numbers in vars_of(rigs)))
-        alone = turn_minima(shape, spans[i : i + 1], one, 400.0 * RPM, TURNS)
-        np.testing.assert_allclose(together.force[i], alone.force[0], rtol=1e-10, atol=1e-8)
-        np.testing.assert_allclose(together.angle[i], alone.angle[0], rtol=1e-10)
 
 
 # A search for a jump speed looks at no more values than it may, whatever the rig.

@@ -7,17 +7,15 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
-from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.linear.propagator import piece, pieces
 from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.law_series import law_series
 from cam_rig.dynamics.modal.min_output import SearchRange, find_min_output
-from cam_rig.dynamics.modal.motion import amplitude, mode_on_law, motion_at
+from cam_rig.dynamics.modal.motion import mode_on_law, motion_at
 from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.two_mass import first_lift_off
-from cam_rig.dynamics.vibration import free_amplitude
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.laws.spline import bezier_pieces
@@ -33,11 +31,6 @@ def run_of(law, parameters, duration=None):
     return ModalRun.of(response, force_output(parameters), duration)
 
 
-def motion_of(run, speed):
-    """Its motion at a speed (rad/s), in plain Python."""
-    return motion_at(mode_on_law(law_series(run.law), run.mode), speed)
-
-
 def test_exactly_critical_damping(laws, two_mass):
     """Where two modes become one their amplitudes are endless, their sum is not."""
     critical = 2.0 * np.sqrt(two_mass.stiffness * two_mass.end_mass)
@@ -48,36 +41,6 @@ def test_exactly_critical_damping(laws, two_mass):
     assert run_of(law, parameters, 0.4).min_output(speed) == pytest.approx(force.min(), rel=1e-3)
 
 
-def test_only_joints_ring(laws, two_mass):
-    """A law without a jump in any derivative leaves no ringing; one of C2 does."""
-    for rpm in (200.0, 400.0):
-        motions = (
-            motion_of(run_of(laws[name], two_mass), rpm * RPM)
-            for name in ("trigonometric", "poly345")
-        )
-        smooth, rough = (
-            amplitude(motion.norm, StemVibration(*motion.turn_starts[0])) for motion in motions
-        )
-        assert smooth < 1e-6 * rough
-
-
-def test_amplitude_in_the_dwell(laws, two_mass):
-    """In the low dwell the force swings about a constant by the ringing's amplitude, dying out."""
-    law, speed = laws["poly345"], 300.0 * RPM
-    last = law.spans.size - 1
-    angle = float(law.breaks[last])
-    swings = free_amplitude(run_of(law, two_mass), speed, angle)
-    response = contact_response(law, two_mass, speed)
-    start = response.states(response.periodic(), 0.0, np.array([angle / speed]))[:, 0]
-    period = 2.0 * np.pi / np.sqrt(two_mass.stiffness / two_mass.end_mass)
-    times = np.linspace(0.0, 3.0 * period, 3000)
-    states = response.states(start, angle, times)
-    force = force_output(two_mass).state @ states
-    swing = float(np.ptp(force[0]))
-    assert swing == pytest.approx(2.0 * swings, rel=0.06)
-    assert swing < 2.0 * swings
-
-
 def test_no_steady_state_at_undamped_resonance(laws, two_mass):
     """Without damping a harmonic of the speed at the mode's own frequency grows for ever."""
     parameters = replace(two_mass, stem_damping=0.0, damping=0.0)
@@ -86,19 +49,6 @@ def test_no_steady_state_at_undamped_resonance(laws, two_mass):
     assert np.isfinite(run.steady(0.9 * speed, 0.0)).all()
     with pytest.raises(DynamicsError, match=r"no steady state at .* rpm.*allowed: damping, or"):
         run.steady(speed, 0.0)
-
-
-def test_kick_of_a_joint(laws, two_mass):
-    """A jump of s''' by 60 h/β³ kicks a stiff stem to α (60 h/β³) (Ω/ω)³, to 1 %."""
-    stiff = replace(two_mass, stem_stiffness=1e10)
-    speed, rate = 300.0 * RPM, np.sqrt(stiff.stiffness / stiff.end_mass)
-    motion = motion_of(run_of(laws["poly345"], stiff), speed)
-    kick = (
-        amplitude(motion.norm, StemVibration(*motion.piece_starts[["displacement", "velocity"]][1]))
-        / rate
-    )
-    jump = 60.0 * 0.05 / np.radians(117.5) ** 3
-    assert kick == pytest.approx(stiff.share * jump * (speed / rate) ** 3, rel=0.01)
 
 
 # The least force of long laws: no bound cuts a touch; the least is the exhaustive search's.
@@ -150,7 +100,8 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     table = law_series(law)
     floors = np.full(table.first_pieces.size - 1, np.inf)
     search = SearchRange(0.0, speed * length, 0.25)
-    nearly = find_min_output(table, run.mode, motion_of(run, speed), search, floors)
+    motion = motion_at(mode_on_law(table, run.mode), speed)
+    nearly = find_min_output(table, run.mode, motion, search, floors)
     size = np.abs(force).max()
     begins = table.breaks[table.first_pieces]
     of = np.searchsorted(begins, (speed * times) % TURN + 1e-12, side="right") - 1

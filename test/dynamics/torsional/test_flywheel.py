@@ -13,7 +13,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import load_rig
 from cam_rig.units import TURN
 
-from ..helpers import MS, every, gauss, ticked
+from ..helpers import MS, gauss, ticked
 
 SPEED = 300.0 * np.pi / 30.0
 
@@ -139,30 +139,13 @@ def test_a_rigid_shaft_or_no_flywheel_in_closed_form(laws, shaft, inertia, stiff
     assert np.ptp(expected) > 0.02 * SPEED
 
 
-def blocks(law, p, cuts):
-    """Rows and last state of a run cut at instants (ns)."""
-    whole = Interval(0, cuts[-1], 0.0, SPEED)
-    rows, _, state = ticked(law, "torsional", p, whole, cuts, 24_000)
-    return rows, state
-
-
-def test_how_time_is_cut_does_not_enter(laws, shaft):
-    """Two turns at once or tick by tick: the same samples; every turn is the first again."""
-    whole, end = blocks(laws["poly345"], shaft, [0, 400 * MS])
-    cut, state = blocks(laws["poly345"], shaft, every(7 * MS, 400 * MS))
-    size = np.abs(whole[1:5]).max(axis=1, keepdims=True)
-    assert (np.abs(cut[1:5] - whole[1:5]) < 1e-10 * size).all()
-    turn = whole.shape[1] // 2
-    assert (np.abs(whole[1:5, turn:] - whole[1:5, :turn]) < 1e-8 * size).all()
-    assert state.inner == pytest.approx(end.inner, abs=1e-12)
-
-
 def test_a_run_may_begin_anywhere_in_the_turn(laws, shaft):
     """Begun in mid-turn it is where the steady state of the turn is there."""
-    whole = blocks(laws["poly345"], shaft, [0, 200 * MS])[0]
+    whole = Interval(0, 200 * MS, 0.0, SPEED)
+    rows = ticked(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
     part = Interval(90 * MS, 200 * MS, SPEED * 0.09, SPEED)
     late = MODELS["torsional"].advance(laws["poly345"], shaft, None, part, 24_000)[1].rows
-    np.testing.assert_allclose(late[1], whole[1, -late.shape[1] :], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(late[1], rows[1, -late.shape[1] :], rtol=0, atol=1e-12)
 
 
 def test_a_new_speed_begins_steady_and_a_ramp_is_held(laws, shaft):

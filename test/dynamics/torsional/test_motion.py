@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from benchmark.speed import exact as exact_twist
 from benchmark.speed.models import Case, Twist
@@ -13,82 +12,12 @@ from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve, steady_state
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law, bernstein, build_law
+from cam_rig.laws import Law
 from cam_rig.units import TURN
 
-from ..helpers import MS, every, ticked
+from ..helpers import MS
 
 SPEED, SLOW = 400.0 * np.pi / 30.0, 350.0 * np.pi / 30.0
-
-
-@pytest.fixture(scope="module")
-def shaft(follower):
-    """A soft shaft, lightly damped."""
-    return TorsionalParameters(follower, 0.02, 5e3, 0.05)
-
-
-def acceleration(p, s, twist, twist_rate, speed):
-    """θ̈_c of eq. 10 from s, s', s''."""
-    f = p.follower
-    force = f.mass * s[2] * speed**2 + f.damping * s[1] * speed
-    force += f.spring_stiffness * s[0] + f.preload
-    torque = p.shaft_damping * twist_rate + p.shaft_stiffness * twist + force * s[1]
-    return -torque / (p.cam_inertia + f.mass * s[1] ** 2)
-
-
-def integrate(law, p, state, duration, times):
-    """The same by scipy, joint by joint (cam turning forwards)."""
-    k, c, steady = p.flywheel_acceleration
-    y = np.array(dataclasses.astuple(state)[:4])
-    out, time = np.empty((4, times.size)), 0.0
-    while time < duration:
-        angle = y[0] + y[2] + 1e-9
-        turn = math.floor(angle / TURN) * TURN
-        i = int(np.searchsorted(law.breaks, angle - turn, side="right")) - 1
-        low, joint = law.breaks[i] + turn, law.breaks[i + 1] + turn
-
-        series = [bernstein.scalar(row) for row in law.motion[:, :, i]]
-
-        def slopes(_, y, low=low, joint=joint, series=series):
-            u = (y[0] + y[2] - low) / (joint - low)
-            s = [value(u) for value in series]
-            flywheel = k * y[0] + c * y[1] + steady
-            return [y[1], acceleration(p, s, y[0], y[1], y[1] + y[3]) - flywheel, y[3], flywheel]
-
-        def crossing(_, y, joint=joint):
-            return y[0] + y[2] - joint
-
-        crossing.terminal, crossing.direction = True, 1.0
-        run = solve_ivp(
-            slopes, (time, duration), y, "DOP853", rtol=2.3e-14, atol=1e-17,
-            events=crossing, dense_output=True,
-        )  # fmt: skip
-        here = (times >= time) & (times <= run.t[-1])
-        if here.any():
-            out[:, here] = run.sol(times[here])
-        time, y = run.t[-1], run.y[:, -1]
-    return out
-
-
-@pytest.mark.parametrize(("name", "inertia"), [("poly345", 0.05), ("tm21", None)])
-def test_against_dop853(laws, shaft, name, inertia):
-    """Over a turn, all joints crossed (tm21: with steps of s''): within the peer's own error."""
-    duration = 1.5 * TURN / SPEED
-    times = np.linspace(0.0, duration, 301)
-    state = TorsionalState(1e-4, 0.02, 0.1, SPEED)
-    shaft = dataclasses.replace(
-        shaft, flywheel_inertia=inertia, motor_torque=0.3 if inertia else 0.0
-    )
-    motion = solve(laws[name], shaft, state, 0.0, duration)
-    got = motion.at(times)
-    twist, rate, angle, speed = integrate(laws[name], shaft, state, duration, times)
-    lead = np.stack([angle - 0.1 - SPEED * times, speed - SPEED])
-    np.testing.assert_allclose(motion.lead(times), lead, rtol=0, atol=2e-11)
-    peak = np.abs(twist).max()
-    np.testing.assert_allclose(got[0], twist, rtol=0, atol=1e-11 * peak)
-    np.testing.assert_allclose(got[1], rate, rtol=0, atol=1e-11 * np.abs(rate).max())
-    np.testing.assert_allclose(got[2], twist + angle, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(got[3], rate + speed, rtol=1e-11)
 
 
 # Joints, restarts, samples, the periodic state.
@@ -123,10 +52,11 @@ def test_joints_are_met(laws, damped):
     assert np.abs(expected).max() > 5.0
 
 
-@pytest.mark.variants(4)
-@pytest.mark.parametrize("ramp", [0.0, 80.0])
-def test_rows_obey_the_equation(law, damped, ramp):
-    """Rates are those of the values, and θ̈_c closes eq. 10 with the force, on a ramp too."""
+@pytest.mark.variants(6)
+@pytest.mark.parametrize(("ramp", "inertia"), [(0.0, None), (80.0, None), (0.0, 0.05)])
+def test_rows_obey_the_equation(law, damped, ramp, inertia):
+    """Rates are those of the values, and θ̈_c closes eq. 10; on a ramp and with a flywheel too."""
+    damped = dataclasses.replace(damped, flywheel_inertia=inertia)
     motion = solve(law, damped, REST, 2.0, 0.2, ramp)
     times, h = np.linspace(2.001, 2.199, 333), 1e-6
     twist, rate, angle, speed, acceleration = motion.at(times)
@@ -136,6 +66,8 @@ def test_rows_obey_the_equation(law, damped, ramp):
     torque = damped.shaft_stiffness * twist + damped.shaft_damping * rate
     torque += motion.contact_force(times) * law(angle, 1)
     np.testing.assert_allclose(damped.cam_inertia * acceleration, -torque, rtol=0, atol=1e-10)
+    if inertia is not None:
+        return
     np.testing.assert_allclose(speed - rate, SLOW + ramp * (times - 2.0), rtol=1e-13)
     assert motion.end.flywheel_speed == pytest.approx(SLOW + 0.2 * ramp, rel=1e-14)
     assert motion.end.flywheel_angle == pytest.approx(0.2 * SLOW + 0.02 * ramp, rel=1e-14)
@@ -197,13 +129,6 @@ SHAFT = TorsionalParameters(FOLLOWER, 0.02, 5e3)
 TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
 
 
-def reference(law, speed, ramp, times, turns):
-    """Twist and rate from an untwisted shaft at angle 0, by Taylor's series of 45 digits."""
-    case = Case("ramp", "", law, TWIST, speed, turns, turns, times)
-    found = exact_twist.solve_twist(case, ramp)
-    return found.displacement[0], found.velocity[0]
-
-
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", ["poly345", "tm21"])
 @pytest.mark.parametrize(
@@ -214,7 +139,13 @@ def test_a_ramp_against_forty_digits(laws, many_digits, name, speed, ramp, durat
     times = np.linspace(0.0, duration, 24)[1:]
     law = laws[name]
     inputs = (law.breaks, law.ordinates, speed, ramp, times, list(vars(TWIST).values()))
-    twist, rate = many_digits(lambda: reference(law, speed, ramp, times, 2), inputs)
+    case = Case("ramp", "", law, TWIST, speed, 2, 2, times)
+
+    def by_series():
+        solution = exact_twist.solve_twist(case, ramp)
+        return solution.displacement[0], solution.velocity[0]
+
+    twist, rate = many_digits(by_series, inputs)
     start = TorsionalState(0.0, 0.0, 0.0, speed)
     got = solve(laws[name], SHAFT, start, 0.0, duration, ramp).at(times)
     assert np.abs(got[0] - twist).max() < 1e-12 * np.abs(twist).max()
@@ -222,30 +153,3 @@ def test_a_ramp_against_forty_digits(laws, many_digits, name, speed, ramp, durat
     flywheel = speed * times + 0.5 * ramp * times**2
     np.testing.assert_allclose(got[2], flywheel + twist, rtol=0, atol=1e-13)
     np.testing.assert_allclose(got[3], speed + ramp * times + rate, rtol=0, atol=1e-12)
-
-
-def test_a_disc_lags_by_the_torque_that_turns_it(make_cam):
-    """On a dwell of a whole turn the cam hangs back by ψ = −I α/k_s and swings about that."""
-    disc = build_law(make_cam({"law": "dwell", "span": 360}))
-    p = SHAFT
-    rest = -50.0 / (p.mobility * p.shaft_stiffness)
-    times = np.linspace(0.0, 0.7, 60)
-    got = solve(disc, p, TorsionalState(0.0, 0.0, 0.0, 0.0), 0.0, 0.7, 50.0).at(times)
-    rate = math.sqrt(p.mobility * p.shaft_stiffness)
-    exact = rest * (1.0 - np.cos(rate * times))
-    np.testing.assert_allclose(got[0], exact, rtol=0, atol=1e-12 * abs(rest))
-    held = solve(disc, p, TorsionalState(rest, 0.0, 0.0, 0.0), 0.0, 0.7, 50.0).at(times)
-    np.testing.assert_allclose(held[0], rest, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("speed", "ramp"), [(0.0, 80.0), (32.0, -80.0)])
-def test_the_length_of_a_tick_does_not_enter(laws, speed, ramp):
-    """2 ms against 200 ms, from rest and down to rest: 1e-10 of the largest value of each row."""
-    p = dataclasses.replace(SHAFT, shaft_damping=0.1)
-    law, total = laws["poly345"], 400 * MS
-    whole = Interval(0, total, 0.0, speed, ramp)
-    rows, _, state = ticked(law, "torsional", p, whole, every(2 * MS, total), 24_000)
-    coarse, _, end = ticked(law, "torsional", p, whole, every(200 * MS, total), 24_000)
-    size = np.abs(coarse).max(axis=1)
-    assert (np.abs(rows - coarse).max(axis=1)[:5] < 1e-10 * size[:5]).all()
-    assert state.inner == pytest.approx(end.inner, rel=1e-10, abs=1e-14)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -32,57 +31,6 @@ def table_law() -> Law:
 def ball(restitution: float, damping: float = 0.0, spring: float = NO_SPRING) -> FollowerParameters:
     """1 kg."""
     return FollowerParameters(1.0, spring, damping, GRAVITY, 1e8, restitution)
-
-
-@dataclass(frozen=True)
-class ManyDigits:
-    """The map of a turn of ``speed`` rad/s over the table, with as many digits as mpmath works."""
-
-    parameters: FollowerParameters
-    speed: float
-    digits: Any = mp.mp  #: mpmath's context; that of doubles is quick
-
-    def flight(self, y, v, t):
-        """(y, ẏ) after t of m ÿ + c ẏ + k y + preload = 0, underdamped."""
-        p, d = self.parameters, self.digits
-        stiffness, decay = d.mpf(p.spring_stiffness) / p.mass, d.mpf(p.damping) / (2 * p.mass)
-        rest, rate = -d.mpf(p.preload) / p.spring_stiffness, d.sqrt(stiffness - decay**2)
-        a, b = y - rest, (v + decay * (y - rest)) / rate
-        fade, c, s = d.exp(-decay * t), d.cos(rate * t), d.sin(rate * t)
-        place = fade * (a * c + b * s)
-        return rest + place, -decay * place + fade * rate * (b * c - a * s)
-
-    def table(self, t):
-        """(s, ṡ) of the table."""
-        angle = self.speed * t
-        cosine, sine = self.digits.cos(angle), self.digits.sin(angle)
-        return AMPLITUDE * (1 - cosine), AMPLITUDE * self.speed * sine
-
-    def turn(self, gap, rate, times):
-        """(gap, rate) a turn later, whose landings are the roots near some times (s)."""
-        y, v, now = gap, rate, mp.mpf(0)  # at angle 0 the table is at 0 and at rest
-        for near in times:
-            root = mp.findroot(
-                lambda t, y=y, v=v, now=now: self.flight(y, v, t - now)[0] - self.table(t)[0],
-                (mp.mpf(near), mp.mpf(near) * (1 + mp.mpf(10) ** -12)),
-                tol=mp.mpf(10) ** (-2 * mp.mp.dps + 10),
-            )
-            _, v = self.flight(y, v, root - now)
-            y, velocity = self.table(root)
-            v, now = velocity - self.parameters.restitution * (v - velocity), root
-        end = 2 * mp.pi / mp.mpf(self.speed)
-        y, v = self.flight(y, v, end - now)
-        return y - self.table(end)[0], v - self.table(end)[1]
-
-    def derivative(self, gap, rate, times):
-        """``(2, 2)`` by central differences in 60 digits."""
-        with mp.workdps(60):
-            gap, rate, h = mp.mpf(gap), mp.mpf(rate), mp.mpf(10) ** -22
-            columns = []
-            for a, b in ((h, 0), (0, h)):
-                ahead, behind = (self.turn(gap + i * a, rate + i * b, times) for i in (1, -1))
-                columns.append([(x - y) / (2 * h) for x, y in zip(ahead, behind, strict=True)])
-            return mp.matrix(columns).T
 
 
 def by_speed(follower: FollowerParameters) -> Sweep:
@@ -114,31 +62,6 @@ def one_landing(restitution: float, ratio: float) -> tuple[float, tuple[float, f
     left, up = (TURN - landing) / speed, math.pi * GRAVITY / speed
     place = AMPLITUDE * (1.0 - math.cos(landing)) + up * left - 0.5 * GRAVITY * left**2
     return speed, (place, up - GRAVITY * left)
-
-
-def landing_times(parameters, speed, gap, rate) -> list[float]:
-    """Landings (s) of a turn by a grid and bisection in doubles, of the closed-form flight."""
-    quick = ManyDigits(parameters, speed, mp.fp)
-    y, v, begin, found = gap, rate, 0.0, list[float]()
-    end, step = TURN / speed, TURN / speed / 1000
-    now = begin + 0.01 * step
-    while now < end:
-        if quick.flight(y, v, now - begin)[0] >= quick.table(now)[0]:
-            now += step
-            continue
-        low, high = max(now - step, begin + 0.01 * step), now
-        for _ in range(50):
-            mid = 0.5 * (low + high)
-            if quick.flight(y, v, mid - begin)[0] >= quick.table(mid)[0]:
-                low = mid
-            else:
-                high = mid
-        _, before = quick.flight(y, v, low - begin)
-        y, velocity = quick.table(low)
-        v = velocity - parameters.restitution * (before - velocity)
-        found.append(low)
-        begin, now = low, low + 0.01 * step
-    return found
 
 
 def as_array(matrix) -> np.ndarray:

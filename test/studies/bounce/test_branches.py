@@ -1,7 +1,5 @@
 """Periodic motions over the speed: what is found where they change is so on either side."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from cam_rig.studies.bounce.branches import (
     FLIP,
     FOLD,
     GRAZE,
-    WORDS,
     Family,
     UnfoundMotionError,
     branch_through,
@@ -105,18 +102,3 @@ def test_what_is_on_a_branch_begins_no_other(four, family):
     found = branches(family.law, family.sweep, seen, 440.0 * RPM, 452.0 * RPM)
     assert len(found) <= 2
     assert found[0].holds(four.motions[60])
-
-
-@pytest.mark.parametrize("restitution", [0.5, 0.6, 0.7])
-def test_multipliers_of_any_branch(laws, follower, restitution):
-    """Their product is e^{−cT/m} r² a landing, whatever else the branch does."""
-    p = replace(follower, restitution=restitution)
-    law, speed = laws["tm21"], 560.0 * RPM
-    run = StroboscopicMap(law, p, speed).run(400)
-    motion = Family(law, by_speed(p), 1).at(speed, tuple(run.states[-1]))
-    branch = branch_through(law, by_speed(p), motion, 540.0 * RPM, 580.0 * RPM)
-    for one in branch.motions:
-        fades = np.exp(-p.damping / p.mass * 2 * np.pi / one.point.speed)
-        shrinks = restitution ** (2 * one.landings) * fades
-        assert np.prod(one.multipliers).real == pytest.approx(shrinks, rel=1e-8)
-    assert {one.kind for one in branch.bifurcations} <= set(WORDS)

@@ -11,8 +11,6 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
-from cam_rig.dynamics.events.turns import TURN_RESULT
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.turn_map import StroboscopicMap
@@ -23,6 +21,7 @@ from cam_rig.studies.bounce.result import ABOVE
 from cam_rig.studies.bounce.sweep import MASS, PRELOAD, OperatingPoint, Sweep
 from cam_rig.units import RPM
 
+from ...dynamics.test_turn_map import random_two
 from .table import BOUNCES, LEAVES, LIFTS_OFF, STAYS, TwoInManyDigits, as_array, table_law
 
 LAW = table_law()
@@ -89,50 +88,6 @@ def test_derivatives_and_exponents_in_many_digits(changed, speed, turns, kinds):
         np.testing.assert_allclose(run.growth.sum(axis=0), growth, rtol=0, atol=1e-9 * turns)
 
 
-def random_two(laws, seed):
-    """A law, two masses with any stem, and a speed above the jump speed."""
-    rng = np.random.default_rng(seed)
-    names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
-    p = TwoMassParameters(
-        roller_mass=float(rng.uniform(0.2, 1.0)),
-        end_mass=float(rng.uniform(0.2, 1.0)),
-        stem_stiffness=float(10.0 ** rng.uniform(3.7, 8.5)),
-        spring_stiffness=4030.0,
-        stem_damping=float(rng.choice([0.0, 8.642, 60.0])),
-        damping=float(rng.choice([0.0, 8.642])),
-        preload=float(rng.choice([0.0, 12.753, 80.0])),
-        restitution=float(rng.choice([0.0, 0.3, 0.7, 0.95])),
-    )
-    law = laws[names[int(rng.integers(len(names)))]]
-    return StroboscopicMap(law, p, float(rng.uniform(250.0, 900.0)) * RPM), rng
-
-
-@pytest.mark.variants(12)
-@pytest.mark.parametrize("seed", range(150))
-def test_volumes_shrink_by_dampers_and_restitution(laws, seed):
-    """Free turns: the four growths add up to 2 n ln r − (c₁/m₁ + (c₁ + c₂)/m₂) T, to 1e-9.
-
-    With contact two are −∞. On the cam throughout the other two add up to −(c₁ + c₂) T/m₂.
-    """
-    turn_map, rng = random_two(laws, seed)
-    p, time = turn_map.parameters, turn_map.duration
-    run = turn_map.run(12, (float(rng.uniform(0.0, 0.02)), float(rng.uniform(-0.5, 0.5))))
-    free = (run.contact_times == 0.0) & (np.array([1.0, *run.is_flying[:-1]]) > 0.0)
-    logarithm = math.log(p.restitution) if p.restitution > 0.0 else -math.inf
-    landed = np.array([2.0 * n * logarithm if n else 0.0 for n in run.landings])
-    fades = p.stem_damping / p.roller_mass + (p.stem_damping + p.damping) / p.end_mass
-    wanted = landed - fades * time
-    np.testing.assert_allclose(run.growth.sum(axis=1)[free], wanted[free], rtol=1e-9, atol=1e-9)
-    assert np.all(run.growth[~free, 2:] == -math.inf)
-    held = np.isclose(run.contact_times, time, rtol=1e-12) & (run.landings == 0.0)
-    fades = (p.stem_damping + p.damping) / p.end_mass * time
-    np.testing.assert_allclose(run.growth[held, :2].sum(axis=1), -fades, rtol=1e-9, atol=1e-9)
-    for turn in np.flatnonzero(~free).tolist():
-        scale = turn_map.scale
-        sizes = np.linalg.svd(run.derivatives[turn] * scale / scale[:, None])[1]
-        assert sizes[2] < 1e-9 * max(1.0, sizes[0])  # rank 2
-
-
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(80))
 def test_it_goes_on_as_the_model_does(laws, seed):
@@ -145,33 +100,6 @@ def test_it_goes_on_as_the_model_does(laws, seed):
     end, here = course.end(turn_map.duration), turn_map.follower(tuple(run.states[0]))
     assert end.in_contact == here.in_contact
     np.testing.assert_allclose(here.inner, end.inner, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.variants(6)
-@pytest.mark.parametrize("seed", range(60))
-def test_the_numbers_are_those_of_plain_python(laws, monkeypatch, seed):
-    """Compiled or not, but for the last digits of logarithms and of products."""
-    found = []
-    for form in (PLAIN, COMPILED):
-        monkeypatch.setenv(VARIABLE, form)
-        found.append(random_two(laws, seed)[0].run(3))
-    np.testing.assert_array_equal(found[0].states, found[1].states)
-    for name in TURN_RESULT.names:
-        plain, compiled = (run.records[name].astype(float) for run in found)
-        np.testing.assert_allclose(plain, compiled, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.variants(8)
-@pytest.mark.parametrize("seed", range(60))
-def test_turns_one_by_one(laws, seed):
-    """A turn from where another ended is the next one, to what its derivative makes of rounding."""
-    turn_map, _ = random_two(laws, seed)
-    run, scale = turn_map.run(6), turn_map.scale
-    for before, after in zip(run.states, run.states[1:], strict=False):
-        one = turn_map.run(1, tuple(before))
-        far = np.abs((one.states[0] - after) / scale).max()
-        grown = np.abs(one.derivatives[0] * scale / scale[:, None]).max()
-        assert far < 1e-9 * (1.0 + grown)
 
 
 @pytest.fixture(scope="module")
@@ -198,16 +126,6 @@ def test_classes_and_exponents(table2):
     turns = found.to_pandas("turns")
     assert np.isfinite(turns.stretch).all()
     assert "two masses" in found.title
-
-
-def test_a_level_is_that_of_a_simulation(table2):
-    """A scene's microphone hears what stands beside the row."""
-    law, rig = table2
-    row = cam_rig.bounce_map(law, rig, rpm=400, model="two_mass", turns=20, settle=60).rows[0]
-    motion = cam_rig.simulate(law, rig, rpm=400, model="two_mass", turns=20, sample_rate=12_000)
-    assert row.level_db == pytest.approx(
-        cam_rig.sound_level(motion, settle_turns=4).level_db, abs=0.05
-    )
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from cam_rig.schema.load import config_root
 from cam_rig.show.result import NULL_PROGRESS
 from cam_rig.studies.campaign import command as module
 from cam_rig.studies.campaign.campaign import BatchRows, measure_batch, open_campaign
-from cam_rig.studies.campaign.command import CampaignProgress, in_words, sized
+from cam_rig.studies.campaign.command import CampaignProgress
 from cam_rig.studies.campaign.dataset import CampaignDataset
 
 from ...cli import conftest as cli
@@ -107,26 +107,19 @@ BAD = (
     ({"vary": {"profile.size.amplitude": SPREAD}}, "did you mean 'profile.size'?"),
     ({"vary": {"profile.eccentricity": SPREAD}}, "one of profile.eccentricity.amplitude, "),
     (wavy({"values": [0]}), "is 0 deg; allowed: 0.1 to 360 deg"),
-    (wavy({"values": [5, 1e-4]}), "is 0.0001 deg; allowed: 0.1 to 360 deg"),
-    (wavy({"range": [300, 500]}), "is 500 deg; allowed: 0.1 to 360 deg"),
     (wavy({"normal": 1, "mean": 500}), "is 500 deg; allowed: 0.1 to 360 deg"),
     ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
-    ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
     ({"measures": ["sound_level"], "limits": []}, "not said at what"),
     ({"measures": ["residual_vibration@300rpm"], "limits": []}, "'residual_vibration_steady'"),
     ({"measures": ["jump_speed", "jump_speed"], "limits": []}, "stands twice"),
-    ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
     ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
     ({"plan": {"kind": "sobol", "points": 10**12}}, "has 1e12 points; allowed: up to 1e8"),
     ({"plan": {"kind": "sobol", "points": 0}}, "plan.points"),
-    ({"plan": {"kind": "soboll", "points": 4}}, "did you mean 'sobol'"),
     ({"plan": {"kind": "shares", "points": 9}}, "a power of 2"),
     ({"plan": {"kind": "grid"}}, "allowed on a grid"),
     ({"base": {"cam": "poly345"}}, "needs a scene, or a cam and a rig"),
-    ({"base": {"cam": "poly354", "rig": "tm21"}}, "did you mean 'poly345'"),
     ({"base": {"cam": "My Cam", "rig": "tm21"}}, "or the path of a .yaml file"),
     ({"base": {"cam": "mine/none.yaml", "rig": "tm21"}}, "mine/none.yaml: no such file"),
-    ({"plan": {"kind": "soboll", "points": 0}}, "(also wrong: plan.points)"),
 )
 
 
@@ -137,24 +130,6 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path):
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1), words
         assert words in result.stderr
         assert not (tmp_path / "rows").exists()
-
-
-@pytest.mark.parametrize(
-    ("option", "words"),
-    [
-        (["--points", "1e12"], "--points: is '1e12'; allowed: a whole number"),
-        (["--points", "1000000000"], "has 1e9 points; allowed: up to 1e8; remedy: several"),
-        (["--jobs", "0"], "--jobs: is '0'; allowed: greater than or equal to 1"),
-        (["--dask", "nowhere"], "allowed: an address"),
-        (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "allowed: one of them"),
-    ],
-)
-def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
-    """With its value and what is allowed, as a wrong file is."""
-    result = call("tolerance_poly345", "--out", tmp_path / "rows", *option)
-    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-    assert words in result.stderr
-    assert not (tmp_path / "rows").exists()
 
 
 @pytest.mark.long
@@ -308,10 +283,3 @@ def test_the_size_is_that_of_the_whole(batches):
         whole, same = dataset.size()
     assert whole == same == sum(path.stat().st_size for path in dataset.folder.glob("*.parquet"))
     assert about == pytest.approx(whole, rel=0.2)
-
-
-def test_times_and_sizes_in_words():
-    """In the largest unit of which there are two."""
-    words = ["0 s", "90 s", "10 min", "2 h", "58 d"]
-    assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == words
-    assert sized(2.1e6, 4.1e9) == "0.0021 of about 4.1 GB"

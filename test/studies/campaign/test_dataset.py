@@ -279,15 +279,6 @@ def alone(study, tmp_path_factory):
     return dataset
 
 
-def test_some_points_fail_and_all_are_there(alone):
-    """A mass that is normal with 60 % is sometimes below zero: a row with a reason."""
-    found = columns(alone)
-    assert found["point"].tolist() == list(range(16))
-    failed = found["status"] == "failed"
-    assert 0 < failed.sum() < 10
-    assert np.array_equal(failed, np.isnan(found["jump_speed_rpm"]))
-
-
 def test_a_point_is_the_same_after_any_other(alone):
     """Backwards, in batches of one."""
     campaign = alone.campaign

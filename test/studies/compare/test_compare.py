@@ -9,8 +9,8 @@ import pytest
 
 import cam_rig
 from cam_rig.show.chart import SPEED
-from cam_rig.studies.compare.chart import real_run_entity, real_run_tabs, save_real_run
-from cam_rig.studies.compare.study import RunComparison, compare
+from cam_rig.studies.compare.chart import real_run_entity, save_real_run
+from cam_rig.studies.compare.study import RunComparison
 
 from ...cli.conftest import GOLDEN, data_of, done
 from ...cli.conftest import call as run
@@ -142,18 +142,6 @@ def test_the_recording_has_both_side_by_side(bench, tmp_path):
         np.testing.assert_allclose(both, scale * apart, atol=0.05 * np.abs(both).max())
 
 
-def test_a_chart_says_what_is_equal(golden, bench):
-    """Where only rounding differs, for that has no scale; a cam has its title."""
-    bag, loaded = bench
-    other = compare(bag, loaded, topics=LINE)
-    for found, words in ((golden, ": equal to rounding"), (other, ": difference [")):
-        tab = real_run_tabs(found)[0]
-        assert tab.name == found.loaded.titles["tm21"]
-        lift, force = (row.contents[-1] for row in tab.contents)
-        assert lift.name.startswith("lift" + words)
-        assert force.name.startswith("contact force" + words)
-
-
 def test_of_two_rigs_one_is_compared(tmp_path):
     """Refused with their names and the remedy; then the one that is named."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
@@ -162,22 +150,3 @@ def test_of_two_rigs_one_is_compared(tmp_path):
     assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
     data = data_of("compare", bag, "quick", "--namespace", "/rig2", "--cam", "tm21")
     assert len(data["departures"]) == 4
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "error"),
-    [
-        (["quick", "--offset", "3"], 2, "offset 3°: the rig's bags have exact angles"),
-        (["quick", "--topics", "angle=/a lift=/b"], 2, "has cams tm21, bezier15; say with --cam"),
-        (["quick", "--topics", "angle=/a lift=/b", "--namespace", "x"], 2, "names whole topics"),
-        (["quick", "--topics", "angle=/a"], 2, "names angle; allowed: the angle and at least one"),
-        (["quick", "--cam", "tm12"], 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
-        (["quick", "--save", "a.txt"], 2, "a.txt: unknown kind of recording; allowed: .rrd"),
-        (["quick", "--plot", "a.txt"], 2, "unknown kind of picture"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_a_line(arguments, code, error):
-    """Name, value, what is allowed."""
-    result = call(GOLDEN, *arguments)
-    assert result.exit_code == code and error in result.stderr
-    assert len(result.stderr.splitlines()) == 1

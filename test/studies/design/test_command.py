@@ -8,10 +8,8 @@ import pytest
 
 from cam_rig.laws import build_law
 from cam_rig.laws.law import peak
-from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.schema import load_cam
 from cam_rig.studies.design import study
-from cam_rig.studies.design.rows import ROWS
 
 from ...cli import conftest as cli
 
@@ -113,55 +111,3 @@ def test_events_share_what_dwells_leave(tmp_path):
     text = (tmp_path / "moved.yaml").read_text(encoding="utf-8")
     assert "dwells are the start's" in text and "found with the law" in text
     assert len(build_law(load_cam(tmp_path / "moved.yaml")).spans) == 4 + 4 + 3
-
-
-POLY, SHARED = ("poly345", *SMALL), ("--keep", "dwells,lift")
-TWO = ("--limit", "event_angle@1<=90deg", "--limit", "event_angle@2<=90deg")
-SLOW = ("--limit", "peak_acceleration<=20mm/rad^2", "--starts", "1")
-TORQUE = ("--limit", "shaft_torque@300rpm<=6Nm")
-REFUSED = (
-    (["poly345"], 2, "needed: one, to minimise or to maximise"),
-    (["poly345", "--minimise", "jump_speed"], 2, "allowed: maximise"),
-    (["poly345", "--maximise", "shaft_torque@300rpm"], 2, "allowed: minimise"),
-    (["poly345", "--maximise", "jump_sped"], 2, "did you mean 'jump_speed'"),
-    (["poly345", *SMALL[:4], "--joints", "3"], 2, "allowed: C1 to C6"),
-    (["poly345", *SMALL[:2], "--pieces", "0"], 2, "pieces is 0; allowed: 1 to 200"),
-    ([*POLY, "--keep", "dwells"], 2, "allowed: events,dwells,lift or dwells,lift or"),
-    ([*POLY, "--limit", "event_angle@1<=90deg"], 2, "events stay; allowed:"),
-    ([*POLY, "--keep", "lift", "--limit", "event_angle@3<=90deg"], 2, "has 2 events"),
-    ([*POLY, *SHARED, *TWO], 2, "no spans of events keep them"),
-    ([*POLY, *SHARED, *SLOW], 1, "have a law; of the last: no law of the class keeps"),
-    (["bezier15", *SMALL, *SHARED], 2, "has one event"),
-    (["poly345", "--minimise", "shaft_torque@300rpm", "--starts", "0"], 2, "allowed: 1 to"),
-    (["poly345", "--minimise", "shaft_torque@300rpm", "--seed", "-1"], 2, "0 and above"),
-    (["flat", "--minimise", "pressure_angle"], 2, "pressure angle no law changes"),
-    ([*POLY, "--limit", "radius_of_curvature>=80mm"], 1, "a dwell of 'poly345' breaks it"),
-    ([*POLY, "--limit", "shaft_torque@300rpm<=1Nm", "--starts", "1"], 1, "was found that keeps"),
-    (["poly345", "--maximise", "jump_speed", *TORQUE], 2, "as a limit"),
-    ([*POLY, "--out", "a.yml"], 2, "ends in .yaml"),
-    ([*POLY, "--limit", "lift@90deg<=1kg"], 2, "one of mm, m"),
-    ([*POLY, "--limit", "lift@150deg<=1mm"], 1, "no law of the class keeps"),
-    (["tm21", "--maximise", "jump_speed_steady", "--rig", "tm21"], 2, "jump_speed_rigid"),
-    (["nowhere", *SMALL], 2, "no such file"),
-    ([*POLY, "--pareto", "peak_jerk", "--out", "a.yaml"], 2, "no --out"),
-    ([*POLY, "--pareto", "peak_jerk"], 2, "is the goal"),
-    ([*POLY, "--pareto", "peak_acceleration", "--points", "2"], 2, "allowed: 3 to 200"),
-    ([*POLY, "--pareto", "event_angle@1", *SHARED], 2, "allowed: without --keep"),
-)
-
-
-def test_refusals_are_one_line():
-    """What is wrong, what is allowed, on stderr, with the error's code."""
-    for arguments, code, words in REFUSED:
-        result = call(*arguments)
-        assert (result.exit_code, result.stdout) == (code, ""), words
-        assert words in result.stderr
-        assert len(result.stderr.strip().splitlines()) == 1
-
-
-def test_the_help_names_every_goal():
-    """What the table of quantities has; rows are of these alone."""
-    assert set(ROWS) <= set(DESIGNED)
-    words = call("--help").stdout
-    for name, one in DESIGNED.items():
-        assert name in words, one.title

@@ -139,24 +139,6 @@ def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> 
     assert max(peaks) == pytest.approx(found.goal.result, rel=1e-5)
 
 
-def test_a_convex_goal_under_a_limit_that_does_not_bind_is_the_convex_best() -> None:
-    """Peak jerk with a torque limit far off: what the convex program finds, and not certified."""
-    law_class = LawClass(6, 2)
-    convex = designed(law_class, minimise="peak_jerk")
-    found = designed(law_class, minimise="peak_jerk", limits=["shaft_torque@100rpm<=100Nm"])
-    assert found.goal.result == pytest.approx(convex.goal.result, rel=1e-4)
-    assert found.goal.bound is None
-
-
-@pytest.mark.long
-def test_the_jump_speed_of_a_rigid_mass_under_a_limit_on_the_radius() -> None:
-    """The limit costs speed: its result is below the bound without it, and above the start."""
-    limits = [*NO_HARDER, "radius_of_curvature>=start"]
-    free = designed(LawClass(8, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
-    found = designed(LawClass(8, 3), starts=2, maximise="jump_speed_rigid", limits=limits)
-    assert found.goal.start < found.goal.result <= free.goal.bound  # type: ignore[operator]
-
-
 def level(law: Law, text: str) -> float:
     return measured(problem(LawClass(4, 3)), law, term(text), "<=")
 

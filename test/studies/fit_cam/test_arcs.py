@@ -330,13 +330,3 @@ def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count,
         missed += not all(f"line {line} " in words for line in lines)
     assert missed <= count // 50
     assert slips or wrong  # of good readings alone, the neighbours contradict some
-
-
-def test_radii_that_the_readings_contradict_are_taken_with_a_warning():
-    """60 and 10 mm in place of 30 and 10: more is left, and the sum that readings tell is named."""
-    columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, FLAT, noise=2e-5)
-    wrong = fit_arcs(columns, (False, True), 0.01, 0.06, "both")
-    assert wrong.arcs.base_radius == pytest.approx(0.06)
-    assert any("contradict the radii given" in words for words in wrong.conclusions())
-    right = fit_arcs(columns, (False, True), 0.01, 0.03, "both")
-    assert not any("contradict" in words for words in right.conclusions())

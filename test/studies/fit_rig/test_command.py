@@ -2,7 +2,6 @@
 
 import json
 import re
-from functools import partial
 
 import pytest
 import yaml
@@ -11,8 +10,7 @@ import cam_rig
 from cam_rig.studies.fit_rig.numbers import FoundNumber, FoundNumbers
 from cam_rig.studies.fit_rig.study import fitted_rig
 
-from ...cli.conftest import call as run
-from ...cli.conftest import done
+from ...cli.conftest import call, done
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
 UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
@@ -68,9 +66,6 @@ TABLE = """mass_kg,spring_N/mm,rpm
 """
 
 
-call = partial(run, "fit", "rig")
-
-
 @pytest.fixture
 def jumps(tmp_path):
     path = tmp_path / "jumps.csv"
@@ -108,27 +103,6 @@ def test_an_empty_speed_is_no_reading(tmp_path, jumps):
         ("1,8", "line 10: has 2 cells"),
     ):
         jumps.write_text(TABLE.replace("1,8,469.7", row), encoding="utf-8")
-        result = call(jumps, "poly345")
+        result = call("fit", "rig", jumps, "poly345")
         assert result.exit_code == 2, result.output
         assert words in result.output
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        (["--given", "mas=1"], "did you mean"),
-        (["--given", "mass=nan"], "--given mass=nan: 'nan' is no finite number; allowed"),
-        (["--given", "mass=-inf"], "'-inf' is no finite number; allowed"),
-        (["--given", "mass=1", "--given", "mass = 2"], "mass is given twice; allowed: once"),
-        (["--given", "mass=-1"], "allowed"),
-        (["--topics", "angle=/a.b"], "no meaning"),
-        (["--tolerance", "0"], "tolerance"),
-        (["--out", "rig.txt"], "yaml"),
-        (["--csv", "-", "--json", "-"], "both go to stdout"),
-    ],
-)
-def test_what_does_not_fit_is_said_in_a_line(jumps, more, words):
-    result = call(jumps, "poly345", *more)
-    assert result.exit_code == 2, result.output
-    assert words in result.output
-    assert "Traceback" not in result.output

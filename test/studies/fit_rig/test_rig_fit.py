@@ -84,7 +84,10 @@ def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
 
 @pytest.mark.long
 def test_flights_tell_the_restitution(law, rig):
-    """Above the jump speed all five numbers, and the instruments' errors beside them."""
+    """Above the jump speed all five numbers are told, and the instruments' errors.
+
+    In flight there is no force: what the sensor shows is its zero, and not preload.
+    """
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
     fit = fit_run(law, run, rig, "one_mass")
@@ -93,6 +96,9 @@ def test_flights_tell_the_restitution(law, rig):
     assert np.degrees(gauge(fit, "encoder_offset")) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
     assert gauge(fit, "lift_noise") == pytest.approx(10e-6, rel=0.05)
     assert [hold.lift_offs > 0 for hold in fit.holds] == [False, False, True]
+    fit = fit_run(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
+    assert gauge(fit, "force_zero") == pytest.approx(-12.0, abs=0.5)
+    assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
 
 
 def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
@@ -119,7 +125,10 @@ def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
 
 @pytest.mark.long
 def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
-    """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow."""
+    """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow.
+
+    Several followers fly alike at a single speed: none is told.
+    """
     other = rig.with_follower(restitution=0.3)
     rpms = (*WITH_FLIGHTS, 500.0)
     run = replace(measured_run(law, other, "one_mass", rpms, seed=4), force=None)
@@ -128,6 +137,10 @@ def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
     assert "ratio to the mass" in numbers(free)["spring_stiffness"].reason
     known = fit_run(law, run, rig, given={"mass": 1.3})
     require_true(known, other, "spring_stiffness", "damping")
+    run = measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4)
+    single = fit_run(law, replace(run, force=None), rig)
+    assert single.identified == ()
+    assert "a single speed that lifts off" in numbers(single)["spring_stiffness"].reason
 
 
 def test_a_backlash_is_fitted_with(law, rig):
@@ -164,22 +177,16 @@ def test_a_stem_shows_in_the_force(law, rig):
 def test_a_stem_that_leaves_a_cam_of_arcs():
     """Steps of acceleration ring the stem: it leaves the cam at 0.7 of the rigid jump speed.
 
-    Not told that there is a stem, no number is more than four standard errors off.
+    Not told that there is a stem, no number is more than four standard errors off. A load cell off
+    zero gives no preload: in flights it shows what it is off by; all else is as it would be.
     """
     law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
-    rpms = 0.4 * jump, 0.7 * jump, 1.1 * jump
-    run = measured_run(law, rig, "two_mass", rpms, QUICK, 1)
-    fit = fit_run(law, run, cam_rig.load_rig("tm21"), None, {"restitution": 0.0})
+    like = cam_rig.load_rig("tm21")
+    run = measured_run(law, rig, "two_mass", (0.4 * jump, 0.7 * jump, 1.1 * jump), QUICK, 1)
+    fit = fit_run(law, run, like, None, {"restitution": 0.0})
     require_true(fit, rig, "mass", "spring_stiffness", "preload", "damping")
-
-
-@pytest.mark.long
-def test_a_load_cell_off_zero_gives_no_preload_with_a_stem():
-    """In flights it shows what it is off by; all other numbers are as they would be."""
-    law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
     run = measured_run(law, rig, "two_mass", (0.4 * jump, 0.6 * jump, 0.9 * jump), QUICK, 1)
-    off = replace(run, force=replace(run.force, value=run.force.value + 8.0))
-    fit = fit_run(law, off, cam_rig.load_rig("tm21"), "two_mass")
+    fit = fit_run(law, with_force(run, run.force.value + 8.0), like, "two_mass")
     assert re.search(r"in flight the force reads [78]\.\d+ N", numbers(fit)["preload"].reason)
     require_true(fit, rig, "mass", "spring_stiffness")
 
@@ -203,15 +210,6 @@ def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], errors, 7)
     fit = fit_run(law, replace(run, lift=None), rig, "one_mass")
     require_true(fit, rig)
-
-
-@pytest.mark.long
-def test_flights_tell_the_zero_of_the_load_cell(law, rig):
-    """In flight there is no force: what the sensor shows is its zero, and not preload."""
-    run = measured_run(law, rig.with_follower(restitution=0.3), "one_mass", WITH_FLIGHTS, seed=4)
-    fit = fit_run(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
-    assert gauge(fit, "force_zero") == pytest.approx(-12.0, abs=0.5)
-    assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
 
 
 def test_what_cannot_be_fitted_is_refused(law, rig):
@@ -286,15 +284,6 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
     fit = fit_run(law, run, rig, given={"restitution": 0.0})
     assert fit.left_out == ()
     require_true(fit, other)
-
-
-@pytest.mark.long
-def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
-    """Several followers fly alike: none is told, and what to measure is."""
-    run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)
-    fit = fit_run(law, run, rig)
-    assert fit.identified == ()
-    assert "a single speed that lifts off" in numbers(fit)["spring_stiffness"].reason
 
 
 def test_a_follower_that_bounces_at_random_is_refused(law, rig):

@@ -224,15 +224,6 @@ def published_cam(make_loaded_scene):
     return make
 
 
-def test_two_constants_are_recovered(make_loaded_scene, published_cam):
-    """From two cams: gain and corner come back."""
-    start = Acoustics(make_loaded_scene().radiation)
-    true = start.with_constants(2e-4, 12.0)
-    cams = [published_cam(cam, true) for cam in ("poly345", "bezier15")]
-    found = two_constants(cams, start).radiation
-    assert (found.gain, found.corner) == pytest.approx((2e-4, 12.0), rel=1e-5)
-
-
 def test_substitution_carries_over(make_loaded_scene, published_cam):
     """What one cam measures of the rig's speed response holds for another, to 0.05 dB."""
     start = Acoustics(make_loaded_scene().radiation)

@@ -63,15 +63,6 @@ def test_a_scene_over_speed(tmp_path):
     assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload, where the lift is zero
 
 
-def test_another_rig_and_model():
-    """A cam, or a cam of a scene, on a rig that is named; the model by the field's name."""
-    of_cam = call("poly345", "--rig", "paper_table2", "--model", "two_mass", "--rpm", "390,400")
-    assert of_cam.exit_code == 0, of_cam.stderr
-    words = ["--cam", "poly345", "--rpm", "400", "--rig", "paper_table2", "--json", "-"]
-    of_scene = json.loads(call("tm21_sweep", *words).stdout)
-    assert of_scene["run"] == {"rig": "paper_table2", "model": "one_mass"}
-
-
 def test_speeds_as_words():
     """One, some, or from and to by a step."""
     assert speeds_in("300") == [300.0]
@@ -180,14 +171,6 @@ def random_rig(seed):
     )
 
 
-def lift_orders(law, orders):
-    """c_n of the lift, from its own ordinates."""
-    total = np.zeros(orders.size, dtype=complex)
-    for low, span, column in zip(law.breaks[:-1], law.spans, law.ordinates.T, strict=True):
-        total += span * np.exp(-1j * orders * low) * polynomial_integral(column, orders * span)
-    return total / TURN
-
-
 def force_by_transfer(model, rig, lift, p, preload):
     """F_n = Z(p) s_n at p = inω, by the equations of docs/theory.md."""
     f = FollowerParameters.from_rig(rig)
@@ -214,7 +197,10 @@ def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
     assert found.steady.settled
     assert (found.steady.turns, found.steady.landings) == (1, ())
     preload = FollowerParameters.from_rig(rig).preload
-    lift = lift_orders(law, found.orders)
+    lift = np.zeros(found.orders.size, dtype=complex)  # from its ordinates
+    for low, span, column in zip(law.breaks[:-1], law.spans, law.ordinates.T, strict=True):
+        integral = polynomial_integral(column, found.orders * span)
+        lift += span / TURN * np.exp(-1j * found.orders * low) * integral
     wanted = force_by_transfer(model, rig, lift, 1j * found.orders * speed, preload)
     # s_n is known to its rounding, which the stiffness multiplies
     rounding = 1e-15 * np.abs(wanted / lift)
@@ -228,12 +214,6 @@ def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, followe
     found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
     exact = radiation.gain**2 * mean_square_rate(law, follower, radiation.corner_rate, speed)
     assert found.total_db == pytest.approx(float(level_db(exact**0.5)), abs=2e-6)
-
-
-def sampled(steady, count):
-    """The FFT of the force over its turns, with the mean of both sides where it jumps."""
-    times = np.arange(count) * (steady.duration / count)
-    return np.fft.fft(steady.at(times)) / count
 
 
 @pytest.mark.parametrize(
@@ -256,22 +236,12 @@ def test_an_fft_comes_to_the_same(cam, model, rpm, away, laws, rig):
     orders = np.arange(40 * steady.turns)
     exact = force_orders(bare, orders * rpm * RPM / steady.turns, 1e-4)
     peak = np.abs(exact).max()
-    differences = [
-        np.abs(sampled(steady, n)[: orders.size] - exact).max() / peak for n in (2**14, 2**17)
-    ]
+    differences = []
+    for count in (2**14, 2**17):  # the mean of both sides where the force jumps
+        samples = steady.at(np.arange(count) * (steady.duration / count))
+        differences.append(np.abs(np.fft.fft(samples)[: orders.size] / count - exact).max() / peak)
     assert differences[0] < 10.0 * away
     assert differences[1] < max(0.5 * differences[0], 1e-13)
-
-
-@pytest.mark.parametrize(("cam", "rpm"), [("poly345", 520), ("tm21", 400), ("bezier15", 600)])
-def test_landings_keep_the_balance_of_momentum(cam, rpm, laws, rig, follower):
-    """Over a turn with flights the mean of force and landings is preload + k ȳ."""
-    found = order_spectrum(laws[cam], "one_mass", rig, rpm * RPM, 3)
-    assert found.steady.landings
-    motion = cam_rig.simulate(laws[cam], rig, rpm=rpm, turns=6, sample_rate=200_000)
-    turn = round(200_000 * 60 / rpm)
-    spring = follower.spring_stiffness * motion.lift[-turn * found.steady.turns :].mean()
-    assert found.amplitude[0] == pytest.approx(follower.preload + spring, rel=1e-5)
 
 
 def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):

@@ -1,0 +1,79 @@
+"""Mistakes on the command lines of the studies: one line on stderr, and no file is written."""
+
+import pytest
+
+from ..cli.conftest import GOLDEN, call
+
+JERK = "design poly345 --minimise peak_jerk --pieces 6 --joints C2"
+SHARED = "--keep dwells,lift"
+TORQUE = "design poly345 --minimise shaft_torque@300rpm"
+TABLE = "mass_kg,spring_N/mm,rpm\n0,2,336.8\n0,4.03,449.8\n0,8,622.6\n1,2,257.2\n1,8,469.7\n"
+FIT = "fit rig jumps.csv poly345"
+COMPARE = f"compare {GOLDEN} quick"
+REFUSED = [
+    ("bounce nothing", 2, "nothing"),
+    ("bounce tm21 --basins --rpm 420,430", 2, "--basins: of 2 speeds; allowed: one"),
+    ("bounce worked_example_constant_velocity", 2, "jump speed of 0 rpm"),
+    ("bounce conjugate", 2, "conjugate"),
+    ("bounce tm21 --rpm 400 --over mass --range x", 2, "--range x: allowed: 0.5, or"),
+    ("bounce tm21 --rpm 400 --model two_mass --basins", 2, "--basins: are of one mass"),
+    ("campaign tolerance_poly345 --points 1e12", 2, "--points: is '1e12'; allowed: a whole number"),
+    ("campaign tolerance_poly345 --points 1000000000", 2, "has 1e9 points; allowed: up to 1e8"),
+    ("campaign tolerance_poly345 --jobs 0", 2, "--jobs: is '0'; allowed: greater than or"),
+    ("campaign tolerance_poly345 --dask nowhere", 2, "allowed: an address"),
+    ("campaign tolerance_poly345 --dask tcp://127.0.0.1:1 --jobs 2", 2, "allowed: one of them"),
+    (f"{COMPARE} --offset 3", 2, "offset 3°: the rig's bags have exact angles"),
+    (f"{COMPARE} --topics angle=/a&lift=/b", 2, "has cams tm21, bezier15; say with --cam"),
+    (f"{COMPARE} --topics angle=/a&lift=/b --namespace x", 2, "names whole topics"),
+    (f"{COMPARE} --topics angle=/a", 2, "names angle; allowed: the angle and at least one"),
+    (f"{COMPARE} --cam tm12", 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
+    (f"{COMPARE} --save a.txt", 2, "a.txt: unknown kind of recording; allowed: .rrd"),
+    (f"{COMPARE} --plot a.txt", 2, "unknown kind of picture"),
+    ("design poly345", 2, "needed: one, to minimise or to maximise"),
+    ("design poly345 --minimise jump_speed", 2, "allowed: maximise"),
+    ("design poly345 --maximise shaft_torque@300rpm", 2, "allowed: minimise"),
+    ("design poly345 --minimise peak_jerk --joints 3", 2, "allowed: C1 to C6"),
+    ("design poly345 --minimise peak_jerk --pieces 0", 2, "pieces is 0; allowed: 1 to 200"),
+    ("design bezier15 --minimise peak_jerk --keep dwells,lift", 2, "has one event"),
+    ("design flat --minimise pressure_angle", 2, "pressure angle no law changes"),
+    ("design tm21 --maximise jump_speed_steady --rig tm21", 2, "jump_speed_rigid"),
+    ("design poly345 --maximise jump_speed --limit shaft_torque@300rpm<=6Nm", 2, "as a limit"),
+    (f"{JERK} --keep dwells", 2, "allowed: events,dwells,lift or dwells,lift or"),
+    (f"{JERK} --limit event_angle@1<=90deg", 2, "events stay; allowed:"),
+    (f"{JERK} --keep lift --limit event_angle@3<=90deg", 2, "has 2 events"),
+    (
+        f"{JERK} {SHARED} --limit event_angle@1<=90deg --limit event_angle@2<=90deg",
+        2,
+        "no spans of events keep them",
+    ),
+    (f"{JERK} {SHARED} --limit peak_acceleration<=20mm/rad^2 --starts 1", 1, "have a law; of the"),
+    (f"{JERK} --limit radius_of_curvature>=80mm", 1, "a dwell of 'poly345' breaks it"),
+    (f"{JERK} --limit shaft_torque@300rpm<=1Nm --starts 1", 1, "was found that keeps"),
+    (f"{JERK} --limit lift@150deg<=1mm", 1, "no law of the class keeps"),
+    (f"{JERK} --out a.yml", 2, "ends in .yaml"),
+    (f"{JERK} --pareto peak_jerk --out a.yaml", 2, "no --out"),
+    (f"{JERK} --pareto peak_jerk", 2, "is the goal"),
+    (f"{JERK} --pareto peak_acceleration --points 2", 2, "allowed: 3 to 200"),
+    (f"{JERK} --pareto event_angle@1 {SHARED}", 2, "allowed: without --keep"),
+    (f"{TORQUE} --starts 0", 2, "allowed: 1 to"),
+    (f"{TORQUE} --seed -1", 2, "0 and above"),
+    (f"{FIT} --given mas=1", 2, "did you mean"),
+    (f"{FIT} --given mass=nan", 2, "--given mass=nan: 'nan' is no finite number; allowed"),
+    (f"{FIT} --given mass=1 --given mass=2", 2, "mass is given twice; allowed: once"),
+    (f"{FIT} --given mass=-1", 2, "allowed"),
+    (f"{FIT} --topics angle=/a.b", 2, "no meaning"),
+    (f"{FIT} --tolerance 0", 2, "tolerance"),
+    (f"{FIT} --out rig.txt", 2, "yaml"),
+    (f"{FIT} --csv - --json -", 2, "both go to stdout"),
+]
+
+
+@pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
+def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, monkeypatch, line, code, words):
+    """It names the value and what is allowed, with the code of its kind of error."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "jumps.csv").write_text(TABLE, encoding="utf-8")
+    result = call(*(argument.replace("&", " ") for argument in line.split()))
+    assert (result.exit_code, result.stdout) == (code, ""), result.output
+    assert words in result.stderr and len(result.stderr.strip().splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["jumps.csv"]
