@@ -34,7 +34,7 @@ WORDS: dict[Any, str] = {
     NoneType: "None",
     Mapping: "a mapping",
     Callable: "a function",
-    np.ndarray: "an array",
+    np.ndarray: "an array of real numbers",
 }
 MAKERS = {
     "CamConfig": ("a cam", "load_cam"),
@@ -164,6 +164,8 @@ def _refusal(name: str, value: Any, hint: Any) -> str:
     shown = type(value).__name__
     if isinstance(value, str | Path | float | list | tuple | NoneType) or _fits(value, int | bool):
         shown = f"{repr(value)[:60]} ({shown})"
+    elif isinstance(value, np.ndarray):
+        shown = f"array of {value.dtype}"
     elif isinstance(value, int):
         shown = "int of more than 63 bits"
     return f"{name}: is {shown}; allowed: {_words(hint, value)}"

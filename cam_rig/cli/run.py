@@ -109,13 +109,32 @@ def run(
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            again = shlex.join(["cam-rig", "run", str(scene), "--pacing", pacing])
+            flags = {
+                "--pacing": pacing,
+                "--namespace": namespace,
+                "--split": split,
+                "--network": network,
+                "--analyze": analyze,
+                "--view": view,
+                "--web": web,
+                "--wait": wait,
+            }
+            again = _command_line(scene, flags)
             _run(path, target, nodes, network, place, server, screen.page, again)
             if analyze:
                 from cam_rig.studies.simulate.bag_command import read_run
 
                 write_outputs(read_run(target), target / "noise.png", None, None)
             screen.stay()
+
+
+def _command_line(scene: object, options: dict[str, str | bool | None]) -> str:
+    """Return the command of a run into a new bag; ``options`` not set are left out."""
+    words = ["cam-rig", "run", str(scene)]
+    for name, value in options.items():
+        if value:
+            words += [name] if value is True else [name, str(value)]
+    return shlex.join(words)
 
 
 def _run(

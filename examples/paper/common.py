@@ -80,9 +80,15 @@ def parser(description: str | None) -> argparse.ArgumentParser:
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     found.add_argument(
-        "--out", type=Path, default=Path("out/paper"), help="folder of the figures (%(default)s)"
+        "--out", type=_folder, default=Path("out/paper"), help="folder of the figures (%(default)s)"
     )
     return found
+
+
+def _folder(text: str) -> Path:
+    if Path(text).exists() and not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is a file; allowed: a folder, which may be new")
+    return Path(text)
 
 
 def publish(

@@ -104,6 +104,7 @@ def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
     """Load the code of a kernel, or compile and store it; replace stored code that is damaged."""
     numba: Any = import_module("numba")
     name, folder = kernel.__name__, _cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)  # else numba would store code beside the sources
     _register()
     previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
     try:

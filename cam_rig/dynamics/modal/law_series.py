@@ -33,9 +33,10 @@ SAMPLE_EPS = 2.0**-50
 @lru_cache(maxsize=64)
 def law_series(law: Law) -> LawSeries:
     """Return the tables of a law."""
-    own, ordinates = law.ordinates, np.empty((law.degree + 1, law.degree + 2, law.spans.size))
-    for order in range(law.degree + 2):
-        ordinates[:, order] = bernstein.elevate(own, law.degree)
+    degree = max(law.degree, 1)  # acceleration has a row on a cam of dwells too
+    own, ordinates = law.ordinates, np.empty((degree + 1, degree + 2, law.spans.size))
+    for order in range(degree + 2):
+        ordinates[:, order] = bernstein.elevate(own, degree)
         own = bernstein.derivative(own) / law.spans
     ordinates, jumps, breaks = _cut_long_pieces(law, ordinates)
     spans, absolute, jump_sizes = np.diff(breaks), np.abs(ordinates), np.abs(jumps)
@@ -100,10 +101,9 @@ def _bound_harmonics(
     ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn and ``variations`` bound ∫|s⁽ᵏ⁾| dθ, ``(p + 2,)`` each.
     """
     count = HARMONICS[law.spans.size > MANY_PIECES]
-    terms = np.tril(np.broadcast_to(jumps[1:-1], (law.degree, law.degree))) + np.diag(
-        variations[2:]
-    )
-    by_parts = (terms / TURN @ _inverse_powers(law.degree, count)).min(axis=0, initial=np.inf)
+    degree = len(jumps) - 2
+    terms = np.tril(np.broadcast_to(jumps[1:-1], (degree, degree))) + np.diag(variations[2:])
+    by_parts = (terms / TURN @ _inverse_powers(degree, count)).min(axis=0)
     angles = np.arange(2 * count) * (0.5 * TURN / count)
     piece = np.searchsorted(law.breaks[1:-1], angles, side="right")
     weights = bernstein.basis(law.degree, (angles - law.breaks[piece]) / law.spans[piece])

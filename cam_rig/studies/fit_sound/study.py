@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cam_rig.acoustics import level_db
 from cam_rig.arguments import checked
 from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.errors import ConfigError, DynamicsError
@@ -21,8 +23,10 @@ from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_co
 from cam_rig.studies.fit_sound.identified import set_identified
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Least number of levels: a fit of two numbers has then a residual.
-MIN_LEVELS = 3
+#: Least number of different speeds: a fit of two numbers has then a residual.
+MIN_SPEEDS = 3
+#: Limits of speeds in rpm, and of levels in dB; the highest is a sine of one atmosphere.
+SPEEDS, LEVELS = (1.0, 1e5), (-20.0, 191.0)
 #: Limits of the corner in Hz. Orders of a cam sound between some Hz and some hundred Hz, so levels
 #: cannot tell a corner near these limits from one beyond.
 CORNERS = 0.5, 2000.0
@@ -142,7 +146,8 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
 
     Raises
     ------
-    ConfigError : fewer than 3 levels, a speed that is not positive, or a cam not in the scene
+    ConfigError : fewer than 3 different speeds, a speed outside 1 to 1e5 rpm, a level that is not
+        above the rig's background or is above 191 dB, or a cam not in the scene
     DynamicsError : the cam loses contact at a speed, or the levels do not determine the corner
 
     Examples
@@ -155,7 +160,7 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     """
     loaded = asked_scene(scene)
     table = read_levels(Path(levels)) if isinstance(levels, str | Path) else levels
-    _require_levels(table)
+    _require_levels(table, loaded)
     name = _measured_cam(loaded, cam)
     measured = _measured(loaded, name, table)
     fitted = two_constants([measured], Acoustics(loaded.radiation), CORNERS)
@@ -177,15 +182,36 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     )
 
 
-def _require_levels(table: FloatArray) -> None:
-    """Refuse levels that are too few, or no numbers."""
-    if table.ndim != 2 or table.shape[1] != 2 or table.shape[0] < MIN_LEVELS:
+def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
+    """Refuse too few speeds, speeds and levels out of range, and levels of the background."""
+    if table.ndim != 2 or table.shape[1] != 2:
         raise ConfigError(
-            f"levels: is an array of shape {table.shape}; allowed: ({MIN_LEVELS} or more, 2), each "
-            "row a speed in rpm and a level in dB"
+            f"levels: is an array of shape {table.shape}; allowed: (n, 2), each row a speed in rpm "
+            "and a level in dB"
         )
-    if not (np.isfinite(table).all() and (table[:, 0] > 0.0).all()):
-        raise ConfigError("levels: has a speed or level that is no number, or a speed of 0 or less")
+    different = len(np.unique(table[:, 0]))
+    if different < MIN_SPEEDS:
+        raise ConfigError(
+            f"levels: is a table of {different} different speed(s); allowed: {MIN_SPEEDS} or more"
+        )
+    for rpm, level in table.tolist():
+        if not SPEEDS[0] <= rpm <= SPEEDS[1]:
+            raise ConfigError(f"levels: a speed is {rpm:g} rpm; allowed: {_between(SPEEDS)} rpm")
+        if not LEVELS[0] <= level <= LEVELS[1]:
+            raise ConfigError(
+                f"levels: {level:g} dB at {rpm:g} rpm; allowed: {_between(LEVELS)} dB"
+            )
+        background = level_db(math.sqrt(loaded.radiation.background_power(rpm * RPM)))
+        if level <= background:
+            raise ConfigError(
+                f"levels: {level:g} dB at {rpm:g} rpm is not above the background {background:.2f} "
+                f"dB of rig {loaded.rig.name}; allowed: a level above it, or the background of "
+                "this measurement in the rig file"
+            )
+
+
+def _between(limits: tuple[float, float]) -> str:
+    return f"{limits[0]:g} to {limits[1]:.6g}"
 
 
 def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:

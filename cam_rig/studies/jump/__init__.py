@@ -1,1 +1,1 @@
-"""Jump speeds beside the paper's Table 2, and the rig's unprinted numbers fitted to them."""
+"""Jump speeds of one rig, and of the shipped cams beside the paper's Table 2."""

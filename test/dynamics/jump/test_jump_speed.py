@@ -247,3 +247,12 @@ def first_zeros(law, mass, angles):
     with np.errstate(all="ignore"):
         roots = 2.0 * c / (-b + np.array([[1.0], [-1.0]]) * np.sqrt(b**2 - 4.0 * a * c))
     return np.where(np.isfinite(roots) & (roots > 0.0), roots, np.inf).min(axis=0)
+
+
+@pytest.mark.parametrize("duration", [1.7, None])
+@pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
+def test_a_cam_of_dwells_keeps_contact(rig, duration):
+    """Its law has degree 0; the preload is the force of one mass or two, at any speed."""
+    flat = Law("flat", np.array([0.0, TURN]), np.zeros((1, 1)))
+    with pytest.raises(DynamicsError, match="'flat': the follower keeps contact up to 100000 rpm"):
+        find_jump(flat, follower_of(cam_rig.load_rig(rig)), duration)

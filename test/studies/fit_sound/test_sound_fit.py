@@ -67,15 +67,29 @@ def test_a_cam_that_lifts_off_is_refused(scene):
 @pytest.mark.parametrize(
     ("levels", "cam", "error"),
     [
-        ([[200.0, 80.0], [300.0, 85.0]], None, "3 or more"),
-        ([[200.0, 80.0], [300.0, np.nan], [400.0, 88.0]], None, "no number"),
-        ([[0.0, 80.0], [300.0, 85.0], [400.0, 88.0]], None, "speed of 0 or less"),
+        ([[200.0, 80.0], [300.0, 85.0]], None, r"a table of 2 different speed\(s\); allowed: 3 or"),
+        ([[300.0, 80.0], [300.0, 81.0], [300.0, 82.0]], None, "a table of 1 different"),
+        ([[200.0, 80.0], [300.0, np.nan], [400.0, 88.0]], None, "nan dB at 300 rpm; allowed"),
+        ([[200.0, 80.0], [300.0, 1e300], [400.0, 88.0]], None, "1e.300 dB at 300 rpm; allowed"),
+        ([[200.0, 80.0], [300.0, 20.0], [400.0, 88.0]], None, "20 dB at 300 rpm is not above the"),
+        (
+            [[0.0, 80.0], [300.0, 85.0], [400.0, 88.0]],
+            None,
+            "speed is 0 rpm; allowed: 1 to 100000 rpm",
+        ),
+        ([[1e-300, 80.0], [300.0, 85.0], [400.0, 88.0]], None, "speed is 1e-300 rpm; allowed"),
+        (
+            [[200.0, 80.0j], [300.0, 85.0], [400.0, 88.0]],
+            None,
+            "array of complex128; allowed: .* real",
+        ),
+        ([["a", "b"]], None, "array of <U1"),
         ([[200.0, 80.0], [300.0, 85.0], [400.0, 88.0]], "no_such", "has no cam 'no_such'"),
         ([[200.0, 75.6], [300.0, 83.4], [400.0, 89.9]], None, "do not determine the corner"),
     ],
 )
 def test_refusals(scene, levels, cam, error):
-    """Too few levels, none that are numbers, another cam, and what determines no corner."""
+    """Too few speeds, no numbers or out of range, another cam, and what determines no corner."""
     with pytest.raises((ConfigError, DynamicsError), match=error):
         cam_rig.fit_sound(np.array(levels), scene, cam=cam)
 
