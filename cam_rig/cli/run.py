@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.show.command import (
@@ -28,7 +27,7 @@ from cam_rig.show.command import (
     write_outputs,
 )
 from cam_rig.show.result import Progress, Result
-from cam_rig.show.terminal import console
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
     from cam_rig.bag.replay import Difference
@@ -109,32 +108,17 @@ def run(
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            flags = {
-                "--pacing": pacing,
-                "--namespace": namespace,
-                "--split": split,
-                "--network": network,
-                "--analyze": analyze,
-                "--view": view,
-                "--web": web,
-                "--wait": wait,
-            }
-            again = _command_line(scene, flags)
+            given = {"--pacing": pacing, "--namespace": namespace, "--split": split}
+            words = [word for option in given.items() if option[1] for word in option]
+            flags = (network, "network"), (analyze, "analyze"), (view, "view"), (web, "web")
+            words += [f"--{name}" for on, name in (*flags, (wait, "wait")) if on]
+            again = shlex.join(["cam-rig", "run", str(scene), *map(str, words)])
             _run(path, target, nodes, network, place, server, screen.page, again)
             if analyze:
                 from cam_rig.studies.simulate.bag_command import read_run
 
                 write_outputs(read_run(target), target / "noise.png", None, None)
             screen.stay()
-
-
-def _command_line(scene: object, options: dict[str, str | bool | None]) -> str:
-    """Return the command of a run into a new bag; ``options`` not set are left out."""
-    words = ["cam-rig", "run", str(scene)]
-    for name, value in options.items():
-        if value:
-            words += [name] if value is True else [name, str(value)]
-    return shlex.join(words)
 
 
 def _run(
@@ -161,19 +145,16 @@ def _run(
     loaded = open_scene(path)
     loaded.require_numbers()
     if PROFILES in os.environ and not network:
-        console.print(
+        say(
             f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
         )
     begun = time.perf_counter()
-
-    def log(line: str) -> None:
-        console.print(escape(line))
 
     with (
         own_domain(namespace),
         make_progress_bar() as bar,
         delay_report(page) as delayed,
-        Graph(nodes, network, log, namespace, server) as graph,
+        Graph(nodes, network, say, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         try:
@@ -185,14 +166,13 @@ def _run(
             raise RunError(f"{error}; repeat the run with: {again}") from None
     for name, node in graph.processes.items():
         if node.warnings:
-            words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
-            console.print(escape(words))
+            say(f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}")
     graph.require_closed()
     counts = require_complete(target, loaded.scene)
     took = time.perf_counter() - begun
-    console.print(
+    say(
         f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
-        f"in {took:.1f} s: {escape(str(target))}"
+        f"in {took:.1f} s: {target}"
     )
 
 

@@ -14,7 +14,7 @@ from cam_rig.schema.load import tables_path
 from cam_rig.show.looks import in_words
 from cam_rig.simulation.asked import asked_cams
 from cam_rig.studies.jump.comparison import rms_difference
-from cam_rig.studies.vibration.study import HIGHER, LOWER, Claim, Verdict
+from cam_rig.studies.vibration.study import HIGHER, LOWER, Claim
 from examples.paper import factorial, readings
 from examples.paper.common import CAMS, RIG, SCENE, STIFF_RIG, Table
 
@@ -97,7 +97,7 @@ def summary_table(paper: Paper) -> Table:
 def _summary_rows(paper: Paper) -> list[tuple[str, str, str]]:
     by_claim = dict[str, list[bool]]()
     for claim in (*paper.vibration.claims, *jump_claims(paper.jumps.rpm, RIG)):
-        by_claim.setdefault(claim.claim, []).append(claim.verdict is Verdict.AGREES)
+        by_claim.setdefault(claim.claim, []).append(claim.holds == claim.cases > 0)
     first, either = (sum(f(one) for one in by_claim.values()) for f in (lambda o: o[0], all))
     jump, rows = paper.jumps.comparison, paper.jumps.rows
     printed = [row.published_rpm for row in rows if row.published_rpm is not None]

@@ -101,13 +101,10 @@ def _each(values: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in sorted(set(values)))
 
 
-def _kind(cam: CamConfig) -> str:
-    return cam.follower.type.replace("_", " ")
-
-
 def _follower(row: CamContact) -> str:
     radius = row.case.surfaces.radius
-    return _kind(row.cam) + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
+    kind = row.cam.follower.type.replace("_", " ")
+    return kind + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
 
 
 def _bound(key: str, heading: str) -> Column:

@@ -139,7 +139,7 @@ class LawDesign(Result):
         notes = (
             f"start: {self.start.name}; class: {self.request.law_class.words}, with {kept} of the "
             f"start; no ordinate beyond {BOX:g} lifts",
-            self._verdict(),
+            self._bound_line(),
             *self._start_beside(),
         )
         caption = f"Design on rig {self.rig.name}: {self.request.words}"
@@ -166,7 +166,7 @@ class LawDesign(Result):
         more = "more pieces" if self.multistart is None else "more pieces, or more starts,"
         return [f"the start is better than the law found: {more} may have more"]
 
-    def _verdict(self) -> str:
+    def _bound_line(self) -> str:
         """What the bound proves, in a line."""
         goal, several = self.goal, self.multistart
         if self.interrupted:

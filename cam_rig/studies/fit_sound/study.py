@@ -196,10 +196,12 @@ def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
         )
     for rpm, level in table.tolist():
         if not SPEEDS[0] <= rpm <= SPEEDS[1]:
-            raise ConfigError(f"levels: a speed is {rpm:g} rpm; allowed: {_between(SPEEDS)} rpm")
+            raise ConfigError(
+                f"levels: a speed is {rpm:g} rpm; allowed: {SPEEDS[0]:g} to {SPEEDS[1]:.6g} rpm"
+            )
         if not LEVELS[0] <= level <= LEVELS[1]:
             raise ConfigError(
-                f"levels: {level:g} dB at {rpm:g} rpm; allowed: {_between(LEVELS)} dB"
+                f"levels: {level:g} dB at {rpm:g} rpm; allowed: {LEVELS[0]:g} to {LEVELS[1]:g} dB"
             )
         background = level_db(math.sqrt(loaded.radiation.background_power(rpm * RPM)))
         if level <= background:
@@ -208,10 +210,6 @@ def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
                 f"dB of rig {loaded.rig.name}; allowed: a level above it, or the background of "
                 "this measurement in the rig file"
             )
-
-
-def _between(limits: tuple[float, float]) -> str:
-    return f"{limits[0]:g} to {limits[1]:.6g}"
 
 
 def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:

@@ -356,14 +356,6 @@ class NoiseClaim:
     cases: int
     fails_rpm: tuple[float, float] | None
 
-    @property
-    def verdict(self) -> str:
-        """At how many speeds it holds, and between which it does not."""
-        share = f"at {self.holds} of {self.cases} speeds"
-        if self.fails_rpm is None:
-            return share
-        return f"{share}, not at {' to '.join(f'{v:g}' for v in dict.fromkeys(self.fails_rpm))} rpm"
-
 
 def noise_claims(
     roles: StudyRoles, curves: Mapping[str, StudiedCurve], crossover_rpm: float
