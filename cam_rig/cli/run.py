@@ -10,6 +10,7 @@ import os
 import shlex
 import shutil
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -91,6 +92,7 @@ def run(
 
     cam-rig run --split 100MB
     """
+    given = dict(locals())
     with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
@@ -108,17 +110,21 @@ def run(
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            given = {"--pacing": pacing, "--namespace": namespace, "--split": split}
-            words = [word for option in given.items() if option[1] for word in option]
-            flags = (network, "network"), (analyze, "analyze"), (view, "view"), (web, "web")
-            words += [f"--{name}" for on, name in (*flags, (wait, "wait")) if on]
-            again = shlex.join(["cam-rig", "run", str(scene), *map(str, words)])
-            _run(path, target, nodes, network, place, server, screen.page, again)
+            _run(path, target, nodes, network, place, server, screen.page, _command_line(given))
             if analyze:
                 from cam_rig.studies.simulate.bag_command import read_run
 
                 write_outputs(read_run(target), target / "noise.png", None, None)
             screen.stay()
+
+
+def _command_line(options: Mapping[str, Path | str | bool | None]) -> str:
+    """Return the command that repeats a run with these options, into a new bag."""
+    words = ["cam-rig", "run", str(options["scene"])]
+    for name, value in options.items():
+        if value and name not in ("scene", "bag"):
+            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    return shlex.join(words)
 
 
 def _run(

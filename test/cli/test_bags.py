@@ -216,6 +216,6 @@ def test_a_run_is_repeated_with_its_options(monkeypatch, tmp_path):
     """The line under a failed run has all of them but the bag, whose folder now exists."""
     commands = []
     monkeypatch.setattr("cam_rig.cli.run._run", lambda *arguments: commands.append(arguments[-1]))
-    words = ["--pacing", "real_time", "--namespace", "/rig1", "--split", "100MB", "--network"]
+    words = ["--pacing", "real_time", "--network", "--namespace", "/rig1", "--split", "100MB"]
     done("run", "quick", "--bag", tmp_path / "bag", *words)
     assert commands == [" ".join(["cam-rig run quick", *words])]

@@ -21,6 +21,7 @@ from .conftest import BIN, call
 COMMAND = (BIN / "cam-rig", "panel")
 
 
+@pytest.mark.usefixtures("heard_hangup")
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signals) -> None:

@@ -207,12 +207,14 @@ def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason)
 
 #: A program that compiles a kernel in some 2 s, and prints its result or that it was interrupted.
 PROGRAM = """
+import signal
 import numpy as np
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background shell ignores SIGINT
 law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
 try:
     print(rigid_jump(law, FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8))[0].hex())

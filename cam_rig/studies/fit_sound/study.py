@@ -184,15 +184,10 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
 
 def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
     """Refuse too few speeds, speeds and levels out of range, and levels of the background."""
-    if table.ndim != 2 or table.shape[1] != 2:
+    if table.ndim != 2 or table.shape[1] != 2 or len(np.unique(table[:, 0])) < MIN_SPEEDS:
         raise ConfigError(
             f"levels: is an array of shape {table.shape}; allowed: (n, 2), each row a speed in rpm "
-            "and a level in dB"
-        )
-    different = len(np.unique(table[:, 0]))
-    if different < MIN_SPEEDS:
-        raise ConfigError(
-            f"levels: is a table of {different} different speed(s); allowed: {MIN_SPEEDS} or more"
+            f"and a level in dB, {MIN_SPEEDS} or more different speeds"
         )
     for rpm, level in table.tolist():
         if not SPEEDS[0] <= rpm <= SPEEDS[1]:
