@@ -66,8 +66,8 @@ CLAIMS = (
     Column("source", heading="in the paper"),
     Column("measure", heading="measured by"),
     Column("rig"),
-    Column("holds", "", "d", doc="cases in which it holds"),
-    Column("cases", "", "d", doc="speeds at which every follower keeps contact"),
+    Column("holds", cell=lambda x: f"{x.holds}/{x.cases}", doc="cases in which it holds"),
+    Column("cases", doc="speeds at which every follower keeps contact", hidden=True),
 )
 
 
