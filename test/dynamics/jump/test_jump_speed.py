@@ -9,7 +9,7 @@ import cam_rig
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
-from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed, rigid_min_force
 from cam_rig.dynamics.jump.two_masses import find_jump_speed
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, build_law
@@ -238,6 +238,8 @@ def test_rigid_jump_is_the_exhaustive_one(laws, follower, seed):
     speed, angle = rigid_jump(law, mass)
     assert speed == pytest.approx(least, rel=1e-10 if abs(slope) < bend else 1e-5)
     assert first_zeros(law, mass, np.array([angle]))[0] >= speed * (1.0 - 1e-12)
+    below, above = rigid_min_force(law, mass, speed * np.array([0.99, 1.01]))
+    assert below > 0.0 > above
 
 
 def first_zeros(law, mass, angles):
