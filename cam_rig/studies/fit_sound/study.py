@@ -236,10 +236,15 @@ HEADINGS = {
     "speed": re.compile(r"rpm|1/min|min-1|speed|drehzahl|velocidad|vitesse|giri", re.I),
     "level": re.compile(r"db|level|pegel|nivel|niveau|livello", re.I),
 }
+#: Signs of another unit, or of a weighting: a rig's levels are unweighted.
+OTHER_UNITS = {
+    "speed": re.compile(r"\bk?hz\b|\brad|/\s?s\b|s-1|deg|°|rps", re.I),
+    "level": re.compile(r"\(?db\W*[abc]\b|\bl[abc](eq|f|s)?\b|\bpa\b", re.I),
+}
 
 
 def read_levels(path: Path) -> FloatArray:
-    """Read speeds (rpm) and levels (dB), `(n, 2)`; rows without a level are left out."""
+    """Read speeds (rpm) and unweighted levels (dB), `(n, 2)`, without rows that have no level."""
     table = CellTable(path.name, read_lines(path, "speed and level"))
     if table.first is None or table.first == 0:
         raise table.refused("has no heading over its numbers; allowed: a heading, such as rpm, dB")
@@ -250,6 +255,9 @@ def read_levels(path: Path) -> FloatArray:
         if len(fitting) != 1:
             texts = ", ".join(one.text for one in headings)
             raise table.refused(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
+        heading = headings[fitting[0]].text
+        if OTHER_UNITS[name].search(heading):
+            raise table.refused(f"{heading!r} has another unit; allowed: rpm, and dB, unweighted")
         columns.append(fitting[0])
     body = table.rows[table.first :]
     table.how_read(body, columns)  # refuses a mixture of decimal marks

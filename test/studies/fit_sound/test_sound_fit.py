@@ -117,6 +117,26 @@ def test_a_table_without_a_level_is_refused(tmp_path):
         read_levels(path)
 
 
+@pytest.mark.parametrize(
+    "heading",
+    ["speed [Hz],dB", "speed rad/s,dB", "drehzahl 1/s,dB", "rpm,dB(A)", "rpm,dBA", "rpm,LAeq [dB]"],
+)
+def test_other_units_are_refused(tmp_path, heading):
+    """5 Hz is not 5 rpm, and a level with a weighting is lower than the rig's."""
+    path = tmp_path / "levels.csv"
+    path.write_text(heading + "\n5,75.6\n6,89.9\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="has another unit; allowed: rpm, and dB, unweighted"):
+        read_levels(path)
+
+
+@pytest.mark.parametrize("heading", ["Drehzahl [1/min],Pegel [dB]", "velocidad rpm,nivel dB(Z)"])
+def test_the_rigs_units_are_read(tmp_path, heading):
+    """Revolutions per minute by any name, and levels without weighting."""
+    path = tmp_path / "levels.csv"
+    path.write_text(heading + "\n200,75.6\n", encoding="utf-8")
+    assert read_levels(path).tolist() == [[200.0, 75.6]]
+
+
 # The command.
 
 
