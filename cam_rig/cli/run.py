@@ -92,7 +92,7 @@ def run(
 
     cam-rig run --split 100MB
     """
-    given = dict(locals())
+    given = dict(locals())  # the options alone, before another name is set
     with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
