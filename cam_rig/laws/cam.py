@@ -15,7 +15,7 @@ from cam_rig.laws.bernstein import Pieces, joined
 from cam_rig.laws.law import Law
 from cam_rig.laws.segments import own_pieces, unit_rise
 from cam_rig.laws.spline import greville
-from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
+from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.segments import Bezier, BSpline, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
@@ -172,9 +172,3 @@ def cam_set(cams: Iterable[tuple[Path | str, CamConfig]], rig: RigConfig) -> Cam
         require_sprung(path, cam)
         found[cam.name], laws[cam.name] = cam, law_of(path, cam)
     return CamSet(found, laws, rig)
-
-
-def open_cam_set(cam_paths: Iterable[Path], rig_path: Path) -> CamSet:
-    """Read cam files and a rig file."""
-    rig = load_rig(rig_path)
-    return cam_set(((path, load_cam(path)) for path in cam_paths), rig)

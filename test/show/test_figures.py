@@ -19,7 +19,7 @@ from matplotlib.markers import CARETUP
 from PIL import Image
 
 import cam_rig
-from cam_rig.laws.cam import CamSet, open_cam_set
+from cam_rig.laws.cam import CamSet
 from cam_rig.laws.catalogue import rise_curves
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.profile.cam_checks import check_cam
@@ -40,6 +40,7 @@ from cam_rig.show.looks import (
     of_cam,
     web,
 )
+from cam_rig.simulation.asked import asked_cams
 from cam_rig.simulation.regression import compare
 from cam_rig.simulation.scene import open_scene
 from cam_rig.studies.jump import figures as jump
@@ -64,9 +65,7 @@ DURATION, SPEED = 0.5, 460.0
 @pytest.fixture(scope="module")
 def cam_set() -> CamSet:
     """Two of the paper's cams on the rig of its Table 2."""
-    names = ("bezier15", "poly345")
-    paths = [config_root() / "cams" / f"{name}.yaml" for name in names]
-    return open_cam_set(paths, config_root() / "rigs" / "paper_table2.yaml")
+    return asked_cams(["bezier15", "poly345"], "paper_table2")
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from cam_rig.laws.cam import open_cam_set
 from cam_rig.schema import load_rig
+from cam_rig.simulation.asked import asked_cams
 
 from ..cli.conftest import no_broken_heading, no_faulty_figure
 
@@ -19,7 +19,6 @@ def table2(config_dir):
 
 
 @pytest.fixture(scope="session")
-def cam_set(config_dir):
+def cam_set():
     """The five laws of Table 2 on it."""
-    cams = [config_dir / "cams" / f"{name}.yaml" for name in FIVE]
-    return open_cam_set(cams, config_dir / "rigs" / "paper_table2.yaml")
+    return asked_cams(list(FIVE), "paper_table2")

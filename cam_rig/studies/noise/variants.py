@@ -174,11 +174,6 @@ class HighDwellStudy:
     levels_db: dict[tuple[float, float, str], FloatArray]
     shares: Mapping[tuple[int, ...], float]
 
-    def change_db(self, factor: str) -> FloatArray:
-        """What changing one of `FACTORS` alone does to the reference's levels, dB."""
-        alone = 4 >> FACTORS.index(factor)  # the last factor turns first
-        return list(self.levels_db.values())[alone] - self.reference
-
     @property
     def reference(self) -> FloatArray:
         """Levels (dB) of the reference cam."""
