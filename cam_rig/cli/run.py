@@ -175,10 +175,9 @@ def _run(
             say(f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}")
     graph.require_closed()
     counts = require_complete(target, loaded.scene)
-    took = time.perf_counter() - begun
     say(
         f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
-        f"in {took:.1f} s: {target}"
+        f"in {time.perf_counter() - begun:.1f} s: {target}"
     )
 
 

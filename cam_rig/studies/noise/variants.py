@@ -174,6 +174,11 @@ class HighDwellStudy:
     levels_db: dict[tuple[float, float, str], FloatArray]
     shares: Mapping[tuple[int, ...], float]
 
+    def change_db(self, factor: str) -> FloatArray:
+        """What changing one of `FACTORS` alone does to the reference's levels, dB."""
+        # The levels are listed with the last factor changing first: 4, 2 and 1 change one alone.
+        return list(self.levels_db.values())[4 >> FACTORS.index(factor)] - self.reference
+
     @property
     def reference(self) -> FloatArray:
         """Levels (dB) of the reference cam."""

@@ -157,6 +157,11 @@ class OrderSpectrum:
         """The place of the loudest order in the arrays."""
         return int(np.argmax(self.level[1:])) + 1
 
+    def order_within(self, share: float) -> float:
+        """The order up to which a share of the sound's power lies, of all orders there are."""
+        power = np.cumsum(np.abs(self.pressure) ** 2)
+        return float(self.orders[np.searchsorted(power, share * power[-1])])
+
     @property
     def total_db(self) -> float:
         """Level of all orders together, without the background, dB."""
