@@ -1,98 +1,19 @@
 """A table of numbers as gauges, spreadsheets and people write it: lines cut into cells.
 
-Any separator, decimal comma or point, UTF-8, UTF-16 or what Windows writes. What a column holds is
-for whoever reads it.
+Any separator, decimal comma or point, UTF-8, UTF-16 or what Windows writes. `headings` has the
+grammar of the headings.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-import unicodedata
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import read_bytes, shown
+from cam_rig.schema.headings import Heading, parse_heading
 from cam_rig.schema.segment_base import MAX_BYTES
-from cam_rig.units import TURN
-
-# Headings of tables of readings, in several languages: what a column holds, and in which unit.
-
-Kind = Literal["angle", "lift", "other"]
-
-
-def _by_word(words: dict[float, str]) -> dict[str, float]:
-    return {word: factor for factor, listed in words.items() for word in listed.split()}
-
-
-#: Word of a heading to the factor of the unit to SI, rad; letters are without their accents.
-ANGLE_UNITS = _by_word(
-    {
-        TURN / 360.0: "° deg degs degree degrees grad grade grado grados gradi grau graus degres",
-        1.0: "rad rads radian radians radianes radianti radiant",
-        TURN: "turn turns rev revs vuelta vueltas tour tours giri volta",
-        TURN / 400.0: "gon gons",
-    }
-)
-#: The same of lengths, m.
-LENGTH_UNITS = _by_word(
-    {
-        1.0: "m",
-        1e-2: "cm",
-        1e-3: "mm",
-        1e-6: "um μm µm micron microns micra micras mikrometer",
-        0.0254: 'in inch inches zoll pouce pouces pollice pollici pulgada pulgadas polegadas "',
-        2.54e-5: "thou mil mils",
-    }
-)
-#: What words of an angle, and of a lift, begin with or hold, in English, Spanish, German, French,
-#: Italian and Portuguese.
-ANGLE_WORDS = ("angle", "angul", "angol", "winkel", "theta", "rotat", "rotac", "rotaz", "drehung")
-ANGLE_LETTERS = frozenset(("θ", "φ", "phi", "ang", "giro"))
-LIFT_WORDS = (
-    *("lift", "hub", "elevac", "levant", "alzad", "alzat", "levee", "levage", "erhebung", "weg"),
-    *("displac", "desplaz", "deplac", "spost", "carrera", "corsa", "course", "altura", "elevat"),
-    *("hauteur", "hohe", "altezza", "curso", "reading", "lectura", "ablesung", "lecture"),
-)
-LIFT_LETTERS = frozenset(("s", "h", "y", "z"))
-
-
-@dataclass(frozen=True)
-class Heading:
-    """What a column holds by its heading; ``factor`` to SI is None where no unit is named."""
-
-    text: str
-    kind: Kind
-    factor: float | None
-
-
-def heading(text: str) -> Heading:
-    """What a heading says."""
-    plain = _plain(text)
-    words = re.findall(r'[a-zθφμµ]+|°|"', plain)
-    angle = next((ANGLE_UNITS[word] for word in reversed(words) if word in ANGLE_UNITS), None)
-    length = next((LENGTH_UNITS[word] for word in reversed(words) if word in LENGTH_UNITS), None)
-    if any(word in plain for word in ANGLE_WORDS) or not ANGLE_LETTERS.isdisjoint(words):
-        return Heading(text, "angle", angle)
-    if any(word in plain for word in LIFT_WORDS) or not LIFT_LETTERS.isdisjoint(words):
-        return Heading(text, "lift", length)
-    if angle is not None:
-        return Heading(text, "angle", angle)
-    return Heading(text, "other" if length is None else "lift", length)
-
-
-def plain_words(text: str) -> list[str]:
-    """The words of a heading in small letters without accents."""
-    return re.findall(r"[a-z]+", _plain(text))
-
-
-def _plain(text: str) -> str:
-    """Small letters without accents."""
-    parts = unicodedata.normalize("NFD", text.casefold())
-    return "".join(part for part in parts if not unicodedata.combining(part))
-
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
@@ -104,16 +25,17 @@ HEADING_LINES = 2
 MAX_LINES = 100_000
 
 
-def read_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
-    """The lines of a file with their numbers, without empty ones and comments."""
+def read_lines(path: Path, wanted: str) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+    """Return the lines of a file with their numbers, and those that are comments (#)."""
     lines = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip()]
+    comments = [(i, line) for i, line in lines if line.lstrip().startswith("#")]
     lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
     if not 0 < len(lines) <= MAX_LINES:
         has = f"has {len(lines)} lines" if lines else "is empty"
         raise ConfigError(
             f"{path.name}: {has}; allowed: a heading and up to {MAX_LINES} lines of {wanted}"
         )
-    return lines
+    return lines, comments
 
 
 def _text(path: Path) -> str:
@@ -195,10 +117,22 @@ class CellTable:
         above = [cells for cells in above if len(cells) == width]
         if not above:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
-        joined = (" ".join(parts) for parts in zip(*above, strict=True))
-        # in one line, as files and messages can hold it
-        printable = ("".join(c if c.isprintable() else " " for c in text) for text in joined)
-        return [heading(" ".join(text.split())) for text in printable]
+        found = []
+        for name, *unit in zip(*above, strict=True):
+            text = f"{name} [{unit[0]}]" if name and unit and unit[0] else " ".join((name, *unit))
+            # in one line, as files and messages can hold it
+            printable = "".join(c if c.isprintable() else " " for c in text)
+            found.append(parse_heading(" ".join(printable.split())))
+        return found
+
+    def require_clear(self, headings: list[Heading], used: list[int]) -> None:
+        """Refuse headings of used columns that are not understood."""
+        for i in used:
+            if headings[i].unclear:
+                raise self.refused(
+                    f"the heading {shown(headings[i].text)} is unclear, because "
+                    f"{headings[i].unclear}; allowed: words of the quantity, and its unit"
+                )
 
     def numbers(
         self, line: int, cells: list[str], headings: list[Heading], used: list[int]

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_cam
-from cam_rig.schema.instrument_table import MAX_LINES, heading
+from cam_rig.schema.instrument_table import MAX_LINES
 from cam_rig.schema.segment_base import read_points
-from cam_rig.studies.fit_cam.gauge import read_gauge_table
+from cam_rig.studies.fit_cam.gauge_table import TableOptions, read_gauge_table
 from cam_rig.studies.fit_rig.jump_table import read_jump_table
 from cam_rig.units import RPM
 
@@ -126,7 +126,7 @@ def read(tmp_path):
     def read_text(text, column=None):
         path = tmp_path / "lifts.csv"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_gauge_table(path, column)
+        return read_gauge_table(path, TableOptions(column))
 
     return read_text
 
@@ -171,26 +171,13 @@ def test_headings_in_several_languages(read):
         ("Angle de came (degrés)", "Levée (mm)"),
         ("Angolo (gradi)", "Alzata (mm)"),
         ("Ângulo (graus)", "Deslocamento mm"),
-        ("crank_angle_deg", "gauge reading mm"),
+        ("cam_angle_deg", "gauge reading mm"),
         ("angle_deg", "lift\x07 of\x1f A mm"),
     ):
         for encoding in ("utf-8", "cp1252"):
             text = f"{angle};{lift}\n0;0\n10;0,25\n20;1,5\n"
             holds_the_readings(read(text.encode(encoding, "replace")))
     assert read("angle_deg;lift\x07 of\x1f A mm\n0;0\n").columns[0].name == "lift of A mm"
-
-
-def test_units():
-    """The last word that is a unit counts; German Grad is a degree, a 400th of a turn is gon."""
-    lengths = dict.fromkeys(("in", "inches", "pulgadas", "Zoll", "pouces", '"'), 0.0254)
-    lengths |= {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "µm": 1e-6, "um": 1e-6, "thou": 2.54e-5}
-    for unit, factor in lengths.items():
-        assert heading(f"lift ({unit})").factor == factor
-    assert heading("lift in mm").factor == 1e-3
-    angles = dict.fromkeys(("deg", "°", "Grad"), math.pi / 180)
-    angles |= {"rad": 1.0, "gon": math.pi / 200, "turn": 2 * math.pi, "vueltas": 2 * math.pi}
-    for unit, factor in angles.items():
-        assert heading(f"angle [{unit}]").factor == pytest.approx(factor)
 
 
 def test_what_is_not_said_is_assumed_and_said(read):
@@ -323,5 +310,5 @@ def test_wrong_jump_speeds_are_refused(read_jumps):
         message = refusal(read_jumps, text)
         assert words in message and "separator seen" in message
     for name in ("spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"):
-        with pytest.raises(ConfigError, match=r"has no unit of a.*allowed"):
+        with pytest.raises(ConfigError, match=r"is unclear, because .* nor a unit of .*allowed"):
             read_jumps(f"{name},preload_N\n1,20\n")

@@ -57,6 +57,35 @@ Flank = Annotated[
 GaugeColumn = Annotated[
     str | None, typer.Option(help="Heading of the column of lifts, the only one that is read.")
 ]
+AngleColumn = Annotated[str | None, typer.Option(help="Heading of the column of angles.")]
+Angle = Annotated[
+    Literal["cam", "crank"] | None,
+    typer.Option(
+        help="Shaft whose angle the table has; the crank turns twice as fast (default: by the "
+        "heading, else cam)."
+    ),
+]
+Counts = Annotated[
+    float | None,
+    typer.Option(
+        metavar="N", min=1.0, help="Counts of an encoder per turn, for a column of counts."
+    ),
+]
+Mirror = Annotated[
+    bool, typer.Option("--mirror", help="The table has half a lobe: add its mirror image.")
+]
+RockerRatio = Annotated[
+    float, typer.Option(metavar="RATIO", help="Lift of the valve per lift of the cam.")
+]
+Lash = Annotated[float, _in_mm("Clearance of the valve.", 0.0)]
+CheckingHeight = Annotated[
+    list[float] | None,
+    typer.Option(
+        metavar="MM",
+        help="Lift of the valve at which opening and closing are reported; may be repeated "
+        "(default: 1 and 1.27 mm).",
+    ),
+]
 Tolerance = Annotated[
     float | None, _in_mm("Error of the gauge; by default the scatter of the readings.")
 ]
@@ -77,19 +106,26 @@ def fit_cam(
     shape: Shape = "spline",
     follower: Follower = None,
     column: GaugeColumn = None,
+    angle_column: AngleColumn = None,
+    angle: Angle = None,
+    counts: Counts = None,
     tolerance: Tolerance = None,
     reverse: Reverse = False,
+    mirror: Mirror = False,
     roller_radius: RollerRadius = None,
     base_radius: BaseRadius = None,
     flank: Flank = None,
+    rocker_ratio: RockerRatio = 1.0,
+    lash: Lash = 0.0,
+    checking_height: CheckingHeight = None,
     out: Out = None,
 ) -> Result:
     """Fit a cam to gauge readings: a spline with exact dwells, or tangent arcs.
 
-    Any separator, decimal comma, unit and language of headings. Says how near the law is, which
-    readings look like outliers, and what was assumed. A --tolerance below the readings' scatter is
-    not followed. Arcs take all columns and files at once, and say which was read with a flat
-    follower.
+    Reads any separator, decimal comma, unit and language of headings, such as Lift (0.001 in),
+    crank_deg or cycle [%]. Reports the residual of the law, readings that look like outliers, and
+    assumptions. A --tolerance below the readings' scatter is not followed. Arcs take all columns
+    and files at once, and report which was read with a flat follower.
 
     In Python: cam_rig.fit_cam(tables, shape, follower, column, tolerance, …, out)
 
@@ -98,19 +134,29 @@ def fit_cam(
     cam-rig fit cam lifts.csv --tolerance 0.005 --plot out/fit.png
 
     cam-rig fit cam gl110.csv --shape arcs --out mine/cams/gl110.yaml
+
+    cam-rig fit cam card.csv --angle crank --rocker-ratio 1.5 --lash 0.25 --checking-height 1.27
     """
     from cam_rig.studies.fit_cam import study
+    from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS
 
     found = study.fit_cam(
         tables,
         shape=shape,
         follower=_kinds(follower),
         column=column,
+        angle_column=angle_column,
+        angle=angle,
+        counts=counts,
         tolerance=tolerance,
         reverse=reverse,
+        mirror=mirror,
         roller_radius=roller_radius,
         base_radius=base_radius,
         flank=flank,
+        rocker_ratio=rocker_ratio,
+        lash=lash,
+        checking_heights=[1e-3 * h for h in checking_height or ()] or CHECKING_HEIGHTS,
         out=out,
     )
     if out is not None:
@@ -131,8 +177,12 @@ def new(
     shape: Shape = "spline",
     follower: Follower = None,
     column: GaugeColumn = None,
+    angle_column: AngleColumn = None,
+    angle: Angle = None,
+    counts: Counts = None,
     tolerance: Tolerance = None,
     reverse: Reverse = False,
+    mirror: Mirror = False,
     roller_radius: RollerRadius = None,
     base_radius: BaseRadius = None,
     flank: Flank = None,
@@ -151,11 +201,22 @@ def new(
     """
     from cam_rig.schema.load import load_rig, rig_path
     from cam_rig.studies.fit_cam.files import own_rig, own_scene
+    from cam_rig.studies.fit_cam.gauge_table import TableOptions
     from cam_rig.studies.fit_cam.study import FitRequest
 
     place, like = folder or Path(name), load_rig(rig_path(rig))
-    wanted = shape, _kinds(follower), column, tolerance, reverse, roller_radius, base_radius, flank
-    request = FitRequest(*wanted, ask_nothing=True)
+    request = FitRequest(
+        shape=shape,
+        followers=_kinds(follower),
+        table=TableOptions(column, angle_column, angle, counts),
+        tolerance=tolerance,
+        reverse=reverse,
+        mirror=mirror,
+        roller_radius=roller_radius,
+        base_radius=base_radius,
+        flank=flank,
+        take_first=True,
+    )
     found = request.run(from_csv)
     files = request.files(found, name)
     scene, speeds = own_scene(name, files.law, like)

@@ -49,10 +49,10 @@ def spline_cam(
     base_radius: float | None = None,
     roller_radius: float | None = None,
 ) -> CamFiles:
-    """The cam file of a spline, and its points.
+    """Return the cam file of a spline, and its points.
 
-    ``base_radius``: m; None takes the first that passes the checks, from two lifts on;
-    ``roller_radius``: m; None takes a part of the base radius.
+    `base_radius` is in m, by default the first that passes the checks, from two lifts on.
+    `roller_radius` is in m, by default a fraction of the base radius.
     """
     table = _table_segment(f"{name}.csv", fit)
     points = {"file": f"{name}.csv", **_points(fit)}
@@ -74,7 +74,7 @@ def spline_cam(
 
     radii = [n * fit.law.lift for n in BASE_RADII_IN_LIFTS]
     passing = (one for one in radii if tried(one)[-1])
-    radius = base_radius or next(passing, radii[-1])
+    radius = next(passing, radii[-1]) if base_radius is None else base_radius
     data, cam, law, passes = tried(radius)
     assumed = [f"follower {kind}, and a gauge whose foot is of its shape"]
     if base_radius is None:
@@ -111,7 +111,7 @@ def follower_data(
 def chosen(radius: float, asked: bool) -> dict[str, Any]:
     """A radius that no reading tells: the one asked for, or a free choice."""
     if asked:
-        return quantity("given", _mm(radius), "mm", "as asked of cam-rig")
+        return quantity("given", _mm(radius), "mm", "an option of cam-rig, or stated in the table")
     return quantity("assumed", _mm(radius), "mm", FREE_CHOICE)
 
 

@@ -5,147 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import shown
 from cam_rig.laws.spline import WINDOW, differences, scatter, scatter_error
-from cam_rig.schema.instrument_table import NOTHING, CellTable, Heading, count_numbers, read_lines
 from cam_rig.schema.segment_base import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DEG
-from cam_rig.show.tables import pluralize
+from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable
 from cam_rig.units import TURN, FloatArray, rms
-
-# Tables of gauge readings as they come: any separator, decimal comma, unit, language.
-
-#: Angles without a unit are rad where they go round in so much at most, else deg.
-MOST_RAD = 1.02 * TURN
-
-
-@dataclass(frozen=True)
-class GaugeColumn:
-    """Readings of one follower: ``lifts``, NaN of an empty cell, and their written step (m)."""
-
-    name: str
-    lifts: tuple[float, ...]
-    resolution: float
-
-
-@dataclass(frozen=True)
-class GaugeTable:
-    """A file of readings: ``lines`` of the file, and ``notes`` on how it was read, in its order."""
-
-    file: str
-    angles: tuple[float, ...]
-    columns: tuple[GaugeColumn, ...]
-    lines: tuple[int, ...]
-    notes: tuple[str, ...]
-
-    def only_column(self) -> GaugeColumn:
-        """The column of lifts, where there is one."""
-        if len(self.columns) > 1:
-            names = ", ".join(repr(column.name) for column in self.columns)
-            raise ConfigError(
-                f"{self.file}: has {len(self.columns)} columns of lifts; allowed: one, so name it "
-                f"with --column ({names}), or take all with --shape arcs"
-            )
-        return self.columns[0]
-
-
-def read_gauge_table(path: Path, column: str | None = None) -> GaugeTable:
-    """Read a table of a gauge, a spreadsheet or by hand; only ``column`` of lifts, all if None."""
-    return _GaugeReader(path.name, read_lines(path, "cam angle and lift")).table(column)
-
-
-class _GaugeReader(CellTable):
-    """A file of readings; `table` makes numbers of its cells."""
-
-    def table(self, column: str | None) -> GaugeTable:
-        """Headings to columns, cells to numbers."""
-        if self.first is None:
-            line, cells = self.rows[-1]
-            raise self.refused(
-                f"line {line}: {shown(' | '.join(cells))} has no two numbers; allowed: lines of "
-                "cam angle and lift"
-            )
-        width = len(self.rows[self.first][1])
-        headings = self.headings(width)
-        angle, lifts, notes = self._assigned(headings, column)
-        used = [angle, *lifts]
-        body = [
-            (line, cells)
-            for line, cells in self.rows[self.first :]
-            if max(used) >= len(cells) or any(cells[i] for i in used)  # another width is an error
-        ]
-        texts = [self.numbers(line, cells, headings, used) for line, cells in body]
-        for (line, _), row in zip(body, texts, strict=True):
-            if row[angle] == NOTHING:
-                raise self.refused(
-                    f"line {line}: {headings[angle].text} is empty beside a lift; allowed: an "
-                    "angle, or # before the line"
-                )
-        angles = [float(row[angle]) for row in texts]
-        factor, words = _angle_factor(headings[angle], angles)
-        columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
-        unnamed = [headings[i].text for i in lifts if headings[i].factor is None]
-        if unnamed:
-            words += [f"no unit of length in {', '.join(map(repr, unnamed))}: mm assumed"]
-        for i in lifts:
-            empty = sum(row[i] == NOTHING for row in texts)
-            if empty:
-                words.append(
-                    f"{pluralize(empty, 'empty cell')} in {headings[i].text!r}: no reading"
-                )
-        notes = [self.how_read(body, used), *notes, *words]
-        lines, turned = tuple(line for line, _ in body), tuple(factor * value for value in angles)
-        return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes))
-
-    def _assigned(
-        self, headings: list[Heading], column: str | None
-    ) -> tuple[int, list[int], list[str]]:
-        angles = [i for i, one in enumerate(headings) if one.kind == "angle"]
-        lifts = [i for i, one in enumerate(headings) if one.kind == "lift"]
-        others = [i for i, one in enumerate(headings) if one.kind == "other"]
-        notes = []
-        if len(angles) > 1:
-            raise self._unclear(headings, f"{len(angles)} of them are angles; allowed: one")
-        if not angles and others[:1] == [0]:
-            angles, others = [0], others[1:]
-            notes.append(f"no heading of an angle: {headings[0].text!r} assumed to be it")
-        if column is not None:
-            allowed = [i for i in (*lifts, *others) if i not in angles]
-            lifts = [i for i in allowed if headings[i].text == column]
-            if not lifts:
-                names = ", ".join(repr(headings[i].text) for i in allowed)
-                raise ConfigError(f"{self.file}: has no column {column!r}; allowed: {names}")
-        if not lifts and angles:
-            lifts = [i for i in others if count_numbers([self.rows[self.first or 0][1][i]])]
-            names = ", ".join(repr(headings[i].text) for i in lifts)
-            notes.append(f"no heading of a lift: {names} assumed to be it")
-        if not angles or not lifts:
-            raise self._unclear(headings, "allowed: one of an angle and at least one of a lift")
-        return angles[0], lifts, notes
-
-    def _unclear(self, headings: list[Heading], words: str) -> ConfigError:
-        found = shown(", ".join(one.text for one in headings))
-        return self.refused(f"columns are {found}, {words}, such as angle_deg and lift_mm")
-
-    def _column(self, one: Heading, texts: list[str]) -> GaugeColumn:
-        factor = 1e-3 if one.factor is None else one.factor
-        decimals = max(len(text.partition(".")[2]) if "e" not in text else 9 for text in texts)
-        lifts = tuple(factor * float(text) for text in texts)
-        return GaugeColumn(one.text, lifts, factor * 10.0**-decimals)
-
-
-def _angle_factor(one: Heading, angles: list[float]) -> tuple[float, list[str]]:
-    if one.factor is not None:
-        return one.factor, []
-    around = max(angles) - min(angles)
-    unit, factor = ("rad", 1.0) if around <= MOST_RAD else ("deg", TURN / 360.0)
-    return factor, [f"no unit of angle in {one.text!r}: {unit} assumed"]
-
 
 #: Readings of one angle (rad) are nearer than this.
 SAME_ANGLE = 1e-6
@@ -210,13 +78,27 @@ class Readings:
         return scatter_error(self.angles.size)
 
 
-def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) -> Readings:
-    """Readings of one column over one turn, those of one angle averaged; ``reverse`` turns θ."""
+def put_in_order(
+    table: GaugeTable, column: GaugeColumn, reverse: bool = False, mirror: bool = False
+) -> Readings:
+    """Return the readings of one column over one turn, those of one angle averaged.
+
+    `reverse` changes the sign of the angles. `mirror` adds the mirror image of half a lobe.
+    """
     read = np.isfinite(column.lifts)
     angles, lifts = np.array(table.angles)[read], np.array(column.lifts)[read]
+    lines = np.array(table.lines)[read]
     notes = []
     if not read.any():
         raise ConfigError(f"{table.file}: {column.name} has no number; allowed: readings")
+    _require_return(table, column, angles, lifts, lines)
+    if mirror:
+        centre = _end_of_half_lobe(table, angles, lifts)
+        angles = np.append(angles, 2.0 * centre - angles)
+        lifts, lines = np.tile(lifts, 2), np.tile(lines, 2)
+        notes.append(
+            f"mirrored as requested about the nose at {math.degrees(centre) + 0.0:.6g} deg"
+        )
     if np.all(np.diff(angles) < 0.0):
         notes.append("angles fall in the file: put in rising order, lift over angle is the same")
     if reverse:
@@ -228,12 +110,53 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
     inside = np.maximum(inside, 0.0)
     order = np.argsort(inside, kind="stable")
-    found = _averaged(
-        table, column, (inside[order], lifts[order], np.array(table.lines)[read][order])
-    )
-    if found.angles.size < inside.size:
+    found = _averaged(table, column, (inside[order], lifts[order], lines[order]))
+    if not mirror and found.angles.size < inside.size:
         notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
     return replace(found, notes=tuple(notes))
+
+
+#: A table whose lift changes in one sense, and ends within this fraction of its range from the
+#: other level, does not return.
+ONE_WAY = 0.05
+
+
+def _require_return(
+    table: GaugeTable,
+    column: GaugeColumn,
+    angles: FloatArray,
+    lifts: FloatArray,
+    lines: NDArray[np.int64],
+) -> None:
+    """Refuse a table of a whole turn whose lift does not return to its first level."""
+    order = np.argsort(angles)
+    turn, height = angles[order], lifts[order]
+    height_range = float(np.ptp(lifts))
+    steps = np.diff(height)
+    one_way = min(float(np.sum(steps[steps > 0.0])), -float(np.sum(steps[steps < 0.0])))
+    if (
+        turn.size > 1
+        and turn[-1] - turn[0] > TURN - SAME_ANGLE
+        and abs(height[-1] - height[0]) > (1.0 - ONE_WAY) * height_range
+        and one_way < ONE_WAY * height_range
+    ):
+        raise ConfigError(
+            f"{table.file}, {column.name}: the lift goes from {height[0] * 1e3:.4g} mm (line "
+            f"{lines[order[0]]}) to {height[-1] * 1e3:.4g} mm (line {lines[order[-1]]}) over the "
+            "turn and does not return, as in the table of an indexing drive; allowed: a lift that "
+            "is the same after one turn, so add the return"
+        )
+
+
+def _end_of_half_lobe(table: GaugeTable, angles: FloatArray, lifts: FloatArray) -> float:
+    """Return the angle (rad) of the nose, which must be the first or the last of the table."""
+    nose = float(angles[int(np.argmax(lifts))])
+    if nose not in (angles.min(), angles.max()):
+        raise ConfigError(
+            f"{table.file}: the largest lift is at {math.degrees(nose):.6g} deg, inside the table; "
+            "allowed with --mirror: half a lobe, which begins or ends at its nose"
+        )
+    return nose
 
 
 def _averaged(
@@ -259,12 +182,34 @@ def _averaged(
     if spread[worst] > limit:
         same = lines[starts[worst] : starts[worst] + counts[worst]]
         raise ConfigError(
-            f"{name}: lines {', '.join(map(str, same))} are both of "
+            f"{name}: lines {', '.join(map(str, same))} are of "
             f"{math.degrees(angles[starts][worst]):g} deg and {spread[worst] * 1e3:.4g} mm apart; "
-            f"allowed: {limit * 1e3:.3g} mm. The gauge has slipped, or there is backlash: read "
-            "again, in one turning sense"
+            f"allowed: {limit * 1e3:.3g} mm. {_cause(table, same)}"
         )
     return found
+
+
+def _cause(table: GaugeTable, lines: NDArray[np.int64]) -> str:
+    """Return what readings of one angle that differ can mean, by the order of the angles."""
+    covered = max(table.angles) - min(table.angles)
+    steps = np.diff(table.angles)
+    forwards = bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
+    if forwards and covered > TURN + SAME_ANGLE:
+        return (
+            f"The angles cover {math.degrees(covered):.6g} deg. If they are of the crank, use "
+            "--angle crank; if they are several turns of the cam, the readings must repeat"
+        )
+    if table.lines[-1] in lines and not forwards and np.all(steps[:-1] * steps[0] >= 0.0):
+        return f"Line {table.lines[-1]} looks like an end mark: put # before it"
+    if forwards:
+        return (
+            "The lift does not return to its first level after one turn: the gauge has moved, or "
+            "a part of the table is missing"
+        )
+    return (
+        "The cam was turned both ways, and there is backlash, or the gauge has slipped: read "
+        "again, in one turning sense"
+    )
 
 
 def _widest_gap(angles: FloatArray) -> tuple[float, float]:
@@ -275,17 +220,60 @@ def _widest_gap(angles: FloatArray) -> tuple[float, float]:
 
 
 def most_outliers(count: int) -> int:
-    """How many of so many readings may be outliers."""
+    """Return the largest number of outliers among `count` readings."""
     return min(MOST_OUTLIERS, math.ceil(MOST_OUTLIERS_PART * count))
 
 
+#: Widths of outliers, in readings next to each other, that are searched for one after the other.
+OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+#: A search takes every n-th reading only, for a width of n: at least this number over the turn.
+MIN_SUBSET = 60
+
+
 def without_outliers(readings: Readings) -> Readings:
-    """The readings without those that look like outliers of the gauge or of the pen."""
-    most = most_outliers(readings.angles.size)
-    kept = np.arange(readings.angles.size)
+    """Return the readings without those that look like outliers of the gauge or of the pen.
+
+    Outliers of several readings next to each other shield each other, so the search for a width of
+    n takes every n-th reading: of these, one outlier at most is next to good readings.
+    """
+    outliers = np.zeros(readings.angles.size, dtype=np.bool_)
+    for width in OUTLIER_WIDTHS:
+        if width > 1 and readings.angles.size < MIN_SUBSET * width:
+            break
+        good = np.flatnonzero(~outliers)
+        for first in range(width):
+            subset = good[first::width]
+            outliers[subset[_isolated_outliers(readings, subset)]] = True
+        _add_neighbours(readings, outliers)
+    named = [i for i in np.flatnonzero(outliers).tolist() if not is_summit(readings, i)]
+    left = np.setdiff1d(np.arange(readings.angles.size), named)
+    return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
+
+
+def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_]) -> None:
+    """Mark readings next to outliers that are as far off the good readings as outliers are."""
+    tried = outliers.copy()
+    while True:
+        next_to = (np.roll(outliers, 1) | np.roll(outliers, -1)) & ~tried
+        if not outliers.any() or not next_to.any():
+            return
+        tried |= next_to
+        good = np.flatnonzero(~outliers)
+        normal = max(scatter(readings.angles[good], readings.lifts[good]), readings.rounding)
+        for i in np.flatnonzero(next_to).tolist():
+            others = np.setdiff1d(good, np.flatnonzero(next_to))
+            if abs(_beside(readings, others, i)) > OUTLIER * normal:
+                outliers[i] = True
+
+
+def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
+    """Return the positions in `subset` of outliers that are next to good readings of it."""
+    most = most_outliers(subset.size)
+    kept = np.arange(subset.size)
+    angles, lifts = readings.angles[subset], readings.lifts[subset]
     sizes, taken = [], []
     for _ in range(most + 1):
-        found, counts = differences(readings.angles[kept], readings.lifts[kept])
+        found, counts = differences(angles[kept], lifts[kept])
         away = np.where(counts, np.abs(found), 0.0)
         worst = int(np.argmax(away))
         sizes.append(float(away[worst]))
@@ -293,14 +281,12 @@ def without_outliers(readings: Readings) -> Readings:
         kept = np.delete(kept, worst)
     outliers = 0
     for k in range(most):
-        rest = np.setdiff1d(np.arange(readings.angles.size), taken[: k + 1])
-        normal = max(scatter(readings.angles[rest], readings.lifts[rest]), readings.rounding)
+        rest = np.setdiff1d(np.arange(subset.size), taken[: k + 1])
+        normal = max(scatter(angles[rest], lifts[rest]), readings.rounding)
         clear = sizes[k] > OUTLIER * normal and sizes[k] > OUTLIER_ALONE * sizes[k + 1]
-        if clear and _scattered(taken[: k + 1], readings.angles.size):
+        if clear and _scattered(taken[: k + 1], subset.size):
             outliers = k + 1
-    named = sorted(i for i in taken[:outliers] if not is_summit(readings, i))
-    left = np.setdiff1d(np.arange(readings.angles.size), named)
-    return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
+    return taken[:outliers]
 
 
 def is_summit(readings: Readings, index: int) -> bool:

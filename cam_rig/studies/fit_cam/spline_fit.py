@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -28,6 +28,7 @@ from cam_rig.studies.fit_cam.dwells import (
     likely_range,
 )
 from cam_rig.studies.fit_cam.gauge import Readings, bridges, is_summit, without_outliers
+from cam_rig.studies.fit_cam.valve_events import ValveTrain, valve_events
 from cam_rig.units import FloatArray
 
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
@@ -37,6 +38,8 @@ MARGIN = 2.0
 WIDER = 2.0
 
 
+#: Lifts (m) of the cams that fit on a bench: others are reported.
+USUAL_LIFTS = 1e-4, 0.1
 #: Readings wider apart than this (deg) leave the law between them to the spline.
 WIDE_DEG = 5.0
 #: A reading is named where neighbours too contradict it by so many scatters, or all others do.
@@ -52,7 +55,8 @@ class SplineFit(Result):
     ``tolerance``: r.m.s. distance that the spline was allowed; ``widened``: whether that had to be
     more than was asked for, or than the scatter: nearer, the spline would need nearly a knot a
     reading; ``notes``: how the readings were read; ``assumed``: what no reading tells of a
-    file that was written.
+    file that was written; ``base_radius``: as an option or the table states it, else None;
+    ``valve_train``: of the valve events.
     """
 
     schema = "cam_rig.fit_spline.1"
@@ -78,6 +82,21 @@ class SplineFit(Result):
             Column("lift", "mm", ".5g", of="law.lift"),
             Column("peak_velocity", "mm/rad", ".5g", of="peaks.0"),
             Column("peak_acceleration", "mm/rad²", ".5g", of="peaks.1"),
+            Column("base_radius", "mm", hidden=True, doc="as stated, else empty"),
+        ),
+        "valve": (
+            Column("height", "mm", ".4g", "checking height"),
+            Column("opening", "°", ".2f", "opens at"),
+            Column("closing", "°", ".2f", "closes at"),
+            Column("duration", "°", ".2f"),
+            Column(
+                "crank_duration",
+                "°",
+                ".2f",
+                "duration, crank",
+                lambda event: 2.0 * event.duration,
+            ),
+            Column("lobe_centre", "°", ".2f"),
         ),
         "dwells": (
             Column("start", "°", ".2f", "from", "rest.start"),
@@ -110,6 +129,8 @@ class SplineFit(Result):
     law: Law
     notes: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
+    base_radius: float | None = None
+    valve_train: ValveTrain = field(default_factory=ValveTrain)
 
     @property
     def scatter_error(self) -> float:
@@ -142,8 +163,16 @@ class SplineFit(Result):
             self.table("spline", f"{name}: spline", [self], single=True, transposed=True),
             self.table("dwells", "Dwells, exact in the law", self.dwells),
             self.table("outliers", outliers, self.readings.outliers),
+            self.table("valve", self._valve_caption(), valve_events(self.law, self.valve_train)),
             self.table("fit", "The fit", [self], single=True, hidden=True),
         ]
+
+    def _valve_caption(self) -> str:
+        train = self.valve_train
+        return (
+            f"Valve events, rocker ratio {train.rocker_ratio:g}, lash {train.lash * 1e3:g} mm, "
+            "angles of the cam"
+        )
 
     def summary(self) -> list[str]:
         """How the readings were read, then what was found, not followed, or left out."""
@@ -156,6 +185,12 @@ class SplineFit(Result):
             f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
             f"from {readings.angles.size} readings, with {found.knots} knots."
         )
+        if not USUAL_LIFTS[0] <= self.law.lift <= USUAL_LIFTS[1]:
+            yield (
+                f"The lift of {self.law.lift * 1e3:.4g} mm is outside the usual size of a bench, "
+                f"{USUAL_LIFTS[0] * 1e3:g} to {USUAL_LIFTS[1] * 1e3:g} mm: check the unit of the "
+                "table."
+            )
         if self.widened:
             yield (
                 f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypedDict, Unpack, overload
 
@@ -14,15 +15,16 @@ from cam_rig.studies.fit_cam.arcs import FollowerKind, Known
 from cam_rig.studies.fit_cam.arcs_fit import ArcsFit, Flank, fit_arcs
 from cam_rig.studies.fit_cam.dwells import above_zero
 from cam_rig.studies.fit_cam.files import CamFiles, arcs_cam, require_told, spline_cam
-from cam_rig.studies.fit_cam.gauge import (
+from cam_rig.studies.fit_cam.gauge import Readings, gap_note, put_in_order
+from cam_rig.studies.fit_cam.gauge_table import (
     GaugeColumn,
     GaugeTable,
-    Readings,
-    gap_note,
-    put_in_order,
+    Shaft,
+    TableOptions,
     read_gauge_table,
 )
 from cam_rig.studies.fit_cam.spline_fit import SplineFit, fit_spline
+from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS, ValveTrain
 
 #: Of several followers the one that a cam's file has.
 FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
@@ -30,45 +32,76 @@ FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What is asked of a fit; ``ask_nothing`` takes the first of several columns, and says so."""
+    """Options of a fit.
+
+    `take_first` fits the first of several columns of lifts, and reports it, instead of refusing
+    them.
+    """
 
     shape: Literal["spline", "arcs"] = "spline"
     followers: tuple[FollowerKind, ...] = ()
-    column: str | None = None
+    table: TableOptions = field(default_factory=TableOptions)
     tolerance: float | None = None
     reverse: bool = False
+    mirror: bool = False
     roller_radius: float | None = None
     base_radius: float | None = None
     flank: Flank = None
-    ask_nothing: bool = False
+    valve_train: ValveTrain = field(default_factory=ValveTrain)
+    take_first: bool = False
 
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
         """Read the files and fit."""
         arcs = self.shape == "arcs"
         self._require_apart(len(files))
-        tables = [read_gauge_table(path, self.column) for path in files]
+        tables = [read_gauge_table(path, self.table) for path in files]
         taken = [(table, one) for table in tables for one in self._columns(table)]
-        readings = [put_in_order(table, column, self.reverse) for table, column in taken]
+        for table, column in taken:
+            self._require_lifts(table, column)
+        readings = [
+            put_in_order(table, column, self.reverse, self.mirror) for table, column in taken
+        ]
         notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
         if len(readings) < len(tables[0].columns):
             others = ", ".join(repr(column.name) for column in tables[0].columns[1:])
             notes.append(f"{tables[0].file}: first column of lifts taken, not {others}: --column")
         for one in readings:
             notes += [f"{one.name}: {note}" for note in (*one.notes, *gap_note(one, arcs))]
+        request = self._with_stated_base_radius(tables)
         if arcs:
-            return replace(self._arcs(readings), notes=tuple(notes))
-        return replace(fit_spline(readings[0], self.tolerance), notes=tuple(notes))
+            return replace(request._arcs(readings), notes=tuple(notes))
+        found = fit_spline(readings[0], self.tolerance)
+        radius = request.base_radius
+        if radius is None and taken[0][1].is_radius:
+            radius = found.zero
+            notes.append(f"base radius {radius * 1e3:.6g} mm, the least of the radii")
+        return replace(found, notes=tuple(notes), base_radius=radius, valve_train=self.valve_train)
 
     def files(self, found: SplineFit | ArcsFit, name: str) -> CamFiles:
-        """A fit as a cam of the rig; its follower is as asked, else the roller if there is one."""
+        """Return a fit as the files of a cam, by default with a roller if there is one."""
         kind = self.followers[0] if len(self.followers) == 1 else None
         if isinstance(found, ArcsFit):
             require_told(found, named=bool(self.followers))
             there = [column.kind for column in found.fitted_columns]
             likely = next(one for one in FOLLOWERS if one in there)
             return arcs_cam(name, found, kind or likely)
-        radii = self.base_radius, self.roller_radius
-        return spline_cam(name, found, kind or "roller", *radii)
+        return spline_cam(name, found, kind or "roller", found.base_radius, self.roller_radius)
+
+    def _with_stated_base_radius(self, tables: list[GaugeTable]) -> FitRequest:
+        """Return the request with the base radius that a table states if it has none."""
+        stated = [table.base_radius for table in tables if table.base_radius is not None]
+        if self.base_radius is not None or not stated:
+            return self
+        return replace(self, base_radius=stated[0])
+
+    def _require_lifts(self, table: GaugeTable, column: GaugeColumn) -> None:
+        """Refuse radii, unless they are of a point follower, whose lift is the radius."""
+        if column.is_radius and self.followers != ("point",):
+            raise ConfigError(
+                f"{table.file}: {column.name!r} is a radius, which is a lift for a point follower "
+                "only; allowed: --follower point, or cam-rig profile CAM --from for the contour "
+                "of a roller or a flat follower"
+            )
 
     def _require_apart(self, files: int) -> None:
         """Refuse options that are of the other shape, rather than pass one over."""
@@ -91,7 +124,7 @@ class FitRequest:
     def _columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
         if self.shape == "arcs":
             return table.columns
-        return table.columns[:1] if self.ask_nothing else (table.only_column(),)
+        return table.columns[:1] if self.take_first else (table.only_column(),)
 
     def _arcs(self, readings: list[Readings]) -> ArcsFit:
         columns = tuple(above_zero(one) for one in readings)
@@ -122,15 +155,22 @@ class FitRequest:
 
 
 class FitOptions(TypedDict, total=False):
-    """Options of `fit_cam` but the shape, which says what it gives."""
+    """Options of `fit_cam` but the shape, which selects the class of the result."""
 
     follower: FollowerKind | Sequence[FollowerKind] | None
     column: str | None
+    angle_column: str | None
+    angle: Shaft | None
+    counts: float | None
     tolerance: float | None
     reverse: bool
+    mirror: bool
     roller_radius: float | None
     base_radius: float | None
     flank: Flank
+    rocker_ratio: float
+    lash: float
+    checking_heights: Sequence[float]
     out: str | Path | None
 
 
@@ -150,27 +190,39 @@ def fit_cam(
     shape: Literal["spline", "arcs"] = "spline",
     follower: FollowerKind | Sequence[FollowerKind] | None = None,
     column: str | None = None,
+    angle_column: str | None = None,
+    angle: Shaft | None = None,
+    counts: float | None = None,
     tolerance: float | None = None,
     reverse: bool = False,
+    mirror: bool = False,
     roller_radius: float | None = None,
     base_radius: float | None = None,
     flank: Flank = None,
+    rocker_ratio: float = 1.0,
+    lash: float = 0.0,
+    checking_heights: Sequence[float] = CHECKING_HEIGHTS,
     out: str | Path | None = None,
 ) -> SplineFit | ArcsFit:
-    r"""``cam-rig fit cam``: a spline with exact dwells, or tangent arcs, through gauge readings.
+    r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings (``cam-rig fit cam``).
 
     Parameters
     ----------
     tables : a file of cam angles and readings, of arcs several
     shape : ``spline`` or ``arcs``
-    follower : ``roller``, ``flat`` or ``point``, or one for each column of arcs; None: a roller,
-        of arcs as it is found
-    column : heading of the column of lifts, the only one that is read
-    tolerance : error of the gauge, m; None: the scatter of the readings
+    follower : ``roller``, ``flat`` or ``point``, or one for each column of arcs (default: a roller,
+        of arcs the kind that fits)
+    column, angle_column : headings of the columns of lifts and of angles (default: by their words)
+    angle : ``cam`` or ``crank``, the shaft whose angle is read (default: by the heading, else cam)
+    counts : counts of an encoder per turn of that shaft, for a column of counts
+    tolerance : error of the gauge, m (default: the scatter of the readings)
     reverse : the cam was turned the other way
-    roller_radius, base_radius : m; None: assumed
+    mirror : the table has half a lobe, from or to its nose
+    roller_radius, base_radius : m (default: assumed)
     flank : ``straight`` or ``curved``, of arcs that are known
-    out : a new .yaml file for `load_cam`; ``assumed`` says what of it no reading tells
+    rocker_ratio, lash, checking_heights : valve train of the valve events: lift of the valve per
+        lift of the cam, clearance and lifts of the valve, m
+    out : a new .yaml file for `load_cam`; ``assumed`` has the assumptions that no reading supports
 
     Raises
     ------
@@ -192,11 +244,27 @@ def fit_cam(
     if not files:
         raise ConfigError("tables: is an empty list; allowed: a file, of arcs several")
     kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
-    for name, length in (("roller_radius", roller_radius), ("base_radius", base_radius)):
+    lengths = {"roller_radius": roller_radius, "lash": lash}
+    for name, length in lengths.items():
         if length is not None and length < 0.0:
             raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
-    radii = roller_radius, base_radius
-    request = FitRequest(shape, kinds, column, tolerance, reverse, *radii, flank)
+    positive = {"counts": counts, "rocker_ratio": rocker_ratio, "base_radius": base_radius}
+    positive["checking_heights"] = min(checking_heights, default=1.0)
+    for name, value in positive.items():
+        if value is not None and not 0.0 < value < math.inf:
+            raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
+    request = FitRequest(
+        shape=shape,
+        followers=kinds,
+        table=TableOptions(column, angle_column, angle, counts),
+        tolerance=tolerance,
+        reverse=reverse,
+        mirror=mirror,
+        roller_radius=roller_radius,
+        base_radius=base_radius,
+        flank=flank,
+        valve_train=ValveTrain(rocker_ratio, lash, tuple(checking_heights)),
+    )
     found = request.run([Path(file) for file in files])
     if target is None:
         return found

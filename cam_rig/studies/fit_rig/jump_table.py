@@ -3,37 +3,23 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from cam_rig.files import shown
-from cam_rig.schema.instrument_table import NOTHING, CellTable, plain_words, read_lines
+from cam_rig.schema.headings import Heading
+from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.tables import pluralize
-from cam_rig.units import RPM, TURN, FloatArray, to_rpm
+from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.
-WORDS = {
-    "speed": re.compile("rpm|speed|drehzahl|velocidad|vitesse|velocita|giri|jump|omega"),
-    "mass": re.compile("mass|masa|gewicht|weight|peso|poids"),
-    "spring_stiffness": re.compile("spring|stiff|feder|muelle|resorte|rigid|ressort|molla"),
-    "preload": re.compile("preload|vorspann|precarga|precharge|precarico"),
-}
-#: Units of each to SI; the first is taken where a heading names none.
-UNITS = {
-    "speed": {"rpm": RPM, "1/min": RPM, "u/min": RPM, "rad/s": 1.0, "hz": TURN, "1/s": TURN},
-    "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
-    "spring_stiffness": {"n/m": 1.0, "n/mm": 1e3, "n/cm": 1e2, "kn/m": 1e3, "lbf/in": 175.126835},
-    "preload": {"n": 1.0, "kn": 1e3, "lbf": 4.4482216},
-}
+#: Quantities of a heading to the numbers of a rig, and the unit if the heading has none.
+NUMBERS = {"speed": "speed", "mass": "mass", "stiffness": "spring_stiffness", "preload": "preload"}
+ASSUMED_UNITS = {"speed": ("rpm", RPM), "mass": ("kg", 1.0), "stiffness": ("N/m", 1.0)}
+ASSUMED_UNITS["preload"] = ("N", 1.0)
 #: Lines without a reading that are named.
 MOST_LINES = 5
-#: A last word of a heading that is no longer than this is meant as a unit.
-SHORT = 3
-#: A unit as headings have it: in brackets, or behind the last blank or underscore.
-BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 
 
 @dataclass(frozen=True)
@@ -67,7 +53,8 @@ class JumpTable:
 
 def read_jump_table(path: Path) -> JumpTable:
     """Read a table of jump speeds."""
-    return _JumpReader(path.name, read_lines(path, "mass, spring and jump speed")).table()
+    lines, _ = read_lines(path, "mass, spring and jump speed")
+    return _JumpReader(path.name, lines).table()
 
 
 class _JumpReader(CellTable):
@@ -81,7 +68,7 @@ class _JumpReader(CellTable):
                 "spring_N/m, rpm"
             )
         headings = self.headings(len(self.rows[self.first][1]))
-        found, notes = self._assigned([one.text for one in headings])
+        found, notes = self._assign(headings)
         body = self.rows[self.first :]
         used = [index for index, _ in found.values()]
         speed, readings, empty = found["speed"][0], list[JumpReading](), list[int]()
@@ -106,41 +93,31 @@ class _JumpReader(CellTable):
         columns = tuple(name for name in found if name != "speed")
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
-    def _assigned(self, headings: list[str]) -> tuple[dict[str, tuple[int, float]], list[str]]:
+    def _assign(self, headings: list[Heading]) -> tuple[dict[str, tuple[int, float]], list[str]]:
+        """Return column and factor of each number, and notes on assumed units."""
         found, notes = dict[str, tuple[int, float]](), list[str]()
-        for index, text in enumerate(headings):
-            words = plain_words(text)
-            names = [n for n, starts in WORDS.items() if any(map(starts.match, words))]
-            name = names[-1] if names else None  # "spring preload" is a preload
+        for index, heading in enumerate(headings):
+            name = NUMBERS.get(heading.quantity)
             if name is None:
                 continue
             if name in found:
-                other = shown(headings[found[name][0]])
+                other = shown(headings[found[name][0]].text)
                 raise self.refused(
-                    f"{shown(text)} and {other} both hold a {name}; allowed: one of them"
+                    f"{shown(heading.text)} and {other} both hold a {name}; allowed: one of them"
                 )
-            unit = self._unit(text, name)
-            if unit is None:
-                unit = next(iter(UNITS[name]))
-                notes.append(f"no unit in {text!r}: {unit} assumed")
-            found[name] = index, UNITS[name][unit]
+            factor = heading.factor
+            if factor is None:
+                unit, factor = ASSUMED_UNITS[heading.quantity]
+                notes.append(f"no unit in {heading.text!r}: {unit} assumed")
+            found[name] = index, factor
+        self.require_clear(headings, [index for index, _ in found.values()])
         if "speed" not in found:
+            texts = ", ".join(heading.text for heading in headings)
             raise self.refused(
-                f"columns are {shown(', '.join(headings))}; allowed: one of the jump speed, such "
-                "as rpm, and those of what was put on: mass_kg, spring_N/m, preload_N"
+                f"columns are {shown(texts)}; allowed: one of the jump speed, such as rpm, and "
+                "those of what was put on: mass_kg, spring_N/m, preload_N"
             )
         return found, notes
-
-    def _unit(self, text: str, name: str) -> str | None:
-        plain = text.strip().casefold().replace("·", "*").replace("min-1", "1/min")
-        bracket = BRACKETS.search(plain)
-        last = (bracket[1] if bracket else re.split(r"[\s_]", plain)[-1]).replace(" ", "")
-        if last in UNITS[name]:
-            return last
-        if bracket or "/" in last or (last != plain and len(last) <= SHORT):
-            allowed = ", ".join(UNITS[name])
-            raise self.refused(f"{shown(text)} has no unit of a {name}; allowed: {allowed}")
-        return None
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         if not cell:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -231,36 +230,25 @@ def _measured(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam
     return PublishedCam(name, SteadyTurns(law, follower, speeds), table[:, 1])
 
 
-#: Headings of a speed in rpm and of a level in dB, in English, Spanish, German, French, Italian.
-HEADINGS = {
-    "speed": re.compile(r"rpm|1/min|min-1|speed|drehzahl|velocidad|vitesse|giri", re.I),
-    "level": re.compile(r"db|level|pegel|nivel|niveau|livello", re.I),
-}
-#: Signs of another unit, or of a weighting: a rig's levels are unweighted.
-OTHER_UNITS = {
-    "speed": re.compile(r"\bk?hz\b|\brad|/\s?s\b|s-1|deg|°|rps", re.I),
-    "level": re.compile(r"\(?db\W*[abc]\b|\bl[abc](eq|f|s)?\b|\bpa\b", re.I),
-}
-
-
 def read_levels(path: Path) -> FloatArray:
     """Read speeds (rpm) and unweighted levels (dB), `(n, 2)`, without rows that have no level."""
-    table = CellTable(path.name, read_lines(path, "speed and level"))
+    lines, _ = read_lines(path, "speed and level")
+    table = CellTable(path.name, lines)
     if table.first is None or table.first == 0:
         raise table.refused("has no heading over its numbers; allowed: a heading, such as rpm, dB")
     headings = table.headings(len(table.rows[table.first][1]))
-    columns = []
-    for name, pattern in HEADINGS.items():
-        fitting = [i for i, one in enumerate(headings) if pattern.search(one.text)]
+    columns, factors = [], []
+    for name, default in (("speed", RPM), ("level", 1.0)):
+        fitting = [i for i, heading in enumerate(headings) if heading.quantity == name]
         if len(fitting) != 1:
-            texts = ", ".join(one.text for one in headings)
+            texts = ", ".join(heading.text for heading in headings)
             raise table.refused(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
-        heading = headings[fitting[0]].text
-        if OTHER_UNITS[name].search(heading):
-            raise table.refused(f"{heading!r} has another unit; allowed: rpm, and dB, unweighted")
-        columns.append(fitting[0])
+        columns += fitting
+        factors.append(headings[fitting[0]].factor or default)
+    table.require_clear(headings, columns)
     body = table.rows[table.first :]
     table.how_read(body, columns)  # refuses a mixture of decimal marks
     cells = (table.numbers(line, row, headings, columns) for line, row in body)
     rows = [[row[i] for i in columns] for row in cells]
-    return np.array([row for row in rows if row[1] != NOTHING], dtype=float).reshape(-1, 2)
+    numbers = np.array([row for row in rows if row[1] != NOTHING], dtype=float).reshape(-1, 2)
+    return numbers * [factors[0] / RPM, factors[1]]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cam_rig.laws.arc_law import ArcFollower
-from cam_rig.studies.fit_cam.gauge import GaugeColumn, GaugeTable, put_in_order
+from cam_rig.studies.fit_cam.gauge import put_in_order
+from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable
 from cam_rig.units import TURN
 
 
@@ -13,12 +14,12 @@ def all_around(count):
     return np.linspace(0.0, TURN, count, endpoint=False)
 
 
-def in_order(angles, lifts, resolution=1e-9, reverse=False):
+def in_order(angles, lifts, resolution=1e-9, **options):
     """Readings (rad, m) as they come from a file, from line 2 on, put in order."""
     column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
     lines = tuple(range(2, 2 + len(angles)))
     table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
-    return put_in_order(table, column, reverse)
+    return put_in_order(table, column, **options)
 
 
 FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)

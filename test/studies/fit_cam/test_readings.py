@@ -56,16 +56,52 @@ def test_a_closing_reading_is_averaged(last):
     assert "1 repeated angles averaged" in found.notes
 
 
-def test_a_gauge_that_moved_and_backlash_are_not_averaged():
-    """Both lines, both numbers, what to do: 0.4 mm at 0° and 360°; there and back with 0.2 mm."""
-    message = r"lines 2, 38 are both of 0 deg and 0\.4 mm apart; allowed: .* slipped, or there is"
-    with pytest.raises(ConfigError, match=message):
-        ordered(CLOSED, lift(CLOSED) + np.where(CLOSED == 360.0, 4e-4, 0.0))
-    degrees = np.concatenate([STEPS, STEPS[::-1]])
-    slope = np.sign(np.sin(np.radians(degrees)))
-    lifts = lift(degrees) + np.where(np.arange(72) < 36, 1e-4, -1e-4) * slope
-    with pytest.raises(ConfigError, match=r"0\.2 mm apart; .* in one turning sense"):
-        ordered(degrees, lifts)
+def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
+    """The message has both lines, the difference and the cause that the order of angles shows."""
+    moved = np.where(CLOSED == 360.0, 4e-4, 0.0)
+    there_and_back = np.concatenate([STEPS, STEPS[::-1]])
+    backlash = np.where(np.arange(72) < 36, 1e-4, -1e-4) * np.sign(
+        np.sin(np.radians(there_and_back))
+    )
+    marked = np.append(STEPS, 50.0)
+    crank = np.arange(0.0, 720.0, 10.0)
+    for degrees, lifts, words in (
+        (CLOSED, lift(CLOSED) + moved, r"lines 2, 38 are of 0 deg and 0\.4 mm apart; .*not return"),
+        (there_and_back, lift(there_and_back) + backlash, r"0\.2 mm apart; .* turned both ways"),
+        (marked, np.append(lift(STEPS), -0.001), r"Line 38 looks like an end mark"),
+        (crank, lift(0.5 * crank), r"cover 710 deg.* use --angle crank"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            ordered(degrees, lifts)
+
+
+def test_a_table_that_does_not_return_is_refused():
+    """The table of an indexing drive names its first and last line."""
+    words = r"from 0 mm \(line 2\) to 10 mm \(line 38\) over the turn and does not return"
+    with pytest.raises(ConfigError, match=words):
+        ordered(CLOSED, 0.01 * (CLOSED / 360.0 - np.sin(np.radians(CLOSED)) / (2.0 * np.pi)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_half_a_lobe_is_mirrored_about_its_nose(sign):
+    """Readings from the nose to the flank become those of the whole lobe."""
+    half = np.arange(0.0, 90.1, 5.0)
+    lifts = 0.008 * (1.0 - (half / 90.0) ** 2) ** 3
+    found = ordered(sign * half, lifts, mirror=True)
+    assert found.angles.size == 2 * half.size - 1
+    assert found.lifts[1:] == pytest.approx(found.lifts[:0:-1])
+    assert "mirrored as requested about the nose at 0 deg" in found.notes
+    with pytest.raises(ConfigError, match=r"inside the table; allowed with --mirror: half a lobe"):
+        ordered(STEPS, mirror=True)
+
+
+@pytest.mark.parametrize("width", [2, 3, 5, 9])
+def test_outliers_next_to_each_other_are_found(measured, width):
+    """Specks of 50 µm on several readings each, of any width; no other reading is left out."""
+    places = [100, 700, 1500]
+    specks = {place + i: 5e-5 for place in places for i in range(width)}
+    found = without_outliers(measured("cycloidal", 1800, outliers=specks))
+    assert [outlier.line - 2 for outlier in found.outliers] == sorted(specks)
 
 
 def test_what_is_no_cam_is_refused():

@@ -1,6 +1,7 @@
 """cam-rig fit sound: known constants come back, tables are read, the rig file keeps its layout."""
 
 import json
+import math
 from dataclasses import replace
 from shutil import copytree
 
@@ -118,23 +119,37 @@ def test_a_table_without_a_level_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "heading",
-    ["speed [Hz],dB", "speed rad/s,dB", "drehzahl 1/s,dB", "rpm,dB(A)", "rpm,dBA", "rpm,LAeq [dB]"],
+    ("heading", "words"),
+    [
+        ("rpm,dB(A)", "'dB.A.' is unclear, .* level .dB, unweighted"),
+        ("rpm,LAeq [dB]", "'LAeq .dB.' is unclear, .* level .dB, unweighted"),
+        ("rpm,dBA", "columns are rpm, dBA; allowed: one level"),
+        ("speed deg/s,dB", "'speed deg/s' is unclear"),
+    ],
 )
-def test_other_units_are_refused(tmp_path, heading):
-    """5 Hz is not 5 rpm, and a level with a weighting is lower than the rig's."""
+def test_other_units_are_refused(tmp_path, heading, words):
+    """A level with a weighting is lower than the rig's."""
     path = tmp_path / "levels.csv"
     path.write_text(heading + "\n5,75.6\n6,89.9\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match="has another unit; allowed: rpm, and dB, unweighted"):
+    with pytest.raises(ConfigError, match=words):
         read_levels(path)
 
 
-@pytest.mark.parametrize("heading", ["Drehzahl [1/min],Pegel [dB]", "velocidad rpm,nivel dB(Z)"])
-def test_the_rigs_units_are_read(tmp_path, heading):
-    """Revolutions per minute by any name, and levels without weighting."""
+@pytest.mark.parametrize(
+    ("heading", "speed"),
+    [
+        ("Drehzahl [1/min],Pegel [dB]", 200.0),
+        ("velocidad rpm,nivel dB(Z)", 200.0),
+        ("speed [Hz],dB", 200.0 / 60.0),
+        ("drehzahl 1/s,dB", 200.0 / 60.0),
+        ("speed rad/s,dB", 200.0 * math.pi / 30.0),
+    ],
+)
+def test_units_of_speed_are_read(tmp_path, heading, speed):
+    """The same 200 rpm in every unit; levels are without a weighting."""
     path = tmp_path / "levels.csv"
-    path.write_text(heading + "\n200,75.6\n", encoding="utf-8")
-    assert read_levels(path).tolist() == [[200.0, 75.6]]
+    path.write_text(f"{heading}\n{speed!r},75.6\n", encoding="utf-8")
+    assert read_levels(path) == pytest.approx(np.array([[200.0, 75.6]]), rel=1e-12)
 
 
 # The command.

@@ -1,0 +1,428 @@
+"""Grammar of the headings of measured tables: the quantity, the factor and the unit of a column.
+
+A heading consists of words for a quantity, an optional factor and a unit, such as ``Lift (0.001
+in)``, ``Nockenwinkel / °`` or ``cycle [%]``. Words that do not change the meaning may stand next to
+them. Everything else makes the heading unclear, because a word that is not understood could be
+another unit.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass, replace
+
+from cam_rig.schema.quantity import UNITS as RIG_UNITS
+from cam_rig.units import TURN
+
+_INCH = 0.0254
+_POUND_FORCE = 4.4482216152605
+
+
+def _names(dimension: str, names: dict[str | float, str]) -> dict[str, float]:
+    """Return the factor by name. Keys are units of the rig's files, or factors of other units."""
+    factors = dict[str, float]()
+    for key, listed in names.items():
+        factor = key if isinstance(key, float) else RIG_UNITS[dimension][key]
+        own = [] if isinstance(key, float) else [key.casefold()]
+        factors |= dict.fromkeys((*own, *listed.split()), factor)
+    return factors
+
+
+#: Name of a unit, in small letters without accents, to its factor to SI, for each dimension.
+#: English, Spanish, German, French, Italian and Portuguese names.
+UNITS: dict[str, dict[str, float]] = {
+    "angle": _names(
+        "angle",
+        {
+            "deg": "° degs degree degrees grad grade grado grados gradi grau graus degre degres",
+            "rad": "rads radian radians radianes radianti radiant radianten radiante radianos",
+            "turn": "turns rev revs revolution revolutions vuelta vueltas tour tours giro giri "
+            "volta voltas umdrehung umdrehungen",
+            TURN / 400.0: "gon gons",
+            TURN / 100.0: "% percent prozent porcentaje porciento pourcent pourcents percento "
+            "percentuale porcento",
+        },
+    ),
+    "length": _names(
+        "length",
+        {
+            "m": "meter meters metre metres metro metros metri metern",
+            "cm": "centimeter centimeters centimetre centimetres centimetro centimetros "
+            "centimetri zentimeter zentimetern",
+            "mm": "millimeter millimeters millimetre millimetres milimetro milimetros "
+            "millimetro millimetri millimetern",
+            "um": "μm micron microns micra micras micrometer micrometers micrometre micrometres "
+            "micrometro micrometros micrometri mikrometer mikrometern mikron microni",
+            "in": "inch inches zoll pouce pouces pollice pollici pulgada pulgadas polegada "
+            'polegadas "',
+            1e-3 * _INCH: "thou thous mil mils",
+        },
+    ),
+    "speed": _names(
+        "speed",
+        {
+            "rpm": "1/min min^-1 min-1 u/min r/min rev/min tr/min giri/min g/min upm",
+            "rad/s": "rad/sec",
+            TURN: "hz 1/s s^-1 s-1 rps rev/s u/s",
+        },
+    ),
+    "mass": _names(
+        "mass",
+        {
+            "kg": "kilogram kilograms kilogramm kilogramme kilogrammes kilogramo kilogramos "
+            "chilogrammi chilogrammo",
+            "g": "gram grams gramm gramme grammes gramo gramos grammi grammo",
+            0.45359237: "lb lbs pound pounds",
+        },
+    ),
+    "stiffness": _names(
+        "stiffness",
+        {"N/m": "", "N/mm": "kn/m", 1e2: "n/cm", _POUND_FORCE / _INCH: "lbf/in lb/in"},
+    ),
+    "force": _names(
+        "force", {"N": "newton newtons", 1e3: "kn kilonewton kilonewtons", _POUND_FORCE: "lbf"}
+    ),
+    "level": _names("level", {"dB": "decibel decibels decibelios dezibel"}),
+}
+#: Words for a fraction, and the unit that they mean without another (None: a unit is required).
+#: Machinists call a thousandth of an inch a thousandth. In the other languages the unit is the mm.
+FRACTIONS: dict[str, tuple[float, float | None]] = {
+    **dict.fromkeys(("thousandth", "thousandths"), (1e-3, _INCH)),
+    **dict.fromkeys(("hundredth", "hundredths"), (1e-2, None)),
+    **dict.fromkeys(("tenth", "tenths"), (1e-1, None)),
+    **dict.fromkeys(("hundertstel", "centiemes", "centieme", "centesimi"), (1e-2, 1e-3)),
+    **dict.fromkeys(("centesimas", "centesima", "centesimo"), (1e-2, 1e-3)),
+    **dict.fromkeys(("tausendstel", "millesimi", "milliemes", "millieme"), (1e-3, 1e-3)),
+    **dict.fromkeys(("milesimas", "milesima", "millesimo"), (1e-3, None)),
+    **dict.fromkeys(("zehntel", "dixiemes", "dixieme", "decimi", "decimas"), (1e-1, 1e-3)),
+}
+#: Units whose name is also a word or a symbol: they count in brackets, after a number, or last.
+AMBIGUOUS = frozenset(("in", "m", "g", "n", "mil", '"'))
+
+
+@dataclass(frozen=True)
+class QuantityWords:
+    """Words of a quantity.
+
+    `stems` are parts of a word, `symbols` are whole words, and `neutral` are further words that do
+    not change the meaning of such a heading.
+    """
+
+    dimension: str
+    stems: str
+    symbols: str = ""
+    neutral: str = ""
+
+    def matches(self, word: str) -> bool:
+        """Return True if a word means this quantity."""
+        return word in self.symbols.split() or any(stem in word for stem in self.stems.split())
+
+
+#: Quantities of columns. If a heading has words of several, the first in this order is meant.
+QUANTITIES: dict[str, QuantityWords] = {
+    "other": QuantityWords(
+        "",
+        "accel acel beschleun jerk error fehler erreur errore deviat desviac abweich ecart toleran "
+        "scatter curvat krumm temper torque moment diamet durchmess comment kommentar remark",
+        "time zeit tiempo temps tempo date note notes id",
+    ),
+    "preload": QuantityWords("force", "preload vorspann precarg prechar precaric", "", "spring"),
+    "stiffness": QuantityWords(
+        "stiffness", "spring stiff feder muelle resorte rigid ressort molla", "", "rate constant"
+    ),
+    "mass": QuantityWords(
+        "mass",
+        "mass masa gewicht weight peso poids",
+        "",
+        "added extra total of follower",
+    ),
+    "speed": QuantityWords(
+        "speed", "speed drehzahl veloc geschwind vitesse jump", "omega ω giri rpm n", "at of"
+    ),
+    "level": QuantityWords(
+        "level",
+        "level pegel nivel niveau livello",
+        "db spl",
+        "sound pressure schall schalldruck sonoro sonore presion pression z lz lzeq unweighted",
+    ),
+    "radius": QuantityWords("length", "radius radii rayon raggio halbmess", "r radio"),
+    "lift": QuantityWords(
+        "length",
+        "lift hub elevac levant alzad alzat levee levage erhebung displac desplaz deplac deslocam "
+        "spost carrera corsa altura elevat hauteur hohe hoehe altezza reading lectura ablesung "
+        "lecture stosselweg stoesselweg messwert",
+        "s h weg course curso rise travel stroke",
+    ),
+    "count": QuantityWords(
+        "", "count inkrement increment impuls pulse encoder drehgeber", "", "per turn"
+    ),
+    "angle": QuantityWords(
+        "angle",
+        "angle angul angol winkel theta rotat rotac rotaz drehung phase fase cycle zyklus ciclo",
+        "θ φ phi ang giro kw nw cad",
+        "time encoder",
+    ),
+    "x": QuantityWords("length", "", "x"),
+    "y": QuantityWords("length", "", "y"),
+    "z": QuantityWords("length", "", "z"),
+}
+#: Quantity of a heading that has a unit but no word of a quantity.
+BY_UNIT = {"angle": "angle", "length": "lift", "speed": "speed", "level": "level"}
+#: Words of an angle of the crankshaft, which turns twice as fast as the cam.
+CRANK_STEMS = ("crank", "kurbel", "vilebrequin", "manovell", "ciguenal", "virabrequim")
+CRANK_WORDS = frozenset(("kw", "cad", "ca"))
+_NEUTRAL = (
+    "a b c d the of de del della des du la le el il dem den der die das von for fur per am an at "
+    "from to by y e et und i ii iii iv no nr in en em zu cam cams camshaft came leva leve nocken "
+    "nocke nockenwelle arbre arbol albero valve valves valvula soupape valvola ventil follower "
+    "taster tappet stossel lifter lobe intake inlet exhaust einlass auslass admision admission "
+    "escape echappement aspirazione scarico shaft centerline centreline center centre line cl "
+    "dial gauge gage indicator messuhr reloj comparador comparateur comparatore column spalte "
+    "measured gemessen medido mesure mesuree misurato misurata nominal soll ist actual value "
+    "values wert werte mean average first second third left right links rechts flat roller point "
+    "cylinder zylinder position pos relative absolute raw smoothed base circle table test"
+)
+#: Words that do not change the meaning of a heading.
+NEUTRAL = frozenset(_NEUTRAL.split())
+#: Letters that distinguish columns of lifts and angles, but are a frequency weighting of a level.
+LETTERS = frozenset("abcd")
+#: Words that say how many units a division of a dial has: they need a factor.
+DIVISIONS = frozenset(("div", "divs", "division", "divisions", "teilstrich", "teilstriche"))
+#: Largest number that counts as the index of a column, such as in "lift 2".
+MAX_INDEX = 99
+
+_BRACKETS = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
+_NUMBER = r"(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:e[-+]?\d+)?"
+_TOKEN = re.compile(
+    r"10\s*(?:\^|\*\*)\s*-?\s*\d+|1\s*/\s*10+(?!\d)|min\s*\^?-1|s\^?-1|1/(?:min|s)\b"
+    rf"|{_NUMBER}|[^\W\d_]+|''|[°%\"×*·/^]"
+)
+#: Most tokens of the name of a unit, such as ``rad / s``.
+_MAX_UNIT_TOKENS = 3
+_JOINING = ("of", "an", "a", "de", "di", "von", "d", "x", "×", "*", "·", "=")
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Meaning of the heading of a column.
+
+    Parameters
+    ----------
+    text
+        The heading in one line, as messages quote it.
+    quantity
+        A key of `QUANTITIES`, "other" if no quantity is recognised.
+    factor
+        Factor of the numbers to SI, None without a unit.
+    is_crank
+        True if an angle is that of the crankshaft. `factor` does not contain the ratio 1/2.
+    unclear
+        Why the heading is not understood, empty if it is.
+    """
+
+    text: str
+    quantity: str
+    factor: float | None
+    is_crank: bool = False
+    unclear: str = ""
+
+
+@dataclass(frozen=True)
+class _Unit:
+    name: str
+    dimension: str
+    factor: float
+
+
+def parse_heading(text: str) -> Heading:
+    """Return the meaning of a heading.
+
+    A heading that is not understood is returned with the reason in `unclear`, because a table may
+    have columns that nobody needs.
+
+    Examples
+    --------
+    >>> found = parse_heading("Lift (0.001 in)")
+    >>> found.quantity, found.factor
+    ('lift', 2.54e-05)
+    """
+    plain = plain_text(text)
+    units, rest = list[_Unit](), list[str]()
+    try:
+        for inner in _BRACKETS.findall(plain):
+            found, left = _take_units(_tokens(inner), alone=True)
+            units += found
+            rest += left
+        found, left = _take_units(_tokens(_BRACKETS.sub(" ", plain)), alone=not units)
+    except ValueError as error:
+        return Heading(text, _quantity(_tokens(plain), units) or "other", None, unclear=str(error))
+    units += found
+    words = left + rest
+    quantity = _quantity(words, units)
+    if quantity in ("", "other"):
+        return Heading(text, "other", None)
+    dimension = QUANTITIES[quantity].dimension
+    factors = {unit.factor for unit in units if unit.dimension == dimension}
+    unclear = _leftover(quantity, words, bool(units)) or _wrong_unit(quantity, units, factors)
+    factor = factors.pop() if len(factors) == 1 else None
+    return Heading(text, quantity, factor, quantity == "angle" and _has_crank(words), unclear)
+
+
+def plain_text(text: str) -> str:
+    """Return a text in small letters without accents."""
+    spaced = re.sub(r"([^\W\d_A-Z]{3,})([A-Z])", r"\1 \2", text.replace("″", '"'))  # CamAngle
+    powers = re.sub(r"(?<=[\da-z])([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", r"^\1", spaced).replace("−", "-")
+    parts = unicodedata.normalize("NFKD", powers.replace("⁻", "-").casefold())
+    return "".join(part for part in parts if not unicodedata.combining(part))
+
+
+def _tokens(text: str) -> list[str]:
+    found = _TOKEN.findall(text.replace("_", " "))
+    return ["".join(token.split()).replace("**", "^") for token in found]
+
+
+def _take_units(tokens: list[str], alone: bool) -> tuple[list[_Unit], list[str]]:
+    """Return the units among tokens with their factors, and the tokens that are left.
+
+    `alone` allows a unit whose name is ambiguous at the end.
+    """
+    units, rest, i, end = list[_Unit](), list[str](), 0, 0
+    while i < len(tokens):
+        unit, size = _unit_at(tokens, i)
+        factor, kept = _factor_before(rest)
+        last = alone and i + size == len(tokens)
+        if unit is None and tokens[i] in FRACTIONS:
+            unit = _fraction_alone(tokens, i)
+            size = 1
+        elif unit is not None and unit.name in AMBIGUOUS and factor is None and not last:
+            unit = None
+        if unit is None:
+            rest.append(tokens[i])
+            i += 1
+            continue
+        if factor is not None:
+            if factor > 1.0:
+                raise ValueError(f"a factor of {factor:g} before {unit.name!r} has two meanings")
+            rest = kept
+        if units and i == end + 1 and tokens[end] == "/":
+            raise ValueError(f"'{units[-1].name}/{unit.name}' is not a known unit")
+        units.append(replace(unit, factor=unit.factor * (factor or 1.0)))
+        i += size
+        end = i
+    return units, rest
+
+
+def _unit_at(tokens: list[str], i: int) -> tuple[_Unit | None, int]:
+    """Return the longest unit that starts at token `i`, and its number of tokens."""
+    for size in range(_MAX_UNIT_TOKENS, 0, -1):
+        name = "".join(tokens[i : i + size])
+        if size == _MAX_UNIT_TOKENS and len(tokens[i : i + size]) == size:
+            head, _, hundred = name.partition("/")
+            if head in UNITS["length"] and re.fullmatch("10+", hundred):  # mm/100
+                return _Unit(name, "length", UNITS["length"][head] / float(hundred)), size
+        for dimension, names in UNITS.items():
+            if name in names and i + size <= len(tokens):
+                return _Unit(name, dimension, names[name]), size
+    return None, 1
+
+
+def _fraction_alone(tokens: list[str], i: int) -> _Unit | None:
+    """Return the unit of a fraction without another unit behind it, None if one follows."""
+    after = [token for token in tokens[i + 1 :] if token not in _JOINING]
+    if after and _unit_at(after, 0)[0] is not None:
+        return None
+    fraction, metres = FRACTIONS[tokens[i]]
+    if metres is None:
+        raise ValueError(f"{tokens[i]!r} has no unit, such as mm or inch")
+    return _Unit(tokens[i], "length", fraction * metres)
+
+
+def _factor_before(rest: list[str]) -> tuple[float | None, list[str]]:
+    """Return the factor at the end of the tokens before a unit, and the tokens before it."""
+    kept = list(rest)
+    while kept and kept[-1] in _JOINING:
+        kept.pop()
+    value = _number(kept[-1]) if kept else None
+    if value is None:
+        return None, rest
+    kept.pop()
+    if kept and kept[-1] in ("x", "×", "*", "·"):
+        kept.pop()
+    return value, kept
+
+
+def _number(token: str) -> float | None:
+    if token in FRACTIONS:
+        return FRACTIONS[token][0]
+    if token.startswith("10^"):
+        return float(10.0 ** int(token[3:]))
+    if token.startswith("1/10"):
+        return 1.0 / float(token[2:])
+    return float(token.replace(",", ".")) if re.fullmatch(_NUMBER, token) else None
+
+
+def _quantity(words: list[str], units: list[_Unit]) -> str:
+    """Return the quantity that words and units mean, empty if none."""
+    dimensions = [unit.dimension for unit in units]
+    for name, quantity in QUANTITIES.items():
+        is_point = name in ("x", "y", "z")
+        if is_point and dimensions and "length" not in dimensions:
+            continue  # the z of dB(Z)
+        if any(quantity.matches(word) for word in words):
+            is_other = name == "count" and "angle" in dimensions
+            return "angle" if is_other else name
+    if any(_is_crank(word) for word in words):
+        return "angle"
+    return next((BY_UNIT[dimension] for dimension in dimensions if dimension in BY_UNIT), "")
+
+
+def _is_crank(word: str) -> bool:
+    return word in CRANK_WORDS or any(stem in word for stem in CRANK_STEMS)
+
+
+def _has_crank(words: list[str]) -> bool:
+    return any(map(_is_crank, words))
+
+
+def _wrong_unit(quantity: str, units: list[_Unit], factors: set[float]) -> str:
+    dimension = QUANTITIES[quantity].dimension
+    if len(factors) > 1:
+        return f"it has several units: {', '.join(unit.name for unit in units)}"
+    if units and not factors:
+        return f"{units[0].name!r} is not a unit of {dimension} ({_first_names(dimension)})"
+    return ""
+
+
+def _first_names(dimension: str) -> str:
+    """Return one name of each unit of a dimension, that of the rig's files if they have it."""
+    by_factor = {factor: name for name, factor in RIG_UNITS[dimension].items()}
+    for name, factor in UNITS[dimension].items():
+        by_factor.setdefault(factor, name)
+    return ", ".join(by_factor.values())
+
+
+def _leftover(quantity: str, words: list[str], has_unit: bool) -> str:
+    """Return why words or numbers of a heading are not understood, empty if they are."""
+    known = QUANTITIES[quantity]
+    for i, word in enumerate(words):
+        value = _number(word)
+        if word in "/^-×*·" or known.matches(word) or word in known.neutral.split():
+            continue
+        if word in NEUTRAL and not (quantity == "level" and word in LETTERS):
+            continue
+        if quantity == "angle" and _is_crank(word):
+            continue
+        if word in DIVISIONS and has_unit:
+            continue
+        is_index = value is not None and value == int(value) and 0 <= value <= MAX_INDEX
+        if is_index and words[i - 1 : i] not in (["x"], ["×"], ["*"], ["^"]) and "." not in word:
+            continue
+        if not known.dimension:
+            return f"{word!r} is not a known word"
+        units = _first_names(known.dimension)
+        weighting = ", unweighted" if quantity == "level" else ""
+        return (
+            f"{word!r} is neither a known word nor a unit of {known.dimension} ({units}{weighting})"
+        )
+    return ""

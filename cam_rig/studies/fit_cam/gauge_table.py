@@ -1,0 +1,277 @@
+"""Tables of gauge readings: columns, units and turning angle as people write them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from cam_rig.errors import ConfigError
+from cam_rig.files import shown
+from cam_rig.schema.headings import Heading, parse_heading
+from cam_rig.schema.instrument_table import NOTHING, CellTable, count_numbers, read_lines
+from cam_rig.show.tables import pluralize
+from cam_rig.units import TURN
+
+Shaft = Literal["cam", "crank"]
+#: Limits of the range of angles without a unit: up to 1.02 turn it is rad, if the table covers
+#: three quarters of a turn at least, and up to four turns deg.
+MAX_RANGE_RAD, MIN_RANGE_RAD, MAX_RANGE_DEG = 1.02 * TURN, 0.75 * TURN, 1440.0
+#: Ranges of angles without a unit that could be percent or gon, with this relative tolerance.
+OTHER_SCALES, SCALE_TOLERANCE = {100.0: "percent", 400.0: "gon"}, 0.005
+#: Words of an angle whose numbers go from 0 to 1 over a turn, and the largest range of these.
+PHASE_WORDS, MAX_PHASE_RANGE = re.compile("phase|fase|cycle|zyklus|ciclo", re.I), 1.02
+#: A line in front of the numbers that states the base radius.
+BASE_RADIUS = re.compile(
+    r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<what>radius|diameter|radio|"
+    r"halbmesser|durchmesser)\W*(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-z\"]+)",
+    re.I,
+)
+
+
+@dataclass(frozen=True)
+class TableOptions:
+    """How a table is read.
+
+    Parameters
+    ----------
+    column, angle_column
+        Headings of the columns of lifts and of angles, None to find them by their words.
+    shaft
+        Shaft whose angle the table has, None to find it by the heading. The crankshaft turns twice
+        as fast as the cam.
+    counts
+        Counts of an encoder per turn of that shaft, None if angles are not counts.
+    """
+
+    column: str | None = None
+    angle_column: str | None = None
+    shaft: Shaft | None = None
+    counts: float | None = None
+
+
+@dataclass(frozen=True)
+class GaugeColumn:
+    """Readings of one follower: `lifts` in m (NaN of an empty cell), and their written step in m.
+
+    `is_radius` is True if the numbers are distances from the axis of the cam, not lifts.
+    """
+
+    name: str
+    lifts: tuple[float, ...]
+    resolution: float
+    is_radius: bool = False
+
+
+@dataclass(frozen=True)
+class GaugeTable:
+    """A file of readings: cam angles in rad, lines of the file, and notes on how it was read.
+
+    `base_radius` is in m, None if the file does not state it.
+    """
+
+    file: str
+    angles: tuple[float, ...]
+    columns: tuple[GaugeColumn, ...]
+    lines: tuple[int, ...]
+    notes: tuple[str, ...]
+    base_radius: float | None = None
+
+    def only_column(self) -> GaugeColumn:
+        """Return the column of lifts if there is only one."""
+        if len(self.columns) > 1:
+            names = ", ".join(repr(column.name) for column in self.columns)
+            raise ConfigError(
+                f"{self.file}: has {len(self.columns)} columns of lifts; allowed: one, so name it "
+                f"with --column ({names}), or take all with --shape arcs"
+            )
+        return self.columns[0]
+
+
+def read_gauge_table(path: Path, options: TableOptions | None = None) -> GaugeTable:
+    """Read a table of a gauge, a spreadsheet or by hand."""
+    lines, comments = read_lines(path, "cam angle and lift")
+    return _GaugeReader(path.name, lines).table(options or TableOptions(), comments)
+
+
+class _GaugeReader(CellTable):
+    """A file of readings; `table` makes numbers of its cells."""
+
+    def table(self, options: TableOptions, comments: list[tuple[int, str]]) -> GaugeTable:
+        """Return the table: headings to columns, cells to numbers."""
+        if self.first is None:
+            line, cells = self.rows[-1]
+            raise self.refused(
+                f"line {line}: {shown(' | '.join(cells))} has no two numbers; allowed: lines of "
+                "cam angle and lift"
+            )
+        headings = self.headings(len(self.rows[self.first][1]))
+        angle, lifts, notes = self._assign(headings, options)
+        used = [angle, *lifts]
+        self.require_clear(headings, used)
+        body, skipped = self._body(used)
+        texts = [self.numbers(line, cells, headings, used) for line, cells in body]
+        for (line, _), row in zip(body, texts, strict=True):
+            if row[angle] == NOTHING:
+                raise self.refused(
+                    f"line {line}: {headings[angle].text} is empty beside a lift; allowed: an "
+                    "angle, or # before the line"
+                )
+        angles = [float(row[angle]) for row in texts]
+        factor, words = self._angle_factor(headings[angle], angles, options)
+        columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
+        unnamed = [headings[i].text for i in lifts if headings[i].factor is None]
+        if unnamed:
+            words += [f"no unit of length in {', '.join(map(repr, unnamed))}: mm assumed"]
+        for i in lifts:
+            empty = sum(row[i] == NOTHING for row in texts)
+            if empty:
+                words.append(
+                    f"{pluralize(empty, 'empty cell')} in {headings[i].text!r}: no reading"
+                )
+        base_radius, stated = self._stated_base_radius(comments)
+        notes = [self.how_read(body, used), *notes, *words, *skipped, *stated]
+        lines, turned = tuple(line for line, _ in body), tuple(factor * value for value in angles)
+        return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes), base_radius)
+
+    def _body(self, used: list[int]) -> tuple[list[tuple[int, list[str]]], list[str]]:
+        """Return the lines of readings, and a note on lines of text among or behind them."""
+        rows = self.rows[self.first :]
+        text = [line for line, cells in rows if any(cells) and not count_numbers(cells)]
+        body = [
+            (line, cells)
+            for line, cells in rows
+            if line not in text and (max(used) >= len(cells) or any(cells[i] for i in used))
+        ]
+        if not text:
+            return body, []
+        first = shown(" ".join(dict(rows)[text[0]]))
+        more = f" and {len(text) - 1} more" if len(text) > 1 else ""
+        return body, [f"line {text[0]}{more} without a number skipped: {first}"]
+
+    def _assign(
+        self, headings: list[Heading], options: TableOptions
+    ) -> tuple[int, list[int], list[str]]:
+        """Return the columns of the angle and of the lifts, and notes on what was assumed."""
+        kinds: dict[str, list[int]] = {}
+        for i, heading in enumerate(headings):
+            kinds.setdefault(heading.quantity, []).append(i)
+        angles = kinds.get("angle", []) + (kinds.get("count", []) if options.counts else [])
+        lifts = kinds.get("lift", []) + kinds.get("radius", [])
+        others = kinds.get("other", [])
+        points = {name: kinds[name] for name in "xyz" if name in kinds}
+        notes = []
+        if options.angle_column is not None:
+            angles = self._named(headings, options.angle_column, range(len(headings)))
+        elif {"x", "y"} <= points.keys() and not lifts:
+            raise self.refused(
+                f"columns are {_listed(headings)}: points of a contour, not lifts; allowed: "
+                "an angle and a lift, or cam-rig profile CAM --from for a contour"
+            )
+        if not angles and "count" in kinds:
+            text = headings[kinds["count"][0]].text
+            raise self.refused(
+                f"{shown(text)} has counts of an encoder; allowed: --counts, their number per turn"
+            )
+        if len(angles) > 1:
+            raise self.refused(
+                f"columns are {_listed(headings)}, {len(angles)} of them are angles; allowed: one, "
+                "such as angle_deg, so name it with --angle-column"
+            )
+        if not angles and others[:1] == [0]:
+            angles, others = [0], others[1:]
+            notes.append(f"no heading of an angle: {headings[0].text!r} assumed to be it")
+        lifts = lifts or points.get("y", []) or points.get("z", [])
+        if options.column is not None:
+            lifts = self._named(headings, options.column, [*lifts, *others])
+        if not lifts and angles:
+            lifts = [i for i in others if count_numbers([self.rows[self.first or 0][1][i]])]
+            names = ", ".join(repr(headings[i].text) for i in lifts)
+            notes.append(f"no heading of a lift: {names} assumed to be it")
+        lifts = [i for i in lifts if i not in angles]
+        if not angles or not lifts:
+            raise self.refused(
+                f"columns are {_listed(headings)}, allowed: one of an angle and at least one of a "
+                "lift, such as angle_deg and lift_mm"
+            )
+        return angles[0], lifts, notes
+
+    def _named(self, headings: list[Heading], name: str, allowed: list[int] | range) -> list[int]:
+        found = [i for i in allowed if headings[i].text == name]
+        if not found:
+            names = ", ".join(repr(headings[i].text) for i in allowed)
+            raise ConfigError(f"{self.file}: has no column {name!r}; allowed: {names}")
+        return found
+
+    def _column(self, heading: Heading, texts: list[str]) -> GaugeColumn:
+        factor = 1e-3 if heading.factor is None else heading.factor
+        decimals = max(len(text.partition(".")[2]) if "e" not in text else 9 for text in texts)
+        lifts = tuple(factor * float(text) for text in texts)
+        is_radius = heading.quantity == "radius"
+        return GaugeColumn(heading.text, lifts, factor * 10.0**-decimals, is_radius)
+
+    def _angle_factor(
+        self, heading: Heading, angles: list[float], options: TableOptions
+    ) -> tuple[float, list[str]]:
+        """Return the factor of the numbers to the cam angle in rad, and notes."""
+        notes, factor = [], heading.factor
+        if options.counts is not None:
+            if heading.factor is not None:
+                raise self.refused(
+                    f"{shown(heading.text)} has a unit; allowed with --counts: a column of counts"
+                )
+            factor = TURN / options.counts
+        elif factor is None:
+            factor, unit = self._guess_unit(heading, angles)
+            notes.append(f"no unit of angle in {heading.text!r}: {unit} assumed")
+        if options.shaft == "cam" and heading.is_crank:
+            notes.append(f"{heading.text!r} taken as the angle of the cam, as requested")
+        elif options.shaft == "crank" or heading.is_crank:
+            factor *= 0.5
+            notes.append(
+                f"{heading.text!r} is the angle of the crank, which turns twice as fast as the "
+                "cam: halved (--angle cam takes it as it is)"
+            )
+        return factor, notes
+
+    def _guess_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
+        """Return the factor (rad) and the name of the unit that the range of the angles means."""
+        span = max(angles) - min(angles)
+        if PHASE_WORDS.search(heading.text) and span <= MAX_PHASE_RANGE:
+            return TURN, "turn"
+        if MIN_RANGE_RAD <= span <= MAX_RANGE_RAD:
+            return 1.0, "rad"
+        other = [
+            name
+            for scale, name in OTHER_SCALES.items()
+            if abs(span - scale) <= SCALE_TOLERANCE * scale
+        ]
+        if span < MIN_RANGE_RAD or span > MAX_RANGE_DEG or other:
+            could_be = f", which could be {other[0]}" if other else ""
+            raise self.refused(
+                f"{shown(heading.text)} has no unit and goes from {min(angles):g} to "
+                f"{max(angles):g}{could_be}; allowed: the unit in the heading, such as deg, rad, "
+                "turn or %, or --counts"
+            )
+        return TURN / 360.0, "deg"
+
+    def _stated_base_radius(
+        self, comments: list[tuple[int, str]]
+    ) -> tuple[float | None, list[str]]:
+        """Return the base radius (m) that a line in front of the numbers states, and a note."""
+        title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
+        for line, text in sorted([*title, *comments]):
+            match = BASE_RADIUS.search(text)
+            if match is None:
+                continue
+            unit = parse_heading(f"radius [{match['unit']}]").factor
+            if unit is not None:
+                half = 0.5 if match["what"].lower() in ("diameter", "durchmesser") else 1.0
+                radius = half * unit * float(match["number"].replace(",", "."))
+                return radius, [f"base radius {radius * 1e3:.6g} mm, stated in line {line}"]
+        return None, []
+
+
+def _listed(headings: list[Heading]) -> str:
+    return shown(", ".join(heading.text for heading in headings))

@@ -1,0 +1,75 @@
+"""Opening, closing and duration of a valve at a checking height."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from cam_rig.laws import Law
+from cam_rig.laws.passages import passages
+from cam_rig.units import TURN
+
+#: Checking heights of a valve (m): the usual ones of metric and of inch tables, 1 mm and 0.050 in.
+CHECKING_HEIGHTS = (1e-3, 0.05 * 0.0254)
+
+
+@dataclass(frozen=True)
+class ValveTrain:
+    """Valve train on a cam.
+
+    Parameters
+    ----------
+    rocker_ratio
+        Lift of the valve per lift of the cam follower.
+    lash
+        Clearance of the valve in m, measured at the valve.
+    checking_heights
+        Lifts of the valve in m at which opening and closing are reported.
+    """
+
+    rocker_ratio: float = 1.0
+    lash: float = 0.0
+    checking_heights: tuple[float, ...] = CHECKING_HEIGHTS
+
+
+@dataclass(frozen=True)
+class ValveEvent:
+    """Event of a valve: checking height in m, angles of the cam in rad.
+
+    `lobe_centre` is the middle between opening and closing.
+    """
+
+    height: float
+    opening: float
+    closing: float
+    duration: float
+    lobe_centre: float
+
+
+def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
+    """Return the events at each checking height that the valve passes, by height and angle.
+
+    The lift of the valve is ratio · s - lash.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.load_law("poly345")  # 18 mm
+    >>> event = valve_events(law, ValveTrain(checking_heights=(9e-3,)))[0]
+    >>> round(event.duration, 6) == round(event.closing - event.opening, 6)
+    True
+    """
+    return tuple(
+        event for height in train.checking_heights for event in _events(law, train, height)
+    )
+
+
+def _events(law: Law, train: ValveTrain, height: float) -> Iterator[ValveEvent]:
+    level = (height + train.lash) / (train.rocker_ratio * law.lift)
+    found = passages(law, law.lift, [level])
+    for i, opening in enumerate(found):
+        closing = found[(i + 1) % len(found)]
+        if opening.rising and not closing.rising:
+            duration = (closing.angle - opening.angle) % TURN
+            centre = (opening.angle + 0.5 * duration) % TURN
+            yield ValveEvent(height, opening.angle, closing.angle, duration, centre)

@@ -1,0 +1,103 @@
+"""Headings of tables: quantity, factor and unit, or the reason why a heading is unclear."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cam_rig.schema.headings import QUANTITIES, UNITS, parse_heading
+
+DEGREE, TURN, INCH = math.pi / 180.0, 2.0 * math.pi, 0.0254
+LIFTS = {
+    1e-3: "Lift in millimeters|lift_mm|s / mm|Hub in mm, Einlass|ValveLiftMM|Stößelweg [mm]|"
+    "Elevación (mm)|lift of A mm|Lift in (mm)|Millimeter Hub|alzata (millimetri)|levée millimètres",
+    1e-2: "lift [cm]|Hub in Zentimeter",
+    1e-5: "Hub [1/100 mm]|lift (mm/100)|Levée (centièmes de mm)|Hub in Hundertstel|"
+    "divisions of 0.01 mm lift|lift (0,01 mm)",
+    1e-6: "Lift x 10^-3 mm|Lift × 10⁻³ mm|lift (µm)|lift 1e-3 mm|Alzata (millesimi)|microns lift",
+    INCH: 'lift_in|Lift (in)|lift "|pulgadas alzada|Lift in inches|lift (zoll)|levée en pouces',
+    1e-3 * INCH: "Lift (0.001 in)|Lift in thousandths|Tappet lift (thou)|milésimas de pulgada|"
+    'Lift (in/1000)|0.001" lift|thousandths of an inch lift|lift 1/1000 inch',
+}
+ANGLES = {
+    DEGREE: "Cam deg|Angle (deg)|θ / °|Nockenwinkel in Grad|Ángulo de leva (grados)|angle [°]|"
+    "Angle de came (degrés)|encoder angle (deg)|camAngle deg",
+    1.0: "theta_rad|angle [rad]",
+    TURN: "angle rev|phase [turns]|vueltas",
+    TURN / 100.0: "cycle [%]|angle (percent)|Winkel in Prozent",
+    TURN / 400.0: "angle gon",
+}
+CRANK = (
+    "Degrees from centerline (crank)|crank_deg|°KW|Grad Kurbelwinkel|deg CA|angle vilebrequin (°)|"
+    "ángulo del cigüeñal (grados)|angolo manovella (gradi)|CAD [deg]"
+)
+OTHERS = [
+    *("lift error mm", "note", "force_N", "column 2", "time [s]", "temperature", "comment"),
+]
+UNCLEAR = [
+    *("lift [foo]", "Lift 2 mm", "Lift x 100 mm", "Lift (x10-3 mm)", "lift [%]", "angle [mm]"),
+    *("lift (divisions)", "lift bob mm", "lift (mm*1000)", "Lift*1000 (mm)", "lift [mm] [in]"),
+    *("lift in hundredths", "lift per degree (mm/deg)", "Hub mm x 10", "angle ATDC deg"),
+]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "table"), [("lift", LIFTS), ("angle", ANGLES)], ids=["lift", "angle"]
+)
+def test_headings_have_a_factor_and_a_unit(quantity, table):
+    """Factors, spelt-out units and words around them, in several languages and forms."""
+    for factor, texts in table.items():
+        for text in texts.split("|"):
+            found = parse_heading(text)
+            assert (found.quantity, found.unclear, found.is_crank) == (quantity, "", False), text
+            assert found.factor == pytest.approx(factor, rel=1e-12), text
+
+
+def test_degrees_of_the_crank_are_recognised():
+    for text in CRANK.split("|"):
+        found = parse_heading(text)
+        assert (found.quantity, found.is_crank, found.unclear) == ("angle", True, ""), text
+        assert found.factor == pytest.approx(DEGREE), text
+
+
+def test_other_quantities_are_not_lifts():
+    """A radius, a point of a contour or the error of a lift is not a lift."""
+    for text, quantity in (
+        *((text, "other") for text in OTHERS),
+        *(("radius_mm", "radius"), ("X (in)", "x"), ("y [mm]", "y"), ("encoder counts", "count")),
+        *(("Drehzahl [1/min]", "speed"), ("dB(Z)", "level"), ("spring_N/m", "stiffness")),
+    ):
+        found = parse_heading(text)
+        assert (found.quantity, found.unclear) == (quantity, ""), text
+
+
+def test_what_is_not_understood_is_unclear():
+    """A word, a factor or a unit that could change the numbers is reported, never dropped."""
+    for text in UNCLEAR:
+        assert parse_heading(text).unclear, text
+
+
+def test_a_unit_of_another_dimension_is_named_with_the_allowed_units():
+    assert parse_heading("lift [deg]").unclear == (
+        "'deg' is not a unit of length (m, cm, mm, um, in, thou)"
+    )
+
+
+@given(
+    st.sampled_from(["lift", "Hub", "levée", "alzada", "alzata"]),
+    st.sampled_from(sorted(UNITS["length"])),
+    st.sampled_from([1.0, 0.5, 0.1, 0.01, 0.001]),
+    st.sampled_from(["{} [{} {}]", "{} ({} {})", "{} / {} {}", "{}_{} {}"]),
+)
+def test_every_unit_has_its_factor_in_every_form(word, unit, factor, form):
+    found = parse_heading(form.format(word, factor, unit))
+    assert found.unclear == ""
+    assert found.factor == pytest.approx(factor * UNITS["length"][unit], rel=1e-12)
+
+
+@given(st.text(max_size=40))
+def test_any_text_has_a_quantity(text):
+    found = parse_heading(text)
+    assert found.quantity in QUANTITIES
+    assert found.factor is None or found.factor > 0.0
