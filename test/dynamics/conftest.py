@@ -7,10 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law, build_law
-from cam_rig.schema import RigConfig, load_rig
 
+from ..conftest import dwell, rise
 from .helpers import edge_law
 
 
@@ -20,18 +19,6 @@ def at_once() -> Iterator[None]:
     begun = time.process_time()
     yield
     assert time.process_time() - begun < 3.0
-
-
-@pytest.fixture(scope="session")
-def paper_rig(config_dir) -> RigConfig:
-    """The rig of the paper's Table 2: two masses, and a shaft."""
-    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
-
-
-@pytest.fixture(scope="session")
-def two_mass(paper_rig) -> TwoMassParameters:
-    """The two-mass follower of the paper's jump speeds."""
-    return TwoMassParameters.from_rig(paper_rig)
 
 
 @pytest.fixture(scope="session")
@@ -46,5 +33,5 @@ def harmonic(make_cam) -> Law:
 
     s'' jumps by ± h π²/(2β²) at both ends of each.
     """
-    dwell, motion = {"law": "dwell", "span": 60}, {"law": "simple_harmonic", "span": 120}
-    return build_law(make_cam(dwell, motion | {"to": 1}, dwell, motion | {"to": 0}))
+    up, down = (rise(120, to, "simple_harmonic") for to in (1, 0))
+    return build_law(make_cam(dwell(60), up, dwell(60), down))

@@ -17,16 +17,16 @@ from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN
 from examples.paper.refit import Numbers, refitted
 
+from ...conftest import rise
 from ..helpers import lift_off, with_joints
 
 
 def leaves(law, parameters, speed, duration):
     """Whether the exact model leaves the cam."""
-    start, length = np.zeros(2), duration
+    start = np.zeros(2)
     if duration is None:
         start = contact_response(law, parameters, speed).periodic()
-        length = 2.0 * np.pi / speed
-    return lift_off(law, parameters, speed, start, length) is not None
+    return lift_off(law, parameters, speed, start, duration or TURN / speed) is not None
 
 
 @pytest.mark.parametrize("cam", ["bezier15", "poly345", "cycloidal"])
@@ -140,10 +140,7 @@ def test_arrays_go_together(laws, shipped):
 
 def test_eccentric(make_cam, follower):
     """s = h/2 (1 − cos θ) without damping: the top lets go at Ω² = (k h + preload)/(m h/2)."""
-    cam = make_cam(
-        {"law": "simple_harmonic", "to": 1, "span": 180},
-        {"law": "simple_harmonic", "to": 0, "span": 180},
-    )
+    cam = make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic"))
     free = replace(follower, damping=0.0)
     expected = np.sqrt((free.spring_stiffness * 0.05 + free.preload) / (free.mass * 0.025))
     assert rigid_jump_speed(build_law(cam), free) == pytest.approx(expected, rel=1e-9)

@@ -133,10 +133,10 @@ def test_each_cam_left_out(study):
         assert row.acoustics.radiation.gain == pytest.approx(1e-4, rel=0.1)
 
 
-def test_one_rig(study, methods, table2):
+def test_one_rig(study, methods, paper_rig):
     """The follower of the jump speeds costs the smooth cams less than 0.05 dB, the arc cam more."""
     own = {cam: curve.rms_db for cam, curve in methods[1].curves.items()}
-    rigid, elastic = with_rigid_stem(study, table2), with_elastic_stem(study, table2)
+    rigid, elastic = with_rigid_stem(study, paper_rig), with_elastic_stem(study, paper_rig)
     for cam in ("poly345", "bezier15"):
         assert rigid.rms_db[cam] == pytest.approx(own[cam], abs=1e-3)
         assert elastic.rms_db[cam] == pytest.approx(own[cam], abs=0.05)

@@ -23,6 +23,7 @@ from cam_rig.studies.vibration.study import measure
 from cam_rig.units import RPM
 from examples.paper.factorial import squeezed
 
+from ...conftest import dwell, rise
 from ...dynamics.helpers import bumped
 from ..conftest import FIVE
 
@@ -43,20 +44,16 @@ def test_low_dwell_goes_around_the_turn(laws):
     assert found.holds(inside).tolist() == [True, True, True, False, False]
 
 
-DWELL, RISE, FALL = {"law": "dwell"}, {"law": "poly345", "to": 1}, {"law": "poly345", "to": 0}
-
-
 @pytest.mark.parametrize(
     ("parts", "start", "span"),
     [
-        ([DWELL | {"span": 90}, FALL | {"span": 60}, DWELL | {"span": 100}], 150.0, 100.0),
-        ([FALL | {"span": 200}], None, None),
+        ([dwell(90), rise(60, 0), dwell(100), rise(110, 1)], 150.0, 100.0),
+        ([rise(200, 0), rise(160, 1)], None, None),
     ],
 )
 def test_low_dwell_anywhere(make_cam, parts, start, span):
     """A cam is read where it rests low in mid-turn, or about its lowest angle if it never rests."""
-    angle = 360 - sum(part["span"] for part in parts)
-    low = low_dwell(build_law(make_cam(*parts, RISE | {"span": angle})))
+    low = low_dwell(build_law(make_cam(*parts)))
     assert low.dwell == (start is not None)
     if low.dwell:
         assert np.degrees([low.start, low.span]) == pytest.approx([start, span])
