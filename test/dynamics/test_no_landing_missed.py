@@ -101,16 +101,11 @@ def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_
     return (rows[1] - law(angle)).min(), len(events)
 
 
-RAMPS = list(itertools.product(("poly345", "tm21"), (0.0, 0.5), (2.0, 30.0), (1, 7)))
-#: One of 1 ms, which take a second each, and three of 7 ms.
-QUICK = [("poly345", 0.5, 30.0, 1), ("tm21", 0.0, 2.0, 7), ("tm21", 0.5, 30.0, 7)]
-QUICK += [("poly345", 0.0, 2.0, 7)]
-
-
-@pytest.mark.parametrize(
-    ("cam", "restitution", "acceleration", "milliseconds"),
-    [*QUICK, *(pytest.param(*ramp, marks=pytest.mark.long) for ramp in RAMPS if ramp not in QUICK)],
-)
+@pytest.mark.variants(4)
+@pytest.mark.parametrize("cam", ["poly345", "tm21"])
+@pytest.mark.parametrize("milliseconds", [7, 1])
+@pytest.mark.parametrize("acceleration", [2.0, 30.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration, milliseconds):
     """A ramp's law covers one tick alone, so a short one in a dwell is all zero: what is rounded
     in a gap is not of that size, but of the roller's and the spring's."""
@@ -278,10 +273,8 @@ def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
 def test_names_are_the_columns_in_order():
     """Each name gives the row whose heading begins with it, or ends with it before the unit."""
     samples = Samples(np.arange(12.0).reshape(6, 2))
-    for row, (name, column) in enumerate(zip(NAMES, COLUMNS, strict=True)):
+    names = ("time", "lift", "velocity", "acceleration", "force", "impulse")
+    for row, (name, column) in enumerate(zip(names, COLUMNS, strict=True)):
         assert column.partition(" [")[0] in (name, f"contact_{name}", name[0])
         np.testing.assert_array_equal(getattr(samples, name), samples.rows[row])
     np.testing.assert_array_equal(samples.motion, samples.rows[1:4])
-
-
-NAMES = ("time", "lift", "velocity", "acceleration", "force", "impulse")

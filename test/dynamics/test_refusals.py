@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmark.speed.study import stem_motion as motion
-from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerState, Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
@@ -18,8 +18,9 @@ from cam_rig.errors import CamRigError, ConfigError, DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
+from .helpers import ONE as FOLLOWER
+
 NAN, INF = math.nan, math.inf
-FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 TWO = TwoMassParameters(0.3, 1.0, 3.3e8, 4030.0, 5.0, 8.642, 12.753)
 SHAFT = TorsionalParameters(FOLLOWER, 0.02, 8e3, 0.4, 0.2)
 REST, TWIST = np.zeros(2), TorsionalState(0.0, 0.0, 0.0, 36.0)

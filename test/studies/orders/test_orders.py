@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import cam_rig
+from benchmark.speed.exact import powers
 from cam_rig.acoustics import RadiationParameters, SoundSource, level_db
 from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
@@ -79,18 +80,18 @@ def test_speeds_as_words():
 PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
 
 
-def by_digits(powers, phase):
+def by_digits(coefficients, phase):
     """∫₀¹ Σ aᵢ uⁱ e^{−iφu} du by parts, or by its series for a small phase, in 60 digits."""
     with mpmath.workdps(60):
         if phase < 1.0:
             terms = range(60)
             return sum(
                 a * (-1j * mpmath.mpf(phase)) ** k / mpmath.factorial(k) / (i + k + 1)
-                for i, a in enumerate(powers)
+                for i, a in enumerate(coefficients)
                 for k in terms
             )
-        total, derivative, w = mpmath.mpc(0), list(powers), mpmath.mpc(0, phase)
-        for k in range(len(powers)):
+        total, derivative, w = mpmath.mpc(0), list(coefficients), mpmath.mpc(0, phase)
+        for k in range(len(coefficients)):
             at_one = mpmath.fsum(derivative)
             total += (derivative[0] - at_one * mpmath.exp(-w)) / w ** (k + 1)
             derivative = [i * a for i, a in enumerate(derivative)][1:] or [mpmath.mpf(0)]
@@ -102,12 +103,8 @@ def test_a_polynomial_at_any_phase(degree):
     """To some units in the last place of its largest ordinate, small phases and large ones."""
     ordinates = np.random.default_rng(degree).uniform(-1.0, 1.0, degree + 1)
     with mpmath.workdps(60):
-        powers = [mpmath.mpf(0)] * (degree + 1)
-        for j, b in enumerate(ordinates):
-            for k in range(degree - j + 1):
-                ways = mpmath.binomial(degree, j) * mpmath.binomial(degree - j, k)
-                powers[j + k] += mpmath.mpf(float(b)) * ways * (-1) ** k
-    exact = [complex(by_digits(powers, float(phase))) for phase in PHASES]
+        coefficients = powers(ordinates.tolist())
+    exact = [complex(by_digits(coefficients, float(phase))) for phase in PHASES]
     assert np.abs(polynomial_integral(ordinates, PHASES) - exact).max() < 3e-15
 
 
