@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -22,12 +22,7 @@ from .machines import numbers_of
 OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0
 MACHINE = {"mass": OWN, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
 #: What a table may give of each reading.
-COLUMNS = (
-    ("mass", "spring_stiffness", "preload"),
-    ("mass", "spring_stiffness"),
-    ("mass", "preload"),
-    ("spring_stiffness", "preload"),
-)
+COLUMNS = [c for n in (3, 2) for c in combinations(("mass", "spring_stiffness", "preload"), n)]
 #: What is put on for nine readings.
 SET_UPS = [{"mass": m, "spring_stiffness": k} for m in (0.0, 0.3, 0.9) for k in (2e3, 4e3, 9e3)]
 
