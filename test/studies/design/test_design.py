@@ -141,10 +141,9 @@ def test_two_masses_from_rest_stay_on_by_an_independent_integration():
 
 def test_limits_that_contradict_each_other_are_named():
     """5 mm at 90° and 10 mm at 89°, rising: the two limits stand in the message."""
+    limits = ["lift@90deg<=20mm", "lift@90deg>=21mm"]
     with pytest.raises(DesignError, match=r"lift at 9\d°.*and.*lift at 9\d°"):
-        designed(
-            LawClass(8, 2), minimise="peak_jerk", limits=["lift@90deg<=20mm", "lift@90deg>=21mm"]
-        )
+        designed(LawClass(8, 2), minimise="peak_jerk", limits=limits)
 
 
 def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
@@ -176,9 +175,7 @@ def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
     assert found.gap < 5e-3
 
 
-def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
-    tmp_path,
-):
+def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp_path):
     """No formula of the contour, its points alone: the roller rests where none is inside it.
 
     Each point under the roller holds its centre at a height, the highest one counts; 36 000 points

@@ -11,12 +11,12 @@ from cam_rig.dynamics.kinetostatic import force_weights, shaft_torque
 from cam_rig.laws import build_law
 from cam_rig.laws.law import peak
 from cam_rig.profile.disc import contours
-from cam_rig.schema import CamConfig
 from cam_rig.studies.campaign.inputs import with_numbers
 from cam_rig.studies.design.request import LawClass, Multistart
 from cam_rig.studies.design.space import Space, dwells, events, measured
 from cam_rig.units import RPM, TURN
 
+from ...conftest import dwell, rise
 from .shared import NO_HARDER, RIG, cam, designed, peak_torque, problem, require_kept, term, written
 
 
@@ -171,14 +171,11 @@ def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for():
 HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
 
-def two_rises():
+@pytest.fixture
+def two_rises(make_cam):
     """Rises of 0.4 and 0.6 of the lift and a fall, 80° each, with dwells of 40° between them."""
-    data = cam().model_dump(exclude_none=True)
-    segments = [{"law": "dwell", "span": {"given": 20.0, "unit": "deg"}}]
-    for to, behind in ((0.4, 40.0), (1.0, 40.0), (0.0, 20.0)):
-        segments.append({"law": "poly345", "to": to, "span": {"given": 80.0, "unit": "deg"}})
-        segments.append({"law": "dwell", "span": {"given": behind, "unit": "deg"}})
-    return CamConfig.model_validate(data | {"segments": segments})
+    up = rise(80, 0.4), dwell(40), rise(80, 1)
+    return make_cam(dwell(20), *up, dwell(40), rise(80, 0), dwell(20), roller_radius=0.01)
 
 
 def moved(start, keep, joints=1, **words):
@@ -186,12 +183,12 @@ def moved(start, keep, joints=1, **words):
 
 
 @pytest.mark.long
-def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path):
+def test_spans_go_with_the_root_of_what_each_event_rises(two_rises, tmp_path):
     """Least peak acceleration 4h/β² of three events that share 240°: β as √h.
 
     The dwells keep their lengths, in the written file too.
     """
-    found = moved(two_rises(), ["dwells", "lift"], minimise="peak_acceleration")
+    found = moved(two_rises, ["dwells", "lift"], minimise="peak_acceleration")
     spans = np.radians(240.0) * np.sqrt(HEIGHTS) / np.sqrt(HEIGHTS).sum()
     optimum = 4.0 * LIFT * HEIGHTS[0] / spans[0] ** 2
     law = build_law(written(found, tmp_path))
@@ -205,11 +202,11 @@ def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path):
 
 
 @pytest.mark.long
-def test_a_limit_on_a_span_holds_and_dwells_give_way():
+def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
     """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
-    found = moved(two_rises(), ["lift"], minimise="peak_acceleration", limits=limits)
+    found = moved(two_rises, ["lift"], minimise="peak_acceleration", limits=limits)
     assert found.goal.result == pytest.approx(4.0 * LIFT / np.radians(widest) ** 2, rel=2e-3)
     assert found.measures[3].active
     for measure, event in zip(found.measures[1:], found.events, strict=True):
@@ -221,13 +218,13 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way():
 
 
 @pytest.mark.long
-def test_limits_of_the_start_are_those_of_its_own_events():
+def test_limits_of_the_start_are_those_of_its_own_events(two_rises):
     """Peak velocity at no more than the start's peak acceleration: lower than with its events."""
     words = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
-    fixed = moved(two_rises(), ["events", "dwells", "lift"], **words)
-    other = moved(two_rises(), ["dwells", "lift"], **words)
+    fixed = moved(two_rises, ["events", "dwells", "lift"], **words)
+    other = moved(two_rises, ["dwells", "lift"], **words)
     assert fixed.certified
     assert other.goal.result < fixed.goal.result
     assert other.goal.start == fixed.goal.start
-    allowed = abs(peak(build_law(two_rises()), 2).value)
+    allowed = abs(peak(build_law(two_rises), 2).value)
     assert abs(peak(other.law, 2).value) <= allowed * (1.0 + 1e-6)

@@ -63,9 +63,8 @@ def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
     assert [outlier["line"] for outlier in data["outliers"]] == [102]
     spans = [math.degrees(dwell["span"]) for dwell in data["dwells"]]
     assert spans == pytest.approx([60, 100], abs=2)
-    assert spline["peak_acceleration"] == pytest.approx(
-        0.0057735 * 10 / math.radians(100) ** 2, rel=0.02
-    )
+    peak = 0.0057735 * 10 / math.radians(100) ** 2
+    assert spline["peak_acceleration"] == pytest.approx(peak, rel=0.02)
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert csv.read_text().startswith("count,left_out,scatter,")
     assert (tmp_path / "fit.dwells.csv").read_text().startswith("start,span,level,")

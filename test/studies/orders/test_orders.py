@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import io
-import json
 import math
 from functools import partial
 
@@ -30,15 +29,12 @@ from cam_rig.studies.orders.spectrum import (
 from cam_rig.studies.orders.steady_force import BUILDERS, steady_force
 from cam_rig.units import RPM, TURN
 
-from ...cli.conftest import call as run
-
-call = partial(run, "orders")
+from ...cli.conftest import data_of, done
 
 
 def test_a_cam_at_one_speed():
     """3-4-5 up and down alike: its even orders are rounding; the CSV has what the table shows."""
-    result = call("poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
-    assert result.exit_code == 0, result.stderr
+    result = done("orders", "poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert [float(row["order"]) for row in rows] == list(range(1, 13))
     amplitudes = [float(row["force_amplitude"]) for row in rows]
@@ -50,9 +46,7 @@ def test_a_cam_at_one_speed():
 
 def test_a_scene_over_speed(tmp_path):
     """Its cams, rig, model and speeds; the phase is of the force over θ."""
-    result = call("quick", "--orders", "20", "--json", "-", "--plot", tmp_path / "a.png")
-    assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = data_of("orders", "quick", "--orders", "20", "--plot", tmp_path / "a.png")
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
     assert list(speeds) == [(c, r) for c in ("tm21", "bezier15") for r in (200, 300, 350, 400)]
     assert (speeds["bezier15", 200]["period"], speeds["bezier15", 200]["settled"]) == (1, True)
