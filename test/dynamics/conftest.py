@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from cam_rig.laws import Law, build_law
+from cam_rig.units import TURN
 
 from ..conftest import dwell, rise
-from .helpers import edge_law
 
 
 @pytest.fixture
@@ -23,8 +24,13 @@ def at_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def edge() -> Law:
-    """A cam of constant velocity: its velocity jumps at four joints."""
-    return edge_law()
+    """A cam of constant velocity: its velocity jumps at four joints.
+
+    Dwell of 60°, rise of 50 mm over 90°, dwell of 60°, fall over 90°, dwell of 60°.
+    """
+    breaks = np.radians([0.0, 60.0, 150.0, 210.0, 300.0, 360.0])
+    breaks[-1] = TURN
+    return Law("edge", breaks, 0.05 * np.array([[0.0, 0, 1, 1, 0], [0, 1, 1, 0, 0]]))
 
 
 @pytest.fixture(scope="session")

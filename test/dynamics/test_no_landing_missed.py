@@ -17,9 +17,10 @@ from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass import Separation, phase_states
-from cam_rig.laws import Law
+from cam_rig.laws import build_law
 from cam_rig.units import NS, RPM, TURN
 
+from ..conftest import dwell, rise
 from .helpers import MS, ONE, TWO, bumped, every, land, noisy, ticked
 
 
@@ -115,19 +116,13 @@ def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration,
     assert events > 0
 
 
-def ramp_of_one_slope():
-    """A dwell, a rise of 40 mm at constant velocity, a dwell, a 3-4-5 fall, a dwell."""
-    high, rise = np.full(6, 0.04), np.linspace(0.0, 0.04, 6)
-    fall = np.array([0.04, 0.04, 0.04, 0.0, 0.0, 0.0])
-    breaks = np.radians([0.0, 50.0, 160.0, 220.0, 320.0, 360.0])
-    return Law("slope", breaks, np.column_stack([0.0 * high, rise, high, fall, 0.0 * high]))
-
-
 @pytest.mark.parametrize("milliseconds", [20, 3])
-def test_one_mass_lands_on_the_slope_where_a_tick_ends(milliseconds):
+def test_one_mass_lands_on_the_slope_where_a_tick_ends(make_cam, milliseconds):
     """A ramp's law ends with the tick, on a slope: a quick look at the gap must see the cam go on,
     and not a plateau under which the follower sinks (20 µm) until the tick is over."""
-    law, p = ramp_of_one_slope(), replace(ONE, restitution=0.7)
+    event = rise(110, 1, "constant_velocity"), dwell(60), rise(100, 0)
+    law = build_law(make_cam(dwell(50), *event, dwell(40), lift=0.04))
+    p = replace(ONE, restitution=0.7)
     lowest, events = lowest_gap(law, p, 0.0, 150.0 * np.pi / 30.0, milliseconds, model="one_mass")
     assert lowest > -1e-12
     assert events == 33  # as in one tick of 400 ms

@@ -139,9 +139,8 @@ def test_a_vibration_never_exceeds_its_share(kind):
             acceleration, jerk = second @ start
             bend = bound_share(table, frequency * acceleration, jerk)
             assert np.abs(weights @ second @ free).max() <= bend * (1.0 + RELATIVE_ROUNDING)
-            force = (
-                bernstein.basis(part["size"] - 1, u) @ rows[StemContactRow.FORCE, : part["size"]]
-            )
+            ordinates = rows[StemContactRow.FORCE, : part["size"]]
+            force = bernstein.basis(part["size"] - 1, u) @ ordinates
             cells = np.minimum((u * CELLS).astype(int), CELLS - 1)
             rounding = part["force_rounding"]
             assert (force >= part["cell_minima"][cells]).all()
@@ -182,9 +181,8 @@ def test_a_proven_step_has_an_open_gap(kind, model):
             curvature = largest + speed**2 * float(law.largest_curvatures[piece])
             inside = np.minimum((low + speed * times - low) / span, 1.0)
             s = bernstein.basis(law.degree, inside) @ law.ordinates[:, piece]
-            slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ (
-                bernstein.derivative(law.ordinates[:, piece]) / span
-            )
+            derivative = bernstein.derivative(law.ordinates[:, piece]) / span
+            slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ derivative
             gap, rates = place - s, velocity[[0, -1]] - speed * slopes
             reach = positive_duration(float(gap[0]), float(rates[0]), curvature)
             assert (gap[times < 0.999 * reach] > 0.0).all()  # (1)

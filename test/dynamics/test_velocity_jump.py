@@ -106,9 +106,8 @@ def test_stem_comes_back_after_a_turn(edge):
     p = dataclasses.replace(ONE, stem_stiffness=1e5, damping=200.0)
     model = response(edge, p, SPEED)
     start = model.periodic()
-    np.testing.assert_allclose(
-        model.end(start, 0.0, TURN / SPEED), start, atol=1e-13 * SPEED * STEP
-    )
+    after = model.end(start, 0.0, TURN / SPEED)
+    np.testing.assert_allclose(after, start, atol=1e-13 * SPEED * STEP)
     settled = model.end(np.zeros(2), 0.0, 3.0 * TURN / SPEED)
     np.testing.assert_allclose(settled, start, atol=1e-12 * SPEED * STEP)
 

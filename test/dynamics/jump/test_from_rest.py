@@ -60,10 +60,8 @@ def random_rigs(rng, count):
     mass = rng.uniform(0.5, 2.0, count)
     damping = 10.0 ** rng.uniform(-2.0, 1.3, (2, count))
     stem = 10.0 ** rng.uniform(6.0, 6.8, count)
-    spring = rng.uniform(2000.0, 8000.0, count)
-    return Rigs(
-        share * mass, (1.0 - share) * mass, stem, spring, *damping, rng.uniform(0.0, 60.0, count)
-    )
+    spring, preload = rng.uniform([2000.0, 0.0], [8000.0, 60.0], (count, 2)).T
+    return Rigs(share * mass, (1.0 - share) * mass, stem, spring, *damping, preload)
 
 
 @pytest.mark.variants(3)

@@ -100,9 +100,8 @@ def test_periodic_state_returns(law, damped, speed):
 def test_resonance_has_no_periodic_state(laws, follower):
     """Undamped, with whole periods in the turn, and a cam too flat to detune it; nor has rest."""
     base = laws["poly345"]
-    p = TorsionalParameters(
-        dataclasses.replace(follower, damping=0.0), 0.02, 0.02 * (5 * SLOW) ** 2
-    )
+    undamped = dataclasses.replace(follower, damping=0.0)
+    p = TorsionalParameters(undamped, 0.02, 0.02 * (5 * SLOW) ** 2)
     law = Law("flat", base.breaks, 1e-9 * base.ordinates)
     with pytest.raises(DynamicsError, match=r"no periodic state at .* Resonance needs damping"):
         steady_state(law, p, SLOW)
