@@ -9,15 +9,7 @@ import pytest
 from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.errors import RefusedError
 from cam_rig.laws import build_law
-from cam_rig.messages import topics
-from cam_rig.messages.codec import (
-    BLOCK_LABEL,
-    cam_state_of,
-    decode_block,
-    decode_law,
-    encode_block,
-    encode_law,
-)
+from cam_rig.messages import codec, topics
 from cam_rig.messages.motion import JOINTS, MotionMessages, instants_of
 from cam_rig.messages.serialization import CdrTemplate, header, new, serialize
 from cam_rig.schema import load_cam
@@ -32,39 +24,39 @@ def test_laws_and_blocks_come_back_bit_for_bit():
     numbers, unrounded."""
     for cam in ("poly345", "cycloidal", "bezier15", "tm21"):
         law = build_law(load_cam(config_root() / "cams" / f"{cam}.yaml"))
-        dimensions, data = encode_law(law)
-        back = decode_law(dimensions, data.ravel())
+        dimensions, data = codec.encode_law(law)
+        back = codec.decode_law(dimensions, data.ravel())
         assert back.name == law.name
         assert np.array_equal(back.breaks, law.breaks)
         assert np.array_equal(back.ordinates, law.ordinates)
     rows = np.random.default_rng(1).normal(size=(6, 7))
-    dimensions, data = encode_block(rows)
-    assert np.array_equal(decode_block(dimensions, data.ravel()), rows)
+    dimensions, data = codec.encode_block(rows)
+    assert np.array_equal(codec.decode_block(dimensions, data.ravel()), rows)
 
 
 def test_another_layout_is_refused():
     """A block with other labels or sizes is refused with both."""
     for dimensions in (
         [],
-        [(BLOCK_LABEL, 6)],
-        [(BLOCK_LABEL, 6), ("sample", 3)],
+        [(codec.BLOCK_LABEL, 6)],
+        [(codec.BLOCK_LABEL, 6), ("sample", 3)],
         [("other", 6), ("sample", 2)],
-        [(BLOCK_LABEL, 3), ("sample", 4)],
+        [(codec.BLOCK_LABEL, 3), ("sample", 4)],
     ):
         with pytest.raises(RefusedError, match="allowed"):
-            decode_block(dimensions, np.zeros(12))
+            codec.decode_block(dimensions, np.zeros(12))
 
 
 def test_a_law_with_a_hole_is_refused():
     """Numbers that are no law are refused before anything turns."""
     law = build_law(load_cam(config_root() / "cams" / "bezier15.yaml"))
-    dimensions, data = encode_law(law)
+    dimensions, data = codec.encode_law(law)
     broken = data.ravel().copy()
     broken[3] = np.nan
     with pytest.raises(RefusedError, match="finite"):
-        decode_law(dimensions, broken)
+        codec.decode_law(dimensions, broken)
     with pytest.raises(RefusedError, match="law coefficients"):
-        decode_law([("x", 1), ("y", broken.size)], broken)
+        codec.decode_law([("x", 1), ("y", broken.size)], broken)
 
 
 def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
@@ -80,12 +72,12 @@ def test_a_cam_state_comes_back_bit_for_bit():
         rng = np.random.default_rng(turns)
         for angle in (0.0, *rng.uniform(0.0, TURN, 50), np.nextafter(TURN, 0.0)):
             state = CamState(3_000_000_007, float(angle), 50.0, "tm21", turns)
-            assert cam_state_of(message([state.unwrapped, state.angle])) == state
+            assert codec.cam_state_of(message([state.unwrapped, state.angle])) == state
 
 
 def test_a_cam_state_of_before_is_taken():
     """A bag that has the angle as one number is read, to what that holds."""
-    state = cam_state_of(message([2000.0 * TURN + 1.25]))
+    state = codec.cam_state_of(message([2000.0 * TURN + 1.25]))
     assert state.turns == 2000
     assert state.angle == pytest.approx(1.25, abs=4e-12)
 
@@ -105,7 +97,7 @@ def test_a_cam_state_of_before_is_taken():
 def test_what_is_not_a_cam_state_is_refused(positions, words):
     """By what is wrong with it."""
     with pytest.raises(RefusedError, match=words):
-        cam_state_of(message(positions))
+        codec.cam_state_of(message(positions))
 
 
 # -- the motion at its instants: every peak, in order, and as the messages that others read

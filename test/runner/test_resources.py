@@ -17,17 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError, OutputError, RunError
-from cam_rig.runner.resources import (
-    MAX_DOMAIN,
-    MAX_NAMESPACE,
-    MIN_FREE,
-    clean,
-    domain_number,
-    namespace_named,
-    own_domain,
-    require_room,
-    why_killed,
-)
+from cam_rig.runner import resources
+from cam_rig.runner.resources import clean, domain_number, own_domain, require_room, why_killed
 
 from ..processes import ended
 
@@ -95,8 +86,8 @@ def test_numbers_are_read_as_ros_reads_them(text):
     library, end = ctypes.CDLL(None), ctypes.c_char_p()
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
-    if text and (wanted > MAX_DOMAIN or end.value or not text.strip()):
-        words = f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MAX_DOMAIN}"
+    if text and (wanted > resources.MAX_DOMAIN or end.value or not text.strip()):
+        words = f"ROS_DOMAIN_ID: is .*; allowed: 0 to {resources.MAX_DOMAIN}"
         with pytest.raises(ConfigError, match=words) as refused:
             domain_number(text)
         assert len(str(refused.value)) < 100
@@ -182,11 +173,11 @@ def test_a_namespace_is_written_with_or_without_its_slash():
     """As `ros2 run -r __ns:=/rig1` wants it; what ROS does not take is refused with the limit,
     before any node is started."""
     taken = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
-    assert {text: namespace_named(text) for text in taken} == taken
+    assert {text: resources.namespace_named(text) for text in taken} == taken
     for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
-        words = f"namespace: is .*{MAX_NAMESPACE} characters at most"
+        words = f"namespace: is .*{resources.MAX_NAMESPACE} characters at most"
         with pytest.raises(ConfigError, match=words):
-            namespace_named(text)
+            resources.namespace_named(text)
 
 
 # /dev/shm: what a killed node leaves there is taken away, and nothing else.
@@ -241,9 +232,9 @@ def leave(monkeypatch, free):
 
 def test_a_full_shared_memory_is_seen_before_a_run(monkeypatch, tmp_path):
     """One line that names the place, the room, the limit and the remedy."""
-    leave(monkeypatch, MIN_FREE)
+    leave(monkeypatch, resources.MIN_FREE)
     require_room(tmp_path)
-    leave(monkeypatch, MIN_FREE - 512)
+    leave(monkeypatch, resources.MIN_FREE - 512)
     with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
         require_room(tmp_path)
 
