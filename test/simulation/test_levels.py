@@ -142,8 +142,7 @@ def test_regression_recovers_a_cubic():
     flat = regression.regression(RPM, np.full(RPM.size, 80.0))
     np.testing.assert_allclose(flat, [80.0, 0.0, 0.0, 0.0], rtol=0, atol=1e-10)
     few = regression.regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
-    assert few.shape == (4,)
-    assert np.isnan(few).all()
+    assert few.shape == (4,) and np.isnan(few).all()
 
 
 def test_a_leading_number_of_rounding_has_no_root():

@@ -13,12 +13,13 @@ from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError
 from cam_rig.live.drive import SetpointSchedule
 from cam_rig.live.queues import FollowerQueue, TickMatcher
-from cam_rig.schema.load import config_root
 from cam_rig.simulation import simulate as simulation
 from cam_rig.simulation.by_speed import SpeedRows
 from cam_rig.simulation.schedule import cam_states, tick_count
 from cam_rig.simulation.simulate import settled_turns, step_levels, turned_ticks
 from cam_rig.units import RPM, TURN
+
+from ..conftest import GOLDEN
 
 
 def levels_of(loaded):
@@ -201,9 +202,6 @@ def test_the_nodes_give_the_same_levels(divided, seed):
     levels = levels_of(divided(scene, 1))
     for ticks in (1, 5):
         assert_equal(step_levels(run_of_the_nodes(divided(scene, ticks)), settle), levels)
-
-
-GOLDEN = config_root().parent / "bags" / "golden"
 
 
 def rows_of(loaded):
