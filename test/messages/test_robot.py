@@ -77,8 +77,7 @@ def test_the_links_form_one_tree(kind):
     links = [link.get("name") for link in root.iter("link")]
     children = [joint.find("child").get("link") for joint in root.iter("joint")]
     parents = {joint.find("parent").get("link") for joint in root.iter("joint")}
-    assert len(set(links)) == len(links)
-    assert sorted([*children, BASE]) == sorted(links)
+    assert len(set(links)) == len(links) and sorted([*children, BASE]) == sorted(links)
     assert parents <= set(links)
     named = {GUIDE, MOTOR, CAM, FOLLOWER, MICROPHONE, robot.mounted.name}
     assert named | set(robot.loaded.scene.cams) <= set(links)
@@ -97,8 +96,7 @@ def test_the_parser_of_ros_takes_it(kind, tmp_path):
     assert parser is not None, "neither cmeel-urdfdom nor liburdfdom-tools is installed"
     answer = ended(parser, file)
     assert answer.returncode == 0, answer.stderr
-    assert f"root Link: {BASE}" in answer.stdout
-    assert "rror" not in answer.stderr
+    assert f"root Link: {BASE}" in answer.stdout and "rror" not in answer.stderr
 
 
 def test_dimensions_are_the_files(kind):
@@ -132,14 +130,12 @@ def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
         motor = numbers(links[MOTOR].find("visual/origin").get("xyz"))
         place = poses(text, AT_REST)[BASE, MOTOR][:3, 3] + motor
         bench.append((sizes, place.round(8).tolist()))
-    assert limits == [limits[0]] * len(limits)
-    assert bench == [bench[0]] * len(bench)
+    assert limits == [limits[0]] * len(limits) and bench == [bench[0]] * len(bench)
     around = np.linspace(0.0, 2.0 * np.pi, 3601)
     laws = [scene_of_kinds.laws[cam] for cam in scene_of_kinds.scene.cams]
     lift = max(float(law(around).max()) for law in laws)
     speed = max(float(np.abs(law(around, 1)).max()) for law in laws) * fastest
-    assert float(limits[0]["lower"]) <= 0.0
-    assert float(limits[0]["upper"]) > 1.1 * lift
+    assert float(limits[0]["lower"]) <= 0.0 and float(limits[0]["upper"]) > 1.1 * lift
     assert float(limits[0]["effort"]) > 0.0
     assert float(limits[0]["velocity"]) == pytest.approx(speed, rel=1e-3)
 
