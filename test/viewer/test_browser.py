@@ -113,8 +113,7 @@ def test_every_curve_is_seen_from_where_the_run_is_played(chromium, bag, path):
     with serve_file(path, BEGIN * end) as address:
         visit = look(chromium, address, SHOWN | NOBODYS, set(NOBODYS), BEGIN * end)
     assert visit.missing() == set(NOBODYS)
-    assert visit.errors == []
-    assert visit.outside == []
+    assert visit.errors == [] and visit.outside == []
     assert np.diff(visit.times).max() > 0.5 * end
 
 
@@ -124,8 +123,7 @@ def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
     page.write_text(LATE, encoding="utf-8")
     monkeypatch.setattr("tools.docs.browser.open_browser", lambda: nullcontext(chromium))
     pixels = browser.photograph(page.as_uri(), (0xFF0000FF, 0x00FF00FF), settled=0x00FF00FF)
-    assert count(pixels, 0xFF0000FF) == 100 * 100
-    assert count(pixels, 0x00FF00FF) == 400 * 100
+    assert count(pixels, 0xFF0000FF) == 100 * 100 and count(pixels, 0x00FF00FF) == 400 * 100
 
 
 @pytest.mark.long

@@ -42,10 +42,8 @@ def test_an_axis_holds_its_values_and_wastes_little():
         left, right, step = round_range(low, high)
         mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
         assert round(mantissa, 9) in (1.0, 2.0, 5.0)
-        assert left <= low + 1e-9 * step
-        assert high <= right + 1e-9 * step
-        assert low - left < step * (1.0 + 1e-9)
-        assert right - high < step * (1.0 + 1e-9)
+        assert left <= low + 1e-9 * step and high <= right + 1e-9 * step
+        assert low - left < step * (1.0 + 1e-9) and right - high < step * (1.0 + 1e-9)
         assert (high - low) / step <= 5.0 + 1e-9
         marks = step_marks(left, right, step)
         values = np.array([*marks])
@@ -74,8 +72,7 @@ def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own():
     """It fills a fifth of it at least; gaps that one axis shows have no other."""
     for least in (1.5e-6, 16.5e-6, 3e-4):
         (low, high, _) = quantities.close_gap([least, 0.04, 0.0])[quantities.CLOSE_GAP]
-        assert low == 0.0
-        assert 0.15 <= least * 1e6 / high <= 0.5
+        assert low == 0.0 and 0.15 <= least * 1e6 / high <= 0.5
     for gaps in ([], [0.0], [1e-9, 0.04], [0.02, 0.04], [1e-4]):
         assert quantities.close_gap(gaps) == {}
     whole = scene_ranges(open_scene(config_root() / "scenes" / "tm21_sweep.yaml")).whole
@@ -92,8 +89,7 @@ def test_least_and_greatest_of_every_bucket_stay_in_order():
         for begin in range(0, count, bucket):
             part = values[begin : begin + bucket]
             of_part = values[kept[(kept >= begin) & (kept < begin + bucket)]]
-            assert of_part.min() == part.min()
-            assert of_part.max() == part.max()
+            assert of_part.min() == part.min() and of_part.max() == part.max()
     np.testing.assert_array_equal(quantities.extremes(np.array([3.0, 1.0, 2.0]), 1), [0, 1, 2])
 
 
@@ -214,8 +210,7 @@ def test_each_cam_is_named_beside_its_last_point(bag, picture):
         places = random.uniform(0.0, 30.0, random.integers(1, 7))
         moved = level_chart.spread(places, 5.0)
         np.testing.assert_array_equal(np.argsort(moved), np.argsort(places))
-        assert np.all(moved >= places)
-        assert np.all(np.diff(np.sort(moved)) >= 5.0 - 1e-12)
+        assert np.all(moved >= places) and np.all(np.diff(np.sort(moved)) >= 5.0 - 1e-12)
 
 
 def test_measured_points_are_the_steps_levels(bag, picture):
@@ -290,8 +285,7 @@ def test_results_are_those_of_the_turns(bag, picture):
     assert int(fast[5]) == 1
     law, angle = bag.loaded.laws["poly345"], np.concatenate(bag.angles[6:8])
     gap = (last[1] - law(angle))[last[4] == 0.0].max() * 1e6
-    assert float(fast[6]) == pytest.approx(gap, rel=1e-3)
-    assert (slow[5], slow[6]) == ("0", "0")
+    assert float(fast[6]) == pytest.approx(gap, rel=1e-3) and (slow[5], slow[6]) == ("0", "0")
 
 
 @pytest.mark.parametrize("layout", list(Layout))
