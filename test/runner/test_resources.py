@@ -44,12 +44,17 @@ def place(request, monkeypatch, temporary):
     return folder
 
 
+def check_refused(error, words, namespace=""):
+    """Check that no run can begin now in the domain of the environment."""
+    with pytest.raises(error, match=words), own_domain(namespace):
+        pass
+
+
 def test_a_domain_is_held_once(monkeypatch, place):
     """The second run names the domain that is taken; another domain, or a later run, is free."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain():
-        with pytest.raises(RunError, match="another run is active in ROS domain 7"), own_domain():
-            pass
+        check_refused(RunError, "another run is active in ROS domain 7")
         monkeypatch.setenv("ROS_DOMAIN_ID", "8")
         with own_domain():
             pass
@@ -69,8 +74,7 @@ def test_the_same_number_is_the_same_domain(monkeypatch, place):
         monkeypatch.setenv("ROS_DOMAIN_ID", one)
         with own_domain():
             monkeypatch.setenv("ROS_DOMAIN_ID", other)
-            with pytest.raises(RunError, match=f"ROS domain {int(other)}; "), own_domain():
-                pass
+            check_refused(RunError, f"ROS domain {int(other)}; ")
 
 
 NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0")
@@ -126,9 +130,7 @@ def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, lay):
     lock = place / "cam_rig-domain-9.lock"
     lock.unlink()
     lay(lock)
-    words = r"domain-9\.lock: is not a file of yours; remove"
-    with pytest.raises(OutputError, match=words), own_domain():
-        pass
+    check_refused(OutputError, r"domain-9\.lock: is not a file of yours; remove")
     assert not lock.with_name("other").exists()
 
 
@@ -137,9 +139,7 @@ def test_a_folder_that_others_can_write_to_is_not_used(temporary, lay):
     """Another user may have been there first."""
     (temporary / "other").mkdir(mode=0o700)
     lay(temporary / f"cam_rig-{os.getuid()}")
-    words = "is not a folder of yours alone; remove it"
-    with pytest.raises(OutputError, match=words), own_domain():
-        pass
+    check_refused(OutputError, "is not a folder of yours alone; remove it")
     assert list((temporary / "other").iterdir()) == []
 
 
@@ -157,16 +157,14 @@ def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, temporary):
     """A disk that is full: one line, no traceback."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
-    with pytest.raises(OutputError, match="name a folder with room in TMPDIR"), own_domain():
-        pass
+    check_refused(OutputError, "name a folder with room in TMPDIR")
 
 
 def test_each_namespace_of_a_domain_is_held_once(monkeypatch, place):
     """Two rigs in one domain, each in its namespace; a third in one of them is refused by name."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    taken = pytest.raises(RunError, match=r"domain 7, namespace /rig1; .*--namespace")
-    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"), taken, own_domain("/rig1"):
-        pass
+    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"):
+        check_refused(RunError, r"domain 7, namespace /rig1; .*--namespace", "/rig1")
 
 
 def test_a_namespace_is_written_with_or_without_its_slash():
