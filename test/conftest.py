@@ -28,6 +28,8 @@ from .references import many_digits
 
 __all__ = ["many_digits"]
 CONFIG = Path(__file__).parents[1] / "config"
+#: The recorded run that the repository ships.
+GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
@@ -117,6 +119,16 @@ def chromium() -> Iterator[Any]:
         pytest.skip(f"no browser: {why}")
     with open_browser() as browser:
         yield browser
+
+
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Figures without a screen, all closed at the end."""
+    import matplotlib as mpl
+
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    yield
+    mpl.pyplot.close("all")
 
 
 @pytest.fixture(scope="session")
