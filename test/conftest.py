@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from xdist.scheduler import LoadFileScheduling
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import environment
@@ -28,6 +28,8 @@ from .references import many_digits
 
 __all__ = ["many_digits"]
 CONFIG = Path(__file__).parents[1] / "config"
+#: The recorded run that the repository ships.
+GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
@@ -119,6 +121,16 @@ def chromium() -> Iterator[Any]:
         yield browser
 
 
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Figures without a screen, all closed at the end."""
+    import matplotlib as mpl
+
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    yield
+    mpl.pyplot.close("all")
+
+
 @pytest.fixture(scope="session")
 def config_dir() -> Path:
     """The shipped ``config`` folder."""
@@ -153,6 +165,18 @@ def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
 def rig() -> RigConfig:
     """The shipped rig file."""
     return load_rig(CONFIG / "rigs" / "tm21.yaml")
+
+
+@pytest.fixture(scope="session")
+def paper_rig() -> RigConfig:
+    """The rig that was identified from the jump speeds of Table 2: two masses, and a shaft."""
+    return load_rig(CONFIG / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="session")
+def two_mass(paper_rig: RigConfig) -> TwoMassParameters:
+    """The two-mass follower of the paper's jump speeds."""
+    return TwoMassParameters.from_rig(paper_rig)
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from itertools import combinations
+from typing import Any
 
+import pytest
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -52,6 +54,18 @@ def faults(figure: Figure) -> list[str]:
         if _overlap(box, beside):
             found.append(f"{one.get_text()!r} on {other.get_text()!r}")
     return found
+
+
+@pytest.fixture(autouse=True)
+def no_faulty_figure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check every figure that is written for faults."""
+    save = Figure.savefig
+
+    def checked(figure: Figure, *given: Any, **more: Any) -> None:
+        save(figure, *given, **more)
+        assert faults(figure) == []
+
+    monkeypatch.setattr(Figure, "savefig", checked)
 
 
 def _labels(figure: Figure) -> Iterator[Text]:

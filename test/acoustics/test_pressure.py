@@ -8,15 +8,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.signal import lfilter
 
-from cam_rig.acoustics import (
-    MicrophoneState,
-    RadiationParameters,
-    SoundSource,
-    level_db,
-    pressure_pa,
-    rms_pressure,
-    third_octaves,
-)
+from cam_rig import acoustics
+from cam_rig.acoustics import MicrophoneState, SoundSource, level_db, pressure_pa, rms_pressure
 from cam_rig.acoustics.pressure import BLOCK, Background, first_order, mean_square_rate
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.laws import bernstein
@@ -50,7 +43,7 @@ def test_reference_values():
 def test_constants_of_a_rig(rig, follower, radiation):
     """In SI; the background is the given one at its speed, and one slope higher an octave on."""
     # Twice the impulse of a landing, four times the energy; no impulse, none.
-    found, at = RadiationParameters.from_rig(rig), radiation.background_at
+    found, at = acoustics.RadiationParameters.from_rig(rig), radiation.background_at
     for key in ("gain", "corner", "background_at"):
         assert getattr(found, key) == getattr(rig.radiation, key).si
     assert found.contact_time == pytest.approx(follower.contact_time, rel=1e-15)
@@ -263,7 +256,7 @@ def test_background_spectrum():
     for rate in (48_000, 96_000):
         noise = Background(500.0, rate, seed=4).samples(5 * rate)
         assert float(np.var(noise)) == pytest.approx(1.0, rel=0.03)
-        spectrum = third_octaves(noise, rate)
+        spectrum = acoustics.third_octaves(noise, rate)
         level = dict(zip(spectrum.names, spectrum.level_db, strict=True))
         assert level["100"] - level["50"] == pytest.approx(3.0, abs=0.7)  # white: 3 dB an octave
         assert level["8k"] - level["4k"] == pytest.approx(-3.0, abs=0.5)  # 3 dB less 6

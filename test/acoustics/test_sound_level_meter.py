@@ -190,12 +190,10 @@ def test_overload_and_under_range_are_shown():
     assert not meter.read(tone(1000.0, 80.0, 0.1)).overload
     assert meter.overloaded
     reading = SoundLevelMeter(RATE, "A", "F").read(tone(20.0, 135.0, 0.5))
-    assert reading.level < 90.0
-    assert reading.overload
+    assert reading.level < 90.0 and reading.overload
     assert SoundLevelMeter(RATE, "A", "F").read(tone(1000.0, 25.0, 1.0)).under_range
     silent = SoundLevelMeter(RATE).read(np.zeros(100))
-    assert silent.under_range
-    assert silent.level == silent.highest == SILENCE
+    assert silent.under_range and silent.level == silent.highest == SILENCE
 
 
 def test_what_is_refused():
@@ -232,12 +230,10 @@ def test_levels_of_a_tone():
     assert heard.levels["LASmax"] == pytest.approx(90.0 + 10.0 * np.log10(1 - np.exp(-2)), abs=0.1)
     assert heard.bands.level_db[heard.bands.names.index("1k")] == pytest.approx(90.0, abs=0.1)
     assert heard.peak_pa == pytest.approx(np.sqrt(2.0) * float(pressure_pa(90.0)), rel=1e-3)
-    assert not heard.overload
-    assert not heard.under_range
+    assert not heard.overload and not heard.under_range
     assert heard.class_1_up_to_hz == 20_000.0
     wave = tone(1000.0, 90.0, 0.5, LOW_RATE)
-    assert measure(wave * 200.0, LOW_RATE).overload
-    assert measure(wave * 1e-4, LOW_RATE).under_range
+    assert measure(wave * 200.0, LOW_RATE).overload and measure(wave * 1e-4, LOW_RATE).under_range
 
 
 def test_numbers_of_a_file():

@@ -143,8 +143,7 @@ class Frugal:
 
     def __exit__(self, kind, *_):
         if kind is None:
-            assert peak_mb() - self._before < 500
-            assert time.process_time() - self._begun < 10
+            assert peak_mb() - self._before < 500 and time.process_time() - self._begun < 10
 
 
 def peak_mb():

@@ -23,16 +23,8 @@ from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import CamRigError, DynamicsError, RefusedError
 from cam_rig.live.queues import FollowerQueue
 from cam_rig.live.state_validation import StateValidator
-from cam_rig.messages import topics
-from cam_rig.messages.codec import (
-    BLOCK_LABEL,
-    PIECE_LABEL,
-    array_of,
-    cam_state_of,
-    decode_block,
-    decode_law,
-    encode_block,
-)
+from cam_rig.messages import codec, topics
+from cam_rig.messages.codec import BLOCK_LABEL, PIECE_LABEL, array_of, decode_block, decode_law
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.studies.simulate.recorded import read_recording
 
@@ -258,10 +250,9 @@ def test_a_follower_stays_finite_whatever_is_published(received):
             if isinstance(one, tuple):
                 follower.add_law(decode_law(*array_of(message(*one))))
             else:
-                follower.add_state(cam_state_of(one))
+                follower.add_state(codec.cam_state_of(one))
             for _, _, state, block in follower.complete():
-                assert np.isfinite(block.rows).all()
-                assert math.isfinite(state.contact_force)
+                assert np.isfinite(block.rows).all() and math.isfinite(state.contact_force)
         except (RefusedError, DynamicsError) as error:
             assert "\n" not in str(error)
 
@@ -281,7 +272,7 @@ def test_a_microphone_stays_finite(forces, speed):
     """Every block that passes gives a level."""
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
-    dimensions, data = encode_block(rows)
+    dimensions, data = codec.encode_block(rows)
     microphone = MicrophoneSimulator.of(LOADED)
     try:
         passed = decode_block(dimensions, data.ravel())

@@ -63,8 +63,7 @@ def states(golden):
 def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
     """In rising log times but for diagnoses; unstamped ones by their twins, a clock a state."""
     written = record(golden, kept)
-    assert written == states
-    assert len(kept.messages) == len(golden) + len(states)
+    assert written == states and len(kept.messages) == len(golden) + len(states)
     found = by_topic(kept)
     for topic in topics.RECEIVED:
         if topic.per == "tick":
@@ -92,8 +91,7 @@ def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missi
     """A state is not acknowledged while a message is missing; the rest is written at the end."""
     last = max(n for topic, n, _ in golden if topic is missing)
     written = record([m for m in golden if m[:2] != (missing, last)], kept)
-    assert written == states[:-1]
-    assert len(by_topic(kept)[missing.name]) == last - 1
+    assert written == states[:-1] and len(by_topic(kept)[missing.name]) == last - 1
     if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
         twins = sum(topic.twin == missing.name for topic in topics.RECEIVED)
         assert len(kept.messages) == len(golden) + len(states) - 1 - twins

@@ -123,8 +123,7 @@ def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
         bag = tmp_path / f"bag{number}"
         BagRecorder(bag, open_scene(own if number % 2 else tmp_path / own)).close()
         read = read_scene(bag)
-        assert read.scene == scene
-        assert read.scene_file.name == "own.yaml"
+        assert read.scene == scene and read.scene_file.name == "own.yaml"
 
 
 def test_the_distribution_is_the_sourced_one_else_the_wheels(monkeypatch):

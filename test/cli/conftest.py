@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
@@ -13,19 +12,10 @@ from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 from cam_rig.show import terminal as console
 
-from ..figure_faults import faults
+from ..conftest import GOLDEN
+from ..figure_faults import no_faulty_figure
 
-
-@pytest.fixture(autouse=True)
-def no_faulty_figure(monkeypatch):
-    """Whatever figure a command writes has no text that is cut, too small, or on another."""
-    save = Figure.savefig
-
-    def checked(figure, *given, **more):
-        save(figure, *given, **more)
-        assert faults(figure) == []
-
-    monkeypatch.setattr(Figure, "savefig", checked)
+__all__ = ["GOLDEN", "no_faulty_figure"]
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +62,7 @@ def sweep(tmp_path_factory):
     return path
 
 
-GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent
+BIN = Path(sys.executable).parent
 
 
 def call(*arguments):

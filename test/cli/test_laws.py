@@ -134,8 +134,7 @@ def test_cams_or_a_scene(own):
     found = asked_cams([str(own)], None)
     assert (set(found.cams), found.rig.name) == ({"lug"}, "mine")
     assert asked_cams(["quick"], "paper_table2").rig.name == "paper_table2"
-    assert one_scene(["poly345"]) is None
-    assert one_scene(["quick", "poly345"]) is None
+    assert one_scene(["poly345"]) is None and one_scene(["quick", "poly345"]) is None
 
 
 def test_a_rig_by_name_or_by_file(own, tmp_path):
@@ -161,8 +160,7 @@ def test_the_studies_take_a_scene(own, command):
     """Each is of the scene's cam, on its rig or on the one that is named."""
     result = done(command, own, "--rig", "other", "--json", "-")
     assert "lug" in json.dumps(json.loads(result.stdout))
-    assert "other" in " ".join(result.stderr.split())
-    assert "paper_table2" not in result.stderr
+    assert "other" in " ".join(result.stderr.split()) and "paper_table2" not in result.stderr
 
 
 def test_profile_and_listen_take_it_too(own, tmp_path):
@@ -178,8 +176,7 @@ def test_profile_and_listen_take_it_too(own, tmp_path):
 def test_a_noise_study_of_another_scene_says_what_to_take(own):
     """It needs three published cams; the remedy is named."""
     result = call("noise", own)
-    assert result.exit_code == 2
-    assert "take cam-rig simulate or report" in result.stderr
+    assert result.exit_code == 2 and "take cam-rig simulate or report" in result.stderr
 
 
 def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):

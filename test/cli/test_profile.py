@@ -71,18 +71,15 @@ def test_a_failing_check_is_code_1(undercut):
     words = "convex radius of curvature is -1.3984 mm at 127.6°; allowed: more than 0 mm; let base"
     assert words in result.stderr
     assert "Traceback" not in result.stderr
-    assert call("flat", undercut).exit_code == 1
-    assert call("--all", undercut).exit_code == 1
+    assert call("flat", undercut).exit_code == 1 and call("--all", undercut).exit_code == 1
 
 
 def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
     """Refused and nothing written; with --force written, and the warning stays."""
     out, plot = tmp_path / "a.dxf", tmp_path / "a.png"
     result = call(undercut, "--out", out, "--plot", plot)
-    assert result.exit_code == 1
-    assert "or draw it with --force" in result.stderr
-    assert not out.exists()
-    assert not plot.exists()
+    assert result.exit_code == 1 and "or draw it with --force" in result.stderr
+    assert not out.exists() and not plot.exists()
     result = done(undercut, "--out", out, "--plot", plot, "--force")
     assert "warning: flat: convex radius" in result.stderr
     assert out.exists()
@@ -100,8 +97,7 @@ def test_there_and_back(tmp_path, suffix):
     found = [line for line in lines if line[:1] == ["conjugate"]]
     assert [(line[1], line[3]) for line in found] == [("first", "18"), ("second", "18")]
     header, *rows = law.read_text().splitlines()
-    assert header == "angle_deg,lift_mm"
-    assert len(rows) == 720
+    assert header == "angle_deg,lift_mm" and len(rows) == 720
     assert float(rows[360].split(",")[1]) == pytest.approx(18.0, abs=1e-6)
     data = json.loads(result.stdout)["contours"]
     assert [one["disc"] for one in data] == ["first", "second"]

@@ -111,15 +111,11 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
     assert untypeset(page) == []
     assert not re.search(r"<th[^>]*>(own|harsh)</th", page)  # cams by their titles
-    assert "My &lt;measured&gt; cam" in page
-    assert "A harsh cam: law" in page
-    assert "Levels are relative" in page
-    assert "<dd>2023-11-14</dd>" in page
+    assert "My &lt;measured&gt; cam" in page and "A harsh cam: law" in page
+    assert "Levels are relative" in page and "<dd>2023-11-14</dd>" in page
     assert "<code>cam-rig report own.yaml --out own.html</code>" in page
-    assert str(tmp_path) not in page
-    assert str(own_scene.parents[1]) not in page
-    assert "nothing is drawn at random" in page
-    assert "predicted" not in page
+    assert str(tmp_path) not in page and str(own_scene.parents[1]) not in page
+    assert "nothing is drawn at random" in page and "predicted" not in page
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
     found = json.loads(data.read_text())
@@ -146,8 +142,7 @@ def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
     row = run.by_speed[1]
     assert found["simulate"]["speeds"] == run.data()["speeds"]
     text = out.read_text(encoding="utf-8")
-    assert f"| {row.force_peak:.1f} |" in text
-    assert f"| {jump:.1f} |" in text
+    assert f"| {row.force_peak:.1f} |" in text and f"| {jump:.1f} |" in text
     assert "Jump speed: one rigid mass, from rest as in steady state." in text
     assert ".md`; with" in text  # no date, which would change it from one day to the next
     assert "<img" not in text
@@ -169,8 +164,7 @@ def test_a_recording_is_compared_with_the_run(tmp_path):
     out = tmp_path / "a.md"
     done("quick", "--bag", GOLDEN, "--out", out)
     text = out.read_text(encoding="utf-8")
-    assert "The recorded run golden" in text
-    assert "r.m.s. difference to published" in text
+    assert "The recorded run golden" in text and "r.m.s. difference to published" in text
 
 
 def test_two_masses_and_a_shaft(tmp_path):
@@ -178,8 +172,7 @@ def test_two_masses_and_a_shaft(tmp_path):
     out = tmp_path / "a.md"
     done("torsion", "--out", out)
     text = out.read_text(encoding="utf-8")
-    assert "two masses, 1.7 s from rest" in text
-    assert "| twist [°] |" in text
+    assert "two masses, 1.7 s from rest" in text and "| twist [°] |" in text
     assert "no closed form" in text
 
 

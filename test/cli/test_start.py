@@ -92,8 +92,7 @@ def test_a_command_imports_what_it_needs(words, without):
 def test_a_line_for_each_part():
     """Package, viewer, and rclpy with the ROS distribution it is of."""
     package, rerun, rclpy = call("--version").stdout.splitlines()
-    assert package == f"cam_rig {version('cam_rig')}"
-    assert rerun == f"rerun {version('rerun-sdk')}"
+    assert package == f"cam_rig {version('cam_rig')}" and rerun == f"rerun {version('rerun-sdk')}"
     assert re.fullmatch(r"rclpy \d\S* \(ROS 2 [a-z]+\)", rclpy)
 
 

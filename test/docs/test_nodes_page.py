@@ -69,8 +69,7 @@ def size_of(bag: Path) -> list[str]:
 def test_the_bag_of_quick():
     """As the golden bag is, which tests hold to be what a run makes."""
     asked, *figures = rows(PAGE, "`ticks_per_turn`")[0]
-    assert asked == "1"
-    assert figures == size_of(ROOT / "bags" / "golden")
+    assert asked == "1" and figures == size_of(ROOT / "bags" / "golden")
 
 
 @pytest.mark.long

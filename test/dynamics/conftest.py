@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
-from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law, build_law
-from cam_rig.schema import RigConfig, load_rig
+from cam_rig.units import TURN
 
-from .helpers import edge_law
+from ..conftest import dwell, rise
 
 
 @pytest.fixture
@@ -23,21 +23,14 @@ def at_once() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def paper_rig(config_dir) -> RigConfig:
-    """The rig of the paper's Table 2: two masses, and a shaft."""
-    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
-
-
-@pytest.fixture(scope="session")
-def two_mass(paper_rig) -> TwoMassParameters:
-    """The two-mass follower of the paper's jump speeds."""
-    return TwoMassParameters.from_rig(paper_rig)
-
-
-@pytest.fixture(scope="session")
 def edge() -> Law:
-    """A cam of constant velocity: its velocity jumps at four joints."""
-    return edge_law()
+    """A cam of constant velocity: its velocity jumps at four joints.
+
+    Dwell of 60°, rise of 50 mm over 90°, dwell of 60°, fall over 90°, dwell of 60°.
+    """
+    breaks = np.radians([0.0, 60.0, 150.0, 210.0, 300.0, 360.0])
+    breaks[-1] = TURN
+    return Law("edge", breaks, 0.05 * np.array([[0.0, 0, 1, 1, 0], [0, 1, 1, 0, 0]]))
 
 
 @pytest.fixture(scope="session")
@@ -46,5 +39,5 @@ def harmonic(make_cam) -> Law:
 
     s'' jumps by ± h π²/(2β²) at both ends of each.
     """
-    dwell, motion = {"law": "dwell", "span": 60}, {"law": "simple_harmonic", "span": 120}
-    return build_law(make_cam(dwell, motion | {"to": 1}, dwell, motion | {"to": 0}))
+    up, down = (rise(120, to, "simple_harmonic") for to in (1, 0))
+    return build_law(make_cam(dwell(60), up, dwell(60), down))

@@ -157,13 +157,10 @@ def noisy(law, pieces, amplitude, rng):
     breaks = np.linspace(0.0, TURN, pieces + 1)
     breaks[-1] = TURN
     points = law(breaks[:-1]) + amplitude * rng.standard_normal(pieces)
-    third = (np.roll(points, -1) - np.roll(points, 1)) / 6.0
     following = np.roll(points, -1)
-    return Law(
-        "noisy",
-        breaks,
-        np.stack([points, points + third, following - np.roll(third, -1), following]),
-    )
+    third = (following - np.roll(points, 1)) / 6.0
+    rows = [points, points + third, following - np.roll(third, -1), following]
+    return Law("noisy", breaks, np.stack(rows))
 
 
 class _Walk(Separation):
@@ -190,13 +187,6 @@ def exact_law(law: Law, angle: mp.mpf) -> list[mp.mpf]:
         found.append(polynomial(row, (inside - low) / span) / span**order)
         row = [k * a for k, a in enumerate(row)][1:] or [mp.mpf(0)]
     return found
-
-
-def edge_law() -> Law:
-    """Dwell, constant velocity up by 50 mm over 90°, dwell, as much down, dwell."""
-    breaks = np.radians([0.0, 60.0, 150.0, 210.0, 300.0, 360.0])
-    breaks[-1] = TURN
-    return Law("edge", breaks, 0.05 * np.array([[0.0, 0, 1, 1, 0], [0, 1, 1, 0, 0]]))
 
 
 def gauss(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from benchmark.speed import study as rig
-from benchmark.speed import study as stored
+from benchmark.speed import study
 from benchmark.speed.cases import CASES
 from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -90,9 +89,8 @@ def test_too_many_bounces_are_said(monkeypatch):
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
     lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 30 * NS, 0.0, SPEED)
-    with pytest.raises(
-        DynamicsError, match=r"more than 100 events in 30 s at 0.1 rad/s; allowed: "
-    ):
+    words = r"more than 100 events in 30 s at 0\.1 rad/s; allowed: "
+    with pytest.raises(DynamicsError, match=words):
         MODELS["one_mass"].advance(law_of("hump"), follower, lifted_off, interval, 100)
 
 
@@ -109,7 +107,7 @@ def test_events_are_those_of_fifty_digits(name):
     # the last digit of its stiffness, or of the speed, is worth 1e-13 s. Where it weighs more, five
     # times its weight is the limit: the processor chooses how sums are rounded.
     case = CASES[name]()
-    wanted, got = stored.read(case), rig.solve(case)
+    wanted, got = study.read(case), study.solve(case)
     assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
     event_s, motion = last_digit(case, got)
     assert got.event_error(wanted) < max(1e-13, 5.0 * event_s)
@@ -123,7 +121,7 @@ def last_digit(case, got):
     for last in (-1e-15, 1e-15):
         model = replace(case.model, **{name: getattr(case.model, name) * (1.0 + last)})
         for nudged in (replace(case, model=model), replace(case, speed=case.speed * (1.0 + last))):
-            other = rig.solve(nudged)
+            other = study.solve(nudged)
             found.append((other.event_error(got), other.error(got)))
     return np.max(found, axis=0)
 
@@ -198,21 +196,10 @@ def two_mass_touch(laws):
     return TWO.preload - float(states(found, near)[4].min()) / TWO.share
 
 
-def two_mass_turn(law, preload):
-    found = Separation(law, replace(TWO, preload=preload), FAST)
-    found.run(TURN / FAST)
-    return found.events
-
-
-@pytest.mark.parametrize("hair", [0.0, 1e-12, 1e-9])
+@pytest.mark.parametrize("hair", [0.0, 1e-12, 1e-9, -1e-6, -1e-5, -1e-4])
 def test_two_masses_touch(laws, two_mass_touch, hair):
-    """Within 64 rounding errors of a force of 1e3 N, zero is touched, not crossed."""
-    assert two_mass_turn(laws["poly345"], two_mass_touch * (1.0 + hair)) == []
-
-
-@pytest.mark.parametrize("hair", [1e-6, 1e-5, 1e-4])
-def test_two_masses_a_hair_lower(laws, two_mass_touch, hair):
-    """One lift-off and one landing, and an impulse that pushes."""
-    events = two_mass_turn(laws["poly345"], two_mass_touch * (1.0 - hair))
-    assert [event.kind for event in events] == ["lift-off", "landing"]
-    assert events[1].impulse > 0.0
+    """Zero is touched within 64 rounding errors of a force of 1e3 N; lower, there is a flight."""
+    found = Separation(laws["poly345"], replace(TWO, preload=two_mass_touch * (1.0 + hair)), FAST)
+    found.run(TURN / FAST)
+    assert [event.kind for event in found.events] == ["lift-off", "landing"] * (hair < 0.0)
+    assert all(event.impulse > 0.0 for event in found.events[1:])

@@ -51,9 +51,8 @@ def random_runs(laws, seed):
     restitution = [0.0, 0.5, 0.9][int(rng.integers(3))]
     one = replace(ONE, damping=damping, restitution=restitution)
     stem = [1.26e6, 3.3e8, 8000.0][int(rng.integers(3))]
-    two = replace(
-        TWO, stem_stiffness=stem, stem_damping=damping, damping=damping, restitution=restitution
-    )
+    numbers = {"damping": damping, "stem_damping": damping, "restitution": restitution}
+    two = replace(TWO, stem_stiffness=stem, **numbers)
     rpm = 10.0 ** rng.uniform(-1.0, 4.3) if seed % 4 == 0 else rng.uniform(300.0, 800.0)
     speed, angle = rpm * RPM, float(rng.uniform(0.0, 1e5 * TURN))
     acceleration = float(rng.uniform(0.0, 0.2)) * speed**2 if seed % 5 == 0 else 0.0

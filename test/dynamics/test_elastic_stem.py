@@ -9,8 +9,7 @@ from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.elastic_stem import outputs, response
 from cam_rig.dynamics.kinetostatic import loss_intervals
-from cam_rig.dynamics.linear.response import LinearResponse, sample
-from cam_rig.errors import DynamicsError
+from cam_rig.dynamics.linear.response import sample
 from cam_rig.units import TURN
 
 SPEED = 300.0 * np.pi / 30.0
@@ -53,17 +52,6 @@ def test_the_equation_of_motion_holds(law, follower):
     left = p.mass * a + p.damping * v + (p.spring_stiffness + p.stem_stiffness) * x
     assert np.abs(left - p.stem_stiffness * s).max() < 1e-15 * p.stem_stiffness
     assert np.abs(force - p.preload - p.stem_stiffness * (s - x)).max() < 1e-15 * p.stem_stiffness
-
-
-def test_resonance_has_no_steady_state(laws):
-    """A steady state is refused where there is none, with the speed."""
-    square = (9.0 * SPEED) ** 2
-    matrix, drive = (
-        np.array([[0.0, 1.0], [-square, 0.0]]),
-        np.array([[0.0] * 3, [square, 0.0, 0.0]]),
-    )
-    with pytest.raises(DynamicsError, match="no steady state"):
-        LinearResponse(laws["poly345"], SPEED, matrix, drive, np.zeros(2)).periodic()
 
 
 # -- the follower that never leaves the cam: where an interval ends, where the cam would pull

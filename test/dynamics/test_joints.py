@@ -14,6 +14,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.sampling import AT_SAMPLE
 from cam_rig.units import NS, TURN
 
+from ..conftest import dwell, rise
 from .helpers import TWO, with_joints
 
 SPEED = 120.0 * np.pi / 30.0
@@ -142,12 +143,9 @@ def test_lift_off_in_the_last_of_a_segment(laws, parameters, name):
 def test_a_dwell_of_a_nanoradian(make_cam, parameters, name):
     """A high dwell of 1e-9 rad is as good as none: its follower moves a billionth as far ahead."""
     tiny = float(np.degrees(1e-9))
-    rise, fall = {"law": "poly345", "span": 120, "to": 1}, {"law": "poly345", "span": 120, "to": 0}
-    rest = {"law": "dwell", "span": 120}
-    without = build_law(make_cam(rise, fall, rest))
-    thin = build_law(
-        make_cam(rise, {"law": "dwell", "span": tiny}, fall, {**rest, "span": 120 - tiny})
-    )
+    up, down = rise(120, 1), rise(120, 0)
+    without = build_law(make_cam(up, down, dwell(120)))
+    thin = build_law(make_cam(up, dwell(tiny), down, dwell(120 - tiny)))
     assert thin.spans.min() == pytest.approx(1e-9, rel=1e-6)
     _, wanted = one_turn(without, name, parameters)
     _, found = one_turn(thin, name, parameters)

@@ -17,9 +17,10 @@ from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass import Separation, phase_states
-from cam_rig.laws import Law
+from cam_rig.laws import build_law
 from cam_rig.units import NS, RPM, TURN
 
+from ..conftest import dwell, rise
 from .helpers import MS, ONE, TWO, bumped, every, land, noisy, ticked
 
 
@@ -101,16 +102,11 @@ def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_
     return (rows[1] - law(angle)).min(), len(events)
 
 
-RAMPS = list(itertools.product(("poly345", "tm21"), (0.0, 0.5), (2.0, 30.0), (1, 7)))
-#: One of 1 ms, which take a second each, and three of 7 ms.
-QUICK = [("poly345", 0.5, 30.0, 1), ("tm21", 0.0, 2.0, 7), ("tm21", 0.5, 30.0, 7)]
-QUICK += [("poly345", 0.0, 2.0, 7)]
-
-
-@pytest.mark.parametrize(
-    ("cam", "restitution", "acceleration", "milliseconds"),
-    [*QUICK, *(pytest.param(*ramp, marks=pytest.mark.long) for ramp in RAMPS if ramp not in QUICK)],
-)
+@pytest.mark.variants(4)
+@pytest.mark.parametrize("cam", ["poly345", "tm21"])
+@pytest.mark.parametrize("milliseconds", [7, 1])
+@pytest.mark.parametrize("acceleration", [2.0, 30.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration, milliseconds):
     """A ramp's law covers one tick alone, so a short one in a dwell is all zero: what is rounded
     in a gap is not of that size, but of the roller's and the spring's."""
@@ -120,19 +116,13 @@ def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration,
     assert events > 0
 
 
-def ramp_of_one_slope():
-    """A dwell, a rise of 40 mm at constant velocity, a dwell, a 3-4-5 fall, a dwell."""
-    high, rise = np.full(6, 0.04), np.linspace(0.0, 0.04, 6)
-    fall = np.array([0.04, 0.04, 0.04, 0.0, 0.0, 0.0])
-    breaks = np.radians([0.0, 50.0, 160.0, 220.0, 320.0, 360.0])
-    return Law("slope", breaks, np.column_stack([0.0 * high, rise, high, fall, 0.0 * high]))
-
-
 @pytest.mark.parametrize("milliseconds", [20, 3])
-def test_one_mass_lands_on_the_slope_where_a_tick_ends(milliseconds):
+def test_one_mass_lands_on_the_slope_where_a_tick_ends(make_cam, milliseconds):
     """A ramp's law ends with the tick, on a slope: a quick look at the gap must see the cam go on,
     and not a plateau under which the follower sinks (20 µm) until the tick is over."""
-    law, p = ramp_of_one_slope(), replace(ONE, restitution=0.7)
+    event = rise(110, 1, "constant_velocity"), dwell(60), rise(100, 0)
+    law = build_law(make_cam(dwell(50), *event, dwell(40), lift=0.04))
+    p = replace(ONE, restitution=0.7)
     lowest, events = lowest_gap(law, p, 0.0, 150.0 * np.pi / 30.0, milliseconds, model="one_mass")
     assert lowest > -1e-12
     assert events == 33  # as in one tick of 400 ms
@@ -278,10 +268,8 @@ def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
 def test_names_are_the_columns_in_order():
     """Each name gives the row whose heading begins with it, or ends with it before the unit."""
     samples = Samples(np.arange(12.0).reshape(6, 2))
-    for row, (name, column) in enumerate(zip(NAMES, COLUMNS, strict=True)):
+    names = ("time", "lift", "velocity", "acceleration", "force", "impulse")
+    for row, (name, column) in enumerate(zip(names, COLUMNS, strict=True)):
         assert column.partition(" [")[0] in (name, f"contact_{name}", name[0])
         np.testing.assert_array_equal(getattr(samples, name), samples.rows[row])
     np.testing.assert_array_equal(samples.motion, samples.rows[1:4])
-
-
-NAMES = ("time", "lift", "velocity", "acceleration", "force", "impulse")

@@ -27,7 +27,7 @@ SEEDS = (*range(CAMS - 1), 372)
 ROUNDING_ERRORS = 256.0
 
 
-def random_law(kind: str, rng: np.random.Generator) -> Law:
+def random_law(kind, rng):
     """Return a law of 3 to 8 straight lines, or of cubics with continuous velocity."""
     count = int(rng.integers(3, 9))
     spans = rng.uniform(0.3, 1.0, count)
@@ -42,7 +42,7 @@ def random_law(kind: str, rng: np.random.Generator) -> Law:
     return Law(kind, breaks, np.stack([lifts, *inner, next_lifts]))
 
 
-def random_course(law: Law, model: str, rng: np.random.Generator) -> OneMassTrajectory | Separation:
+def random_course(law, model, rng):
     """Return the trajectory of a random follower from rest over 2.5 turns."""
     speed, restitution = rng.uniform(100.0, 700.0) * RPM, float(rng.choice([0.0, 0.4, 0.8]))
     duration, preload, damping = 2.5 * TURN / speed, rng.uniform(0.0, 60.0), rng.uniform(0.1, 12.0)
@@ -101,7 +101,7 @@ SAMPLES = 2000
 RELATIVE_ROUNDING = 1e-10
 
 
-def random_machine(rng: np.random.Generator) -> TwoMassParameters:
+def random_machine(rng):
     """Return two masses with a stem from soft to stiff, weakly to strongly damped."""
     return TwoMassParameters(
         roller_mass=rng.uniform(0.1, 1.0),
@@ -139,9 +139,8 @@ def test_a_vibration_never_exceeds_its_share(kind):
             acceleration, jerk = second @ start
             bend = bound_share(table, frequency * acceleration, jerk)
             assert np.abs(weights @ second @ free).max() <= bend * (1.0 + RELATIVE_ROUNDING)
-            force = (
-                bernstein.basis(part["size"] - 1, u) @ rows[StemContactRow.FORCE, : part["size"]]
-            )
+            ordinates = rows[StemContactRow.FORCE, : part["size"]]
+            force = bernstein.basis(part["size"] - 1, u) @ ordinates
             cells = np.minimum((u * CELLS).astype(int), CELLS - 1)
             rounding = part["force_rounding"]
             assert (force >= part["cell_minima"][cells]).all()
@@ -182,9 +181,8 @@ def test_a_proven_step_has_an_open_gap(kind, model):
             curvature = largest + speed**2 * float(law.largest_curvatures[piece])
             inside = np.minimum((low + speed * times - low) / span, 1.0)
             s = bernstein.basis(law.degree, inside) @ law.ordinates[:, piece]
-            slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ (
-                bernstein.derivative(law.ordinates[:, piece]) / span
-            )
+            derivative = bernstein.derivative(law.ordinates[:, piece]) / span
+            slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ derivative
             gap, rates = place - s, velocity[[0, -1]] - speed * slopes
             reach = positive_duration(float(gap[0]), float(rates[0]), curvature)
             assert (gap[times < 0.999 * reach] > 0.0).all()  # (1)

@@ -27,7 +27,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.laws import Law
-from cam_rig.units import TURN
+from cam_rig.units import RPM, TURN
 
 from .helpers import turned
 
@@ -76,8 +76,8 @@ def laws(draw, lifts=LIFTS, degrees=DEGREES):
     return law
 
 
-def case(law, model, speed, last=1.0, count=24):
-    """One turn, with output times in its first part."""
+def case(law, model, speed, last=1.0, count=23):
+    """Output times on a part ``last`` of one turn."""
     times = (np.arange(count) + 0.5) / count * last * TURN / speed
     return Case("random", "random", law, model, speed, 1, 1, times)
 
@@ -176,15 +176,6 @@ def test_torsional(law, speed, inertia, shaft, mass, damping, preload):
 # From 0.01 rpm to 1e5 rpm: ten million to one in speed, every model against 50 digits.
 
 SPEEDS = [0.01, 1.0, 400.0, 1e4, 1e5]
-#: Each speed with one of two cams; the other five are `long`.
-EACH = pytest.mark.parametrize(
-    ("cam", "rpm"),
-    [
-        pytest.param(cam, rpm, marks=[] if i % 2 == on else pytest.mark.long)
-        for i, rpm in enumerate(SPEEDS)
-        for on, cam in enumerate(("poly345", "tm21"))
-    ],
-)
 MASS, SPRING, DAMPING, PRELOAD = 1.3, 4030.0, 8.642, 30.6
 
 
@@ -202,27 +193,24 @@ class Riding(TwoMasses):
         return {CONTACT: replace(super().phases()[CONTACT], guard=None, on_cam=False)}
 
 
-def turn(law, model, rpm, last=1.0, count=23):
-    """Output times on ``last`` of a turn."""
-    speed = rpm * np.pi / 30.0
-    times = (np.arange(count) + 0.5) / count * last * TURN / speed
-    return Case("range", "range", law, model, speed, 1, 1, times)
-
-
 @pytest.mark.usefixtures("digits")
-@EACH
+@pytest.mark.variants(5)  # each speed with one of both cams
+@pytest.mark.parametrize("cam", ["poly345", "tm21"])
+@pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_stem_at_any_speed(laws, cam, rpm):
     """Quasi-static at one end, a follower that hardly moves at the other: 1e-12 of the lift."""
     # The slowest turn holds 1e7 periods of the stem, the fastest a hundredth of one.
-    case = turn(laws[cam], Oscillator(MASS, DAMPING, SPRING, 1.26e6), rpm)
-    got, wanted, lift = rig.solve(case), exact.solve(case), case.law.lift
+    problem = case(laws[cam], Oscillator(MASS, DAMPING, SPRING, 1.26e6), rpm * RPM)
+    got, wanted, lift = rig.solve(problem), exact.solve(problem), problem.law.lift
     assert np.abs(got.displacement - wanted.displacement).max() < 1e-12 * lift
-    peak = max(case.speed * lift, np.abs(wanted.velocity).max())
+    peak = max(problem.speed * lift, np.abs(wanted.velocity).max())
     assert np.abs(got.velocity - wanted.velocity).max() < 1e-12 * peak
 
 
 @pytest.mark.usefixtures("digits")
-@EACH
+@pytest.mark.variants(10)
+@pytest.mark.parametrize("cam", ["poly345", "tm21"])
+@pytest.mark.parametrize("rpm", SPEEDS)
 @pytest.mark.parametrize(("masses", "limit"), [(1, 1e-12), (2, 1e-11)])
 def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
     """Motion to 1e-12 of the largest; at 1e4 rpm and more, events to 1e-11 of a turn or less."""
@@ -230,7 +218,8 @@ def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
     if masses == 2:
         numbers = 0.4 * MASS, 0.6 * MASS, 1e5, SPRING, DAMPING, DAMPING, PRELOAD
         model, judge = TwoMasses(*numbers), (Riding if rpm <= 1.0 else TwoMasses)(*numbers)
-    got, wanted = (rig.solve(turn(laws[cam], model, rpm)), exact.solve(turn(laws[cam], judge, rpm)))
+    problem, judged = (case(laws[cam], one, rpm * RPM) for one in (model, judge))
+    got, wanted = rig.solve(problem), exact.solve(judged)
     assert got.error(wanted) < 1e-12
     assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
     if rpm >= 1e4:
@@ -248,14 +237,14 @@ def test_a_shaft_at_any_speed(laws, many_digits, rpm, monkeypatch):
     period = TURN / np.sqrt(1e4 / 0.02)
     monkeypatch.setattr(exact, "STEPS", max(5, int(200 * period * rpm / 60.0)))
     law = turned(laws["poly345"], np.radians(90.0), min(1.0, 400.0 / rpm))
-    case = turn(law, Twist(0.02, 1e4, MASS, DAMPING, SPRING, PRELOAD), rpm)
-    last = min(float(case.times[-1]), 0.05)
-    case = replace(case, times=case.times / case.times[-1] * last)
+    problem = case(law, Twist(0.02, 1e4, MASS, DAMPING, SPRING, PRELOAD), rpm * RPM)
+    times = problem.times
+    last = min(float(times[-1]), 0.05)
+    times = times / times[-1] * last
     follower = FollowerParameters(MASS, SPRING, DAMPING, PRELOAD, 3.3e8)
-    start = TorsionalState(0.0, 0.0, 0.0, case.speed)
+    start = TorsionalState(0.0, 0.0, 0.0, problem.speed)
     motion = solve(law, TorsionalParameters(follower, 0.02, 1e4), start, 0.0, last)
-    wanted = many_digits.solution(case, exact.solve_twist)
-    for row, exact_row in zip(
-        motion.at(case.times)[:2], (wanted.displacement[0], wanted.velocity[0]), strict=True
-    ):
+    wanted = many_digits.solution(replace(problem, times=times), exact.solve_twist)
+    rows = wanted.displacement[0], wanted.velocity[0]
+    for row, exact_row in zip(motion.at(times)[:2], rows, strict=True):
         np.testing.assert_allclose(row, exact_row, rtol=0, atol=1e-11 * np.abs(exact_row).max())

@@ -12,7 +12,7 @@ from cam_rig.dynamics.torsional.model import TorsionalParameters
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import TURN
 
-from .helpers import CALM, MS, ONE, assert_same, edge_law, exact_law, ticked
+from .helpers import CALM, MS, ONE, assert_same, exact_law, ticked
 
 SHAFT = TorsionalParameters(ONE, 0.02, 5e3, 0.1)
 
@@ -47,10 +47,9 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
     law = laws[name]
     rows, _, state = ticked(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
     with mp.workdps(40):
-        exact = np.array(
-            [[float(x) for x in exact_motion(law, ramp, t)] for t in rows[0].tolist()]
-        ).T
-        end = [float(x) for x in exact_motion(law, ramp, ramp.duration)]
+        times = [*rows[0].tolist(), ramp.duration]
+        exact = np.array([[float(x) for x in exact_motion(law, ramp, t)] for t in times]).T
+    exact, end = exact[:, :-1], exact[:, -1]
     for row, expected in zip(rows[1:4], exact, strict=True):
         np.testing.assert_allclose(row, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     force = np.array([4030.0, 8.642, 1.3]) @ exact + 12.753
@@ -72,9 +71,8 @@ def test_substitute_is_a_law_of_time(laws):
     assert not law.repeats
     motion = law.motion
     for order, size in enumerate(np.abs(motion).max(axis=(1, 2))):
-        np.testing.assert_allclose(
-            motion[order, -1, :-2], motion[order, 0, 1:-1], rtol=0, atol=1e-12 * size
-        )
+        ends, starts = motion[order, -1, :-2], motion[order, 0, 1:-1]
+        np.testing.assert_allclose(ends, starts, rtol=0, atol=1e-12 * size)
     middle = float(evaluate(motion[0, :, 0], np.array([0.5]))[0])
     time = 0.5 * law.breaks[1] / steady.speed
     assert middle == pytest.approx(laws["poly4567"].at(interval.angle_at(time))[0], abs=1e-15)
@@ -84,11 +82,8 @@ def test_substitute_is_a_law_of_time(laws):
 @pytest.mark.parametrize(
     ("model", "p"),
     [
-        ("kinetostatic", ONE),
-        ("one_mass", ONE),
-        ("elastic_stem", ONE),
-        ("two_mass", CALM),
-        ("torsional", SHAFT),
+        *((model, ONE) for model in ("kinetostatic", "one_mass", "elastic_stem")),
+        *(("two_mass", CALM), ("torsional", SHAFT)),
     ],
 )
 def test_the_length_of_a_tick_does_not_enter(laws, ramp, model, p):
@@ -118,7 +113,6 @@ def test_a_ramp_that_hardly_ramps_is_a_held_speed(laws, model):
 
 # A law whose velocity jumps, along a ramp
 
-EDGE = edge_law()
 STEP = 0.05 / np.radians(90.0)
 #: From rest to 60° in 0.1 s.
 START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
@@ -127,9 +121,9 @@ START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
 @pytest.mark.variants(4)
 @pytest.mark.parametrize(("model", "p", "mass"), [("one_mass", ONE, 1.3), ("two_mass", CALM, 0.4)])
 @pytest.mark.parametrize("cuts", [[340], [99, 100, 101, 340], [100, 340], [50, 150, 340]])
-def test_a_blow_along_a_ramp(model, p, mass, cuts):
+def test_a_blow_along_a_ramp(edge, model, p, mass, cuts):
     """J = m ω(t) Δs' at the speed that the cam has at the joint, also where a tick ends there."""
-    events = ticked(EDGE, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
+    events = ticked(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
     first = events[0]
     assert first.kind == "landing"
     assert first.time == pytest.approx(0.1, abs=1e-14)

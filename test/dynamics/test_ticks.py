@@ -1,9 +1,7 @@
 """Where a run is cut into intervals, and how many turns came before, leaves no trace in it."""
 
-import dataclasses
 import itertools
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -167,7 +165,7 @@ def test_intervals_shorter_than_a_sample(laws, follower, whole):
 )
 def test_each_impulse_shows_once(laws, follower, inner, restitution):
     """All impulses of the events stand in the blocks, or wait for the next block."""
-    p, cuts = dataclasses.replace(follower, restitution=restitution), [0, *sorted(inner)]
+    p, cuts = replace(follower, restitution=restitution), [0, *sorted(inner)]
     result = jumping(laws, p, [*cuts, 2 * TURN_NS], 1000)
     total = sum(event.impulse for event in result.events)
     assert total > 1.0
@@ -179,8 +177,8 @@ def test_events_and_impulses_are_in_order(whole):
     """Lift-off and landing take turns; each landing stands at the first sample at or after it."""
     kinds = [event.kind for event in whole.events]
     assert kinds[0] == "lift-off"
-    assert all(a != b for a, b in pairwise(kinds))
-    assert all(a.time <= b.time for a, b in pairwise(whole.events))
+    assert all(a != b for a, b in itertools.pairwise(kinds))
+    assert all(a.time <= b.time for a, b in itertools.pairwise(whole.events))
     expected = np.zeros(whole.rows.shape[1])
     for event in whole.events:
         expected[int(np.ceil(event.time * 8000))] += event.impulse

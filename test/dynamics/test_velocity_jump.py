@@ -18,7 +18,7 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
-from .helpers import CALM, MS, ONE, assert_same, every, off_joints, ticked
+from .helpers import CALM, MS, ONE, assert_same, every, off_joints, ticked, turned
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE
@@ -34,15 +34,13 @@ def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
 
 def test_struck_where_the_run_begins(edge):
     """A follower at rest on the dwell feels the rise that begins with the run."""
-    breaks = np.radians([0.0, 90.0, 150.0, 240.0, 300.0, 360.0])
-    breaks[-1] = TURN
-    turned = Law("turned", breaks, np.roll(edge.ordinates, -1, axis=1))
+    law = turned(edge, edge.breaks[1])
     for model, p, mass in (("one_mass", ONE, ONE.mass), ("two_mass", CALM, CALM.roller_mass)):
-        rows, events, _ = run(model, turned, p, [0, MS])
+        rows, events, _ = run(model, law, p, [0, MS])
         assert [event.time for event in events[:1]] == [0.0]
         assert events[0].impulse == pytest.approx(mass * SPEED * STEP, rel=1e-14)
         assert rows[5, 0] == events[0].impulse
-    start = run("elastic_stem", turned, ONE, [0, MS])[0][:, 0]
+    start = run("elastic_stem", law, ONE, [0, MS])[0][:, 0]
     np.testing.assert_allclose(start[1:4], [0.0, 0.0, 0.0], atol=1e-12)
 
 
@@ -108,9 +106,8 @@ def test_stem_comes_back_after_a_turn(edge):
     p = dataclasses.replace(ONE, stem_stiffness=1e5, damping=200.0)
     model = response(edge, p, SPEED)
     start = model.periodic()
-    np.testing.assert_allclose(
-        model.end(start, 0.0, TURN / SPEED), start, atol=1e-13 * SPEED * STEP
-    )
+    after = model.end(start, 0.0, TURN / SPEED)
+    np.testing.assert_allclose(after, start, atol=1e-13 * SPEED * STEP)
     settled = model.end(np.zeros(2), 0.0, 3.0 * TURN / SPEED)
     np.testing.assert_allclose(settled, start, atol=1e-12 * SPEED * STEP)
 
@@ -121,10 +118,10 @@ def test_many_turns_in_one_interval(stop):
     saw = Law("saw", np.array([0.0, 2.0, TURN]), LIFT * np.array([[0.0, 1.0], [1.0, 0.0]]))
     total = round(stop * NS)
     _, _, whole = run("elastic_stem", saw, ONE, [0, total])
-    _, _, ticked = run("elastic_stem", saw, ONE, [*range(0, total, 60 * MS), total])
+    _, _, cut = run("elastic_stem", saw, ONE, [*range(0, total, 60 * MS), total])
     size = SPEED * LIFT / 2.0
-    assert ticked.inner == pytest.approx(whole.inner, abs=1e-9 * size)
-    assert ticked.velocity == pytest.approx(whole.velocity, abs=1e-10 * size)
+    assert cut.inner == pytest.approx(whole.inner, abs=1e-9 * size)
+    assert cut.velocity == pytest.approx(whole.velocity, abs=1e-10 * size)
 
 
 # The joints themselves: one interval owns each, whatever rounding does.

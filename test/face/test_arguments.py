@@ -10,14 +10,8 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig import errors
 from cam_rig.arguments import OPTION
-from cam_rig.errors import (
-    BagError,
-    ConfigError,
-    DesignError,
-    MissingLibraryError,
-    OutputError,
-)
 
 CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
@@ -100,9 +94,7 @@ WRONG = [
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 #: What computes for many seconds: it is left out, after the arguments were looked at.
-LONG = {
-    "noise": ["cam_rig.studies.noise.study.study_noise"],
-}
+LONG = {"noise": ["cam_rig.studies.noise.study.study_noise"]}
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +153,7 @@ def right(tmp_path_factory):
 
 
 #: What is no argument's fault alone: a file that is not there, a place, a design without a law.
-OF_FILES = BagError | OutputError | DesignError | MissingLibraryError
+OF_FILES = errors.BagError | errors.OutputError | errors.DesignError | errors.MissingLibraryError
 
 
 def refuses_in_one_line(function, arguments):
@@ -203,11 +195,11 @@ def test_nothing_and_a_table_are_no_list_of_numbers(right, name):
     function, given = getattr(cam_rig, name), right[name]
     for argument in takes_an_array(name):
         for value in ([], np.array([]), np.array([[300.0, 350.0]]), np.full((2, 1), 0.3)):
-            with pytest.raises(ConfigError, match=rf"{argument}: is"):
+            with pytest.raises(errors.ConfigError, match=rf"{argument}: is"):
                 function(**given | {argument: value})
     if "cams" in given:
         for value in ([], ()):
-            with pytest.raises(ConfigError, match="cam"):
+            with pytest.raises(errors.ConfigError, match="cam"):
                 function(**given | {"cams": value})
 
 

@@ -8,7 +8,6 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -73,14 +72,6 @@ def test_a_notebook_shows_pictures(monkeypatch, known):
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 
 
-@pytest.fixture
-def figures(monkeypatch):
-    """Figures without a screen, all closed at the end."""
-    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
-    yield
-    mpl.pyplot.close("all")
-
-
 @pytest.fixture(scope="module")
 def law():
     return cam_rig.build_law(cam_rig.load_cam("poly345"))
@@ -101,8 +92,7 @@ def test_the_jump_speed_is_drawn_where_the_force_is_zero(law, rig, figures):
 
 def test_a_rig_of_other_numbers_is_another(rig):
     changed = rig.with_follower(roller_share=0.3)
-    assert changed.follower.roller_share.si == 0.3
-    assert rig.follower.roller_share.si == 0.4
+    assert changed.follower.roller_share.si == 0.3 and rig.follower.roller_share.si == 0.4
 
 
 def test_the_points_of_a_contour_are_as_many_as_asked_for_and_cannot_be_changed():

@@ -14,7 +14,7 @@ from cam_rig.laws.bernstein import joined
 from cam_rig.laws.law import continuity
 from cam_rig.units import TURN
 
-from ..conftest import dwell
+from ..conftest import assumed, dwell
 
 BASE, LIFT, NOSE = 0.025, 0.01, 0.012
 BASE_CIRCLE, NOSE_CIRCLE = Circle(0j, BASE), Circle(-(BASE + LIFT - NOSE) + 0j, NOSE)
@@ -134,10 +134,9 @@ def test_what_may_ride_on_arcs():
         follower = SimpleNamespace(roller=0.0, **follower)
         return arc_follower(SimpleNamespace(name="made", follower=follower))
 
-    beside = SimpleNamespace(si=0.01)
+    centre, beside = (SimpleNamespace(si=place) for place in (0.0, 0.01))
     assert asked(type="flat") == asked(type="flat", eccentricity=beside) == ArcFollower(True, 0.0)
-    at_centre = asked(type="point", eccentricity=SimpleNamespace(si=0.0))
-    assert at_centre == ArcFollower(False, 0.0)
+    assert asked(type="point", eccentricity=centre) == ArcFollower(False, 0.0)
     with pytest.raises(LawError, match="'oscillating_roller'; allowed: roller, point, flat"):
         asked(type="oscillating_roller")
     with pytest.raises(LawError, match="10 mm beside"):
@@ -162,7 +161,7 @@ def test_shipped_pitch_curve_lies_on_its_arcs(cams, laws):
 
 
 def test_radii_and_lifts_that_are_no_cam_are_refused(make_cam):
-    """Nose too large, flank too small, arcs that rise by something else: named with the limit."""
+    """Nose too large, flank too small, arcs of another lift, and a nose that no arcs join."""
     radii = {"law": "arcs_by_radii", "span": 360, "flank": "convex"}
     for flank, nose, words in (
         (0.2, 0.05, r"nose_radius: is 50 mm; allowed: below 45 mm"),
@@ -172,15 +171,16 @@ def test_radii_and_lifts_that_are_no_cam_are_refused(make_cam):
         with pytest.raises(LawError, match=f"'made': {words}"):
             build_law(make_cam(segment, lift=0.01, roller_radius=0.008))
 
-    def circle(radius, y):
-        numbers = {"radius": radius, "x": 0, "y": y}
-        return {key: {"assumed": value, "unit": "m"} for key, value in numbers.items()}
-
-    arcs = [circle(0.04, 0), {}, circle(0.02, -0.03), {}]
+    circles = {"radius": 0.04, "x": 0, "y": 0}, {"radius": 0.02, "x": 0, "y": -0.03}
+    first, second = ({key: assumed(x, "m") for key, x in one.items()} for one in circles)
+    arcs = [first, {}, second, {}]
     segment = {"law": "arcs_by_centres", "span": 360, "arcs": arcs}
     assert build_law(make_cam(segment, lift=0.01)).lift == pytest.approx(0.01, rel=1e-12)
     with pytest.raises(LawError, match=r"lift from 0 mm to 1\d\.?\d* mm .* the lift, 11 mm"):
         build_law(make_cam(segment, lift=0.011))
+    for nose_half in (0.01, 5.0):
+        with pytest.raises(LawError, match=r"40 mm to lift 10 mm with event half angle 58°"):
+            ConcaveFlankCam(PITCH, LIFT, HALF, np.radians(nose_half)).radii()
 
 
 # The tangent-arc cam with concave flanks, given by its event angles.
@@ -203,10 +203,7 @@ def arc_law(make_cam):
 def test_law_of_event_angles_is_that_of_its_circles(geometry, arc_law):
     """Flank and nose close to a chain, so they touch; the joint stands at the nose's angle."""
     flank, nose = (
-        Circle(
-            -arc.distance * cmath.exp(1j * arc.direction),
-            -arc.radius if arc.concave else arc.radius,
-        )
+        Circle(-cmath.rect(arc.distance, arc.direction), arc.radius * (-1.0) ** arc.concave)
         for arc in geometry.arcs()
     )
     mirrored = Circle(flank.centre.conjugate(), flank.radius)
@@ -233,9 +230,3 @@ def test_joints_and_mirror(geometry, arc_law):
     event, angle = arc_law.ordinates[:, 1:-1], np.linspace(0.0, HALF, 101)
     np.testing.assert_array_equal(event, event[::-1, ::-1])
     np.testing.assert_allclose(arc_law(np.pi + angle), arc_law(np.pi - angle), rtol=0, atol=1e-15)
-
-
-def test_impossible_geometry_is_refused():
-    for nose_half in (0.01, 5.0):
-        with pytest.raises(LawError, match=r"40 mm to lift 10 mm with event half angle 58°"):
-            ConcaveFlankCam(PITCH, LIFT, HALF, np.radians(nose_half)).radii()

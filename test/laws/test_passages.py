@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig import load_cam
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.passages import LEVELS, passages
+
+from ..conftest import rise
 
 
 def test_simple_harmonic(make_cam):
     """(1 − cos πu)/2 passes p at u = arccos(1 − 2p)/π, and the fall is its mirror image."""
-    cam = make_cam(
-        {"law": "simple_harmonic", "to": 1, "span": 180},
-        {"law": "simple_harmonic", "to": 0, "span": 180},
-    )
+    cam = make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic"))
     found = passages(build_law(cam), cam.lift.si)
     up = np.arccos(1.0 - 2.0 * np.array(LEVELS))
     assert [passage.angle for passage in found] == pytest.approx([*up, *(2 * np.pi - up[::-1])])
@@ -24,12 +22,11 @@ def test_simple_harmonic(make_cam):
 
 
 @pytest.mark.parametrize("name", ["half_rises", "bezier_segments", "poly345", "trigonometric"])
-def test_a_joint_on_the_height_counts_once(name):
-    """Half-rises meet at half the lift, in the middle of rise and fall."""
-    found = passages(build_law(load_cam(name)), 0.05, [0.5])
-    assert [passage.angle for passage in found] == pytest.approx(
-        [0.5 * np.pi, 1.5 * np.pi], abs=1e-9
-    )
+def test_a_joint_on_the_height_counts_once(laws, name):
+    """Half-rises meet at half the lift, in the middle of rise and fall; nothing is above it."""
+    found = [passage.angle for passage in passages(laws[name], 0.05, [0.5])]
+    assert found == pytest.approx([0.5 * np.pi, 1.5 * np.pi], abs=1e-9)
+    assert passages(laws[name], 0.05, [1.01]) == ()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -46,11 +43,6 @@ def test_the_law_is_there(seed):
         assert float(law(passage.angle)) - low == pytest.approx(level, rel=1e-8)
         assert (float(law(passage.angle, 1)) > 0.0) == passage.rising
     assert all(a.rising != b.rising for a, b in pairwise(found))
-
-
-def test_a_height_that_is_not_reached():
-    """Nothing passes it."""
-    assert passages(build_law(load_cam("poly345")), 0.05, [1.01]) == ()
 
 
 def test_columns_of_the_law():

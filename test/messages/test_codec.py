@@ -8,63 +8,44 @@ import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.errors import RefusedError
-from cam_rig.laws import build_law
-from cam_rig.messages import topics
-from cam_rig.messages.codec import (
-    BLOCK_LABEL,
-    cam_state_of,
-    decode_block,
-    decode_law,
-    encode_block,
-    encode_law,
-)
+from cam_rig.messages import codec, topics
 from cam_rig.messages.motion import JOINTS, MotionMessages, instants_of
 from cam_rig.messages.serialization import CdrTemplate, header, new, serialize
-from cam_rig.schema import load_cam
-from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import NS, RPM, TURN
 
 
-def test_laws_and_blocks_come_back_bit_for_bit():
+def test_laws_and_blocks_come_back_bit_for_bit(laws):
     """What the law server publishes is the exact law, not a sampling of it; samples are the core's
     numbers, unrounded."""
-    for cam in ("poly345", "cycloidal", "bezier15", "tm21"):
-        law = build_law(load_cam(config_root() / "cams" / f"{cam}.yaml"))
-        dimensions, data = encode_law(law)
-        back = decode_law(dimensions, data.ravel())
+    for law in laws.values():
+        dimensions, data = codec.encode_law(law)
+        back = codec.decode_law(dimensions, data.ravel())
         assert back.name == law.name
         assert np.array_equal(back.breaks, law.breaks)
         assert np.array_equal(back.ordinates, law.ordinates)
     rows = np.random.default_rng(1).normal(size=(6, 7))
-    dimensions, data = encode_block(rows)
-    assert np.array_equal(decode_block(dimensions, data.ravel()), rows)
+    dimensions, data = codec.encode_block(rows)
+    assert np.array_equal(codec.decode_block(dimensions, data.ravel()), rows)
 
 
-def test_another_layout_is_refused():
-    """A block with other labels or sizes is refused with both."""
-    for dimensions in (
-        [],
-        [(BLOCK_LABEL, 6)],
-        [(BLOCK_LABEL, 6), ("sample", 3)],
-        [("other", 6), ("sample", 2)],
-        [(BLOCK_LABEL, 3), ("sample", 4)],
-    ):
-        with pytest.raises(RefusedError, match="allowed"):
-            decode_block(dimensions, np.zeros(12))
-
-
-def test_a_law_with_a_hole_is_refused():
-    """Numbers that are no law are refused before anything turns."""
-    law = build_law(load_cam(config_root() / "cams" / "bezier15.yaml"))
-    dimensions, data = encode_law(law)
-    broken = data.ravel().copy()
+def test_other_arrays_are_refused(laws):
+    """Refuse a block of other labels or sizes, and a law of other labels or with a gap."""
+    dimensions, data = codec.encode_law(laws["bezier15"])
+    broken, zeros, block = data.ravel().copy(), np.zeros(12), codec.BLOCK_LABEL
     broken[3] = np.nan
-    with pytest.raises(RefusedError, match="finite"):
-        decode_law(dimensions, broken)
-    with pytest.raises(RefusedError, match="law coefficients"):
-        decode_law([("x", 1), ("y", broken.size)], broken)
+    for decode, sizes, numbers, words in (
+        (codec.decode_block, [], zeros, "allowed"),
+        (codec.decode_block, [(block, 6)], zeros, "allowed"),
+        (codec.decode_block, [(block, 6), ("sample", 3)], zeros, "allowed"),
+        (codec.decode_block, [("other", 6), ("sample", 2)], zeros, "allowed"),
+        (codec.decode_block, [(block, 3), ("sample", 4)], zeros, "allowed"),
+        (codec.decode_law, dimensions, broken, "finite"),
+        (codec.decode_law, [("x", 1), ("y", broken.size)], broken, "law coefficients"),
+    ):
+        with pytest.raises(RefusedError, match=words):
+            decode(sizes, numbers)
 
 
 def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
@@ -80,14 +61,13 @@ def test_a_cam_state_comes_back_bit_for_bit():
         rng = np.random.default_rng(turns)
         for angle in (0.0, *rng.uniform(0.0, TURN, 50), np.nextafter(TURN, 0.0)):
             state = CamState(3_000_000_007, float(angle), 50.0, "tm21", turns)
-            assert cam_state_of(message([state.unwrapped, state.angle])) == state
+            assert codec.cam_state_of(message([state.unwrapped, state.angle])) == state
 
 
 def test_a_cam_state_of_before_is_taken():
     """A bag that has the angle as one number is read, to what that holds."""
-    state = cam_state_of(message([2000.0 * TURN + 1.25]))
-    assert state.turns == 2000
-    assert state.angle == pytest.approx(1.25, abs=4e-12)
+    state = codec.cam_state_of(message([2000.0 * TURN + 1.25]))
+    assert state.turns == 2000 and state.angle == pytest.approx(1.25, abs=4e-12)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +85,7 @@ def test_a_cam_state_of_before_is_taken():
 def test_what_is_not_a_cam_state_is_refused(positions, words):
     """By what is wrong with it."""
     with pytest.raises(RefusedError, match=words):
-        cam_state_of(message(positions))
+        codec.cam_state_of(message(positions))
 
 
 # -- the motion at its instants: every peak, in order, and as the messages that others read
@@ -116,11 +96,11 @@ MODEL = MODELS["one_mass"]
 BOTH = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
 
 
-def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate, turns=1):
+def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
     """Start, end and rows of each tick at one speed."""
     simulator = FollowerSimulator(MODEL, follower, sample_rate, {law.name: law})
     before, tick = None, 60.0 / rpm / ticks_per_turn
-    for n in range(ticks_per_turn * turns + 1):
+    for n in range(ticks_per_turn + 1):
         time_ns = round(n * tick * NS)
         state = CamState(time_ns, rpm * RPM * time_ns / NS, rpm * RPM, law.name)
         turned = simulator.turn_to(state)
@@ -159,21 +139,9 @@ def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follow
             found.angle, start.unwrapped + start.speed * (rows[0, found.index] - start.time_ns / NS)
         )
         np.testing.assert_array_equal(found.torque, found.force * law(found.angle_in_turn, 1))
-
-
-def test_torque_times_speed_is_the_power_that_goes_into_the_follower(laws, follower):
-    """In contact; in flight there is neither."""
-    law, rate = laws["tm21"], 48_000
-    lost = 0
-    for start, end, rows in ticks_of(law, follower, 400.0, 1, rate, turns=2):
-        found = instants_of(law, start, end, rows, rate, 72)
-        power = found.torque * found.speed
-        touching = found.force != 0.0
-        lost += int((~touching).sum())
-        into, rounding = (found.force * found.velocity)[touching], 1e-9 * np.abs(power).max()
-        np.testing.assert_allclose(power[touching], into, rtol=0, atol=rounding)
-        assert (found.torque[~touching] == 0.0).all()
-    assert lost > 0
+        # The power of the shaft goes into the follower, and is zero in flight.
+        power, into = found.torque * found.speed, found.force * found.velocity
+        np.testing.assert_allclose(power, into, rtol=0, atol=1e-9 * np.abs(power).max())
 
 
 def test_on_a_ramp_angle_and_speed_are_those_of_the_instant(laws, follower):
@@ -188,10 +156,8 @@ def test_on_a_ramp_angle_and_speed_are_those_of_the_instant(laws, follower):
     times = found.index / rate
     np.testing.assert_allclose(found.speed, speed * times / 0.2, rtol=1e-12)
     np.testing.assert_allclose(found.angle, 0.5 * speed * times**2 / 0.2, rtol=1e-12)
-    power = found.force * found.velocity
-    np.testing.assert_allclose(
-        found.torque * found.speed, power, rtol=0, atol=1e-9 * np.abs(power).max()
-    )
+    power, into = found.torque * found.speed, found.force * found.velocity
+    np.testing.assert_allclose(power, into, rtol=0, atol=1e-9 * np.abs(power).max())
 
 
 def test_samples_of_another_tick_are_refused(laws, follower):

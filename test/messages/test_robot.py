@@ -16,16 +16,8 @@ from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
 from cam_rig.live.law_server import CONTOUR_POINTS, contour_of
+from cam_rig.messages import markers
 from cam_rig.messages.frames import BASE, CAM, FOLLOWER, GUIDE, MICROPHONE, MOTOR, Robot
-from cam_rig.messages.markers import (
-    ARROW,
-    LINE_STRIP,
-    SPHERE,
-    TEXT,
-    TRIANGLE_LIST,
-    FollowerMarkers,
-    cam_markers,
-)
 from cam_rig.messages.motion import Transforms
 from cam_rig.messages.urdf import Body, inertial, urdf
 from cam_rig.profile import contours, contours_at
@@ -85,8 +77,7 @@ def test_the_links_form_one_tree(kind):
     links = [link.get("name") for link in root.iter("link")]
     children = [joint.find("child").get("link") for joint in root.iter("joint")]
     parents = {joint.find("parent").get("link") for joint in root.iter("joint")}
-    assert len(set(links)) == len(links)
-    assert sorted([*children, BASE]) == sorted(links)
+    assert len(set(links)) == len(links) and sorted([*children, BASE]) == sorted(links)
     assert parents <= set(links)
     named = {GUIDE, MOTOR, CAM, FOLLOWER, MICROPHONE, robot.mounted.name}
     assert named | set(robot.loaded.scene.cams) <= set(links)
@@ -105,8 +96,7 @@ def test_the_parser_of_ros_takes_it(kind, tmp_path):
     assert parser is not None, "neither cmeel-urdfdom nor liburdfdom-tools is installed"
     answer = ended(parser, file)
     assert answer.returncode == 0, answer.stderr
-    assert f"root Link: {BASE}" in answer.stdout
-    assert "rror" not in answer.stderr
+    assert f"root Link: {BASE}" in answer.stdout and "rror" not in answer.stderr
 
 
 def test_dimensions_are_the_files(kind):
@@ -140,14 +130,12 @@ def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
         motor = numbers(links[MOTOR].find("visual/origin").get("xyz"))
         place = poses(text, AT_REST)[BASE, MOTOR][:3, 3] + motor
         bench.append((sizes, place.round(8).tolist()))
-    assert limits == [limits[0]] * len(limits)
-    assert bench == [bench[0]] * len(bench)
+    assert limits == [limits[0]] * len(limits) and bench == [bench[0]] * len(bench)
     around = np.linspace(0.0, 2.0 * np.pi, 3601)
     laws = [scene_of_kinds.laws[cam] for cam in scene_of_kinds.scene.cams]
     lift = max(float(law(around).max()) for law in laws)
     speed = max(float(np.abs(law(around, 1)).max()) for law in laws) * fastest
-    assert float(limits[0]["lower"]) <= 0.0
-    assert float(limits[0]["upper"]) > 1.1 * lift
+    assert float(limits[0]["lower"]) <= 0.0 and float(limits[0]["upper"]) > 1.1 * lift
     assert float(limits[0]["effort"]) > 0.0
     assert float(limits[0]["velocity"]) == pytest.approx(speed, rel=1e-3)
 
@@ -258,7 +246,7 @@ def flat(points):
     return np.array([[p.x, p.y, 0.0, 1.0] for p in points])
 
 
-def markers(made):
+def markers_of(made):
     """The markers of each message."""
     kind = "visualization_msgs/msg/MarkerArray"
     return [TYPES.deserialize_cdr(cdr, kind).markers for cdr in made]
@@ -305,13 +293,13 @@ def test_contact_is_drawn_where_it_is_and_as_hard(kind):
     the link follower is the contact force."""
     robot, force = kind.robot, np.linspace(1.0, 50.0, COUNT)
     lift = robot.law(ANGLE)
-    found = markers(FollowerMarkers(robot).at(STAMPS, ANGLE, lift, force))
+    found = markers_of(markers.FollowerMarkers(robot).at(STAMPS, ANGLE, lift, force))
     spheres, arrows = zip(*found, strict=True)
-    assert {(m.type, m.action, m.header.frame_id) for m in spheres} == {(SPHERE, 0, GUIDE)}
+    assert {(m.type, m.action, m.header.frame_id) for m in spheres} == {(markers.SPHERE, 0, GUIDE)}
     assert [time_of(m) for m in spheres] == list(STAMPS)
     points = flat([m.pose.position for m in spheres])
     require_on_both(robot, lift, points, points)
-    assert {m.type for m in arrows} == {ARROW}
+    assert {m.type for m in arrows} == {markers.ARROW}
     ends = [flat([m.points[k] for m in arrows]) for k in (0, 1)]
     vector = (ends[1] - ends[0]) * [1.0, 1.0, 1.0, 0.0]
     newtons_per_metre = force / seen_from(robot, lift, FOLLOWER, vector)[:, 1]
@@ -327,8 +315,8 @@ def test_in_flight_the_gap_is_drawn_and_said(kind):
     contact and flight in one tick, each instant is drawn by its own force."""
     robot = kind.robot
     lift = robot.law(ANGLE) + GAP
-    found = markers(FollowerMarkers(robot).at(STAMPS, ANGLE, lift, np.zeros(COUNT)))
-    assert {(m[0].type, m[1].type) for m in found} == {(LINE_STRIP, TEXT)}
+    found = markers_of(markers.FollowerMarkers(robot).at(STAMPS, ANGLE, lift, np.zeros(COUNT)))
+    assert {(m[0].type, m[1].type) for m in found} == {(markers.LINE_STRIP, markers.TEXT)}
     assert {(m[0].ns, m[0].id, m[1].ns, m[1].id) for m in found} == {("contact", 0, "contact", 1)}
     starts, ends = (flat([m[0].points[k] for m in found]) for k in (0, 1))
     require_on_both(robot, lift, starts, ends)
@@ -336,16 +324,16 @@ def test_in_flight_the_gap_is_drawn_and_said(kind):
     said = [float(m[1].text.removeprefix("gap ").removesuffix(" µm")) for m in found]
     np.testing.assert_allclose(said, gaps, atol=0.051)
     force = np.where(np.arange(COUNT) % 3, 20.0, 0.0)
-    found = markers(FollowerMarkers(robot).at(STAMPS, ANGLE, robot.law(ANGLE), force))
-    assert [m[0].type == SPHERE for m in found] == list(force > 0.0)
+    found = markers_of(markers.FollowerMarkers(robot).at(STAMPS, ANGLE, robot.law(ANGLE), force))
+    assert [m[0].type == markers.SPHERE for m in found] == list(force > 0.0)
     assert [time_of(m[0]) for m in found] == list(STAMPS)
 
 
 def test_the_cam_is_drawn_with_its_own_contour(kind):
     """The line is the profile's contour, closed; both filled faces have the contour's area."""
     robot = kind.robot
-    ((line, body),) = markers([cam_markers(robot)])
-    assert (line.type, body.type) == (LINE_STRIP, TRIANGLE_LIST)
+    ((line, body),) = markers_of([markers.cam_markers(robot)])
+    assert (line.type, body.type) == (markers.LINE_STRIP, markers.TRIANGLE_LIST)
     assert line.header.frame_id == body.header.frame_id == robot.mounted.name
     outline = contours(robot.mounted.follower, robot.law, CONTOUR_POINTS)[0].points.T
     points = np.array([[p.x, p.y] for p in line.points])

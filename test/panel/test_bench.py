@@ -11,26 +11,10 @@ import cam_rig
 from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
 from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import HEARTBEAT, PACE
-from cam_rig.panel.bench import live_state
-from cam_rig.panel.bench.drawing import (
-    POINTS,
-    Cams,
-    LiveMotion,
-    cam_picture,
-    curves,
-    expected,
-    jump_speeds,
-)
+from cam_rig.panel.bench import drawing, live_state, runner
+from cam_rig.panel.bench.drawing import Cams, LiveMotion
 from cam_rig.panel.bench.live_state import LiveState, Meter, NotedReading, to_csv
-from cam_rig.panel.bench.runner import (
-    DRAWN_RPM,
-    MAX_RPM,
-    MODELS,
-    Setup,
-    add_cam,
-    allowed_models,
-    cam_names,
-)
+from cam_rig.panel.bench.runner import Setup
 from cam_rig.profile.outlines import follower_shape
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
@@ -48,8 +32,8 @@ SPEED, TICKS = 300.0, 12
 
 def test_a_set_up_is_a_scene(tmp_path):
     """Its rig has the chosen numbers, and what was not chosen as the file has it."""
-    add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
-    for model in allowed_models(RIG):
+    runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
+    for model in runner.allowed_models(RIG):
         given = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
         loaded = open_scene(OWN.changed(given, RIG).write(tmp_path, RIG))
         follower = loaded.rig.follower
@@ -58,7 +42,7 @@ def test_a_set_up_is_a_scene(tmp_path):
         assert follower.spring_stiffness == RIG.follower.spring_stiffness
         assert loaded.scene.model == model
         rpm = np.array(loaded.scene.program.speeds.si_list) * 30 / np.pi
-        np.testing.assert_allclose(rpm, [321.0, DRAWN_RPM])
+        np.testing.assert_allclose(rpm, [321.0, runner.DRAWN_RPM])
 
 
 def test_the_bench_begins_with_the_follower_of_the_board():
@@ -66,10 +50,10 @@ def test_the_bench_begins_with_the_follower_of_the_board():
     for path in (config_root() / "rigs").glob("*.yaml"):
         rig = cam_rig.load_rig(path)
         model = Setup.of(rig, "poly345").model
-        assert model in allowed_models(rig)
+        assert model in runner.allowed_models(rig)
         assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
-    assert set(allowed_models(RIG)) == set(MODELS)
-    assert not {"two_mass", "torsional"} & set(allowed_models(cam_rig.load_rig("tm21")))
+    assert set(runner.allowed_models(RIG)) == set(runner.MODELS)
+    assert not {"two_mass", "torsional"} & set(runner.allowed_models(cam_rig.load_rig("tm21")))
 
 
 @pytest.mark.variants(8)
@@ -77,15 +61,14 @@ def test_the_bench_begins_with_the_follower_of_the_board():
 def test_every_cam_can_be_put_among_the_benchs_own(name, tmp_path):
     """Its law is the same number by number, one of a table too."""
     cam = cam_rig.load_cam(name)
-    add_cam(cam, tmp_path)
+    runner.add_cam(cam, tmp_path)
     own, law = (
         cam_rig.build_law(cam_rig.load_cam(tmp_path / f"{name}.yaml")),
         cam_rig.build_law(cam),
     )
-    assert np.array_equal(law.breaks, own.breaks)
-    assert np.array_equal(law.ordinates, own.ordinates)
+    assert np.array_equal(law.breaks, own.breaks) and np.array_equal(law.ordinates, own.ordinates)
     # one whose follower is held on it is turned by no model, and is not offered
-    assert (name in cam_names(tmp_path)) is cam.follower.sprung
+    assert (name in runner.cam_names(tmp_path)) is cam.follower.sprung
 
 
 def test_a_wrong_set_up_is_refused():
@@ -99,12 +82,11 @@ def test_a_wrong_set_up_is_refused():
         ({"spring_stiffness": "stiff"}, "spring_stiffness: allowed"),
         ({"preload": [1]}, "preload: allowed"),
         ({"colour": "red"}, "colour: allowed"),
-        ({"rpm": 1e5}, f"rpm: is 100000; allowed: 1 to {MAX_RPM:g}"),
+        ({"rpm": 1e5}, f"rpm: is 100000; allowed: 1 to {runner.MAX_RPM:g}"),
     ):
         with pytest.raises(RefusedError) as raised:
             OWN.changed(given, RIG)
-        assert words in str(raised.value)
-        assert "\n" not in str(raised.value)
+        assert words in str(raised.value) and "\n" not in str(raised.value)
 
 
 # -- what pages are shown follows from what the nodes say, in whatever order it comes ---------
@@ -255,8 +237,7 @@ def test_the_readings_as_csv_are_read_back():
     """A row each, units in the names, whatever the cam's name."""
     one = NotedReading("a,b", "one_mass", 300.0, 83.25, "LAF", "in contact", 0.5, 4030.0, 30.6)
     (row,) = csv.DictReader(to_csv([one]).splitlines())
-    assert row["cam"] == "a,b"
-    assert float(row["level_db"]) == 83.25
+    assert row["cam"] == "a,b" and float(row["level_db"]) == 83.25
     assert float(row["preload_n"]) == 30.6
 
 
@@ -271,23 +252,19 @@ def law_of(name):
     return cam, cam_rig.build_law(cam)
 
 
-def rows_of(found):
-    return np.frombuffer(base64.b64decode(found["curves"]), "<f4").reshape(6, -1)
-
-
 @pytest.mark.parametrize("name", CAMS)
 def test_the_follower_is_drawn_where_the_profile_has_it(name):
     """A straight line of the lift stands for its way, exactly; it is touched on the contour."""
     cam, law = law_of(name)
-    shape, drawn = follower_shape(cam, law), cam_picture(cam, law)
+    shape, drawn = follower_shape(cam, law), drawing.cam_picture(cam, law)
     lift = np.linspace(0.0, 1.3 * law.lift, 7)
     way = np.array(drawn["origin"]) + np.outer(lift, drawn["along"]) * 1e3
     assert way == pytest.approx(shape.origin(lift) * 1e3, abs=1e-9)
     turned = drawn["turn"] + drawn["turns"] * lift * 1e3
     assert turned == pytest.approx(shape.turn(lift), abs=1e-12)
     contour, touch = np.array(drawn["contour"]), np.array(drawn["touch"])
-    for i in range(0, POINTS, 30):
-        angle = TURN * i / POINTS
+    for i in range(0, drawing.POINTS, 30):
+        angle = TURN * i / drawing.POINTS
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         away = np.hypot(*((turn @ contour).T - touch[:, i]).T)
         assert away.min() < 1e-3
@@ -298,15 +275,14 @@ def test_the_follower_is_drawn_where_the_profile_has_it(name):
 )
 def test_what_is_expected_is_what_a_long_run_does(model, above):
     """Below and above the jump speed: lift, force and flight of the turns once they repeat."""
-    law, rig = law_of("poly345")[1], cam_rig.load_rig("paper_table2")
-    setup = Setup.of(rig, "poly345").changed({"model": model}, rig)
+    law, setup = law_of("poly345")[1], OWN.changed({"model": model}, RIG)
     for rpm in (250.0, above):
-        found = expected(setup.changed({"rpm": rpm}, rig), law, rig)
+        found = drawing.expected(setup.changed({"rpm": rpm}, RIG), law, RIG)
         assert found["settled"]
-        turn = rows_of(found)
-        run = cam_rig.simulate(law, rig, model=model, rpm=rpm, turns=30, sample_rate=48_000)
+        turn = np.frombuffer(base64.b64decode(found["curves"]), "<f4").reshape(6, -1)
+        run = cam_rig.simulate(law, RIG, model=model, rpm=rpm, turns=30, sample_rate=48_000)
         last = run.angle >= run.angle[-1] - TURN
-        whole = curves(law, run.angle[last], run.rows[:, last])
+        whole = drawing.curves(law, run.angle[last], run.rows[:, last])
         place = np.argsort(whole[0] % TURN)
         for row, near in ((1, 2e-3), (4, 0.03 * whole[4].max())):
             shown = np.interp(turn[0], (whole[0] % TURN)[place], whole[row][place])
@@ -317,12 +293,12 @@ def test_what_is_expected_is_what_a_long_run_does(model, above):
 
 def test_the_marks_on_the_knob_are_the_jump_speeds():
     """By the set-up's own model first; of a rig without two masses by one alone."""
-    law, rig = law_of("poly345")[1], cam_rig.load_rig("paper_table2")
-    two, one = jump_speeds(law, rig, "two_mass")
+    law = law_of("poly345")[1]
+    two, one = drawing.jump_speeds(law, RIG, "two_mass")
     assert (two["model"], one["model"]) == ("two_mass", "one_mass")
-    assert two["rpm"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-6)
+    assert two["rpm"] == pytest.approx(cam_rig.jump_speed(law, RIG).rpm, rel=1e-6)
     assert one["rpm"] > two["rpm"]
-    (alone,) = jump_speeds(law, cam_rig.load_rig("tm21"), "one_mass")
+    (alone,) = drawing.jump_speeds(law, cam_rig.load_rig("tm21"), "one_mass")
     assert alone["rpm"] == pytest.approx(438.28969763, rel=1e-8)
 
 

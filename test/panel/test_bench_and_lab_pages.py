@@ -57,8 +57,7 @@ def test_nothing_lies_over_anything_and_the_stop_is_in_sight(chromium, served, l
             bench.page.set_viewport_size({"width": width, "height": height})
             require_apart(bench, width)
             (stop,) = bench.boxes("#emergency").values()
-            assert stop[1] >= 0
-            assert stop[3] <= height
+            assert stop[1] >= 0 and stop[3] <= height
         assert bench.page.locator("#model").input_value() == "two_mass"
         words = {"en": "two elastic masses", "es": "dos masas elásticas"}[language]
         assert bench.text("title") == f"paper_table2, {words}"

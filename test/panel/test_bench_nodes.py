@@ -229,8 +229,7 @@ def test_a_page_turns_the_rig_and_so_does_anybody_else(running_panel, ros_domain
         page.do("call", value="stop")
         page.until(lambda live: live["drive"] == "stopped")
         answer = page.ask("set", name="cam", value="no_such")
-        assert not answer["success"]
-        assert "no_such" in answer["words"]
+        assert not answer["success"] and "no_such" in answer["words"]
 
 
 @pytest.mark.long
@@ -251,8 +250,7 @@ def test_a_noted_level_is_the_exact_one(running_panel):
     motion = cam_rig.simulate(law, rig, model="two_mass", rpm=350.0, turns=12)
     assert noted["level_db"] == pytest.approx(cam_rig.sound_level(motion).level_db, abs=0.2)
     sound = np.frombuffer(page.sound[: len(page.sound) // 4 * 4], "<f4")
-    assert np.isfinite(sound).all()
-    assert 0.0 < np.abs(sound).max() < 1.0
+    assert np.isfinite(sound).all() and 0.0 < np.abs(sound).max() < 1.0
     (row,) = running_panel.get("/bench/readings.csv").decode().splitlines()[1:]
     assert row.startswith("poly345,two_mass,350.0,")
 
@@ -275,8 +273,7 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel):
         bag = page.keep()
         page.running()
     loaded = read_scene(bag)
-    assert loaded.rig.follower.preload.si == 55.0
-    assert loaded.scene.model == "one_mass"
+    assert loaded.rig.follower.preload.si == 55.0 and loaded.scene.model == "one_mass"
     assert contiguous(bag) > 1.0
     assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
     assert list(running_panel.out.iterdir()) == [bag]

@@ -10,14 +10,7 @@ import pytest
 from shapely import Point, Polygon
 
 import cam_rig
-from cam_rig.errors import (
-    ConfigError,
-    LawError,
-    MissingLibraryError,
-    OutputError,
-    ProfileError,
-    RefusedError,
-)
+from cam_rig.errors import ConfigError, MissingLibraryError, OutputError, ProfileError, RefusedError
 from cam_rig.panel.board.board import MAX_RPM, Board
 from cam_rig.panel.board.drawable import at_rest, level
 from cam_rig.profile.drawing_files import read_dxf
@@ -25,13 +18,7 @@ from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 
 from ..cli.conftest import done
-
-
-def with_one_moved(board, lifts):
-    """The ordinates, one in the middle of the rise moved."""
-    ordinates = board.ordinates.tolist()
-    ordinates[board.drawn.handles[7].index] += lifts
-    return ordinates
+from .conftest import with_one_moved
 
 
 def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
@@ -66,8 +53,7 @@ def test_what_is_not_right_is_refused_and_changes_nothing(board):
     for rpm in (None, "300", True, 0, -1, math.inf, math.nan, 2 * MAX_RPM):
         with pytest.raises(RefusedError, match="rpm: is"):
             board.take(before.tolist(), rpm)
-    assert board.ordinates is before
-    assert board.version == version
+    assert board.ordinates is before and board.version == version
 
 
 def test_what_is_said_at_once_is_the_cores(board):
@@ -139,8 +125,7 @@ def test_a_follower_out_of_reach_is_a_fault_in_words(tmp_path):
     short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
     found = board.at_once()
-    assert found["discs"] == []
-    assert [fault["key"] for fault in found["faults"]] == ["error"]
+    assert found["discs"] == [] and [fault["key"] for fault in found["faults"]] == ["error"]
     assert "out of reach" in found["faults"][0]["words"]
     assert at_rest(board.cam, board.law(), board.rig, 300.0)["checks"]
 
@@ -149,7 +134,7 @@ def test_another_law_is_a_shipped_cams(board):
     """By its name, and by nothing that looks like a path."""
     assert board.other("cycloidal")["name"] == "cycloidal"
     for name in ("nobody", "../rigs/tm21", ""):
-        with pytest.raises((ConfigError, LawError)):
+        with pytest.raises((ConfigError, cam_rig.errors.LawError)):
             board.other(name)
 
 
@@ -188,8 +173,7 @@ def test_a_saved_file_is_the_law_on_the_page(tmp_path):
     for name in ("poly345", "bezier15", "tm21", "measured", "conjugate"):
         cam = cam_rig.load_cam(name)
         board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
-        ordinates = board.ordinates.tolist()
-        ordinates[board.drawn.handles[3].index] += 0.0123456789
+        ordinates = with_one_moved(board, 0.0123456789, 3)
         path = board.save("drawn", ordinates)
         board.take(ordinates, 300)
         saved = cam_rig.load_cam(path)
@@ -216,8 +200,7 @@ def test_a_pressure_angle_alone_can_be_made(tmp_path):
     board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
     assert board.saved("steep", board.ordinates.tolist())["why_not"] is None
     found = at_rest(board.cam, board.law(), board.rig, 300.0)
-    assert found["made"]
-    assert any("pressure angle" in words for words in found["checks"])
+    assert found["made"] and any("pressure angle" in words for words in found["checks"])
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):

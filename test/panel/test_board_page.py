@@ -18,7 +18,7 @@ from cam_rig.panel.server import serve
 from cam_rig.profile.drawing_files import read_dxf
 from cam_rig.units import RPM
 
-from .conftest import BrowserPage, in_browser
+from .conftest import BrowserPage, in_browser, with_one_moved
 
 pytestmark = pytest.mark.slow
 #: What the page computes differs from the core by no more than this part of the largest value.
@@ -99,11 +99,8 @@ def page(window, served, tmp_path):
     window.settled()
     yield window
     window.page.evaluate("() => sessionStorage.clear()")  # the language that was chosen
-    errors, outside = window.errors[:], window.outside[:]
-    window.errors.clear()
-    window.outside.clear()
-    assert errors == []
-    assert outside == []
+    faults, window.errors, window.outside = [*window.errors, *window.outside], [], []
+    assert faults == []
 
 
 def in_page(page, ordinates, rpm):
@@ -363,9 +360,7 @@ def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
 def test_a_start_that_cannot_be_made_has_the_force_of_its_motion(chromium, tmp_path):
     """There is no last good one, and the page does not speak of one."""
     good = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path)
-    ordinates = good.ordinates.tolist()
-    ordinates[good.drawn.handles[7].index] += 0.5
-    cam = cam_rig.load_cam(good.save("undercut", ordinates))
+    cam = cam_rig.load_cam(good.save("undercut", with_one_moved(good, 0.5)))
     board = BoardPages(Board(cam, good.rig, tmp_path))
     with serve(board) as panel, in_browser(chromium, BoardPage) as shown:
         shown.open(panel.address)

@@ -4,23 +4,19 @@ import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig import load_cam
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.drawable import _nearest, as_b_splines, with_own_ordinates
 from cam_rig.panel.board.drawn_law import ORDERS, DrawnLaw, table_angles
-from cam_rig.schema import load_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE
 from cam_rig.studies.design.space import events
 
-from ..conftest import CAM_NAMES, CONFIG
+from ..conftest import CAM_NAMES
 
 #: Laws in s and its derivatives agree within this part of their largest value.
 SAME = 1e-12
-
-
-def load(name):
-    return load_cam(CONFIG / "cams" / f"{name}.yaml")
 
 
 def moved(drawn, by=0.05):
@@ -42,7 +38,7 @@ def from_table(drawn, ordinates):
 @pytest.mark.parametrize("name", CAM_NAMES)
 def test_what_is_drawn_is_a_law_at_any_ordinates(name):
     """By the page's table s to s''' are the core's; no handle tears it, each pulls at its own."""
-    drawn = DrawnLaw.of(load(name))
+    drawn = DrawnLaw.of(load_cam(name))
     law = build_law(drawn.start.cam)
     found = drawn.law(drawn.ordinates, law.name)
     assert np.array_equal(found.breaks, law.breaks)
@@ -74,26 +70,24 @@ def test_what_is_drawn_is_a_law_at_any_ordinates(name):
 def test_a_law_of_ordinates_has_its_own_where_some_may_be_moved():
     """Four ordinates at rest at each end of eight leave none to be moved: such a law has more."""
     for name in ("bezier15", "designed"):
-        config = load(name)
+        config = load_cam(name)
         start = DrawnLaw.of(config).start
-        assert start.cam is config
-        assert start.own
+        assert start.cam is config and start.own
         assert start.distance == 0.0
-    own = with_own_ordinates(load("b_spline"))
+    own = with_own_ordinates(load_cam("b_spline"))
     assert DrawnLaw(own).handles == []
-    start = DrawnLaw.of(load("b_spline")).start
-    assert not start.own
-    assert start.exact
+    start = DrawnLaw.of(load_cam("b_spline")).start
+    assert not start.own and start.exact
 
 
 def test_a_law_of_polynomials_is_drawn_exactly():
     """Knots between take nothing from a polynomial: its derivatives are the file's to rounding."""
     angles, drawn = np.linspace(0.0, 2.0 * np.pi, 1801), 0
     for name in CAM_NAMES[::3]:
-        law = build_law(load(name))
+        law = build_law(load_cam(name))
         if law.degree > MAX_B_SPLINE_DEGREE:
             continue
-        start, drawn = as_b_splines(load(name)), drawn + 1
+        start, drawn = as_b_splines(load_cam(name)), drawn + 1
         assert start.exact, name
         for order in range(3):
             off = np.abs(start.law(angles, order) - law(angles, order)).max()
@@ -104,7 +98,7 @@ def test_a_law_of_polynomials_is_drawn_exactly():
 def test_any_other_law_is_drawn_as_the_nearest():
     """How far it is from the file's law is what the page says, in lifts here."""
     for name, most in (("cycloidal", 1e-6), ("tm21", 1e-6), ("trigonometric", 2e-5)):
-        start, law = DrawnLaw.of(load(name)).start, build_law(load(name))
+        start, law = DrawnLaw.of(load_cam(name)).start, build_law(load_cam(name))
         angles = np.linspace(0.0, 2.0 * np.pi, 1000)
         distance = np.abs(start.law(angles) - law(angles)).max()
         assert start.distance == pytest.approx(distance, rel=0.2)
@@ -116,8 +110,8 @@ def test_what_is_drawn_jumps_at_the_speed_of_the_files_law():
     """Two masses feel the jerk at an event's ends: a law that rests there too is another."""
     rig = cam_rig.load_rig("paper_table2")
     for name in ("poly345", "cycloidal", "tm21", "modified_trapezoid"):
-        drawn = cam_rig.jump_speed(DrawnLaw.of(load(name)).start.law, rig).rpm
-        own = cam_rig.jump_speed(build_law(load(name)), rig).rpm
+        drawn = cam_rig.jump_speed(DrawnLaw.of(load_cam(name)).start.law, rig).rpm
+        own = cam_rig.jump_speed(build_law(load_cam(name)), rig).rpm
         assert drawn == pytest.approx(own, rel=1e-4), name
 
 
@@ -125,8 +119,8 @@ def test_joints_of_what_is_drawn_are_the_laws_own():
     """Neither rougher nor smoother where pieces meet, corners included, and smooth between."""
     corners = "worked_example_constant_velocity"
     for name in ("poly345", "cycloidal", "measured", "half_rises", corners):
-        wanted = {round(j.angle, 9): j.continuity for j in joints(build_law(load(name)))}
-        found = {round(j.angle, 9): j.continuity for j in joints(as_b_splines(load(name)).law)}
+        wanted = {round(j.angle, 9): j.continuity for j in joints(build_law(load_cam(name)))}
+        found = {round(j.angle, 9): j.continuity for j in joints(as_b_splines(load_cam(name)).law)}
         assert {angle: found[angle] for angle in wanted} == wanted, name
         assert all(found[angle] == 4 for angle in found.keys() - wanted.keys())
 

@@ -11,7 +11,7 @@ import cam_rig
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_min_force
 from cam_rig.errors import ConfigError
-from cam_rig.panel.lab.labs import POINTS, TOLERANCES, lab_sheet
+from cam_rig.panel.lab.labs import LABS, POINTS, TOLERANCES, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
 from cam_rig.panel.lab.sheet import LabSetup, drawn
@@ -39,8 +39,7 @@ def test_every_number_is_drawn_evenly_within_its_tolerance():
     """Over 2000 names: both ends are come near, the mean is the sheet's."""
     for kind, tolerance in TOLERANCES.items():
         found = np.array([drawn("jump", f"n{i}", kind, tolerance) for i in range(2000)])
-        assert np.abs(found - 1.0).max() <= tolerance
-        assert found.max() > 1.0 + 0.98 * tolerance
+        assert np.abs(found - 1.0).max() <= tolerance and found.max() > 1.0 + 0.98 * tolerance
         assert found.min() < 1.0 - 0.98 * tolerance
         # standard error of the mean: tolerance / sqrt(3 n)
         assert abs(found.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * found.size)
@@ -62,17 +61,25 @@ def test_a_spring_is_the_same_in_every_set_up_and_two_differ():
 
 
 def test_what_has_no_sheet_is_refused(tmp_path):
-    """By a seed that is no name, an unknown lab, no preload."""
+    """Refuse a seed that is not a name, and cams and rigs that a lab cannot measure."""
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
             sheet_of(seed=seed)
-    words = r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)"
-    with pytest.raises(ConfigError, match=words):
-        sheet_of(lab="jmp")
-    loose = cam_rig.load_rig("tm21").with_follower(preload=0.0)
-    sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], loose)
-    with pytest.raises(ConfigError, match="preload of 0 N"):
-        LabPages(sheet, tmp_path)
+    one, two, arcs, held = map(
+        cam_rig.load_cam, ("poly345", "bezier15", "arcs_convex", "conjugate")
+    )
+    rig = cam_rig.load_rig("tm21")
+    for lab, cams, on, words in (
+        ("jmp", [one], rig, r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)"),
+        ("jump", [one], rig.with_follower(preload=0.0), "preload of 0 N"),
+        ("jump", [one, two], rig, "allowed in lab 'jump': one"),
+        ("vibration", [one], rig, r"periods of the stem .* allowed: 60"),
+        ("noise", [one, two], rig, r"the same is the louder from \d+ to \d+ rpm"),
+        ("noise", [arcs], rig, "allowed in lab 'noise': two that differ"),
+        *((lab, [held], rig, "closing spring alone") for lab in LABS),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            LabPages(lab_sheet(lab, cams, on), tmp_path)
 
 
 def test_the_line_is_the_jump_speed_of_a_rigid_follower():
@@ -169,16 +176,14 @@ def test_nothing_of_the_hidden_rig_is_in_any_answer(hidden):
         said += numbers(hidden.get(path).decode())
     said += numbers(hidden.send("/lab/student", {"student": "Ana"})[1])
     found = [(n, s) for n in said for s in secret if abs(n - s) <= 1e-4 * s]
-    assert len(said) > 100
-    assert len(secret) > 20
+    assert len(said) > 100 and len(secret) > 20
     assert found == []
 
 
 def test_the_theory_is_shown_without_a_seed_alone(hidden, plain):
     """With one it would be another rig's."""
     status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
-    assert status == 409
-    assert "without a seed" in json.loads(body)["words"]
+    assert status == 409 and "without a seed" in json.loads(body)["words"]
     sheet = plain.pages.notebook.sheet
     theory = json.loads(plain.get("/lab/theory"))
     (line,) = theory["curves"]
@@ -234,8 +239,7 @@ def test_nonsense_and_what_cannot_be_written_are_refused_and_not_recorded(plain,
     ):
         for path in ("/lab/turn", "/lab/record"):
             status, body = plain.send(path, plain.asked(0, 300.0) | change)
-            assert status == 409
-            assert words in body["words"]
+            assert status == 409 and words in body["words"]
     for student in (None, 7, "a\nb", "x" * 81):
         assert plain.send("/lab/student", {"student": student})[0] == 409
     assert plain.pages.notebook.recorded.readings == ()
@@ -255,6 +259,13 @@ def mark(*arguments):
     return found.exit_code, found.stdout, found.stderr
 
 
+def refused(words, *arguments):
+    """Check that sheets are refused in one line, and return it."""
+    code, _, err = mark(*arguments)
+    assert (code, err.count("\n"), words in err) == (2, 1, True), err
+    return err
+
+
 def test_marks_are_the_difference_to_find_jump(tmp_path):
     """Of the hidden rig with a seed, else of the rig's own numbers; a row a reading in the CSV."""
     right = filled(sheet_of(seed="alpha"), tmp_path)
@@ -266,8 +277,7 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     found = json.loads(out)
     sheets = {row["file"]: row["within"] for row in found["sheets"]}
     assert [sheets[str(p)] for p in (right, wrong)] == [ANSWERS, 0]
-    assert "Ana: 4 of 4 within 1 %" in err
-    assert "0 of 4 within 1 %; mean +2.00 %" in err
+    assert "Ana: 4 of 4 within 1 %" in err and "0 of 4 within 1 %; mean +2.00 %" in err
     own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     first = next(row for row in found["answers"] if row["file"] == str(wrong))
@@ -314,16 +324,12 @@ def test_a_damaged_sheet_is_one_line(tmp_path):
     for old, new, words in DAMAGED:
         assert old in text
         path.write_text(text.replace(old, new, 1), "utf-8")
-        code, _, err = mark(path)
-        assert code == 2
-        assert words in err
-        assert str(path) in err or "no such file" in words
-        assert err.count("\n") == 1
+        assert str(path) in refused(words, path) or "no such file" in words
     path.write_text(text, "utf-8")
     path.write_text(to_text(replace(read_sheet(path), readings=())), "utf-8")
-    assert "has 0 readings; allowed: 1 to 1000" in mark(path)[2]
+    refused("has 0 readings; allowed: 1 to 1000", path)
     path.write_bytes(b"\xff\xfe\x00")
-    assert "is no text in UTF-8" in mark(path)[2]
+    refused("is no text in UTF-8", path)
 
 
 def test_another_cam_or_rig_is_one_line(tmp_path):
@@ -339,7 +345,4 @@ def test_another_cam_or_rig_is_one_line(tmp_path):
         ((path, "--seed", "x"), "--seed"),
         ((path, "--lab", "jump"), "--mark serves no page"),
     ):
-        code, _, err = mark(*arguments)
-        assert code == 2
-        assert words in err
-        assert err.count("\n") == 1
+        refused(words, *arguments)

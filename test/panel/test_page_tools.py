@@ -17,7 +17,7 @@ from cam_rig.panel.server import serve
 
 from ..processes import ended
 from ..viewer.asking import Visitor
-from .conftest import BENCH, BOARD, BrowserPage, in_browser, received, sheet_of
+from .conftest import BENCH, BOARD, BrowserPage, in_browser, received, sheet_of, with_one_moved
 
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
@@ -67,8 +67,7 @@ def test_what_is_sent_is_of_its_type(served, tmp_path):
         "cam": ("CamPicture", json.loads(served.get("/bench/cam/poly345"))),
     }
     with served.page(BOARD) as socket:
-        undercut = served.board.ordinates.tolist()
-        undercut[served.board.drawn.handles[7].index] += 0.5
+        undercut = with_one_moved(served.board, 0.5)
         socket.send(json.dumps({"number": 1, "ordinates": undercut, "rpm": 300.0}))
         socket.send(json.dumps({"number": 2, "ordinates": [], "rpm": 300.0}))
         for kind, message in received(socket, "moved", "exact", "refused", "rest").items():

@@ -81,8 +81,7 @@ def test_every_file_that_a_page_asks_for_is_served_and_nothing_beside(panel):
             status, headers, _ = ask(panel.address, name, Cookie=panel.cookie)
             assert (name, status) == (name, 200)
             assert "text/plain" not in headers["Content-Type"]
-        assert "//cdn" not in text
-        assert "https://" not in text
+        assert "//cdn" not in text and "https://" not in text
     for name in ("/static/../server.py", "/static/%2e%2e/server.py", "/static//etc/passwd"):
         assert ask(panel.address, name, Cookie=panel.cookie)[0] == 404
     setup = (Path(__file__).parents[2] / "setup.py").read_text(encoding="utf-8")
@@ -124,10 +123,8 @@ def test_pages_are_told_the_language_that_was_asked_for():
     with serve(OnePage(), language="es") as served:
         found = json.loads(Visitor(served.address).get("/languages"))
     assert found == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
-    with (
-        pytest.raises(ConfigError, match="--lang: is 'fr'; allowed: en, es"),
-        serve(OnePage(), language="fr"),
-    ):
+    words = "--lang: is 'fr'; allowed: en, es"
+    with pytest.raises(ConfigError, match=words), serve(OnePage(), language="fr"):
         pass
 
 
@@ -214,8 +211,7 @@ def test_wrong_messages_are_refused_in_a_line_and_the_page_stays(panel, path, se
             while (answer := json.loads(page.recv(timeout=WAIT_S)))["type"] not in kinds:
                 assert answer["type"] != "exact", text[:80]
             assert answer.get("success") is not True, text[:80]
-            assert 0 < len(answer["words"]) < 400
-            assert len(answer["words"].splitlines()) == 1
+            assert 0 < len(answer["words"]) < 400 and len(answer["words"].splitlines()) == 1
             page.send(json.dumps(panel.right(path) | {"number": number}))
             answer = answer_to(page, number)
             assert answer.get("success", True) and answer["type"] != "refused"
@@ -247,8 +243,7 @@ def test_wrong_requests_are_refused_in_a_line_and_the_connection_stays(panel, ca
             answer = connection.getresponse()
             words = json.loads(answer.read())["words"]
             statuses.add(answer.status)
-            assert len(words.splitlines()) == 1
-            assert len(words) < 400
+            assert len(words.splitlines()) == 1 and len(words) < 400
             assert connection.sock is kept
         assert statuses == {400, 409}, path
     connection.close()
@@ -256,8 +251,7 @@ def test_wrong_requests_are_refused_in_a_line_and_the_connection_stays(panel, ca
     for name in ("no_such", "%00", "%ff", "%ED%A0%80", "a" * 5000, "..%2f..", "%C3%A9"):
         for path in ("/other", "/bench/cam"):
             status, _, found = ask(panel.address, f"{path}/{name}", **panel.headers)
-            assert status in (400, 404)
-            assert len(found.splitlines()) == 1
+            assert status in (400, 404) and len(found.splitlines()) == 1
 
 
 def test_a_huge_message_ends_its_own_page_alone(panel):
@@ -335,8 +329,7 @@ def test_the_newest_state_alone_waits(panel, monkeypatch):
         while not told or told[-1] != 340.0:
             message = json.loads(two.recv(timeout=WAIT_S))
             told += [message["rpm"]] if message["type"] == "moved" else []
-    assert told == sorted(told)
-    assert len(told) < 40
+    assert told == sorted(told) and len(told) < 40
 
 
 # -- what takes longer ------------------------------------------------------------------------
@@ -380,8 +373,7 @@ def test_one_design_at_a_time_and_it_can_be_stopped(panel):
     with panel.page(BOARD) as page:
         assert design(panel, "start")[0] == 202
         status, words = design(panel, "other")
-        assert status == 409
-        assert "so stop it" in words["words"]
+        assert status == 409 and "so stop it" in words["words"]
         assert panel.post("/design/stop")[0] == 200
         while not received(page, "design")["design"].get("stopped"):
             pass
@@ -393,12 +385,10 @@ def test_one_design_at_a_time_and_it_can_be_stopped(panel):
 def test_a_design_that_cannot_begin_or_end_says_why(panel):
     """A start that was not saved, or is a path; a cam that `cam-rig design` takes none of."""
     status, words = design(panel, "nothing")
-    assert status == 409
-    assert "nothing.yaml" in words["words"]
+    assert status == 409 and "nothing.yaml" in words["words"]
     for name in ("../poly345", "", "A"):
         status, words = design(panel, name)
-        assert status == 409
-        assert words["words"].startswith("name: allowed")
+        assert status == 409 and words["words"].startswith("name: allowed")
     frame = Path(__file__).parents[2] / "config/cams/constant_breadth.yaml"
     panel.board.out.mkdir(exist_ok=True)
     (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
@@ -419,8 +409,7 @@ def test_a_design_is_told_as_it_grows_and_written(panel):
         while "so_far_rpm" in message:
             best.append(message["so_far_rpm"])
             message = received(page, "design")["design"]
-    assert best
-    assert best == sorted(best)
+    assert best and best == sorted(best)
     law = cam_rig.build_law(cam_rig.load_cam(message["path"]))
     jump = cam_rig.jump_speed(law, board.rig).rpm
     assert message["rpm"] == pytest.approx(jump, rel=1e-3)
@@ -430,5 +419,4 @@ def test_a_design_is_told_as_it_grows_and_written(panel):
     largest = np.abs(wanted).max(axis=1, keepdims=True)
     assert (np.abs(motion.reshape(ORDERS, POINTS) - wanted) / largest).max() <= 1e-9
     status, words = design(panel, "begin")
-    assert status == 409
-    assert "begin_designed.yaml: exists already" in words["words"]
+    assert status == 409 and "begin_designed.yaml: exists already" in words["words"]

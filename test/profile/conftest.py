@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
 
 from cam_rig.laws import Law, build_law
 from cam_rig.profile import Contour, Disc, contours_at, discs
-from cam_rig.profile.contact import Element
 from cam_rig.schema import CamConfig
 from cam_rig.units import FloatArray
+
+from ..conftest import assumed
 
 ARM = {"base_radius": 40, "pivot_distance": 90, "arm": 75}
 #: Lengths in mm, angles in degrees.
@@ -53,29 +53,16 @@ class Made:
     def discs(self) -> tuple[Disc, ...]:
         return discs(self.cam.follower, self.law)
 
-    def riders(self) -> list[tuple[int, Element]]:
-        """Every element that rides on a contour, with the contour's number."""
-        return [
-            (number, element)
-            for number, disc in enumerate(self.discs)
-            for element in (disc.element, disc.opposite)
-            if element is not None
-        ]
-
 
 def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> Made:
     """A cam of this kind; ``numbers`` in mm and degrees replace those of `FOLLOWERS`."""
-
-    def quantity(value: float, unit: str) -> dict[str, Any]:
-        return {"assumed": value, "unit": unit}
-
     sizes = (FOLLOWERS[kind] | numbers).items()
-    sized = {key: quantity(value, "deg" if key in ANGLES else "mm") for key, value in sizes}
+    sized = {key: assumed(value, "deg" if key in ANGLES else "mm") for key, value in sizes}
     rows = [
-        {"law": law, "span": quantity(span, "deg")} | ({} if to is None else {"to": to})
+        {"law": law, "span": assumed(span, "deg")} | ({} if to is None else {"to": to})
         for law, span, to in segments
     ]
-    data = {"name": kind, "title": "made for a test", "lift": quantity(lift, "mm")}
+    data = {"name": kind, "title": "made for a test", "lift": assumed(lift, "mm")}
     cam = CamConfig.model_validate(data | {"follower": {"type": kind} | sized, "segments": rows})
     return Made(cam, build_law(cam))
 

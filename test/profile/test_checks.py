@@ -14,6 +14,7 @@ from cam_rig.profile.cam_checks import check_cam, require_profile
 from cam_rig.profile.checks import least_base_radius, sharpest_concave, sharpest_convex
 from cam_rig.profile.contact import Scan, greatest_between
 
+from ..conftest import dwell
 from .conftest import BREADTH, OPPOSITE, UNEVEN, make
 
 
@@ -145,12 +146,9 @@ def test_breadth_condition():
         assert check.vital and not check.passed
 
 
-def test_a_corner_is_refused():
-    data = make("point").cam.model_dump(exclude_none=True)
-    half = {"span": {"assumed": 180, "unit": "deg"}}
-    ordinates = {"ordinates": {"assumed": [0.0, 1.0, 0.0], "unit": "1"}}
-    data["segments"] = [{"law": "dwell"} | half, {"law": "bezier"} | half | ordinates]
-    cam = type(make("point").cam).model_validate(data)
+def test_a_corner_is_refused(make_cam):
+    corner = {"law": "bezier", "span": 180, "ordinates": [0.0, 1.0, 0.0]}
+    cam = make_cam(dwell(180), corner, lift=0.01)
     with pytest.raises(ProfileError, match=r"step of the slope s' is 6\.3662 mm/rad at 0°"):
         require_profile(cam, build_law(cam))
 

@@ -1,33 +1,25 @@
 """The drawing on paper is true: the follower's positions touch the contour all around."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from shapely import LinearRing, LineString
 
-from cam_rig.laws import Law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.profile.cam_checks import check_cam
-from cam_rig.schema import CamConfig
 from cam_rig.studies.profile.figures import figure, positions
-
-Cams, Laws, Draw = dict[str, CamConfig], dict[str, Law], Callable[..., Figure]
 
 
 @pytest.fixture(scope="module")
-def draw(cams: Cams, laws: Laws) -> Draw:
+def draw(cams, laws):
     """The figure of a shipped cam, with as many positions as asked for."""
     return lambda name, *count: figure(
         cams[name], laws[name], check_cam(cams[name], laws[name]), *count
     )
 
 
-def test_positions_touch_the_contour(followed: Laws, cams: Cams) -> None:
+def test_positions_touch_the_contour(followed, cams):
     """Every roller, face and point drawn is on the contour, mm, to the picture's chords."""
     for name, law in followed.items():
         for contour in contours(cams[name].follower, law, 7200):
@@ -37,14 +29,14 @@ def test_positions_touch_the_contour(followed: Laws, cams: Cams) -> None:
                 assert min(LineString(strip).distance(ring) for strip in touching) < 0.02
 
 
-def test_a_pair_is_told_apart(draw: Draw) -> None:
+def test_a_pair_is_told_apart(draw):
     """The discs of a pair in two colours, the second hatched."""
     first, second = draw("oscillating_conjugate").axes[0].patches
     assert first.get_facecolor()[:3] != second.get_facecolor()[:3]
     assert not first.get_hatch() and second.get_hatch()
 
 
-def test_as_many_positions_as_asked_for(draw: Draw) -> None:
+def test_as_many_positions_as_asked_for(draw):
     """The graphical method divides the turn into any number of equal steps; few are all named."""
     for count in (3, 37):
         plan = draw("oscillating_roller", count).axes[0]
@@ -55,7 +47,7 @@ def test_as_many_positions_as_asked_for(draw: Draw) -> None:
         assert f"follower every {360 / count:.4g}°" in plan.get_legend_handles_labels()[1]
 
 
-def test_the_numbers_are_those_of_the_contour(draw: Draw, cams: Cams, laws: Laws) -> None:
+def test_the_numbers_are_those_of_the_contour(draw, cams, laws):
     """Least radius and greatest pressure angle of 36 000 points, and where; to the digits shown."""
     for name in ("flat", "conjugate", "oscillating_roller"):
         _, curvature, pressure = draw(name).axes
@@ -73,7 +65,7 @@ def test_the_numbers_are_those_of_the_contour(draw: Draw, cams: Cams, laws: Laws
                 assert there == pytest.approx(best, rel=1e-3, abs=1e-9)
 
 
-def test_a_straight_flank_is_marked(cams: Cams, laws: Laws) -> None:
+def test_a_straight_flank_is_marked(cams, laws):
     """Where the contour is straight, a line along the top says so; nowhere else."""
     assert not figure(cams["arcs_convex"], laws["arcs_convex"], []).axes[1].texts
     cam, law = cams["arcs_straight"], laws["arcs_straight"]
@@ -86,9 +78,9 @@ def test_a_straight_flank_is_marked(cams: Cams, laws: Laws) -> None:
     assert np.min(drawn) == straight.min() and np.max(drawn) == straight.max()
 
 
-def test_rise_and_dwell_are_shaded(draw: Draw, cams: Cams) -> None:
+def test_rise_and_dwell_are_shaded(draw, cams):
     """What is shaded adds up to the spans of the cam's dwells and of its rise."""
-    spans: dict[str, float] = {}
+    spans = {}
     for patch in draw("poly345").axes[2].patches:
         key = f"{patch.get_facecolor()[0]:.2f}"
         spans[key] = spans.get(key, 0.0) + patch.get_width()

@@ -1,20 +1,15 @@
 """A drawn follower touches its cam where the profile says; the cam's body and its dial."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from cam_rig.laws import Law
 from cam_rig.profile import contours, contours_at, turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.faces import GuidedFace, SwungFace
-from cam_rig.profile.outlines import FollowerShape, follower_shape
+from cam_rig.profile.outlines import follower_shape
 from cam_rig.profile.shapes import NUMBER, body, closed, ring_numbers, rotation, turned
-from cam_rig.schema import CamConfig
 
 #: Beside the joints, where a limit is taken.
 ANGLES = turn_angles(720) + 1e-3
@@ -27,45 +22,34 @@ KINDS = (
 LIFT = 0.01
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    cam: CamConfig
-    law: Law
-    shape: FollowerShape
-
-    @property
-    def face(self) -> bool:
-        return isinstance(self.shape.element, GuidedFace | SwungFace)
-
-
 @pytest.fixture(scope="module")
-def drawn(cams: dict[str, CamConfig], laws: dict[str, Law]) -> list[Drawn]:
-    return [Drawn(cams[n], laws[n], follower_shape(cams[n], laws[n])) for n in KINDS]
+def drawn(cams, laws):
+    """Cam, law and drawn follower of each kind."""
+    return [(cams[n], laws[n], follower_shape(cams[n], laws[n])) for n in KINDS]
 
 
-def test_contact(drawn: list[Drawn]) -> None:
+def test_contact(drawn):
     """The contour's point is the point of contact; at no lift one base radius from the axis."""
     none = np.zeros(1)
-    for one in drawn:
-        contact, _ = one.shape.contact(Motion.at(one.law, ANGLES))
-        outline = contours_at(one.cam.follower, one.law, ANGLES)[0].points
+    for cam, law, shape in drawn:
+        contact, _ = shape.contact(Motion.at(law, ANGLES))
+        outline = contours_at(cam.follower, law, ANGLES)[0].points
         points = contact @ [1.0, 1j]
         turn = points / ((outline[0] + 1j * outline[1]) * np.exp(1j * ANGLES))
         np.testing.assert_allclose(turn, turn[0], rtol=0, atol=1e-12)
         np.testing.assert_allclose(np.abs(turn), 1.0, rtol=1e-12)
-        points, normals = one.shape.contact(Motion(none, none, none, none))
-        base = one.cam.follower.base_radius.si
+        points, normals = shape.contact(Motion(none, none, none, none))
+        base = cam.follower.base_radius.si
         np.testing.assert_allclose(np.hypot(*points[0]), base, rtol=1e-12)
         np.testing.assert_allclose(np.hypot(*normals[0]), 1.0, rtol=1e-12)
         assert points[0, 1] > 0.0
 
 
-def test_the_follower_moves_as_one(drawn: list[Drawn]) -> None:
+def test_the_follower_moves_as_one(drawn):
     """A small rise moves the place the way `upward` says; carrying is a rigid motion."""
     lift, rise = np.array([LIFT]), np.array([1e-7])
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
-    for one in drawn:
-        shape = one.shape
+    for _, _, shape in drawn:
         moved = (shape.place(lift + rise) - shape.place(lift)) / rise
         beside = getattr(shape.element, "offset", 0.0) / getattr(shape.element, "arm", 1.0)
         np.testing.assert_allclose(moved, shape.upward(lift), atol=1e-6 + 1.1 * abs(beside))
@@ -73,24 +57,24 @@ def test_the_follower_moves_as_one(drawn: list[Drawn]) -> None:
         np.testing.assert_allclose(carried, shape.place(end), atol=1e-15)
 
 
-def test_the_outline_is_where_the_place_is(drawn: list[Drawn]) -> None:
+def test_the_outline_is_where_the_place_is(drawn):
     """Turned and moved to its origin, the first strip's middle is at the place, m."""
     lift = np.array([LIFT])
-    for one in drawn:
-        shape, strip = one.shape, one.shape.outline()[0]
+    for cam, _, shape in drawn:
+        strip = shape.outline()[0]
         if isinstance(shape.element, SwungFace):
             strip = strip[:1] + (strip[1:] - strip[:1]) * shape.element.arm / np.ptp(strip[:, 0])
             strip = strip[-1:]
-        elif not one.face:
+        elif not isinstance(shape.element, GuidedFace):
             strip = strip[:-1] if shape.element.roller else strip[1:2]  # the tip
         found = turned(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
         np.testing.assert_allclose(found.mean(axis=0), shape.place(lift)[0], rtol=0, atol=1e-15)
         strips = [*shape.outline(), *shape.support()]
         assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
-        assert 1.0 < shape.reach / one.cam.follower.base_radius.si < 10.0
+        assert 1.0 < shape.reach / cam.follower.base_radius.si < 10.0
 
 
-def test_what_the_stem_carries_stays_below_its_bearing(cams, laws) -> None:
+def test_what_the_stem_carries_stays_below_its_bearing(cams, laws):
     """At the highest lift and a tenth more, as after a lift-off; the stem is in it at rest."""
     for name in ("tm21", "poly345", "eccentric_roller", "flat"):
         shape = follower_shape(cams[name], laws[name])
@@ -106,7 +90,7 @@ def test_what_the_stem_carries_stays_below_its_bearing(cams, laws) -> None:
 # The ring reads the cam angle, the arrow turns with the cam, the body fills its outline.
 
 
-def test_the_dial() -> None:
+def test_the_dial():
     """What is up at cam angle 0 stands at the angle's number; the arrow turns counterclockwise."""
     for place, word in zip(*ring_numbers(10.0), strict=True):
         up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(word)))
@@ -117,7 +101,7 @@ def test_the_dial() -> None:
     np.testing.assert_array_equal(head[1], arc[-1])
 
 
-def test_a_body_fills_its_outline(cams, laws) -> None:
+def test_a_body_fills_its_outline(cams, laws):
     """Every point within is under a strip, and none reaches out by 1/50 of the radius."""
     share = np.linspace(0.0, 1.0, 30)[:, None]
     for name in ("tm21", "flat", "oscillating_roller"):

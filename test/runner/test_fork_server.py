@@ -39,8 +39,7 @@ def command_line(pid):
 def test_a_forked_node_is_a_child_like_any(start, tmp_path):
     """Its code is told, and so is what it writes; the file that is missing is its own finding."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
-    assert node.wait(timeout=100) == 2
-    assert "none.yaml: no such file" in node.stderr.read()
+    assert node.wait(timeout=100) == 2 and "none.yaml: no such file" in node.stderr.read()
     assert node.stdout.read() == ""
 
 
@@ -66,8 +65,7 @@ def test_a_signal_ends_it_in_order_from_its_first_moment(start, number):
         node = start()
         time.sleep(pause)  # any moment at all is right
         node.send_signal(number)
-        assert node.wait(timeout=100) == 0
-        assert "Traceback" not in node.stderr.read()
+        assert node.wait(timeout=100) == 0 and "Traceback" not in node.stderr.read()
 
 
 def test_other_orphans_go_where_they_went_before(start):

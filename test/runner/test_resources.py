@@ -17,17 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError, OutputError, RunError
-from cam_rig.runner.resources import (
-    MAX_DOMAIN,
-    MAX_NAMESPACE,
-    MIN_FREE,
-    clean,
-    domain_number,
-    namespace_named,
-    own_domain,
-    require_room,
-    why_killed,
-)
+from cam_rig.runner import resources
+from cam_rig.runner.resources import clean, domain_number, own_domain, require_room, why_killed
 
 from ..processes import ended
 
@@ -53,12 +44,17 @@ def place(request, monkeypatch, temporary):
     return folder
 
 
+def check_refused(error, words, namespace=""):
+    """Check that no run can begin now in the domain of the environment."""
+    with pytest.raises(error, match=words), own_domain(namespace):
+        pass
+
+
 def test_a_domain_is_held_once(monkeypatch, place):
     """The second run names the domain that is taken; another domain, or a later run, is free."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain():
-        with pytest.raises(RunError, match="another run is active in ROS domain 7"), own_domain():
-            pass
+        check_refused(RunError, "another run is active in ROS domain 7")
         monkeypatch.setenv("ROS_DOMAIN_ID", "8")
         with own_domain():
             pass
@@ -78,8 +74,7 @@ def test_the_same_number_is_the_same_domain(monkeypatch, place):
         monkeypatch.setenv("ROS_DOMAIN_ID", one)
         with own_domain():
             monkeypatch.setenv("ROS_DOMAIN_ID", other)
-            with pytest.raises(RunError, match=f"ROS domain {int(other)}; "), own_domain():
-                pass
+            check_refused(RunError, f"ROS domain {int(other)}; ")
 
 
 NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0")
@@ -95,8 +90,8 @@ def test_numbers_are_read_as_ros_reads_them(text):
     library, end = ctypes.CDLL(None), ctypes.c_char_p()
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
-    if text and (wanted > MAX_DOMAIN or end.value or not text.strip()):
-        words = f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MAX_DOMAIN}"
+    if text and (wanted > resources.MAX_DOMAIN or end.value or not text.strip()):
+        words = f"ROS_DOMAIN_ID: is .*; allowed: 0 to {resources.MAX_DOMAIN}"
         with pytest.raises(ConfigError, match=words) as refused:
             domain_number(text)
         assert len(str(refused.value)) < 100
@@ -135,9 +130,7 @@ def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, lay):
     lock = place / "cam_rig-domain-9.lock"
     lock.unlink()
     lay(lock)
-    words = r"domain-9\.lock: is not a file of yours; remove"
-    with pytest.raises(OutputError, match=words), own_domain():
-        pass
+    check_refused(OutputError, r"domain-9\.lock: is not a file of yours; remove")
     assert not lock.with_name("other").exists()
 
 
@@ -146,9 +139,7 @@ def test_a_folder_that_others_can_write_to_is_not_used(temporary, lay):
     """Another user may have been there first."""
     (temporary / "other").mkdir(mode=0o700)
     lay(temporary / f"cam_rig-{os.getuid()}")
-    words = "is not a folder of yours alone; remove it"
-    with pytest.raises(OutputError, match=words), own_domain():
-        pass
+    check_refused(OutputError, "is not a folder of yours alone; remove it")
     assert list((temporary / "other").iterdir()) == []
 
 
@@ -166,27 +157,25 @@ def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, temporary):
     """A disk that is full: one line, no traceback."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
-    with pytest.raises(OutputError, match="name a folder with room in TMPDIR"), own_domain():
-        pass
+    check_refused(OutputError, "name a folder with room in TMPDIR")
 
 
 def test_each_namespace_of_a_domain_is_held_once(monkeypatch, place):
     """Two rigs in one domain, each in its namespace; a third in one of them is refused by name."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    taken = pytest.raises(RunError, match=r"domain 7, namespace /rig1; .*--namespace")
-    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"), taken, own_domain("/rig1"):
-        pass
+    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"):
+        check_refused(RunError, r"domain 7, namespace /rig1; .*--namespace", "/rig1")
 
 
 def test_a_namespace_is_written_with_or_without_its_slash():
     """As `ros2 run -r __ns:=/rig1` wants it; what ROS does not take is refused with the limit,
     before any node is started."""
     taken = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
-    assert {text: namespace_named(text) for text in taken} == taken
+    assert {text: resources.namespace_named(text) for text in taken} == taken
     for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
-        words = f"namespace: is .*{MAX_NAMESPACE} characters at most"
+        words = f"namespace: is .*{resources.MAX_NAMESPACE} characters at most"
         with pytest.raises(ConfigError, match=words):
-            namespace_named(text)
+            resources.namespace_named(text)
 
 
 # /dev/shm: what a killed node leaves there is taken away, and nothing else.
@@ -241,9 +230,9 @@ def leave(monkeypatch, free):
 
 def test_a_full_shared_memory_is_seen_before_a_run(monkeypatch, tmp_path):
     """One line that names the place, the room, the limit and the remedy."""
-    leave(monkeypatch, MIN_FREE)
+    leave(monkeypatch, resources.MIN_FREE)
     require_room(tmp_path)
-    leave(monkeypatch, MIN_FREE - 512)
+    leave(monkeypatch, resources.MIN_FREE - 512)
     with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
         require_room(tmp_path)
 

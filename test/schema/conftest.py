@@ -20,10 +20,10 @@ KINDS = {
 }
 
 
-def refusal(function: Callable[..., object], *given: object) -> str:
+def refusal(function: Callable[..., object], *given: object, **named: object) -> str:
     """The one line with which something is refused."""
     with pytest.raises(ConfigError) as caught:
-        function(*given)
+        function(*given, **named)
     assert "\n" not in str(caught.value) and caught.value.exit_code == 2
     return str(caught.value)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.errors import ConfigError, OutputError
+from cam_rig.errors import OutputError
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import UNITS, Quantity
 
@@ -97,9 +97,8 @@ def test_a_file_s_name_is_its_name(tmp_path):
     rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30)
     rig.save(str(tmp_path / "other.yaml"))
     assert cam_rig.load_rig(tmp_path / "other.yaml") == rig.replace(name="other")
-    for name, error in (("a.txt", ConfigError), ("Ä b.yaml", ConfigError), ("f", ConfigError)):
-        with pytest.raises(error, match="allowed"):
-            rig.save(tmp_path / name)
+    for name in ("a.txt", "Ä b.yaml", "f"):
+        assert "allowed" in refusal(rig.save, tmp_path / name)
     (tmp_path / "folder.yaml").mkdir()
     with pytest.raises(OutputError, match="is a folder"):
         rig.save(tmp_path / "folder.yaml")
@@ -126,8 +125,7 @@ def test_another_spring_leaves_the_sound_uncalibrated():
     changed = rig.replace(spring="6 N/mm")
     assert changed.radiation.gain.origin == "assumed" and rig.radiation.gain.origin == "identified"
     for wrong in ({"sprung": 1.0}, {"spring": "1 kg"}, {"name": "Ä"}, {"follower": 3}):
-        with pytest.raises(ConfigError, match="allowed"):
-            rig.replace(**wrong)
+        assert "allowed" in refusal(rig.replace, **wrong)
 
 
 def test_a_cam_of_other_sizes():
@@ -141,5 +139,4 @@ def test_a_cam_of_other_sizes():
         ({"lift": math.nan}, "finite"),
         ({"lft": 1.0}, "unknown key"),
     ):
-        with pytest.raises(ConfigError, match=words):
-            cam.replace(**wrong)
+        assert words in refusal(cam.replace, **wrong)

@@ -84,8 +84,7 @@ def test_every_table_has_the_same_names(make_scene):
     for page in sorted((ROOT / "cam_rig/panel/static/texts").glob("*.json")):
         keys = json.loads(page.read_text(encoding="utf-8"))
         assert {key[6:] for key in keys if key.startswith("model_")} == NAMES
-    assert set(OLD_MODELS.values()) < NAMES
-    assert not set(OLD_MODELS) & NAMES
+    assert set(OLD_MODELS.values()) < NAMES and not set(OLD_MODELS) & NAMES
     assert {make_scene(model=name).model for name in NAMES} == NAMES
 
 
@@ -111,5 +110,4 @@ def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new
 def test_a_fit_reads_an_old_name_and_refuses_another():
     for name, words in (("separation", "no such file"), ("two", "allowed: one_mass or two_mass")):
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
-        assert done.exit_code == 2
-        assert words in " ".join(done.output.replace("│", " ").split())
+        assert done.exit_code == 2 and words in " ".join(done.output.replace("│", " ").split())

@@ -84,10 +84,9 @@ def test_wrong_points_are_refused(load, tmp_path):
         assert message.startswith(f"{tmp_path / 'measured.yaml'}: segments[0]")
         assert words in message and len(message) < 500
     (tmp_path / "measured.csv").rename(tmp_path / "mesured.csv")
-    with pytest.raises(ConfigError, match=r"there are: mesured.csv"):
-        load(None)
-    with pytest.raises(ConfigError, match=r"tolerance: is 0.01 m; allowed: at most 0.0005 m, 0.05"):
-        load(table(), tolerance="10")
+    assert "there are: mesured.csv" in refusal(load, None)
+    words = "tolerance: is 0.01 m; allowed: at most 0.0005 m, 0.05"
+    assert words in refusal(load, table(), "10")
 
 
 def test_points_lie_beside_the_cam(refuse):
@@ -103,8 +102,7 @@ def test_dwells(load):
     gap = table([*ROWS[:8], *ROWS[13:]])
     assert load(gap, dwells=[(100, 120)]).dwells[0].span.si > 2.0
     load(table(ROWS[4:19]), dwells=[(270, 150)])
-    with pytest.raises(ConfigError, match=r"has no point for 90° after 105°"):
-        load(gap, dwells=[(110, 100)])
+    assert "has no point for 90° after 105°" in refusal(load, gap, "0.003", [(110, 100)])
     for dwells, tolerance, words in (
         ([(100, 50)], "0", "tolerance: is 0; allowed beside dwells: greater than 0"),
         ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next begins at 150.5°"),
@@ -196,16 +194,13 @@ def test_columns_of_lifts(read):
     found = read(two)
     assert [column.name for column in found.columns] == ["lift_a_mm", "lift_b_mm"]
     assert found.columns[1].lifts == pytest.approx([0.0, 0.002])
-    with pytest.raises(ConfigError, match=r"has 2 columns of lifts; allowed: one, so name it with"):
-        found.only_column()
-    with pytest.raises(ConfigError, match=r"has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'"):
-        read(two, "c")
+    assert "has 2 columns of lifts; allowed: one, so name it" in refusal(found.only_column)
+    assert "has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'" in refusal(read, two, "c")
     text = "angle_deg;lift_a_mm;lift_b_mm;note\n0;0.0;n/a;x\n10;1.5;3,2;\n"
     found = read(text, "lift_a_mm")
     assert [column.name for column in found.columns] == ["lift_a_mm"]
     assert found.columns[0].lifts == pytest.approx([0.0, 0.0015])
-    with pytest.raises(ConfigError, match=r"lift_b_mm is 'n/a'; allowed: a number"):
-        read(text, "lift_b_mm")
+    assert "lift_b_mm is 'n/a'; allowed: a number" in refusal(read, text, "lift_b_mm")
 
 
 def test_an_empty_cell_is_no_reading(read):
@@ -216,8 +211,8 @@ def test_an_empty_cell_is_no_reading(read):
     assert empty == [[True, False, True, False], [False, False, True, False]]
     assert "2 empty cells in 'lift_a_mm': no reading" in found.notes
     assert "1 empty cell in 'lift_b_mm': no reading" in found.notes
-    with pytest.raises(ConfigError, match=r"line 3: angle_deg is empty beside a lift"):
-        read("angle_deg,lift_mm\n0,0\n,1\n10,2\n")
+    gap = "angle_deg,lift_mm\n0,0\n,1\n10,2\n"
+    assert "line 3: angle_deg is empty beside a lift" in refusal(read, gap)
 
 
 def test_what_cannot_be_read_is_said_in_one_line(read):
@@ -245,14 +240,11 @@ def test_what_cannot_be_read_is_said_in_one_line(read):
 def test_files_that_are_none(read, tmp_path):
     """Missing, a folder, too long: named, with those that are there."""
     (tmp_path / "lift.csv").write_text("")
-    with pytest.raises(ConfigError, match=r"no such file; there are: lift\.csv"):
-        read_gauge_table(tmp_path / "lifts.csv")
-    with pytest.raises(ConfigError, match="cannot be read"):
-        read_gauge_table(tmp_path)
-    with pytest.raises(ConfigError, match="allowed: 2 MiB"):
-        read(b"0 0\n" * 2**20)
-    with pytest.raises(ConfigError, match=f"has {MAX_LINES + 1} lines"):
-        read(b"0 0\n" * (MAX_LINES + 1))
+    message = refusal(read_gauge_table, tmp_path / "lifts.csv")
+    assert message.endswith("no such file; there are: lift.csv")
+    assert "cannot be read" in refusal(read_gauge_table, tmp_path)
+    assert "allowed: 2 MiB" in refusal(read, b"0 0\n" * 2**20)
+    assert f"has {MAX_LINES + 1} lines" in refusal(read, b"0 0\n" * (MAX_LINES + 1))
 
 
 SIGNS = "0123456789.,;\t -e\n\r°\"'#mangle_deglift\u2028\x07"
@@ -310,5 +302,5 @@ def test_wrong_jump_speeds_are_refused(read_jumps):
         message = refusal(read_jumps, text)
         assert words in message and "separator seen" in message
     for name in ("spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"):
-        with pytest.raises(ConfigError, match=r"is unclear, because .* nor a unit of .*allowed"):
-            read_jumps(f"{name},preload_N\n1,20\n")
+        message = refusal(read_jumps, f"{name},preload_N\n1,20\n")
+        assert "is unclear, because" in message and "allowed" in message

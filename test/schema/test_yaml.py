@@ -3,7 +3,6 @@
 import math
 import warnings
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
@@ -61,20 +60,19 @@ def test_what_is_refused():
         message = refusal(parse_yaml, text)
         assert message.startswith(f"not YAML: {words}") and len(message) < 200, message
     parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
-    with pytest.raises(ConfigError, match=f"line 1: more than {MAX_VALUES} values"):
-        parse_yaml(f"[{'1,' * MAX_VALUES}]")
+    many = f"[{'1,' * MAX_VALUES}]"
+    assert f"line 1: more than {MAX_VALUES} values" in refusal(parse_yaml, many)
 
 
 def test_a_file_that_is_too_long_is_not_read(tmp_path):
     """Ten megabytes of a title, and a device without an end."""
     path = tmp_path / "long.yaml"
     path.write_text("title: '" + "word " * 2_000_000 + "'")
-    with pytest.raises(ConfigError, match=r"long\.yaml: has 9\.54 MiB; allowed: 1 MiB"):
-        read_yaml(path)
+    assert "long.yaml: has 9.54 MiB; allowed: 1 MiB" in refusal(read_yaml, path)
     path.write_bytes(b"#" * MAX_BYTES)
     assert read_yaml(path) is None
-    with pytest.raises(ConfigError, match="zero: is a pipe or a device; allowed: a file"):
-        read_yaml(path.__class__("/dev/zero"))
+    words = "zero: is a pipe or a device; allowed: a file"
+    assert words in refusal(read_yaml, path.__class__("/dev/zero"))
 
 
 def ruamel(text):

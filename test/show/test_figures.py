@@ -28,18 +28,7 @@ from cam_rig.schema import load_rig, load_scene, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.show import looks as pictures
 from cam_rig.show.figure import WIDTH, empty, logarithmic, series, styled, write
-from cam_rig.show.looks import (
-    COLOURS,
-    DASHES,
-    DISCS,
-    MARKERS,
-    NAMES,
-    SAME,
-    CamLook,
-    cam_look,
-    of_cam,
-    web,
-)
+from cam_rig.show.looks import COLOURS, DASHES, NAMES, SAME, CamLook, cam_look, of_cam, web
 from cam_rig.simulation.asked import asked_cams
 from cam_rig.simulation.regression import compare
 from cam_rig.simulation.scene import open_scene
@@ -194,7 +183,7 @@ def test_conjugate_discs_have_their_own_colours(cams, laws):
     plan, curvature, _ = figure.axes
     for axes in (plan, curvature):
         colours = {one.get_color() for one in axes.lines}
-        assert set(map(web, DISCS)) <= colours
+        assert set(map(web, pictures.DISCS)) <= colours
 
 
 def test_no_screen_and_no_global_state_of_matplotlib() -> None:
@@ -302,8 +291,7 @@ CONTACT = (*TABLE_2, "flat", "oscillating_flat", "point")
 def test_every_shipped_cam_and_rise_has_its_place_once() -> None:
     """The table is complete, so that no shipped name is hashed."""
     cams = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
-    assert len(NAMES) == len(set(NAMES))
-    assert set(NAMES) == (cams | set(NAMED_RISES)) - set(SAME)
+    assert len(NAMES) == len(set(NAMES)) and set(NAMES) == (cams | set(NAMED_RISES)) - set(SAME)
 
 
 def test_cams_shown_together_have_different_colours() -> None:
@@ -319,7 +307,7 @@ def test_lines_are_told_apart_in_grey() -> None:
     """Dash and, where it is drawn, marker: a pair of its own for every shipped name."""
     looks = [cam_look(name) for name in NAMES]
     assert len({(str(one.dash), one.marker if one.marked else "") for one in looks}) == len(NAMES)
-    assert len(set(map(str, DASHES))) == len(set(MARKERS)) == len(COLOURS)
+    assert len(set(map(str, DASHES))) == len(set(pictures.MARKERS)) == len(COLOURS)
 
 
 def test_points_are_told_apart_in_grey() -> None:

@@ -69,8 +69,7 @@ def test_csv_and_pandas_have_the_keys():
         "a,300.0,0.05,False",
     ]
     frame = pytest.importorskip("pandas").DataFrame(FOUND.data()["lifts"])
-    assert FOUND.to_pandas().equals(frame)
-    assert FOUND.to_pandas("rig").mass.tolist() == [1.5]
+    assert FOUND.to_pandas().equals(frame) and FOUND.to_pandas("rig").mass.tolist() == [1.5]
     assert repr(FOUND) == "Lifts(lifts: 3 rows, rig: 1 rows)"
     assert "<td>b †</td>" in FOUND._repr_html_()
 
@@ -103,8 +102,7 @@ def test_a_function_that_returns_a_result_is_a_command(tmp_path):
     done = shown_by(tmp_path, "--least", 0.045, "--json", "-", "--csv", table)
     assert done.exit_code == 0
     assert [row["cam"] for row in json.loads(done.stdout)["lifts"]] == ["a"]
-    assert "At 300 rpm" in done.stderr
-    assert table.read_text().splitlines()[1] == "a,300.0,0.05,False"
+    assert "At 300 rpm" in done.stderr and table.read_text().splitlines()[1] == "a,300.0,0.05,False"
     assert (tmp_path / "lifts.rig.csv").read_text() == "mass\n1.5\n"
     wrong = shown_by(tmp_path, "--least", -1)
     assert (wrong.exit_code, wrong.stderr) == (2, "cam-rig: --least: is -1; allowed: 0 or more\n")
@@ -193,8 +191,7 @@ TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 )
 def test_only_names_are_replaced(text, shown):
     """A name that may be a word is replaced only if it is the whole text. Files and rigs stay."""
-    assert relabel(text, TITLES) == shown
-    assert relabel(text, {}) == text
+    assert relabel(text, TITLES) == shown and relabel(text, {}) == text
 
 
 def test_a_whole_table_by_titles():

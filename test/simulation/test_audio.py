@@ -34,8 +34,7 @@ def test_the_meter_reads_the_account(make_loaded_scene, cam):
     loaded = make_loaded_scene(cams=[cam], speeds=[200, 400], turns=3, sample_rate=12_000)
     for reading, level in listen(loaded, background=-400.0):
         assert reading.equivalent == pytest.approx(level, abs=0.15 if level > 95.0 else 0.03)
-        assert not reading.overload
-        assert not reading.under_range
+        assert not reading.overload and not reading.under_range
 
 
 def levels(loaded, *settings):

@@ -13,13 +13,13 @@ import cam_rig
 from cam_rig.bag import reader
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.messages import topics
-from cam_rig.schema.load import config_root
 from cam_rig.simulation import export as exporting
 from cam_rig.simulation.export import COLUMNS, FORMATS, export
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.units import TURN
 
-GOLDEN = config_root().parent / "bags" / "golden"
+from ..conftest import GOLDEN
+
 NUMBERS = [column.name for column in COLUMNS]
 
 
@@ -83,8 +83,7 @@ def test_a_wav_has_a_channel_each_quantity(tmp_path, run):
     path = tmp_path / "a.wav"
     run.export(path)
     rate, data = wavfile.read(path)
-    assert rate == 1000
-    assert data.dtype == np.float32
+    assert rate == 1000 and data.dtype == np.float32
     names = [NUMBERS[i] for i in exporting.CHANNELS]
     force = np.concatenate([tick.force for tick in run.blocks()])
     np.testing.assert_array_equal(data[:, names.index("force_N")], force.astype(np.float32))
@@ -96,8 +95,7 @@ def test_one_cam_at_one_speed(tmp_path, run):
     """Only these rows; a scene that has none says what it has, and leaves no file."""
     run.export(tmp_path / "a.csv", cam="tm21", rpm=400)
     table = read(tmp_path / "a.csv")
-    assert set(table["cam"]) == {"tm21"}
-    assert set(table["rpm"]) == {400.0}
+    assert set(table["cam"]) == {"tm21"} and set(table["rpm"]) == {400.0}
     np.testing.assert_array_equal(table["force_N"], run.samples("tm21", 400).force)
     with pytest.raises(ConfigError, match=r"no samples of tm21 at 360 rpm; allowed: tm21 at 200"):
         run.export(tmp_path / "b.csv", cam="tm21", rpm=360)

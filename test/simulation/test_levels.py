@@ -6,13 +6,8 @@ import pytest
 from cam_rig.acoustics import level_db
 from cam_rig.errors import CamRigError
 from cam_rig.schema import PublishedNoise
-from cam_rig.simulation.regression import (
-    compare,
-    crossings,
-    nearest_crossing,
-    real_roots,
-    regression,
-)
+from cam_rig.simulation import regression
+from cam_rig.simulation.regression import compare, crossings, nearest_crossing, real_roots
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick, require_ticks, step_levels
 from cam_rig.units import NS
@@ -143,12 +138,11 @@ def test_regression_recovers_a_cubic():
     # A flat curve is one too, its higher coefficients zero, not missing; three points make none.
     level = np.polynomial.polynomial.polyval(RPM, ONE)
     scale = 400.0 ** np.arange(4)
-    np.testing.assert_allclose(regression(RPM, level) * scale, ONE * scale, rtol=1e-9)
-    flat = regression(RPM, np.full(RPM.size, 80.0))
+    np.testing.assert_allclose(regression.regression(RPM, level) * scale, ONE * scale, rtol=1e-9)
+    flat = regression.regression(RPM, np.full(RPM.size, 80.0))
     np.testing.assert_allclose(flat, [80.0, 0.0, 0.0, 0.0], rtol=0, atol=1e-10)
-    few = regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
-    assert few.shape == (4,)
-    assert np.isnan(few).all()
+    few = regression.regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
+    assert few.shape == (4,) and np.isnan(few).all()
 
 
 def test_a_leading_number_of_rounding_has_no_root():

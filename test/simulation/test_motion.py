@@ -3,7 +3,6 @@
 import pickle
 import sys
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -14,13 +13,6 @@ from cam_rig.errors import ConfigError, DynamicsError, MissingLibraryError
 @pytest.fixture(scope="module")
 def law():
     return cam_rig.build_law(cam_rig.load_cam("bezier15"))
-
-
-@pytest.fixture
-def figures(monkeypatch):
-    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
-    yield
-    mpl.pyplot.close("all")
 
 
 def test_it_is_the_scene_of_one_cam_and_one_speed(law, rig):
@@ -41,8 +33,7 @@ def test_the_follower_is_the_law_where_nothing_vibrates(law, rig):
     np.testing.assert_allclose(motion.lift, law(motion.angle), atol=1e-15)
     np.testing.assert_allclose(motion.velocity, speed * law(motion.angle, 1), atol=1e-12)
     np.testing.assert_allclose(motion.acceleration, speed**2 * law(motion.angle, 2), atol=1e-9)
-    assert motion.rpm == 300
-    assert motion.events == ()
+    assert motion.rpm == 300 and motion.events == ()
 
 
 def test_a_ramp_brings_the_cam_to_speed(law, rig):
@@ -99,8 +90,7 @@ def test_a_level_says_what_it_is_worth(law, rig):
         cam_rig.sound_level(cam_rig.simulate(law, r, rpm=300, turns=2, sample_rate=4000))
         for r in (rig, guessed)
     )
-    assert known.calibrated
-    assert not unknown.calibrated
+    assert known.calibrated and not unknown.calibrated
     assert known.level_db == unknown.level_db
     assert str(known).endswith("(calibrated on poly345)")
     assert str(unknown).endswith("(relative: uncalibrated)")

@@ -13,30 +13,23 @@ from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError
 from cam_rig.live.drive import SetpointSchedule
 from cam_rig.live.queues import FollowerQueue, TickMatcher
-from cam_rig.schema.load import config_root
+from cam_rig.simulation import simulate as simulation
 from cam_rig.simulation.by_speed import SpeedRows
 from cam_rig.simulation.schedule import cam_states, tick_count
-from cam_rig.simulation.simulate import (
-    Acoustics,
-    FollowerSimulator,
-    MeasuredTick,
-    MicrophoneSimulator,
-    settled_turns,
-    simulate,
-    step_levels,
-    turned_ticks,
-)
+from cam_rig.simulation.simulate import settled_turns, step_levels, turned_ticks
 from cam_rig.units import RPM, TURN
+
+from ..conftest import GOLDEN
 
 
 def levels_of(loaded):
-    return step_levels(simulate(loaded), loaded.scene.program.settle_turns.si)
+    return step_levels(simulation.simulate(loaded), loaded.scene.program.settle_turns.si)
 
 
 def test_every_tick_is_heard(make_loaded_scene):
     """One pressure a tick, in order, each above the background."""
     loaded = make_loaded_scene(ticks_per_turn=3)
-    heard = list(simulate(loaded))
+    heard = list(simulation.simulate(loaded))
     assert len(heard) == tick_count(loaded.scene)
     states = list(cam_states(loaded.scene))
     assert [tick.start for tick in heard] == states[:-1]
@@ -50,7 +43,7 @@ def test_no_impulse_is_lost(make_loaded_scene):
     # A change of cam puts the follower down on the new one; an impulse that fell after the last
     # sample on the old one waits for the next block. At 670 rpm and 100 Hz there is one.
     loaded = make_loaded_scene(speeds=[670], sample_rate=100)
-    bench = FollowerSimulator(MODELS["one_mass"], loaded.follower, 100, loaded.laws)
+    bench = simulation.FollowerSimulator(MODELS["one_mass"], loaded.follower, 100, loaded.laws)
     due = shown = pending = 0.0
     states = cam_states(loaded.scene)
     assert bench.turn_to(next(states)) is None  # one state is no tick
@@ -68,7 +61,7 @@ def test_no_impulse_is_lost(make_loaded_scene):
 def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
     """A scene with ramps has levels of the held speeds alone, and they are the steady ones."""
     loaded = make_loaded_scene(speeds=[200, 300], ramp=0.4, model=model, sample_rate=24_000)
-    heard = list(simulate(loaded))
+    heard = list(simulation.simulate(loaded))
     assert len(heard) == tick_count(loaded.scene)
     assert sum(not tick.steady for tick in heard) == tick_count(loaded.scene) - 2 * 2 * 3
     levels = step_levels(heard, 1.0)
@@ -92,7 +85,7 @@ def test_steady_levels(make_loaded_scene, cam):
     """Of a cam that keeps contact: those of the exact steady response, to 2e-3 dB."""
     loaded = make_loaded_scene()
     turns = settled_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
-    acoustics = Acoustics(loaded.radiation)
+    acoustics = simulation.Acoustics(loaded.radiation)
     np.testing.assert_array_equal(acoustics.levels(turns.every(2)), acoustics.levels(turns)[::2])
     power = [
         steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, float(s)) for s in SPEEDS
@@ -107,18 +100,18 @@ def test_levels_with_landings(make_loaded_scene):
     loaded = make_loaded_scene(
         cams=["tm21"], speeds=[350, 400], turns=6, settle_turns=2, sample_rate=12000
     )
-    run = step_levels(simulate(loaded), 2.0)["tm21"]
+    run = step_levels(simulation.simulate(loaded), 2.0)["tm21"]
     turns = settled_turns(loaded.laws["tm21"], "one_mass", loaded.follower, sorted(run))
     assert all(impulse.sum() > 0.0 for impulse in turns.impulses)
-    levels = Acoustics(loaded.radiation).levels(turns)
+    levels = simulation.Acoustics(loaded.radiation).levels(turns)
     np.testing.assert_allclose(levels, [run[s] for s in sorted(run)], atol=0.02)
 
 
 def test_the_speed_response_acts_on_the_contact_alone(make_loaded_scene):
     """A response of +3 dB at 400 rpm raises the contact's share alone."""
     loaded = make_loaded_scene()
-    plain = Acoustics(loaded.radiation)
-    raised = Acoustics(loaded.radiation, (3.0, 0.0, 0.0))
+    plain = simulation.Acoustics(loaded.radiation)
+    raised = simulation.Acoustics(loaded.radiation, (3.0, 0.0, 0.0))
     turns = settled_turns(loaded.laws["poly345"], "one_mass", loaded.follower, SPEEDS)
     background = np.array([loaded.radiation.background_power(float(s)) for s in SPEEDS])
     power = [4e-10 * 10.0 ** (a.levels(turns) / 10.0) - background for a in (plain, raised)]
@@ -186,10 +179,10 @@ def test_any_division_gives_the_same_levels(divided, seed):
 
 def run_of_the_nodes(loaded):
     """The ticks as drive, follower and microphone make them, message by message, without ROS."""
-    scene, simulator = loaded.scene, FollowerSimulator.of(loaded)
+    scene, simulator = loaded.scene, simulation.FollowerSimulator.of(loaded)
     schedule, rate = SetpointSchedule(scene), int(scene.sample_rate.si)
     follower = FollowerQueue(simulator, scene)
-    matcher, microphone = TickMatcher(rate), MicrophoneSimulator.of(loaded)
+    matcher, microphone = TickMatcher(rate), simulation.MicrophoneSimulator.of(loaded)
     while (state := schedule.next_state) is not None:
         follower.add_state(state)
         matcher.add_state(state)
@@ -197,7 +190,7 @@ def run_of_the_nodes(loaded):
             matcher.add_block(block.rows)
         for start, end, rows in matcher.complete():
             pressure = microphone.listen(rows, start.until(end).mean_speed)
-            yield MeasuredTick.between(start, end, pressure, rate)
+            yield simulation.MeasuredTick.between(start, end, pressure, rate)
         schedule.advance()
 
 
@@ -209,9 +202,6 @@ def test_the_nodes_give_the_same_levels(divided, seed):
     levels = levels_of(divided(scene, 1))
     for ticks in (1, 5):
         assert_equal(step_levels(run_of_the_nodes(divided(scene, ticks)), settle), levels)
-
-
-GOLDEN = config_root().parent / "bags" / "golden"
 
 
 def rows_of(loaded):
@@ -245,7 +235,7 @@ def test_flights_are_those_of_the_events(make_loaded_scene, seed):
         preload=float(random.uniform(0.0, 40.0)),
         restitution=float(random.choice([0.0, 0.4])),
     )
-    rate, events, follower = 8000, {}, FollowerSimulator.of(loaded)
+    rate, events, follower = 8000, {}, simulation.FollowerSimulator.of(loaded)
     before, first = None, {}
     for state in cam_states(loaded.scene):
         turned = follower.turn_to(state)

@@ -56,8 +56,7 @@ def test_what_a_scene_cannot_name(make_loaded_scene, tmp_path, config_dir, chang
     own_cam(tmp_path, config_dir, "mine", "name: poly345", "name: yours")
     with pytest.raises(ConfigError, match=words) as caught:
         make_loaded_scene(**changes)
-    assert caught.value.exit_code == 2
-    assert "\n" not in str(caught.value)
+    assert caught.value.exit_code == 2 and "\n" not in str(caught.value)
 
 
 def test_level_step_names_the_file(make_loaded_scene, tmp_path, config_dir):
@@ -215,8 +214,7 @@ def test_another_cam_of_the_calibrated_name_is_a_prediction():
     scene = cam_rig.load_scene("tm21_sweep")
     lower = scene.cams["poly345"].model_copy(update={"lift": scene.cams["tm21"].lift})
     own = replace(scene, cams=scene.cams | {"poly345": lower})
-    assert own.level_origin("poly345") == "predicted"
-    assert own.level_origin("tm21") == "identified"
+    assert own.level_origin("poly345") == "predicted" and own.level_origin("tm21") == "identified"
 
 
 @pytest.fixture(params=[1, 7, 64])
@@ -266,8 +264,7 @@ def test_the_angle_keeps_its_digits(make_scene):
         ahead = Fraction(last.speed) * (state.time_ns - last.time_ns) / NS
         turned = ahead + Fraction(last.angle) + last.turns * Fraction(TURN)
         away = Fraction(state.angle) + state.turns * Fraction(TURN) - turned
-        assert 0.0 <= state.angle < TURN
-        assert abs(float(away)) < 2e-15
+        assert 0.0 <= state.angle < TURN and abs(float(away)) < 2e-15
         if state.speed == 0.0:
             break
 

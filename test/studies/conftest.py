@@ -1,8 +1,8 @@
 """The paper's five laws and the rig of its jump speeds; what commands show is free of faults."""
 
+import numpy as np
 import pytest
 
-from cam_rig.schema import load_rig
 from cam_rig.simulation.asked import asked_cams
 
 from ..cli.conftest import no_broken_heading, no_faulty_figure
@@ -13,9 +13,23 @@ FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
 
 @pytest.fixture(scope="session")
-def table2(config_dir):
-    """The rig that was identified from the jump speeds."""
-    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
+def law(laws):
+    """The cam of studies that need one."""
+    return laws["poly345"]
+
+
+@pytest.fixture
+def lift_table(tmp_path):
+    """A table of 360 lifts as a spreadsheet in German writes it, with 2 µm and one outlier."""
+    angles = np.arange(0, 360)
+    u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
+    up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)
+    lifts = 3.2 + 10.0 * (up - down) + np.random.default_rng(1).normal(scale=0.002, size=360)
+    lifts[100] += 0.4
+    rows = [f"{a};{s:.4f}".replace(".", ",") for a, s in zip(angles, lifts, strict=True)]
+    path = tmp_path / "lifts.csv"
+    path.write_text("\ufeffWinkel (Grad);Hub (mm)\r\n" + "\r\n".join(rows), encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 import pytest
 
 from ..cli.conftest import GOLDEN, call
+from .fit_cam.test_command import GL110
 
 JERK = "design poly345 --minimise peak_jerk --pieces 6 --joints C2"
 SHARED = "--keep dwells,lift"
@@ -65,10 +66,18 @@ REFUSED = [
     (f"{FIT} --tolerance 0", 2, "tolerance"),
     (f"{FIT} --out rig.txt", 2, "yaml"),
     (f"{FIT} --csv - --json -", 2, "both go to stdout"),
+    ("fit cam lifts.csv --out cam.txt", 2, "--out: is cam.txt; allowed: a name"),
+    ("fit cam lifts.csv lifts.csv", 2, "2 files; allowed: one for a spline, several"),
+    ("fit cam lifts.csv --shape arcs", 2, "no base circle, two equal flanks and a"),
+    (f"fit cam {GL110}", 2, "name it with --column ('lift_a_mm', 'lift_b_mm'), or take all"),
+    (f"fit cam {GL110} --shape arcs --tolerance 1", 2, "--tolerance: is for"),
+    (f"fit cam {GL110} --shape arcs --base-radius 50", 2, "allowed: below base"),
+    ("new My&Cam --from-csv lifts.csv", 2, "name: is 'My Cam'"),
 ]
 
 
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
+@pytest.mark.usefixtures("lift_table")
 def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, monkeypatch, line, code, words):
     """It names the value and what is allowed, with the code of its kind of error."""
     monkeypatch.chdir(tmp_path)
@@ -76,4 +85,4 @@ def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, monkeypatch, line, c
     result = call(*(argument.replace("&", " ") for argument in line.split()))
     assert (result.exit_code, result.stdout) == (code, ""), result.output
     assert words in result.stderr and len(result.stderr.strip().splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["jumps.csv"]
+    assert {path.name for path in tmp_path.iterdir()} == {"jumps.csv", "lifts.csv"}

@@ -54,6 +54,17 @@ class SmallBag:
         """``(n,)`` cam angle at every sample, rad."""
         return np.concatenate(self.angles)
 
+    @property
+    def gap(self):
+        """``(n,)`` lift less that of the mounted cam's law at every sample, m."""
+        laws, angles = self.loaded.laws.values(), np.split(self.angle, len(self.loaded.laws))
+        known = [law(angle) for law, angle in zip(laws, angles, strict=True)]
+        return self.samples[1] - np.concatenate(known)
+
+    def sample_of(self, picture, entity):
+        """The sample that each row of an entity is of."""
+        return np.abs(self.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
+
 
 def of_state(state):
     numbers = (np.array([x]) for x in (state.unwrapped, state.speed, 0.0))
@@ -141,22 +152,22 @@ def bag(tmp_path_factory, config_dir):
 
 
 @pytest.fixture(scope="session")
-def picture(bag, tmp_path_factory):
-    """The small bag's picture, read back."""
-    path = tmp_path_factory.mktemp("picture") / "small.rrd"
-    save_recording(bag.path, path)
-    return Picture(path)
-
-
-@pytest.fixture(scope="session")
 def drawings(bag, tmp_path_factory):
+    """The small bag's pictures with options, read back."""
+
     @cache
-    def drawn(options):
+    def drawn(*options):
         path = tmp_path_factory.mktemp("drawing") / "small.rrd"
-        save_recording(bag.path, path, options)
+        save_recording(bag.path, path, *options)
         return Picture(path)
 
     return drawn
+
+
+@pytest.fixture(scope="session")
+def picture(drawings):
+    """The picture with the default options."""
+    return drawings()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -20,14 +20,8 @@ from cam_rig.viewer.page import new_recording
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.turn_chart import TurnChart
-from tools.docs.browser import (
-    MIN_PIXELS,
-    TIMEOUT_S,
-    count,
-    new_page,
-    photograph,
-    photographs,
-)
+from tools.docs import browser
+from tools.docs.browser import count, new_page
 
 pytestmark = pytest.mark.slow
 #: A red box at once, and a green one that comes later.
@@ -71,7 +65,7 @@ class Visit:
 
     def missing(self):
         """The names of the colours that never were there."""
-        return {name for name, pixels in self.most.items() if pixels < MIN_PIXELS}
+        return {name for name, pixels in self.most.items() if pixels < browser.MIN_PIXELS}
 
     def watch(self, page):
         """Write down errors on the console, requests to any other machine, and times shown."""
@@ -93,7 +87,7 @@ def look(chromium, address, shown, without, until=0.0):
     page.set_viewport_size({"width": 1000, "height": 640})  # drawn by a processor
     page.goto(address)
     more = 1 if without else 0  # what is not expected has time to come all the same
-    for pixels in photographs(page, begun + TIMEOUT_S):
+    for pixels in browser.photographs(page, begun + browser.TIMEOUT_S):
         for name, colour in shown.items():
             visit.most[name] = max(visit.most[name], count(pixels, colour))
         if visit.missing() <= without and visit.times[-1] >= until:
@@ -119,8 +113,7 @@ def test_every_curve_is_seen_from_where_the_run_is_played(chromium, bag, path):
     with serve_file(path, BEGIN * end) as address:
         visit = look(chromium, address, SHOWN | NOBODYS, set(NOBODYS), BEGIN * end)
     assert visit.missing() == set(NOBODYS)
-    assert visit.errors == []
-    assert visit.outside == []
+    assert visit.errors == [] and visit.outside == []
     assert np.diff(visit.times).max() > 0.5 * end
 
 
@@ -129,9 +122,8 @@ def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
     page = tmp_path / "page.html"
     page.write_text(LATE, encoding="utf-8")
     monkeypatch.setattr("tools.docs.browser.open_browser", lambda: nullcontext(chromium))
-    pixels = photograph(page.as_uri(), (0xFF0000FF, 0x00FF00FF), settled=0x00FF00FF)
-    assert count(pixels, 0xFF0000FF) == 100 * 100
-    assert count(pixels, 0x00FF00FF) == 400 * 100
+    pixels = browser.photograph(page.as_uri(), (0xFF0000FF, 0x00FF00FF), settled=0x00FF00FF)
+    assert count(pixels, 0xFF0000FF) == 100 * 100 and count(pixels, 0x00FF00FF) == 400 * 100
 
 
 @pytest.mark.long

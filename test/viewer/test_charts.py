@@ -15,24 +15,9 @@ from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import MeasuredTick, step_levels
 from cam_rig.units import NS, TURN
-from cam_rig.viewer import Layout, ViewOptions, level_chart, timeline
-from cam_rig.viewer.level_chart import (
-    BAND_LEVELS,
-    at_speed,
-    band_axes,
-    band_numbers,
-    band_power,
-    level_axes,
-    third_octaves,
-)
-from cam_rig.viewer.quantities import (
-    CLOSE_GAP,
-    MAX_SHARE,
-    ShaftTwist,
-    close_gap,
-    extremes,
-    scene_ranges,
-)
+from cam_rig.viewer import Layout, ViewOptions, level_chart, quantities, timeline
+from cam_rig.viewer.level_chart import BAND_LEVELS, at_speed, band_axes, level_axes
+from cam_rig.viewer.quantities import scene_ranges
 from cam_rig.viewer.run_view import about
 from cam_rig.viewer.scene2d import force_scale
 from cam_rig.viewer.timeline import CAM_DEGREES, TURN_DEGREES, time_columns
@@ -57,10 +42,8 @@ def test_an_axis_holds_its_values_and_wastes_little():
         left, right, step = round_range(low, high)
         mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
         assert round(mantissa, 9) in (1.0, 2.0, 5.0)
-        assert left <= low + 1e-9 * step
-        assert high <= right + 1e-9 * step
-        assert low - left < step * (1.0 + 1e-9)
-        assert right - high < step * (1.0 + 1e-9)
+        assert left <= low + 1e-9 * step and high <= right + 1e-9 * step
+        assert low - left < step * (1.0 + 1e-9) and right - high < step * (1.0 + 1e-9)
         assert (high - low) / step <= 5.0 + 1e-9
         marks = step_marks(left, right, step)
         values = np.array([*marks])
@@ -88,28 +71,26 @@ def test_an_axis_holds_its_values_and_wastes_little():
 def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own():
     """It fills a fifth of it at least; gaps that one axis shows have no other."""
     for least in (1.5e-6, 16.5e-6, 3e-4):
-        (low, high, _) = close_gap([least, 0.04, 0.0])[CLOSE_GAP]
-        assert low == 0.0
-        assert 0.15 <= least * 1e6 / high <= 0.5
+        (low, high, _) = quantities.close_gap([least, 0.04, 0.0])[quantities.CLOSE_GAP]
+        assert low == 0.0 and 0.15 <= least * 1e6 / high <= 0.5
     for gaps in ([], [0.0], [1e-9, 0.04], [0.02, 0.04], [1e-4]):
-        assert close_gap(gaps) == {}
+        assert quantities.close_gap(gaps) == {}
     whole = scene_ranges(open_scene(config_root() / "scenes" / "tm21_sweep.yaml")).whole
-    assert whole[CLOSE_GAP][1] <= MAX_SHARE * 4.0 * whole["gap"][1]
+    assert whole[quantities.CLOSE_GAP][1] <= quantities.MAX_SHARE * 4.0 * whole["gap"][1]
 
 
 def test_least_and_greatest_of_every_bucket_stay_in_order():
     """Each bucket keeps its own two, also the last, shorter one; a bucket of one keeps all."""
     for count, bucket in ((1, 5), (5, 5), (52, 5), (100, 7), (9, 100)):
         values = np.random.default_rng(1).normal(size=count)
-        kept = extremes(values, bucket)
+        kept = quantities.extremes(values, bucket)
         assert np.all(np.diff(kept) > 0)
         assert kept.size <= 2 * -(-count // bucket)
         for begin in range(0, count, bucket):
             part = values[begin : begin + bucket]
             of_part = values[kept[(kept >= begin) & (kept < begin + bucket)]]
-            assert of_part.min() == part.min()
-            assert of_part.max() == part.max()
-    np.testing.assert_array_equal(extremes(np.array([3.0, 1.0, 2.0]), 1), [0, 1, 2])
+            assert of_part.min() == part.min() and of_part.max() == part.max()
+    np.testing.assert_array_equal(quantities.extremes(np.array([3.0, 1.0, 2.0]), 1), [0, 1, 2])
 
 
 def test_a_row_at_the_end_of_a_turn_is_at_0_of_the_next():
@@ -136,7 +117,7 @@ def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
         held = shaft.model_copy(update={"flywheel_inertia": None})
         loaded = replace(loaded, rig=loaded.rig.model_copy(update={"shaft": held}))
     states = list(islice(cam_states(loaded.scene), 3))
-    twist, law, speed = ShaftTwist(loaded), loaded.laws[states[0].cam], states[0].speed
+    twist, law, speed = quantities.ShaftTwist(loaded), loaded.laws[states[0].cam], states[0].speed
     parameters, state = MODELS["torsional"].parameters(loaded.rig), None
     for start, end in pairwise(states):
         times = np.linspace(start.time_ns, end.time_ns, 101) / NS
@@ -164,8 +145,8 @@ def radiation(rig):
 def test_a_tone_sounds_in_its_own_band(radiation):
     """1 N at 1 kHz is gain · ω_c · sin-ratio in band 30, and nothing elsewhere."""
     time = np.arange(12_000) / RATE
-    power = band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
-    numbers = band_numbers(RATE)
+    power = level_chart.band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
+    numbers = level_chart.band_numbers(RATE)
     ratio = 1e3 / np.hypot(1e3, radiation.corner)
     expected = 0.5 * (radiation.gain * radiation.corner_rate * ratio) ** 2
     np.testing.assert_allclose(power[numbers == 30.0], expected, rtol=1e-9)
@@ -181,14 +162,14 @@ def test_the_bands_sum_to_what_the_microphone_hears(radiation):
     for _ in range(40):
         state, pressure = rms_pressure(radiation, state, force, np.zeros(turn), RATE, 30.0)
     contact = pressure**2 - radiation.background_power(30.0)
-    power = band_power(radiation, force, np.zeros(turn), RATE)
+    power = level_chart.band_power(radiation, force, np.zeros(turn), RATE)
     np.testing.assert_allclose(power.sum(), contact, rtol=1e-4)
-    levels = third_octaves(radiation, np.full(501, 80.0), np.zeros(501), RATE)
+    levels = level_chart.third_octaves(radiation, np.full(501, 80.0), np.zeros(501), RATE)
     np.testing.assert_allclose(levels, 0.0, atol=1e-12)
-    assert levels.size == band_numbers(RATE).size
+    assert levels.size == level_chart.band_numbers(RATE).size
     rate, turn, impulse = 96_000.0, 19_200, np.zeros(19_200)
     impulse[77] = 0.01
-    power = band_power(radiation, np.zeros(turn), impulse, rate).sum()
+    power = level_chart.band_power(radiation, np.zeros(turn), impulse, rate).sum()
     energy = float(radiation.landing_energy(np.array([0.01]))[0])
     np.testing.assert_allclose(power * turn / rate, energy, rtol=0.03)  # what is within 20 kHz
 
@@ -196,11 +177,11 @@ def test_the_bands_sum_to_what_the_microphone_hears(radiation):
 def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(bag, drawings, picture):
     """Middle n, foot at the lowest dB, top at the level; in a run from the end of each turn on."""
     shown, rate = drawings(ViewOptions(Layout.COMPARE, 700.0)), bag.loaded.scene.sample_rate.si
-    axes, numbers = band_axes(rate), band_numbers(rate)
+    axes, numbers = band_axes(rate), level_chart.band_numbers(rate)
     for i, cam in enumerate(bag.loaded.cams):
         ((skyline,),) = shown.column(f"compare/{cam}/bands/bars", STRIPS)
         rows = np.concatenate(bag.rows[8 * i + 6 : 8 * i + 8], axis=1)
-        levels = third_octaves(bag.loaded.radiation, rows[4], rows[5], rate)
+        levels = level_chart.third_octaves(bag.loaded.radiation, rows[4], rows[5], rate)
         bars = np.array(skyline).reshape(-1, 4, 2)
         for of_bar, heights in (([1, 2], levels), ([0, 3], np.full(levels.size, BAND_LEVELS[0]))):
             middle = np.mean(bars[:, of_bar], axis=1)
@@ -229,8 +210,7 @@ def test_each_cam_is_named_beside_its_last_point(bag, picture):
         places = random.uniform(0.0, 30.0, random.integers(1, 7))
         moved = level_chart.spread(places, 5.0)
         np.testing.assert_array_equal(np.argsort(moved), np.argsort(places))
-        assert np.all(moved >= places)
-        assert np.all(np.diff(np.sort(moved)) >= 5.0 - 1e-12)
+        assert np.all(moved >= places) and np.all(np.diff(np.sort(moved)) >= 5.0 - 1e-12)
 
 
 def test_measured_points_are_the_steps_levels(bag, picture):
@@ -305,8 +285,7 @@ def test_results_are_those_of_the_turns(bag, picture):
     assert int(fast[5]) == 1
     law, angle = bag.loaded.laws["poly345"], np.concatenate(bag.angles[6:8])
     gap = (last[1] - law(angle))[last[4] == 0.0].max() * 1e6
-    assert float(fast[6]) == pytest.approx(gap, rel=1e-3)
-    assert (slow[5], slow[6]) == ("0", "0")
+    assert float(fast[6]) == pytest.approx(gap, rel=1e-3) and (slow[5], slow[6]) == ("0", "0")
 
 
 @pytest.mark.parametrize("layout", list(Layout))

@@ -37,7 +37,7 @@ from cam_rig.viewer.process import COMMAND, SILENT
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.run_recorder import RunRecorder
 
-from ..conftest import scene_data
+from ..conftest import GOLDEN, scene_data
 from .conftest import Picture
 
 app = typer.Typer()
@@ -75,8 +75,7 @@ def test_the_viewer_gets_the_file_listens_to_nobody_else_and_reports_no_usage(
 def test_without_a_screen_the_command_says_so(bag):
     """Exit code 1, one line, before any work is done."""
     result = CliRunner().invoke(app, [str(bag.path)])
-    assert result.exit_code == 1
-    assert "no display to open the viewer on" in result.stderr
+    assert result.exit_code == 1 and "no display to open the viewer on" in result.stderr
     assert "--save FILE.rrd" in result.stderr
 
 
@@ -88,8 +87,7 @@ def test_saving_needs_no_screen_and_tells_path_and_size(bag, tmp_path):
     first, second = (CliRunner().invoke(app, command) for _ in range(2))
     assert first.exit_code == 0
     assert re.fullmatch(rf"{re.escape(str(path))}: \d+\.\d MB", first.stderr.strip())
-    assert second.exit_code == 1
-    assert "exists already" in second.stderr
+    assert second.exit_code == 1 and "exists already" in second.stderr
     assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
 
 
@@ -111,8 +109,7 @@ def test_what_cannot_be_is_refused(bag, tmp_path):
     ):
         command = [str(bag.path), *(option.format(tmp=tmp_path) for option in options)]
         result = CliRunner().invoke(app, command)
-        assert result.exit_code == code
-        assert words in result.stderr
+        assert result.exit_code == code and words in result.stderr
         assert list(tmp_path.iterdir()) == []
 
 
@@ -215,7 +212,6 @@ def test_tabs_and_charts_are_named_in_words(found):
 
 #: Packages of interfaces that every ROS 2 installation has: none is our own.
 OF_ROS = r"(diagnostic|geometry|rosgraph|sensor|std|tf2|trajectory|visualization)_msgs/"
-GOLDEN = config_root().parent / "bags" / "golden"
 
 
 def convert(path, *options):
@@ -242,8 +238,7 @@ def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path)
     names = shown.column("joint_states/position", "SeriesLines:names")
     assert names[-1] == ["cam", "follower"]
     times = shown.column("joint_states/position", "message_log_time")
-    assert min(times).total_seconds() >= 0.0
-    assert max(times).total_seconds() < 10.0
+    assert min(times).total_seconds() >= 0.0 and max(times).total_seconds() < 10.0
 
 
 def test_joint_states_and_pressure_plot_by_themselves(imported):
@@ -271,8 +266,7 @@ def test_the_rig_turns_by_itself(imported):
         e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual") is not None
     ]
     bodies = {f"/cam_rig/visual_geometries/{e.get('name')}/visual_0" for e in links}
-    assert bodies
-    assert bodies <= imported.entities
+    assert bodies and bodies <= imported.entities
     moved = np.ravel(imported.column("tf", "Transform3D:child_frame")).tolist()
     instants = sum(1 for _ in messages(GOLDEN, (topics.JOINT_STATES,)))
     assert moved.count("cam") == moved.count("follower") == instants

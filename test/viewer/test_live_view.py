@@ -81,8 +81,7 @@ def test_a_long_picture_goes_on_in_parts(bag, tmp_path, monkeypatch):
     whole, parts = (times_of(paths) for paths in (one, many))
     assert set(parts) == set(whole)
     for curve in CURVES:
-        assert parts[curve] == whole[curve]
-        assert whole[curve]
+        assert parts[curve] == whole[curve] and whole[curve]
 
 
 def written(path, end):
@@ -163,8 +162,7 @@ def rows(chunks, entity, column):
 
 def test_a_curve_has_two_points_a_place_of_the_screen():
     """A thousand places across the window, one sample at least; a window has two ticks."""
-    assert live_window(0.1) == live.MIN_WINDOW_S
-    assert live_window(2.0) == 4.0
+    assert live_window(0.1) == live.MIN_WINDOW_S and live_window(2.0) == 4.0
     for rate in (500.0, 12_000.0, 48_000.0):
         bucket = screen_bucket(2.0, rate)
         assert 2.0 * rate / bucket <= 1000.0 + 1e-9 or bucket == 1
@@ -190,8 +188,7 @@ def test_pictures_of_a_paced_run_come_evenly_between_its_ticks(bag, monkeypatch)
             now[0] += 1.0 / 60.0
             view.flush()
     wall, picture = np.array(sent["scene/rig/cam"]).T
-    assert len(wall) > 20
-    assert np.quantile(np.diff(wall), 0.9) <= 1.0 / 20.0 + 1e-6
+    assert len(wall) > 20 and np.quantile(np.diff(wall), 0.9) <= 1.0 / 20.0 + 1e-6
     behind = wall - 100.0 - picture / factor
     assert behind.min() > 0.0 and behind.max() <= 0.2 + 0.35
     curve_wall, curve = np.array(sent[f"{LIFT.entity}"]).T
@@ -287,6 +284,5 @@ def test_no_more_pictures_are_sent_than_a_screen_shows():
     """Of many as many as fit into the time since the last, evenly, the newest always."""
     now = iter([0.0, 0.1, 0.1, 10.0])
     pace = FramePace(None, lambda: next(now))
-    assert pace.chosen(100).size == 3
-    assert pace.chosen(100).tolist() == [99]
+    assert pace.chosen(100).size == 3 and pace.chosen(100).tolist() == [99]
     assert pace.chosen(100).tolist() == list(range(100))

@@ -65,15 +65,13 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
     save_recording(bag.path, tmp_path / "all.rrd", ViewOptions(all_samples=True))
     assert Picture(tmp_path / "all.rrd").time(LIFT.entity).size == bag.samples.shape[1]
     monkeypatch.undo()
-    assert bucket_for(WHOLE_BELOW - 1) == 1
-    assert bucket_for(6_314_142) == 26
+    assert bucket_for(WHOLE_BELOW - 1) == 1 and bucket_for(6_314_142) == 26
 
 
 def test_what_holds_at_every_time_is_read_first(picture):
     """A viewer shows a file while it loads: colours, axes and results precede the first curve."""
     static = [chunk.is_static for chunk in RrdReader(picture.path).stream().to_chunks()]
-    assert any(static)
-    assert static == sorted(static, reverse=True)
+    assert any(static) and static == sorted(static, reverse=True)
 
 
 def test_an_existing_file_is_not_overwritten(bag, tmp_path):

@@ -20,11 +20,6 @@ def gap(point, outline):
     return float(np.hypot(*(point - foot).T).min())
 
 
-def sample_of(bag, picture, entity):
-    """The sample that each row of an entity is of."""
-    return np.abs(bag.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
-
-
 def test_each_cam_replaces_the_one_before(bag, picture):
     """One contour at a time: the recorded /cam/profile in mm, closed, when its cam comes on."""
     strips = picture.column(CONTOUR, "LineStrips2D:strips")
@@ -53,17 +48,15 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
     _, _, z, w = picture.numbers(CAM, "Transform3D:quaternion").T
     strips = [np.array(row[0]) for row in picture.column(CONTOUR, "LineStrips2D:strips")]
     mounted = np.searchsorted(picture.time(CONTOUR), time, side="right") - 1
-    sample = sample_of(bag, picture, FOLLOWER)
+    sample = bag.sample_of(picture, FOLLOWER)
     force = bag.samples[4, sample]
     angle = 2.0 * np.arctan2(z, w)
     gaps = np.array(
         [gap(p, turned(strips[m], a)) for p, m, a in zip(place, mounted, angle, strict=True)]
     )
-    assert (force > 0.0).sum() > 200
-    assert (force == 0.0).any()
+    assert (force > 0.0).sum() > 200 and (force == 0.0).any()
     np.testing.assert_allclose(gaps[force > 0.0], 10.0, atol=0.02)
-    assert gaps.min() > 9.98
-    assert gaps[force == 0.0].max() > 10.5
+    assert gaps.min() > 9.98 and gaps[force == 0.0].max() > 10.5
 
 
 def test_frames_come_at_equal_angles_across_blocks():
@@ -80,25 +73,23 @@ def test_frames_come_at_equal_angles_across_blocks():
 def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag, picture):
     """From the point the cam would touch straight up by lift minus law; none in contact."""
     strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
-    sample = sample_of(bag, picture, "scene/rig/gap")
+    sample = bag.sample_of(picture, "scene/rig/gap")
     flies = bag.samples[4, sample] == 0.0
     assert [len(row) for row in strips] == flies.astype(int).tolist()
     assert 10 < flies.sum() < 0.5 * flies.size
-    half = bag.samples.shape[1] // 2
-    for row, i in zip(strips, sample, strict=True):
+    for row, gap in zip(strips, bag.gap[sample], strict=True):
         if row:
-            law = list(bag.loaded.laws.values())[int(i >= half)]
-            (x0, y0), (x1, y1) = row[0]
-            gap = bag.samples[1, i] - float(law(bag.angle[i]))
-            assert x1 == pytest.approx(x0, abs=1e-4)
-            assert y1 - y0 == pytest.approx(gap * 1e3, abs=1e-3)
+            across, up = np.diff(row[0], axis=0)[0]
+            assert across == pytest.approx(0.0, abs=1e-4) and up == pytest.approx(
+                gap * 1e3, abs=1e-3
+            )
 
 
 def test_the_arrow_is_the_contact_force(bag, picture):
     """Its height is the force in the speed's scale, it leans as the normal does, none in flight."""
     vectors = picture.column("scene/rig/force", "Arrows2D:vectors")
     origins = picture.column("scene/rig/force", "Arrows2D:origins")
-    sample = sample_of(bag, picture, "scene/rig/force")
+    sample = bag.sample_of(picture, "scene/rig/force")
     force = bag.samples[4, sample]
     assert [len(row) for row in vectors] == (force != 0.0).astype(int).tolist()
     half = bag.samples.shape[1] // 2
@@ -167,8 +158,7 @@ def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge():
     """The readings say that it is higher, and how high."""
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
-    assert "lift    200.000 mm" in words
-    assert "drawn at 65 mm" in words
+    assert "lift    200.000 mm" in words and "drawn at 65 mm" in words
     words = readings(one, 5000.0, 0.06 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
     assert "not touched" in words
 
@@ -188,16 +178,14 @@ def test_nothing_of_a_cam_and_its_follower_is_cut(bag, picture):
         highest = place[place[:, 1].argmax()]
         moved = [np.array(strip) + highest for strip in strips]
         x, y = (np.concatenate(fixed + moved) * np.diag(zoom[i])[:2]).T
-        assert left <= x.min()
-        assert x.max() <= right
-        assert top <= y.min()
-        assert y.max() <= bottom
+        assert left <= x.min() and x.max() <= right
+        assert top <= y.min() and y.max() <= bottom
 
 
 def test_the_readings_are_those_of_the_frame(bag, picture):
     """θ, speed, lift, force, and the gap or contact with the pressure angle, at its sample."""
     words = [row[0] for row in picture.column("scene_readings", "TextDocument:text")]
-    sample = sample_of(bag, picture, "scene_readings")
+    sample, gaps = bag.sample_of(picture, "scene_readings"), bag.gap * 1e6
     half = bag.samples.shape[1] // 2
     for text, i in zip(words, sample, strict=True):
         theta, lift, force = (line.split() for line in text.splitlines()[1:4])
@@ -205,14 +193,12 @@ def test_the_readings_are_those_of_the_frame(bag, picture):
         assert float(theta[1][:-1]) == pytest.approx(degrees, abs=0.051)
         assert float(lift[1]) == pytest.approx(bag.samples[1, i] * 1e3, abs=5.1e-4)
         assert float(force[1]) == pytest.approx(bag.samples[4, i], abs=0.051)
-        law = list(bag.loaded.laws.values())[int(i >= half)]
-        gap = (bag.samples[1, i] - float(law(bag.angle[i]))) * 1e6
         if bag.samples[4, i] == 0.0:
-            assert lift[3] == "gap"
-            assert float(lift[4]) == pytest.approx(gap, rel=1e-3)
+            assert lift[3] == "gap" and float(lift[4]) == pytest.approx(gaps[i], rel=1e-3)
         else:
             assert lift[3:] == ["in", "contact"]
-            config = bag.loaded.cams["poly345" if i < half else "bezier15"].follower
+            cam = "poly345" if i < half else "bezier15"
+            law, config = bag.loaded.laws[cam], bag.loaded.cams[cam].follower
             distance = config.base_radius.si + config.roller + float(law(bag.angle[i]))
             lean = np.degrees(np.arctan(abs(float(law(bag.angle[i], 1))) / distance))
             assert float(force[-1][:-1]) == pytest.approx(lean, abs=0.051)

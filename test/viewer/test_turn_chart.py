@@ -48,8 +48,7 @@ def test_the_axes_hold_the_whole_scene(scene):
         for row in drawn_of(loaded.scene.model)[:4]:
             low, high, _ = ranges.of(tick.cam)[row.key]
             values = getattr(tick, row.key) * row.line.factor
-            assert low - 1e-9 <= values.min()
-            assert values.max() <= high + 1e-9
+            assert low - 1e-9 <= values.min() and values.max() <= high + 1e-9
             assert ranges.whole[row.key][0] <= low
     for cam in loaded.cams:
         for axis in ranges.of(cam).values():
@@ -121,11 +120,7 @@ def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
 
 def test_the_gap_is_lift_minus_law_in_flight(bag, picture):
     """Over time, in µm, sample by sample; 0 in contact."""
-    half = bag.samples.shape[1] // 2
-    laws = [law(bag.angle) for law in bag.loaded.laws.values()]
-    law = np.concatenate([laws[0][:half], laws[1][half:]])
-    _, lift, _, _, force, _ = bag.samples
-    gap = np.where(force == 0.0, lift - law, 0.0) * 1e6
+    gap = np.where(bag.samples[4] == 0.0, bag.gap, 0.0) * 1e6
     np.testing.assert_allclose(picture.numbers(GAP.entity, "Scalars:scalars"), gap, atol=1e-3)
     assert gap.max() > 1e3
 
@@ -133,7 +128,7 @@ def test_the_gap_is_lift_minus_law_in_flight(bag, picture):
 def test_the_cursor_is_at_the_cams_angle(bag, picture):
     """At each frame, within the turn."""
     place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
-    sample = np.abs(bag.samples[0][:, None] - picture.time("turn/cursor")).argmin(axis=0)
+    sample = bag.sample_of(picture, "turn/cursor")
     np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
 
 
@@ -143,8 +138,7 @@ def test_what_is_beyond_its_axis_ends_at_its_edge():
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
     angle = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
     points = curve(axes, "lift", angle, 20.0 * np.sin(angle))
-    assert points[:, 1].min() == HEAD
-    assert points[:, 1].max() == HEAD + ROW
+    assert points[:, 1].min() == HEAD and points[:, 1].max() == HEAD + ROW
 
 
 # -- the map of bounces in the viewer: the exact states once a turn, turn after turn ----------
@@ -201,8 +195,7 @@ def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
     shown = placed_from(axes_of(bouncing_bag)[0], rows)
     np.testing.assert_allclose(shown[0], rpm, atol=1e-4)
     off = np.abs(shown[1] - gap)
-    assert np.median(off) < 1e-6
-    assert off.max() < 1e3 * BESIDE_A_LANDING
+    assert np.median(off) < 1e-6 and off.max() < 1e3 * BESIDE_A_LANDING
     assert np.ptp(gap) > 1.0
 
 

@@ -70,8 +70,7 @@ def test_a_token_in_the_address_counts_alone_and_is_nobody_elses():
     for wrong in ("", "wrong", "\ud800"):
         assert ACCESS.why_not(headers | {"cookie": "cam_rig_8123=right"}, wrong) != ""
     tokens = {Access(1).token for _ in range(100)}
-    assert len(tokens) == 100
-    assert min(map(len, tokens)) >= 32
+    assert len(tokens) == 100 and min(map(len, tokens)) >= 32
 
 
 # -- a recording's page -----------------------------------------------------------------------
@@ -87,8 +86,7 @@ def page(tmp_path_factory):
 
 def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
     """The token leaves the address; the page is told what to show, and asks nobody else."""
-    assert "token" not in page.home
-    assert "HttpOnly" in page.set_cookie
+    assert "token" not in page.home and "HttpOnly" in page.set_cookie
     status, headers, body = ask(page.address, page.home, Cookie=page.cookie)
     assert (status, headers.get_content_type()) == (200, "text/html")
     assert b'"https://fonts' not in body
@@ -296,12 +294,10 @@ def test_a_long_run_keeps_its_beginning_and_its_newest(tmp_path, monkeypatch):
         following.touch()
         part = following
         there = sorted(tmp_path.glob("*.rrd"))
-        assert there[0] == first == page_module.newest_recording(tmp_path)
-        assert there[-1] == part
+        assert there[0] == first == page_module.newest_recording(tmp_path) and there[-1] == part
         assert len(there) <= page_module.KEPT_PARTS + 1
     assert page_module.part_after(first) == there[1]
-    assert page_module.part_after(there[1]) == there[2]
-    assert page_module.part_after(part) is None
+    assert page_module.part_after(there[1]) == there[2] and page_module.part_after(part) is None
     other = new_recording(tmp_path)
     assert page_module.part_after(first) is None
     assert not first.exists()
@@ -324,8 +320,7 @@ def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path
         late = page_delay(tmp_path)
         assert -1e-2 <= late - (0.5 + silent - page_module.REPORT_EVERY_S) <= 5.0
     (tmp_path / page_module.BEHIND).write_text("")
-    assert page_delay(tmp_path) is None
-    assert page_delay(tmp_path / "gone") is None
+    assert page_delay(tmp_path) is None and page_delay(tmp_path / "gone") is None
 
 
 # -- what a page does beside the viewer -------------------------------------------------------
@@ -377,6 +372,5 @@ def test_the_request_names_timeline_and_time():
 
 def test_only_a_recording_that_begins_later_has_its_cursor_moved():
     """A live run is followed, and its page asks nothing of its viewer."""
-    assert "viewer_control" not in page_script()
-    assert "viewer_control" in page_script(0.3)
+    assert "viewer_control" not in page_script() and "viewer_control" in page_script(0.3)
     assert "300000000n" in page_script(0.3)

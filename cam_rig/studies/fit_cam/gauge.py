@@ -226,8 +226,9 @@ def most_outliers(count: int) -> int:
 
 #: Widths of outliers, in readings next to each other, that are searched for one after the other.
 OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-#: A search takes every n-th reading only, for a width of n: at least this number over the turn.
-MIN_SUBSET = 60
+#: A search for a width of n takes every n-th reading: at least this number over the turn, which
+#: are 3 deg apart, so that the law between them is smooth.
+MIN_SUBSET = 120
 
 
 def without_outliers(readings: Readings) -> Readings:
@@ -244,26 +245,41 @@ def without_outliers(readings: Readings) -> Readings:
         for first in range(width):
             subset = good[first::width]
             outliers[subset[_isolated_outliers(readings, subset)]] = True
-        _add_neighbours(readings, outliers)
-    named = [i for i in np.flatnonzero(outliers).tolist() if not is_summit(readings, i)]
+        if width > 1:
+            _add_neighbours(readings, outliers, width)
+    good = np.flatnonzero(~outliers)
+    named = []
+    for i in np.flatnonzero(outliers).tolist():
+        place = int(np.searchsorted(good, i))
+        if not is_summit(_leaving(readings, np.insert(good, place, i)), place):
+            named.append(i)
     left = np.setdiff1d(np.arange(readings.angles.size), named)
     return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
 
 
-def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_]) -> None:
-    """Mark readings next to outliers that are as far off the good readings as outliers are."""
-    tried = outliers.copy()
-    while True:
-        next_to = (np.roll(outliers, 1) | np.roll(outliers, -1)) & ~tried
-        if not outliers.any() or not next_to.any():
-            return
-        tried |= next_to
+def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
+    """Mark readings next to outliers that are as far off, up to runs of `width` readings.
+
+    They are compared with good readings that are `width` apart.
+    """
+    while outliers.any():
         good = np.flatnonzero(~outliers)
         normal = max(scatter(readings.angles[good], readings.lifts[good]), readings.rounding)
-        for i in np.flatnonzero(next_to).tolist():
-            others = np.setdiff1d(good, np.flatnonzero(next_to))
-            if abs(_beside(readings, others, i)) > OUTLIER * normal:
-                outliers[i] = True
+        added = [
+            i
+            for i in np.flatnonzero((np.roll(outliers, 1) | np.roll(outliers, -1)) & ~outliers)
+            if _run_with(outliers, int(i)) <= width
+            and abs(_beside(readings, good[good != i], int(i), width)) > OUTLIER * normal
+        ]
+        if not added:
+            return
+        outliers[added] = True
+
+
+def _run_with(outliers: NDArray[np.bool_], index: int) -> int:
+    """Return the number of outliers next to each other around the turn if `index` was one."""
+    ahead, behind = np.roll(outliers, -index - 1), np.roll(outliers, -index)[::-1]
+    return 1 + int(np.argmin(ahead)) + int(np.argmin(behind))
 
 
 def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
@@ -361,13 +377,20 @@ def _scattered(indices: list[int], count: int) -> bool:
     return bool(apart.min() >= WINDOW // 2)
 
 
-def _beside(readings: Readings, left: NDArray[np.int64], index: int) -> float:
-    """How far (m) a reading is from the polynomial through three good neighbours on either side."""
+def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int = 1) -> float:
+    """Return the distance (m) of a reading from the polynomial through six good neighbours.
+
+    Three are on either side, and `stride` readings apart.
+    """
     ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
-    half = WINDOW // 2
     order = np.argsort(ahead)
     place = int(np.searchsorted(ahead[order], 0.0))
-    near = order[np.arange(place - half, place + half) % left.size]
+    half = (WINDOW // 2) * stride
+    steps = [
+        *range(place - stride, place - half - 1, -stride),
+        *range(place + stride - 1, place + half, stride),
+    ]
+    near = order[np.array(steps) % left.size]
     return float(readings.lifts[index]) - _through(readings, left[near], index)
 
 

@@ -54,7 +54,7 @@ def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
     Examples
     --------
     >>> import cam_rig
-    >>> law = cam_rig.load_law("poly345")  # 18 mm
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))  # 18 mm
     >>> event = valve_events(law, ValveTrain(checking_heights=(9e-3,)))[0]
     >>> round(event.duration, 6) == round(event.closing - event.opening, 6)
     True

@@ -11,9 +11,6 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump import two_masses
 from cam_rig.dynamics.jump.two_masses import find_jump_speed, force_run
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import build_law
-from cam_rig.schema import load_cam
-from cam_rig.schema.load import config_root
 from cam_rig.units import RPM, TURN
 from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
@@ -25,11 +22,6 @@ RUN = 0.4
 
 
 @pytest.fixture(scope="module")
-def rig():
-    return cam_rig.load_rig("paper_table2")
-
-
-@pytest.fixture(scope="module")
 def steep(laws):
     """Laws with s′(0) ≠ 0, rising and falling: their zero is in the middle of a motion."""
     found = [turned(laws["poly345"], np.radians(degrees)) for degrees in (90.0, 270.0)]
@@ -37,17 +29,17 @@ def steep(laws):
     return found
 
 
-def test_every_place_that_starts_from_rest_means_the_same(steep, rig):
+def test_every_place_that_starts_from_rest_means_the_same(steep, paper_rig, two_mass):
     """A simulation, the search for the jump speed, a search over rigs, and plain integration."""
-    p = TwoMassParameters.from_rig(rig)
+    p = two_mass
     for law in steep:
         jump, lowest = find_jump_speed(law, p, RUN), force_run(law, p, RUN).min_output
         assert lowest(jump * (1 - 1e-4)) > 0.0 > lowest(jump * (1 + 1e-4))
         speed = 0.8 * jump
         turns = int(speed * RUN / TURN)
-        motion = cam_rig.simulate(law, rig, model="two_mass", rpm=speed / RPM, turns=turns)
-        times = motion.time[:: max(1, motion.time.size // 4000)]
-        force = motion.force[:: max(1, motion.time.size // 4000)]
+        motion = cam_rig.simulate(law, paper_rig, model="two_mass", rpm=speed / RPM, turns=turns)
+        every = slice(None, None, max(1, motion.time.size // 4000))
+        times, force = motion.time[every], motion.force[every]
         assert force == pytest.approx(integrated(law, p, speed, times), abs=1e-5 * force.max())
         least = force_run(law, p, turns * TURN / speed).min_output(speed)
         assert least <= motion.force.min() <= least + 0.01 * motion.force.max()
@@ -68,18 +60,15 @@ def random_rigs(rng, count):
     mass = rng.uniform(0.5, 2.0, count)
     damping = 10.0 ** rng.uniform(-2.0, 1.3, (2, count))
     stem = 10.0 ** rng.uniform(6.0, 6.8, count)
-    spring = rng.uniform(2000.0, 8000.0, count)
-    return Rigs(
-        share * mass, (1.0 - share) * mass, stem, spring, *damping, rng.uniform(0.0, 60.0, count)
-    )
+    spring, preload = rng.uniform([2000.0, 0.0], [8000.0, 60.0], (count, 2)).T
+    return Rigs(share * mass, (1.0 - share) * mass, stem, spring, *damping, preload)
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", CAMS)
-def test_of_one_rig_as_of_many(name):
+def test_of_one_rig_as_of_many(laws, name):
     """The least force up to each turn, within the grid's 2 % of the vibration: here 1 N or 2 %."""
-    rng = np.random.default_rng(CAMS.index(name))
-    law = build_law(load_cam(config_root() / "cams" / f"{name}.yaml"))
+    rng, law = np.random.default_rng(CAMS.index(name)), laws[name]
     rigs, rpm = random_rigs(rng, 5), float(rng.uniform(250.0, 600.0))
     spans = np.repeat(law.spans[None], 5, axis=0)
     found = turn_minima(ShapeTable.of(law, 4000), spans, rigs, rpm * RPM, TURNS)

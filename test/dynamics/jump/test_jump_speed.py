@@ -17,16 +17,16 @@ from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN
 from examples.paper.refit import Numbers, refitted
 
+from ...conftest import rise
 from ..helpers import lift_off, with_joints
 
 
 def leaves(law, parameters, speed, duration):
     """Whether the exact model leaves the cam."""
-    start, length = np.zeros(2), duration
+    start = np.zeros(2)
     if duration is None:
         start = contact_response(law, parameters, speed).periodic()
-        length = 2.0 * np.pi / speed
-    return lift_off(law, parameters, speed, start, length) is not None
+    return lift_off(law, parameters, speed, start, duration or TURN / speed) is not None
 
 
 @pytest.mark.parametrize("cam", ["bezier15", "poly345", "cycloidal"])
@@ -128,10 +128,8 @@ def test_arrays_go_together(laws, shipped):
     assert len(cam_rig.jump_speed(law, shipped, mass=1.0, preload=np.full(3, 30.0)).rows) == 3
     with pytest.raises(ConfigError, match="mass 2, preload 3 numbers; allowed: as many each"):
         cam_rig.jump_speed(law, shipped, mass=np.ones(2), preload=np.full(3, 30.0))
-    with pytest.raises(
-        ConfigError,
-        match=r"preload: is an array of shape .*; allowed: a number, or several on one axis",
-    ):
+    words = r"preload: is an array of shape .*; allowed: a number, or several on one axis"
+    with pytest.raises(ConfigError, match=words):
         cam_rig.jump_speed(law, shipped, preload=np.ones((2, 2)))
 
 
@@ -140,10 +138,7 @@ def test_arrays_go_together(laws, shipped):
 
 def test_eccentric(make_cam, follower):
     """s = h/2 (1 − cos θ) without damping: the top lets go at Ω² = (k h + preload)/(m h/2)."""
-    cam = make_cam(
-        {"law": "simple_harmonic", "to": 1, "span": 180},
-        {"law": "simple_harmonic", "to": 0, "span": 180},
-    )
+    cam = make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic"))
     free = replace(follower, damping=0.0)
     expected = np.sqrt((free.spring_stiffness * 0.05 + free.preload) / (free.mass * 0.025))
     assert rigid_jump_speed(build_law(cam), free) == pytest.approx(expected, rel=1e-9)
@@ -161,10 +156,8 @@ def test_the_follower_is_the_rigs():
 
 def damped(stem_stiffness, share, ratio):
     """The rig of Table 2 on another stem, of a damping ratio."""
-    rig = cam_rig.load_rig("paper_table2").with_follower(
-        roller_share=share, stem_stiffness=stem_stiffness, stem_damping=0.0, damping=0.0
-    )
-    whole = TwoMassParameters.from_rig(rig)
+    numbers = {"roller_share": share, "stem_stiffness": stem_stiffness, "damping": 0.0}
+    whole = TwoMassParameters.from_rig(cam_rig.load_rig("paper_table2").with_follower(**numbers))
     return replace(whole, stem_damping=2.0 * ratio * (whole.stiffness * whole.end_mass) ** 0.5)
 
 
@@ -188,9 +181,8 @@ def test_an_overdamped_stem(laws, stiffness, share, ratio):
 
 def test_a_search_names_the_damping_that_is_in_its_way(laws):
     """Five times critical, on a law of high degree."""
-    with pytest.raises(
-        DynamicsError, match=r"is damped 5 times critical, .*allowed.* less damping"
-    ):
+    words = r"is damped 5 times critical, .*allowed.* less damping"
+    with pytest.raises(DynamicsError, match=words):
         find_jump_speed(laws["modified_sine"], damped(1.26e6, 0.4, 5.0), None, 300.0)
 
 

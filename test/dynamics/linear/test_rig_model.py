@@ -18,9 +18,8 @@ def rigs(count):
     random = np.random.default_rng(5)
     for _ in range(count):
         mass, spring, stem = 10.0 ** random.uniform((-2, 2, 5), (2, 5, 9))
-        damping, stem_damping = (
-            0.02 * random.uniform(0.1, 1.0, 2) * np.sqrt(mass * np.array([spring, stem]))
-        )
+        critical = 2.0 * np.sqrt(mass * np.array([spring, stem]))
+        damping, stem_damping = random.uniform(1e-3, 1e-2, 2) * critical
         yield cam_rig.Rig(
             mass=mass,
             spring=spring,

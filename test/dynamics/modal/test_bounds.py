@@ -117,7 +117,7 @@ def test_output_in_pieces():
         rng, small = np.random.default_rng(seed), noise(law, rig, speed)
         last = len(motion.turn_starts) - 1
         for piece, turn, inside in pieces_of(table, motion, duration, rng):
-            free, reach = free_at(motion, piece, turn), motion.norm.reach
+            free = free_at(motion, piece, turn)
             flows = [flow_over(mode, t / speed) for t in inside.tolist()]
             eta = [flow.eta_eta * free[0] + flow.eta_rate * free[1] for flow in flows]
             rate = [flow.rate_eta * free[0] + flow.rate_rate * free[1] for flow in flows]
@@ -132,9 +132,8 @@ def test_output_in_pieces():
             assert start["floor"] <= output.min() + ROUNDING * size  # (19)
             chord = _bound_by_chord(table, mode, motion, piece, free)
             assert chord <= output.min() + ROUNDING * size  # (20)
-            floors += bool(
-                start["floor"] > output.min() - 0.5 * reach * amplitude(motion.norm, free)
-            )
+            slack = 0.5 * motion.norm.reach * amplitude(motion.norm, free)
+            floors += bool(start["floor"] > output.min() - slack)
             chords += bool(chord > output.min() - 0.1 * np.ptp(output) - small)
             if turn < last:
                 other = _bound_by_chord(table, mode, motion, piece, free_at(motion, piece, last))
@@ -155,18 +154,15 @@ def test_output_in_parts_of_pieces():
             free = free_at(motion, piece, turn)
             states = free_motion(matrix, np.array(free), inside / speed)
             drop, bend = _bound_vibration(mode, motion.norm, free)
-            largest = (
-                np.abs(weights @ states).max(),
-                np.abs(weights @ matrix @ matrix @ states).max(),
-            )
-            assert largest[0] <= drop * (1.0 + ROUNDING)
-            assert largest[1] <= bend * (1.0 + ROUNDING)
+            outputs = weights @ states, weights @ matrix @ matrix @ states
+            largest, bounds = np.abs(outputs).max(axis=1), np.array([drop, bend])
+            assert (largest <= bounds * (1.0 + ROUNDING)).all()
             ordinates = motion.forced[:, piece].copy()
             second = bernstein.derivative(bernstein.derivative(ordinates)) / inside[-1] ** 2
             values = bernstein.evaluate(second, inside / inside[-1])
             curvature = _max_curvature(ordinates, float(inside[-1]))
             assert np.abs(values).max() <= curvature * (1.0 + ROUNDING)
-            close += bool(largest[0] > 0.5 * drop and largest[1] > 0.5 * bend)
+            close += bool((largest > 0.5 * bounds).all())
     assert close > CASES
 
 
@@ -192,9 +188,8 @@ def excite(run, jumps, speed, order=0):
 def vibration_at(run, jumps, angle, speed):
     """The free vibration an angle (rad) after the jumps, ``(2,)``."""
     flow, (eta, rate) = flow_over(run.mode, angle / speed), excite(run, jumps, speed)
-    return np.array(
-        [flow.eta_eta * eta + flow.eta_rate * rate, flow.rate_eta * eta + flow.rate_rate * rate]
-    )
+    moved = flow.eta_eta * eta + flow.eta_rate * rate
+    return np.array([moved, flow.rate_eta * eta + flow.rate_rate * rate])
 
 
 def test_what_jumps_excite():
@@ -248,9 +243,8 @@ def test_vibrations_of_earlier_turns():
         remainder, period = math.exp(-norm.decay * TURN / high), TURN / low
         for turn in range(math.floor(step.high * step.duration / TURN)):
             all_turns += group_error._fade(once, remainder**turn, turn * period)
-        assert (
-            all_turns <= np.array(group_error._repeat_turn(once, norm, step)) * (1 + ROUNDING)
-        ).all()
+        bound = np.array(group_error._repeat_turn(once, norm, step))
+        assert (all_turns <= bound * (1.0 + ROUNDING)).all()
 
 
 def test_curvature_of_the_polynomial_part():
@@ -285,9 +279,7 @@ def test_harmonics_of_a_law():
         half = 0.5 * np.diff(edges)[:, None]
         angles = edges[:-1, None] + half * (points + 1.0)
         values = law(angles.ravel()) * (half * weights).ravel() / TURN
-        k = np.unique(
-            np.concatenate([np.arange(1, 40), np.geomspace(40, 3 * count, 60).astype(int)])
-        )
+        k = np.unique([*range(1, 40), *np.geomspace(40, 3 * count, 60).astype(int)])
         sizes = np.abs(np.exp(-1j * np.outer(k, angles.ravel())) @ values)
         rounding = 1e-14 * law.bounds[0]
         near = k <= count
@@ -314,9 +306,8 @@ def resonant_cases():
 
 def harmonic_error_of(k, norm, low, high):
     """Chord error of 1/(ikΩ − λ₁) at `X`, complex."""
-    return chord_errors(
-        lambda speed: 1.0 / (1j * k * speed + norm.delta - 1j * norm.rho), low, high
-    )
+    rate = norm.delta - 1j * norm.rho
+    return chord_errors(lambda speed: 1.0 / (1j * k * speed + rate), low, high)
 
 
 @pytest.mark.parametrize("from_rest", [False, True])
@@ -382,10 +373,8 @@ def test_error_of_the_vibration_that_rest_lacks():
             continue
         rng, norm = np.random.default_rng(seed), motion.norm
         high = low * (1.0 + 10.0 ** rng.uniform(-4.0, -1.0))
-        ends = (
-            motion.repeating,
-            StemVibration(*(np.array(motion.repeating) * rng.uniform(0.5, 2.0))),
-        )
+        factor = rng.uniform(0.5, 2.0)
+        ends = motion.repeating, StemVibration(*(factor * x for x in motion.repeating))
         bound = bound_output(on_law, motion, ChordError(0.0, 0.0, 0.0), ends[1], high)
         m2, width = abs(on_law.mode.cam.acceleration), high - low
         direct = 0.25 * m2 * on_law.law.max_derivatives[2] * width**2
@@ -446,10 +435,8 @@ def test_groups_that_are_proven():
         bounds = np.zeros(1, GROUP_ERROR)
         bounds["curvature"], bounds["vibration"] = forced_bend + size * turns**2, size
         bounds["forced_curvature"] = forced_bend
-        first, last = np.array([values[0]]), np.array([values[-1]])
-        if values[0] > 0.0 and _prove_by_groups(
-            bounds, first, last, np.array([a]), np.array([b]), 1.0
-        ):
+        ends = (np.array([x]) for x in (values[0], values[-1], a, b))
+        if values[0] > 0.0 and _prove_by_groups(bounds, *ends, 1.0):
             negative = values < 0.0
             assert not negative.any() or (values[np.argmax(negative) :] <= 1e-12).all()
             proven += 1

@@ -9,12 +9,12 @@ from scipy.optimize import minimize_scalar
 
 from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.dynamics.jump.two_masses import force_run
 from cam_rig.dynamics.linear.propagator import piece, pieces
 from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.law_series import law_series
 from cam_rig.dynamics.modal.min_output import SearchRange, find_min_output
 from cam_rig.dynamics.modal.motion import mode_on_law, motion_at
-from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -25,12 +25,6 @@ from ..helpers import TWO, lift_off
 from .test_first_zero import forces
 
 
-def run_of(law, parameters, duration=None):
-    """The contact force of two masses on a law, from rest or settled."""
-    response = contact_response(law, parameters, 1.0)
-    return ModalRun.of(response, force_output(parameters), duration)
-
-
 def test_exactly_critical_damping(laws, two_mass):
     """Where two modes become one their amplitudes are endless, their sum is not."""
     critical = 2.0 * np.sqrt(two_mass.stiffness * two_mass.end_mass)
@@ -38,13 +32,13 @@ def test_exactly_critical_damping(laws, two_mass):
     law, speed, count = laws["poly345"], 300.0 * RPM, 200_000
     response = contact_response(law, parameters, speed)
     force = sample(response, np.zeros(2), 0.0, 0.0, 0.4 / count, count, force_output(parameters))
-    assert run_of(law, parameters, 0.4).min_output(speed) == pytest.approx(force.min(), rel=1e-3)
+    assert force_run(law, parameters, 0.4).min_output(speed) == pytest.approx(force.min(), rel=1e-3)
 
 
 def test_no_steady_state_at_undamped_resonance(laws, two_mass):
     """Without damping a harmonic of the speed at the mode's own frequency grows for ever."""
     parameters = replace(two_mass, stem_damping=0.0, damping=0.0)
-    run = run_of(laws["poly345"], parameters)
+    run = force_run(laws["poly345"], parameters, None)
     speed = np.sqrt(parameters.stiffness / parameters.end_mass) / 30.0
     assert np.isfinite(run.steady(0.9 * speed, 0.0)).all()
     with pytest.raises(DynamicsError, match=r"no steady state at .* rpm.*allowed: damping, or"):
@@ -96,7 +90,7 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     length = duration or TURN / speed
     times = np.linspace(0.0, length, 40_001)[:-1]
     force = forces(law, rig, speed, duration, speed * times)
-    run = run_of(law, rig, duration)
+    run = force_run(law, rig, duration)
     table = law_series(law)
     floors = np.full(table.first_pieces.size - 1, np.inf)
     search = SearchRange(0.0, speed * length, 0.25)

@@ -8,7 +8,7 @@ import pytest
 
 from benchmark.speed import exact as exact_twist
 from benchmark.speed.models import Case, Twist
-from cam_rig.dynamics import MODELS, FollowerParameters, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve, steady_state
 from cam_rig.errors import DynamicsError
@@ -16,8 +16,9 @@ from cam_rig.laws import Law
 from cam_rig.units import TURN
 
 from ..helpers import MS
+from ..helpers import ONE as FOLLOWER
 
-SPEED, SLOW = 400.0 * np.pi / 30.0, 350.0 * np.pi / 30.0
+SLOW = 350.0 * np.pi / 30.0
 
 
 # Joints, restarts, samples, the periodic state.
@@ -99,9 +100,8 @@ def test_periodic_state_returns(law, damped, speed):
 def test_resonance_has_no_periodic_state(laws, follower):
     """Undamped, with whole periods in the turn, and a cam too flat to detune it; nor has rest."""
     base = laws["poly345"]
-    p = TorsionalParameters(
-        dataclasses.replace(follower, damping=0.0), 0.02, 0.02 * (5 * SLOW) ** 2
-    )
+    undamped = dataclasses.replace(follower, damping=0.0)
+    p = TorsionalParameters(undamped, 0.02, 0.02 * (5 * SLOW) ** 2)
     law = Law("flat", base.breaks, 1e-9 * base.ordinates)
     with pytest.raises(DynamicsError, match=r"no periodic state at .* Resonance needs damping"):
         steady_state(law, p, SLOW)
@@ -123,7 +123,6 @@ def test_a_stiff_shaft_turns_the_cam_like_the_drive(laws, ramp):
 
 # Along ramps: θ_v = θ₀ + ω t + α t²/2, the law at the twisted angle.
 
-FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 #: Without a damper in the shaft, as the reference has it.
 SHAFT = TorsionalParameters(FOLLOWER, 0.02, 5e3)
 TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)

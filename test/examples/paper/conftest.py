@@ -1,14 +1,25 @@
-"""The rig of the paper's jump speeds."""
+"""The rig of the paper's jump speeds, and runs of the paper's scripts."""
 
 import pytest
 
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema import load_rig
+
+from ...figure_faults import no_faulty_figure
+
+__all__ = ["no_faulty_figure"]
 
 
 @pytest.fixture(scope="session")
 def table2(config_dir):
     """The rig that was identified from the jump speeds of Table 2."""
     return load_rig(config_dir / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="session")
+def two_mass(table2):
+    """The two masses of that rig."""
+    return TwoMassParameters.from_rig(table2)
 
 
 @pytest.fixture

@@ -51,8 +51,7 @@ def test_the_first_speed_of_the_grid_by_the_exact_model():
     def lost(speed_rpm):
         return first_lift_off(law, follower, speed_rpm * RPM, np.zeros(2), 1.0) is not None
 
-    assert lost(rpm)
-    assert not any(lost(slower) for slower in np.arange(200.0, rpm, 5.0))
+    assert lost(rpm) and not any(lost(slower) for slower in np.arange(200.0, rpm, 5.0))
     assert math.isnan(first_on_grid(law, follower, rpm - 5.0, 1.0))
 
 
@@ -65,8 +64,7 @@ def test_damping_decides_how_much_a_time_tells():
     law = build_law(CAMS["poly345"])
     damped = TwoMassParameters(0.5, 0.8, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
     printed = (415.0, 1.5)
-    assert window(law, damped, printed, 2.0) == 0.0
-    assert window(law, LIGHT, printed, 2.0) >= 0.02
+    assert window(law, damped, printed, 2.0) == 0.0 and window(law, LIGHT, printed, 2.0) >= 0.02
 
 
 def test_a_window_by_the_exact_model():

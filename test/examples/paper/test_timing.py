@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from examples.paper import timing as script
-from examples.paper.timing import DEGREE, PIECES, REACHED, Curve, control_table, figure, study
-
-from ...figure_faults import faults
+from examples.paper.timing import DEGREE, PIECES, REACHED, Curve, control_table, study
 
 
 @pytest.fixture(scope="module")
@@ -95,4 +93,3 @@ def test_the_script(printed_by):
     printed = printed_by(script)
     assert "the 1 % event alone by 1° takes ordinates changed by 99.5 % of the lift" in printed
     assert "43.663" in printed
-    assert faults(figure(study())) == []

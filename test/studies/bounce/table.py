@@ -7,7 +7,7 @@ in mpmath's arithmetic, and a derivative is a difference in 60 digits.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple
 
 import mpmath as mp
 import numpy as np
@@ -75,23 +75,16 @@ def as_array(matrix) -> np.ndarray:
 LIFTS_OFF, STAYS, BOUNCES, LEAVES = "lifts off", "stays", "bounces", "leaves"
 
 
-@dataclass(frozen=True)
 class TwoInManyDigits:
-    """The map of a turn of ``speed`` rad/s over the table s = A (1 − cos θ)."""
+    """The map of a turn of ``speed`` rad/s over the table s = A (1 − cos θ).
 
-    parameters: TwoMassParameters
-    speed: float
+    It holds the matrices of (z, ż, y, ẏ, 1) in flight, and of (y, ẏ, cos, sin, 1) on the table.
+    """
 
-    def __post_init__(self) -> None:
-        """The matrices of (z, ż, y, ẏ, 1) in flight, and of (y, ẏ, cos, sin, 1) on the table."""
-        p, a, w = self.parameters, mp.mpf(AMPLITUDE), mp.mpf(self.speed)
-        m1, m2, k1, k2, c1, c2, load = (
-            mp.mpf(getattr(p, name))
-            for name in (
-                *("roller_mass", "end_mass", "stem_stiffness", "spring_stiffness"),
-                *("stem_damping", "damping", "preload"),
-            )
-        )
+    def __init__(self, parameters: TwoMassParameters, speed: float) -> None:
+        self.parameters, self.speed = parameters, speed
+        a, w = mp.mpf(AMPLITUDE), mp.mpf(speed)
+        m1, m2, k1, k2, c1, c2, load = map(mp.mpf, astuple(parameters)[:7])
         own = [-(k1 + k2) / m2, -(c1 + c2) / m2]
         flight = [
             [0, 1, 0, 0, 0],
@@ -107,9 +100,8 @@ class TwoInManyDigits:
             [0, 0, w, 0, 0],
             [0, 0, 0, 0, 0],
         ]
-        for name, matrix in (("flight", flight), ("contact", contact)):
-            rates, shapes = mp.eig(mp.matrix(matrix))  # all are distinct
-            object.__setattr__(self, name, (rates, shapes, shapes**-1))
+        modes = (mp.eig(mp.matrix(matrix)) for matrix in (flight, contact))  # all are distinct
+        self.flight, self.contact = ((rates, shapes, shapes**-1) for rates, shapes in modes)
 
     def table(self, t):
         """S, ṡ and s̈."""

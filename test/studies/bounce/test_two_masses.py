@@ -102,27 +102,19 @@ def test_it_goes_on_as_the_model_does(laws, seed):
     np.testing.assert_allclose(here.inner, end.inner, rtol=1e-9, atol=1e-12)
 
 
-@pytest.fixture(scope="module")
-def table2():
-    """The paper's two masses on a cam of 3-4-5."""
-    return cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
-
-
-def test_classes_and_exponents(table2):
+def test_classes_and_exponents(law, paper_rig, two_mass):
     """On the cam two exponents are the end mass's own, (c₁ + c₂) T/(2 m₂); above irregular."""
-    law, rig = table2
     how = {"model": "two_mass", "restitution": 0.5, "turns": 60, "settle": 200}
-    found = cam_rig.bounce_map(law, rig, rpm=[400, 445, 580], **how)
+    found = cam_rig.bounce_map(law, paper_rig, rpm=[400, 445, 580], **how)
     assert [row.motion for row in found.rows] == [IN_CONTACT, PERIODIC, IRREGULAR]
-    p = TwoMassParameters.from_rig(rig)
-    decay = 0.5 * (p.stem_damping + p.damping) / p.end_mass * 60.0 / 400.0
+    decay = 0.5 * (two_mass.stem_damping + two_mass.damping) / two_mass.end_mass * 60.0 / 400.0
     np.testing.assert_allclose(found.rows[0].exponents[:2], -decay, rtol=1e-9)
     assert found.rows[0].exponents[2:] == (-math.inf, -math.inf)
     assert found.rows[2].exponent > found.rows[2].exponent_error > 0.0
     rows = found.data()["speeds"]
     assert rows[0]["exponent_2"] == pytest.approx(-decay)
     assert rows[0]["exponent_3"] is None
-    assert found.lift_off == pytest.approx(find_jump(law, p, None).speed)
+    assert found.lift_off == pytest.approx(find_jump(law, two_mass, None).speed)
     turns = found.to_pandas("turns")
     assert np.isfinite(turns.stretch).all()
     assert "two masses" in found.title
@@ -152,35 +144,30 @@ def test_a_branch_of_two_masses(laws, last):
         return
     (fold,) = (one.point.speed for one in found if one.kind == FOLD)
     near = min(motions, key=lambda one: abs(one.point.speed - fold))
-    assert family.at(fold * (1.0 + 1e-6), near.state).multipliers.real.max() == pytest.approx(
-        1.0, abs=0.01
-    )
+    multipliers = family.at(fold * (1.0 + 1e-6), near.state).multipliers
+    assert multipliers.real.max() == pytest.approx(1.0, abs=0.01)
     with pytest.raises(UnfoundMotionError):
         family.at(fold * (1.0 - 1e-6), near.state)
 
 
-def test_two_masses_over_a_number(table2):
+def test_two_masses_over_a_number(law, paper_rig):
     """A mass is split as it was; contact is lost where the settled force falls to zero."""
-    law, rig = table2
-    how = {"model": "two_mass", "restitution": 0.3, "turns": 20, "settle": 40}
-    found = cam_rig.bounce_map(law, rig, rpm=410, over=MASS, values=[0.9, 1.6], **how)
+    how = {"model": "two_mass", "restitution": 0.3, "turns": 20, "settle": 40, "rpm": 410}
+    found = cam_rig.bounce_map(law, paper_rig, over=MASS, values=[0.9, 1.6], **how)
     assert found.swept(found.rows) == pytest.approx([0.9, 1.6])
     p = found.rows[0].point.parameters
     assert p.roller_mass / (p.roller_mass + p.end_mass) == pytest.approx(0.4)
-    found = cam_rig.bounce_map(law, rig, rpm=410, over=PRELOAD, values=[10, 15, 20, 50], **how)
+    found = cam_rig.bounce_map(law, paper_rig, over=PRELOAD, values=[10, 15, 20, 50], **how)
     assert 15.0 < found.lift_off < 20.0
     assert [row.motion == IN_CONTACT for row in found.rows] == [False, False, True, True]
 
 
-def test_from_above(table2):
+def test_from_above(law, paper_rig):
     """A row begins where the one above has ended, with the stem as it was."""
-    law, rig = table2
     how = {"model": "two_mass", "restitution": 0.5, "turns": 20, "settle": 20, "start": ABOVE}
-    found = cam_rig.bounce_map(law, rig, rpm=[400, 450], **how)
-    alone = StroboscopicMap(law, found.rows[0].point.parameters, 400 * RPM)
-    np.testing.assert_allclose(
-        alone.run(40, found.rows[1].end).states[-1], found.rows[0].end, rtol=1e-6, atol=1e-12
-    )
+    slow, fast = cam_rig.bounce_map(law, paper_rig, rpm=[400, 450], **how).rows
+    end = StroboscopicMap(law, slow.point.parameters, 400 * RPM).run(40, fast.end).states[-1]
+    np.testing.assert_allclose(end, slow.end, rtol=1e-6, atol=1e-12)
 
 
 # -- the same cam, stepped by Siconos: Moreau and Jean's scheme knows no events and no closed form

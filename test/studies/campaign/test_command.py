@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from functools import partial
 
@@ -21,6 +20,7 @@ from cam_rig.studies.campaign.command import CampaignProgress
 from cam_rig.studies.campaign.dataset import CampaignDataset
 
 from ...cli import conftest as cli
+from ...processes import until
 
 call, done = (partial(one, "campaign") for one in (cli.call, cli.done))
 shipped = partial(cli.load, "campaigns")
@@ -73,13 +73,6 @@ def started(command, **options):
             yield process
         finally:
             process.kill()
-
-
-def until(condition, process):
-    """Wait for something that a process does, as long as it lives."""
-    while not condition():
-        assert process.poll() is None
-        time.sleep(0.01)
 
 
 SPREAD = {"uniform": 1, "unit": "um"}
@@ -179,7 +172,7 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
     path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
     given = [str(path), "--jobs", "1", "--out", str(out)]
     with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
-        until(lambda: list(out.glob("*.parquet")), run)
+        until(lambda: list(out.glob("*.parquet")))
         run.send_signal(number)
         _, words = run.communicate(timeout=100)
     dataset = CampaignDataset(out, open_campaign(path))
@@ -210,11 +203,11 @@ def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
         [*python, "distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"],
         **quiet,
     ) as scheduler:
-        until(file.exists, scheduler)
+        until(file.exists)
         with started([*python, "distributed.cli.dask_worker", *given, "--nthreads", "1"], **quiet):
             asked = [str(path), "--out", str(out), "--dask", str(file)]
             with started([*CAMPAIGN, *asked], stderr=subprocess.PIPE, text=True) as run:
-                until(lambda: list(out.glob("*.parquet")), run)
+                until(lambda: list(out.glob("*.parquet")))
                 scheduler.kill()
                 _, words = run.communicate(timeout=100)
     assert run.returncode == 1

@@ -110,9 +110,9 @@ def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
     point = make_point(campaign, np.array([30.6]))
     rows = []
     for turns in (2.0, 10.0):
-        program = point.scene.program.model_copy(
-            update={"turns": point.scene.program.turns.model_copy(update={"assumed": turns})}
-        )
+        program = point.scene.program
+        turned = program.turns.model_copy(update={"assumed": turns})
+        program = program.model_copy(update={"turns": turned})
         scene = scene_at(point.scene.model_copy(update={"program": program}), 300 * RPM)
         row, settled = steady_row(point.law, point.rig, scene, 300 * RPM)
         assert settled

@@ -102,12 +102,8 @@ def test_the_interval_of_a_yield_is_clopper_and_pearsons():
 
 def test_yields_count_failed_points_as_lost(results, tmp_path):
     """Of four rigs one has no mass above zero, one jumps too early."""
-    found = results(
-        tmp_path,
-        vary={"rig.follower.mass": {"values": [-1, 1, 1.3, 30], "unit": "kg"}},
-        plan={"kind": "grid"},
-        limits=["jump_speed_rigid>=300rpm"],
-    )
+    vary, limits = {MASS: {"values": [-1, 1, 1.3, 30], "unit": "kg"}}, ["jump_speed_rigid>=300rpm"]
+    found = results(tmp_path, vary=vary, plan={"kind": "grid"}, limits=limits)
     assert found.failed == 1
     (one,) = found.yields()
     assert one.share == 0.5

@@ -171,11 +171,9 @@ def test_a_lift_in_another_unit_and_a_force_that_pulls_are_said(scene):
 
 def thinned(run, kept):
     """The run with some of its readings of lift and force."""
-    signals = {
-        name: Signal(signal.time[kept], signal.value[kept], signal.source)
-        for name, signal in (("lift", run.lift), ("force", run.force))
-    }
-    return replace(run, **signals)
+    signals = run.lift, run.force
+    lift, force = (replace(one, time=one.time[kept], value=one.value[kept]) for one in signals)
+    return replace(run, lift=lift, force=force)
 
 
 def test_sensors_slower_than_the_cam_still_find_the_zero(scene):

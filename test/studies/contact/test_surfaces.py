@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import partial
 
 import mpmath as mp
 import numpy as np
@@ -35,30 +34,24 @@ from cam_rig.studies.contact.surfaces import (
     peak_sliding,
 )
 
-from ...cli.conftest import call as run
+from ...cli.conftest import done
+from ...conftest import assumed
 
-RIG = FollowerParameters(
-    mass=0.9, spring_stiffness=3000.0, damping=6.0, preload=80.0, stem_stiffness=1e7
-)
+RIG = FollowerParameters(0.9, 3000.0, 6.0, 80.0, 1e7)
 SPEED = 21.0
 ANGLES = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, 60)
 SPRUNG = (
-    "eccentric_roller",
-    "flat",
-    "inclined_flat",
-    "oscillating_flat",
-    "oscillating_point",
-    "oscillating_roller",
-    "tm21",
+    *("eccentric_roller", "flat", "inclined_flat", "oscillating_flat"),
+    *("oscillating_point", "oscillating_roller", "tm21"),
 )
 
 
 def case_of(name, base=None, **changes):
     """A shipped cam on the rig, with another section ``contact``, or on another base (mm)."""
     data = load_cam(named_path("cams", name)).model_dump(exclude_none=True)
-    data["contact"] = {key: {"assumed": v, "unit": unit} for key, (v, unit) in changes.items()}
+    data["contact"] = {key: assumed(*number) for key, number in changes.items()}
     if base is not None:
-        data["follower"]["base_radius"] = {"assumed": base, "unit": "mm"}
+        data["follower"]["base_radius"] = assumed(base, "mm")
     cam = CamConfig.model_validate(data)
     return contact_case(cam, build_law(cam), RIG, SPEED)
 
@@ -150,16 +143,12 @@ def test_no_pressure_where_the_cam_would_have_to_pull():
 # The command.
 
 
-call = partial(run, "contact")
-
-
 def test_tables_json_and_nomogram(tmp_path, monkeypatch):
     """A face slides, a roller rolls; the nomogram's table comes with its figure; origins of all."""
     monkeypatch.setattr("cam_rig.studies.contact.figures.RADII", 6)
     plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
     files = ("--plot", plot, "--events", events, "--csv", csv)
-    result = call("flat", "poly345", *files, "--json", "-")
-    assert result.exit_code == 0, result.stderr
+    result = done("contact", "flat", "poly345", *files, "--json", "-")
     for word in ("face_width", "youngs_modulus", "assumed", "most_sliding_speed"):
         assert word in result.stderr
     assert b"</svg>" in events.read_bytes()
@@ -191,10 +180,8 @@ def test_at_its_bound_a_measure_is_at_its_limit(name):
         "most_sliding_speed": (sliding * rng.uniform(0.85, 1.2), "m/s"),
     }
     bounds = base_bounds(case_of(name, **limits))
-    assert measured(case, peak_sliding, bounds.sliding) == pytest.approx(
-        limits["most_sliding_speed"][0], rel=1e-9
-    )
-    least = bounds.pressure
+    found, least = measured(case, peak_sliding, bounds.sliding), bounds.pressure
+    assert found == pytest.approx(limits["most_sliding_speed"][0], rel=1e-9)
     assert least < own
     if measured(case, peak_pressure, least) is not None:
         low, high = (measured(case, peak_pressure, least * f) for f in (0.999, 1.001))
@@ -305,10 +292,9 @@ def test_the_pressure_is_that_of_elasticity(load, one, other, modulus):
 
 def test_modulus_of_a_pair():
     """The follower is of the cam's material unless it says; a rigid one halves the compliance."""
-    steel = {"youngs_modulus": {"assumed": 206, "unit": "GPa"}}
+    steel = {"youngs_modulus": assumed(206, "GPa")}
     parts = ContactParts.model_validate(steel)
     assert parts.modulus == pytest.approx(206e9 / (2 * 0.91), rel=1e-15)
-    stiff = ContactParts.model_validate(
-        steel | {"follower_youngs_modulus": {"assumed": 1e13, "unit": "Pa"}}
-    )
+    rigid = {"follower_youngs_modulus": assumed(1e13, "Pa")}
+    stiff = ContactParts.model_validate(steel | rigid)
     assert stiff.modulus == pytest.approx(206e9 / 0.91 / (1 + 206e9 / 1e13), rel=1e-15)

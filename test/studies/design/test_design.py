@@ -1,11 +1,7 @@
 """Designs: known optima, limits kept by the written file, bounds that hold in exact arithmetic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,17 +10,16 @@ from scipy.integrate import solve_ivp
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.errors import DesignError
-from cam_rig.laws import Law, build_law
+from cam_rig.laws import build_law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.profile import contours
 from cam_rig.studies.campaign.inputs import with_numbers
 from cam_rig.studies.design.convex_program import BOX, Affine, ConvexProgram
 from cam_rig.studies.design.request import DesignRequest, LawClass, Multistart, parse_second
-from cam_rig.studies.design.result import Front
 from cam_rig.studies.design.rows import add, keep_lift
 from cam_rig.studies.design.space import Asked
 from cam_rig.studies.design.study import front
-from cam_rig.units import TURN, FloatArray, to_rpm
+from cam_rig.units import TURN, to_rpm
 
 from .shared import NO_HARDER, RIG, cam, designed, integrated, problem, term, written
 
@@ -39,7 +34,7 @@ SPAN, LIFT = np.radians(117.5), 0.05
         ("rms_acceleration", 1, LIFT, np.sqrt(2.0 * 12.0 / SPAN**3 / TURN)),
     ],
 )
-def test_a_known_optimum_is_found(goal: str, joints: int, lift: float, factor: float) -> None:
+def test_a_known_optimum_is_found(goal, joints, lift, factor):
     """Rest to rest, for any lift h: least peak |s″| 4h/β², peak |s‴| 32h/β³, ∫s″² 12h²/β³."""
     start = with_numbers(cam(), {"lift": lift, "follower.base_radius": 10.0})
     found = designed(LawClass(8, joints), start, minimise=goal)
@@ -51,7 +46,7 @@ def test_a_known_optimum_is_found(goal: str, joints: int, lift: float, factor: f
     assert high.value == pytest.approx(lift, rel=1e-9)
 
 
-def test_the_bound_holds_in_rational_arithmetic() -> None:
+def test_the_bound_holds_in_rational_arithmetic():
     """Multipliers as fractions: Σ y (c + A x + w t) ≥ 0 for every law of the class bounds t.
 
     Signs, the weight of t and |Aᵀ y| are summed exactly; 4h/β² is not passed.
@@ -74,7 +69,7 @@ def test_the_bound_holds_in_rational_arithmetic() -> None:
     assert float(-bound) <= 4.0 * LIFT / SPAN**2 <= float(-bound) * (1.0 + 1e-6)
 
 
-def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path: Path) -> None:
+def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
     """3-4-5's events, lift and peak acceleration: from 458.7 to 558.9 rpm, the bound 0.1 % on.
 
     The written file keeps its limit and its speed to 1e-9.
@@ -83,7 +78,7 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path: Path) -> N
     assert to_rpm(found.goal.start) == pytest.approx(458.668, abs=1e-3)
     assert to_rpm(found.goal.result) > 558.0
     assert found.certified
-    assert found.goal.result <= found.goal.bound  # type: ignore[operator]
+    assert found.goal.result <= found.goal.bound
     assert found.measures[1].active
     law, limit = build_law(written(found, tmp_path)), abs(peak(build_law(cam()), 2).value)
     assert abs(peak(law, 2).value) <= limit * (1.0 + 1e-9)
@@ -92,7 +87,7 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path: Path) -> N
 
 
 @pytest.mark.long
-def test_residual_vibration_over_a_range_of_speeds() -> None:
+def test_residual_vibration_over_a_range_of_speeds():
     """200 to 400 rpm, 24 pieces: below 0.6 µm at speeds between those of the program too.
 
     The amplitude is read from an integration of the end mass by an independent method, at speeds
@@ -106,20 +101,20 @@ def test_residual_vibration_over_a_range_of_speeds() -> None:
         assert _left(found.law, float(speed)) < 1.02 * found.goal.result + 1e-9
 
 
-def test_a_bound_is_no_better_than_the_law_found() -> None:
+def test_a_bound_is_no_better_than_the_law_found():
     """Residual vibration of picometres, where the start has 11 µm: what is left is rounding."""
     found = designed(LawClass(6, 3), minimise="residual_vibration@395-405rpm")
     assert found.goal.result < 1e-9
-    assert found.goal.bound <= found.goal.result  # type: ignore[operator]
+    assert found.goal.bound <= found.goal.result
 
 
-def _left(law: Law, speed: float) -> float:
+def _left(law, speed):
     """The amplitude of the end mass after the rise, by DOP853."""
     p = TwoMassParameters.from_rig(RIG)
     begin, rate = float(np.radians(31.25)), np.sqrt(p.stiffness / p.end_mass)
     damping = (p.stem_damping + p.damping) / p.end_mass
 
-    def motion(time: float, state: FloatArray) -> list[float]:
+    def motion(time, state):
         _, slope, bend = law.at(begin + speed * time)
         drive = (p.stem_damping / p.end_mass - damping * p.share) * speed * slope
         drive -= p.share * speed**2 * bend
@@ -131,7 +126,7 @@ def _left(law: Law, speed: float) -> float:
 
 
 @pytest.mark.long
-def test_two_masses_from_rest_stay_on_by_an_independent_integration() -> None:
+def test_two_masses_from_rest_stay_on_by_an_independent_integration():
     """The law that is found keeps contact from rest just below its jump speed, by DOP853.
 
     Certified within 0.2 % of the bound; 3-4-5 itself jumps at 413.4 rpm.
@@ -144,48 +139,43 @@ def test_two_masses_from_rest_stay_on_by_an_independent_integration() -> None:
     assert integrated(found.law, TwoMassParameters.from_rig(RIG), speed, times).min() > -1e-3
 
 
-def test_limits_that_contradict_each_other_are_named() -> None:
+def test_limits_that_contradict_each_other_are_named():
     """5 mm at 90° and 10 mm at 89°, rising: the two limits stand in the message."""
+    limits = ["lift@90deg<=20mm", "lift@90deg>=21mm"]
     with pytest.raises(DesignError, match=r"lift at 9\d°.*and.*lift at 9\d°"):
-        designed(
-            LawClass(8, 2), minimise="peak_jerk", limits=["lift@90deg<=20mm", "lift@90deg>=21mm"]
-        )
+        designed(LawClass(8, 2), minimise="peak_jerk", limits=limits)
 
 
-def test_a_limit_on_the_jump_speed_holds_by_the_exact_search() -> None:
+def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
     """Least jerk with contact kept to 440 rpm: resonances between the program's speeds too."""
     limits = ["jump_speed>=440rpm", *NO_HARDER]
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=limits)
     assert to_rpm(found.measures[1].result) >= 440.0 * (1.0 - 1e-5)
-    assert found.goal.bound <= found.goal.result  # type: ignore[operator]
+    assert found.goal.bound <= found.goal.result
 
 
-def test_what_is_not_proved_is_not_called_impossible() -> None:
+def test_what_is_not_proved_is_not_called_impossible():
     """Six pieces can keep 68.13 mm/rad², and not 60: not found is not the same as none."""
     words = {"minimise": "peak_velocity", "law_class": LawClass(6, 3)}
     with pytest.raises(DesignError, match="a law of the class may keep"):
-        designed(limits=["peak_acceleration<=68.12mm/rad^2"], **words)  # type: ignore[arg-type]
+        designed(limits=["peak_acceleration<=68.12mm/rad^2"], **words)
     with pytest.raises(DesignError, match="no law of the class keeps"):
-        designed(limits=["peak_acceleration<=60mm/rad^2"], **words)  # type: ignore[arg-type]
+        designed(limits=["peak_acceleration<=60mm/rad^2"], **words)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("lift", "damping"), [(5e-6, {}), (0.05, {"follower.damping": 0, "follower.stem_damping": 0})]
 )
-def test_hard_cases_of_two_masses_have_a_law_and_a_bound(
-    lift: float, damping: dict[str, float]
-) -> None:
+def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
     """5 µm of lift jump at thousands of rpm; an undamped stem has resonances of no width."""
     own = with_numbers(cam(), {"lift": lift}), with_numbers(RIG, damping)
     found = designed(LawClass(8, 3), *own, maximise="jump_speed", limits=NO_HARDER)
-    assert found.goal.start < found.goal.result <= found.goal.bound  # type: ignore[operator]
+    assert found.goal.start < found.goal.result <= found.goal.bound
     assert found.gap < 5e-3
 
 
-def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
-    tmp_path: Path,
-) -> None:
+def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp_path):
     """No formula of the contour, its points alone: the roller rests where none is inside it.
 
     Each point under the roller holds its centre at a height, the highest one counts; 36 000 points
@@ -194,7 +184,7 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
     """
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=["pressure_angle<=24.8deg"])
     (limit,) = found.measures[1:]
-    assert limit.start > limit.limit >= limit.result * (1.0 - 1e-6)  # type: ignore[operator]
+    assert limit.start > limit.limit >= limit.result * (1.0 - 1e-6)
     assert limit.active
     file = written(found, tmp_path)
     curve, radius = contours(file.follower, build_law(file), 36_000)[0], 10e-3
@@ -210,12 +200,12 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
     np.testing.assert_allclose(lift, build_law(file)(turned, 0), atol=1e-8)
 
 
-def front_of(other: str, points: int, **words: Any) -> Front:
+def front_of(other, points, **words):
     """The front of a goal over another quantity."""
     return front(cam(), RIG, DesignRequest.of(**words), parse_second(other), points)
 
 
-def test_a_front_is_monotone_and_certified() -> None:
+def test_a_front_is_monotone_and_certified():
     """Less peak acceleration costs jerk; what a point allows, its law keeps."""
     found = front_of("peak_acceleration", 4, minimise="peak_jerk", law_class=LawClass(6, 2))
     jerks = [design.goal.result for design in found.designs]
@@ -232,7 +222,7 @@ def test_a_front_is_monotone_and_certified() -> None:
     assert table.rows[0][0] == pytest.approx(found.allowed[0] * 1e3)
 
 
-def test_a_front_over_the_span_of_an_event_is_certified_point_by_point() -> None:
+def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
     """Least peak acceleration of C1 laws for each span β is 4h/β²; dwells have what it leaves."""
     found = front_of("event_angle@1", 4, minimise="peak_acceleration", law_class=LawClass(4, 1))
     assert found.allowed[0] == pytest.approx(0.5 * SPAN)
@@ -243,19 +233,19 @@ def test_a_front_over_the_span_of_an_event_is_certified_point_by_point() -> None
         assert design.goal.result == pytest.approx(4.0 * LIFT / span**2, rel=1e-3)
 
 
-def test_a_front_over_spans_begins_where_the_first_law_is() -> None:
+def test_a_front_over_spans_begins_where_the_first_law_is():
     """68.64 mm/rad² allow no rise shorter than √(4h/68.64 mm): the front is not below that."""
     asked = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
     found = front_of("event_angle@2", 3, **asked)
-    shortest = np.sqrt(4.0 * 0.05 / found.designs[0].measures[1].limit)  # type: ignore[operator]
+    shortest = np.sqrt(4.0 * 0.05 / found.designs[0].measures[1].limit)
     assert shortest < found.allowed[0] < np.radians(117.5)
     for design in found.designs:
-        assert design.measures[1].result <= design.measures[1].limit * (1.0 + 1e-6)  # type: ignore[operator]
+        assert design.measures[1].result <= design.measures[1].limit * (1.0 + 1e-6)
     assert found.designs[0].goal.result > found.designs[-1].goal.result
 
 
 @pytest.mark.long
-def test_a_front_of_what_is_not_convex_has_no_bounds() -> None:
+def test_a_front_of_what_is_not_convex_has_no_bounds():
     """Torque against peak acceleration: falling, and called local."""
     asked = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
     found = front_of("peak_acceleration", 3, multistart=Multistart(2), **asked)

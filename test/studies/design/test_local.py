@@ -1,11 +1,5 @@
 """Designs that are not convex: known optima from every start, limits kept by the written file."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -14,20 +8,19 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.pressure import steady_power
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_weights, shaft_torque
-from cam_rig.laws import Law, build_law
+from cam_rig.laws import build_law
 from cam_rig.laws.law import peak
 from cam_rig.profile.disc import contours
-from cam_rig.schema import CamConfig
 from cam_rig.studies.campaign.inputs import with_numbers
 from cam_rig.studies.design.request import LawClass, Multistart
-from cam_rig.studies.design.result import LawDesign
 from cam_rig.studies.design.space import Space, dwells, events, measured
 from cam_rig.units import RPM, TURN
 
+from ...conftest import dwell, rise
 from .shared import NO_HARDER, RIG, cam, designed, peak_torque, problem, require_kept, term, written
 
 
-def least_radius(start: CamConfig, law: Law) -> float:
+def least_radius(start, law):
     """Of the convex parts, from circles through three neighbours of the contour's points."""
     found = []
     for contour in contours(start.follower, law, 7200):
@@ -41,7 +34,7 @@ def least_radius(start: CamConfig, law: Law) -> float:
     return min(found)
 
 
-def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope() -> None:
+def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
     """Where only the preload counts T = F₀ s′: the convex design of s′ bounds it.
 
     All starts come to it.
@@ -49,7 +42,7 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope() -> No
     light = {"follower.spring_stiffness": 1e-6, "follower.mass": 1e-6, "follower.damping": 0.0}
     rig = with_numbers(RIG, {**light, "follower.preload": 50.0})
     law_class = LawClass(8, 2)
-    how: dict[str, Any] = {"rig": rig, "limits": NO_HARDER}
+    how = {"rig": rig, "limits": NO_HARDER}
     slope = designed(law_class, minimise="peak_velocity", **how)
     torque = designed(law_class, minimise="shaft_torque@10rpm", **how)
     assert slope.certified
@@ -59,7 +52,7 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope() -> No
     assert torque.multistart == Multistart(4, near=4)
 
 
-def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
+def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     """A class of one ordinate each for rise and fall: the best of 401 values of both is not better.
 
     The torque is the kinetostatic model's.
@@ -93,9 +86,7 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
         ("bezier15", "shaft_torque@300rpm", NO_HARDER),
     ],
 )
-def test_the_written_cam_keeps_its_limits(
-    name: str, goal: str, limits: Sequence[str], tmp_path: Path
-) -> None:
+def test_the_written_cam_keeps_its_limits(name, goal, limits, tmp_path):
     """Torque by its formula, radius by circles through the contour's points."""
     found = designed(LawClass(8, 3), cam(name), starts=3, minimise=goal, limits=limits)
     require_kept(found)
@@ -111,7 +102,7 @@ def test_the_written_cam_keeps_its_limits(
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", range(4))
-def test_random_cams_and_rigs(seed: int, tmp_path: Path) -> None:
+def test_random_cams_and_rigs(seed, tmp_path):
     """Any lift, base, follower, rig and speed: better than the start's fit, with its limits."""
     random = np.random.default_rng(seed)
     lift = float(10.0 ** random.uniform(-3.5, -0.5))
@@ -131,7 +122,7 @@ def test_random_cams_and_rigs(seed: int, tmp_path: Path) -> None:
     assert found.goal.result >= expected * (1.0 - 1e-9)
 
 
-def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> None:
+def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it():
     """60 to 500 rpm: at speeds between the ends none is greater, and one is as great."""
     goal = "shaft_torque@60-500rpm"
     found = designed(LawClass(6, 3), starts=2, minimise=goal, limits=NO_HARDER)
@@ -139,11 +130,11 @@ def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> 
     assert max(peaks) == pytest.approx(found.goal.result, rel=1e-5)
 
 
-def level(law: Law, text: str) -> float:
+def level(law, text):
     return measured(problem(LawClass(4, 3)), law, term(text), "<=")
 
 
-def test_below_the_jump_speed_it_is_the_exact_level_of_the_steady_force() -> None:
+def test_below_the_jump_speed_it_is_the_exact_level_of_the_steady_force():
     """At 250 rpm, where nothing is lost, within the 0.003 dB of its sample rate."""
     own, speed = problem(LawClass(4, 3)), 250.0 * RPM
     power = steady_power(own.start, own.rigid, RadiationParameters.from_rig(RIG), speed)
@@ -152,7 +143,7 @@ def test_below_the_jump_speed_it_is_the_exact_level_of_the_steady_force() -> Non
 
 
 @pytest.mark.parametrize("rpm", [480.0, 540.0])
-def test_above_it_is_what_the_microphone_of_a_run_measures(rpm: float) -> None:
+def test_above_it_is_what_the_microphone_of_a_run_measures(rpm):
     """With lift-offs and landings in each turn, four times the sample rate."""
     law = build_law(cam())
     motion = cam_rig.simulate(law, RIG, model="one_mass", rpm=rpm, turns=4, sample_rate=48_000)
@@ -162,7 +153,7 @@ def test_above_it_is_what_the_microphone_of_a_run_measures(rpm: float) -> None:
 
 
 @pytest.mark.long
-def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for() -> None:
+def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for():
     """At 500 rpm, beyond every jump speed: than the start, and than the convex level's optimum."""
     goal = "sound_level_with_jumps@500rpm"
     found, convex = (
@@ -173,34 +164,31 @@ def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for() -> N
     assert found.goal.result == own
     assert own < min(found.goal.start, level(convex.law, goal)) - 0.1
     limit = found.measures[1]
-    assert limit.result <= limit.limit * (1.0 + 1e-6)  # type: ignore[operator]
+    assert limit.result <= limit.limit * (1.0 + 1e-6)
     assert found.goal.bound is None
 
 
 HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
 
-def two_rises() -> CamConfig:
+@pytest.fixture
+def two_rises(make_cam):
     """Rises of 0.4 and 0.6 of the lift and a fall, 80° each, with dwells of 40° between them."""
-    data = cam().model_dump(exclude_none=True)
-    segments: list[dict[str, Any]] = [{"law": "dwell", "span": {"given": 20.0, "unit": "deg"}}]
-    for to, behind in ((0.4, 40.0), (1.0, 40.0), (0.0, 20.0)):
-        segments.append({"law": "poly345", "to": to, "span": {"given": 80.0, "unit": "deg"}})
-        segments.append({"law": "dwell", "span": {"given": behind, "unit": "deg"}})
-    return CamConfig.model_validate(data | {"segments": segments})
+    up = rise(80, 0.4), dwell(40), rise(80, 1)
+    return make_cam(dwell(20), *up, dwell(40), rise(80, 0), dwell(20), roller_radius=0.01)
 
 
-def moved(start: CamConfig, keep: list[str], joints: int = 1, **words: Any) -> LawDesign:
+def moved(start, keep, joints=1, **words):
     return designed(LawClass(4, joints), start, starts=2, keep=keep, **words)
 
 
 @pytest.mark.long
-def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None:
+def test_spans_go_with_the_root_of_what_each_event_rises(two_rises, tmp_path):
     """Least peak acceleration 4h/β² of three events that share 240°: β as √h.
 
     The dwells keep their lengths, in the written file too.
     """
-    found = moved(two_rises(), ["dwells", "lift"], minimise="peak_acceleration")
+    found = moved(two_rises, ["dwells", "lift"], minimise="peak_acceleration")
     spans = np.radians(240.0) * np.sqrt(HEIGHTS) / np.sqrt(HEIGHTS).sum()
     optimum = 4.0 * LIFT * HEIGHTS[0] / spans[0] ** 2
     law = build_law(written(found, tmp_path))
@@ -214,11 +202,11 @@ def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None
 
 
 @pytest.mark.long
-def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
+def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
     """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
-    found = moved(two_rises(), ["lift"], minimise="peak_acceleration", limits=limits)
+    found = moved(two_rises, ["lift"], minimise="peak_acceleration", limits=limits)
     assert found.goal.result == pytest.approx(4.0 * LIFT / np.radians(widest) ** 2, rel=2e-3)
     assert found.measures[3].active
     for measure, event in zip(found.measures[1:], found.events, strict=True):
@@ -230,13 +218,13 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
 
 
 @pytest.mark.long
-def test_limits_of_the_start_are_those_of_its_own_events() -> None:
+def test_limits_of_the_start_are_those_of_its_own_events(two_rises):
     """Peak velocity at no more than the start's peak acceleration: lower than with its events."""
-    words: dict[str, Any] = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
-    fixed = moved(two_rises(), ["events", "dwells", "lift"], **words)
-    other = moved(two_rises(), ["dwells", "lift"], **words)
+    words = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
+    fixed = moved(two_rises, ["events", "dwells", "lift"], **words)
+    other = moved(two_rises, ["dwells", "lift"], **words)
     assert fixed.certified
     assert other.goal.result < fixed.goal.result
     assert other.goal.start == fixed.goal.start
-    allowed = abs(peak(build_law(two_rises()), 2).value)
+    allowed = abs(peak(build_law(two_rises), 2).value)
     assert abs(peak(other.law, 2).value) <= allowed * (1.0 + 1e-6)

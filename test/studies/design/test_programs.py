@@ -1,7 +1,5 @@
 """Laws, forces and rows as functions of a design's unknowns; programs that grow."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -31,7 +29,7 @@ from cam_rig.studies.design.modal_amplitude import Cells, ForceAtSpeed
 from cam_rig.studies.design.request import LawClass
 from cam_rig.studies.design.rows import rows_of
 from cam_rig.studies.design.space import Space, dwells, measured
-from cam_rig.units import TURN, FloatArray
+from cam_rig.units import TURN
 
 from .shared import RIG, cam, problem, term
 
@@ -101,9 +99,7 @@ RNG = np.random.default_rng(11)
         ("b_spline", LawClass(4, 2)),
     ],
 )
-def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(
-    name: str, law_class: LawClass
-) -> None:
+def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(name, law_class):
     """Derivatives up to C are continuous around the turn, so zero at the ends of dwells."""
     start = build_law(cam(name))
     space = Space(start, law_class)
@@ -118,7 +114,7 @@ def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(
         np.testing.assert_allclose(law(angle), start(angle), atol=1e-15)
 
 
-def test_the_derivatives_in_the_unknowns_are_the_laws() -> None:
+def test_the_derivatives_in_the_unknowns_are_the_laws():
     """Ordinates of s'' come from unknowns of their own, those of s from others: one law."""
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
@@ -129,7 +125,7 @@ def test_the_derivatives_in_the_unknowns_are_the_laws() -> None:
         np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
-REFUSED: tuple[tuple[dict[str, int], str], ...] = (
+REFUSED = (
     ({"pieces": 0}, "pieces is 0; allowed: 1 to 200"),
     ({"pieces": 201}, "pieces is 201"),
     ({"joints": 0}, "joints is 0; allowed: 1 to 6"),
@@ -140,14 +136,14 @@ REFUSED: tuple[tuple[dict[str, int], str], ...] = (
 )
 
 
-def test_a_class_that_is_none_is_refused() -> None:
+def test_a_class_that_is_none_is_refused():
     """The message names the number, its limits and what to change."""
     for arguments, words in REFUSED:
         with pytest.raises(ConfigError, match=words):
             LawClass(**arguments)
 
 
-def test_a_cam_that_rests_all_around_has_nothing_to_design() -> None:
+def test_a_cam_that_rests_all_around_has_nothing_to_design():
     """A circle has no event."""
     circle = Law("circle", np.array([0.0, 2.0 * np.pi]), np.zeros((2, 1)))
     with pytest.raises(ConfigError, match="it rests all around"):
@@ -155,7 +151,7 @@ def test_a_cam_that_rests_all_around_has_nothing_to_design() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_force_is_that_of_the_exact_model(seed: int) -> None:
+def test_the_force_is_that_of_the_exact_model(seed):
     """Any law, two masses, speed and turn: the first, a later one, and the steady state.
 
     The exact model propagates (η, η̇) by matrix exponentials; Gauss points in cells of 0.6 rad of
@@ -191,7 +187,7 @@ def test_the_force_is_that_of_the_exact_model(seed: int) -> None:
         np.testing.assert_allclose(of_unknowns, values, atol=1e-11 * size)
 
 
-def test_an_overdamped_stem_has_no_residual_vibration() -> None:
+def test_an_overdamped_stem_has_no_residual_vibration():
     """Critical damping and more: one line, with the limit."""
     follower = FollowerParameters(1.3, 4030.0, 1e4, 30.0, 1.26e6)
     with pytest.raises(ConfigError, match=r"does not vibrate.*allowed.*below"):
@@ -202,14 +198,14 @@ QUANTITIES = ("shaft_torque@300rpm", "shaft_torque@50-600rpm", "pressure_angle")
 CAMS = ("poly345", "oscillating_roller", "oscillating_flat", "conjugate", "eccentric_roller")
 
 
-def term_of(cam_name: str, text: str) -> PointwiseTerm:
+def term_of(cam_name, text):
     own, asked = problem(LawClass(5, 2), cam_name), term(text)
     branches = rows_of(asked).branches
     assert branches is not None
     return PointwiseTerm(own, text, branches(own, asked), math.nan)
 
 
-def some_law(own: PointwiseTerm, seed: int) -> FloatArray:
+def some_law(own, seed):
     """Unknowns of a law that rises where the start does, with ordinates a little off."""
     space, random = own.problem.space, np.random.default_rng(seed)
     found = []
@@ -222,7 +218,7 @@ def some_law(own: PointwiseTerm, seed: int) -> FloatArray:
 
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", CAMS)
-def test_rows_are_exact_at_a_law_and_have_its_slopes(name: str) -> None:
+def test_rows_are_exact_at_a_law_and_have_its_slopes(name):
     """The greatest row is the greatest value, of a law that was tried too.
 
     What its correction changes at the first law goes with the square of the way between them.
@@ -242,7 +238,7 @@ def test_rows_are_exact_at_a_law_and_have_its_slopes(name: str) -> None:
         assert errors[1] <= 0.02 * errors[0] + 1e-9 * own.scale
 
 
-def test_the_greatest_branch_is_what_is_measured() -> None:
+def test_the_greatest_branch_is_what_is_measured():
     """By the search over every piece of the branches, and by the profile's own."""
     for name in CAMS:
         for text in QUANTITIES:

@@ -303,10 +303,9 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
 
 def test_tolerances_and_readings_that_are_none(measured):
     """Zero, negative, more than 5 % of the lift; random numbers, which scatter by more."""
+    words = r"--tolerance: is .* mm; allowed: above 0, at most 0"
     for asked in (0.0, -1e-6, 1e-3):
-        with pytest.raises(
-            ConfigError, match=r"--tolerance: is .* mm; allowed: above 0, at most 0"
-        ):
+        with pytest.raises(ConfigError, match=words):
             fit_spline(measured("poly345", 72), asked)
     lifts = np.random.default_rng(1).uniform(0.0, 0.01, 72)
     with pytest.raises(ConfigError, match=r"readings scatter by .* mm about a smooth law; allowed"):

@@ -13,7 +13,6 @@ import cam_rig
 from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
-from cam_rig.simulation.instruments import Signal
 from cam_rig.studies.fit_rig.jump_fit import RIGID
 from cam_rig.studies.fit_rig.numbers import WITHIN_95
 from cam_rig.studies.fit_rig.study import fit_run
@@ -57,11 +56,6 @@ def jump_rpm(law, rig):
     return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
 
 
-def kind_of(seed: int) -> tuple[str, str, str]:
-    """Model, speeds and noise of a machine."""
-    return (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
-
-
 def noise_of(kind, random, size):
     """Noise ``(size,)`` of unit deviation."""
     if kind == "normal":
@@ -97,18 +91,16 @@ def measured(law, rig, kind, rpms, random, rate):
     errors = InstrumentErrors(rate=rate, encoder_rate=rate, force_noise=0.0, lift_noise=0.0)
     run = measured_run(law, rig, kind[0], rpms, errors, int(random.integers(1 << 30)))
     size = run.force.value.size
-    force = FORCE_NOISE * run.force.value.max() * noise_of(kind[2], random, size)
-    lift = LIFT_NOISE * noise_of(kind[2], random, size)
-    return replace(
-        run,
-        force=Signal(run.force.time, run.force.value + force, "force"),
-        lift=Signal(run.lift.time, run.lift.value + lift, "lift"),
-    )
+    largest = run.force.value.max()
+    force = run.force.value + FORCE_NOISE * largest * noise_of(kind[2], random, size)
+    lift = run.lift.value + LIFT_NOISE * noise_of(kind[2], random, size)
+    return replace(run, force=replace(run.force, value=force), lift=replace(run.lift, value=lift))
 
 
 def scores_of(seed: int, rate: int = 500) -> list[Score]:
     """A machine of the kind and the cam that are its seed's turn, measured and fitted."""
-    random, kind = np.random.default_rng(seed), kind_of(seed)
+    random = np.random.default_rng(seed)
+    kind = (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
     rig = rig_of(kind[0], random)
     parts = np.array(SPEEDS[kind[:2]])

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import product
 
 import pytest
 import yaml
@@ -53,17 +54,9 @@ def test_a_rig_file_has_the_digits_of_the_error(rig):
 
 # cam-rig fit rig.
 
-TABLE = """mass_kg,spring_N/mm,rpm
-0,2,336.8
-0,4.03,449.8
-0,8,622.6
-0.5,2,284.0
-0.5,4.03,385.7
-0.5,8,529.5
-1,2,257.2
-1,4.03,342.6
-1,8,469.7
-"""
+RPM = (336.8, 449.8, 622.6, 284.0, 385.7, 529.5, 257.2, 342.6, 469.7)
+ROWS = zip(product((0, 0.5, 1), (2, 4.03, 8)), RPM, strict=True)
+TABLE = "mass_kg,spring_N/mm,rpm\n" + "".join(f"{m},{k},{rpm}\n" for (m, k), rpm in ROWS)
 
 
 @pytest.fixture
@@ -98,11 +91,8 @@ def test_an_empty_speed_is_no_reading(tmp_path, jumps):
     jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
     result = done("fit", "rig", jumps, "poly345", "--given", "damping=8.6")
     assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())
-    for row, words in (
-        (",8,469.7", "line 10: the mass is empty"),
-        ("1,8", "line 10: has 2 cells"),
-    ):
+    for row, words in ((",8,469.7", "the mass is empty"), ("1,8", "has 2 cells")):
         jumps.write_text(TABLE.replace("1,8,469.7", row), encoding="utf-8")
         result = call("fit", "rig", jumps, "poly345")
         assert result.exit_code == 2, result.output
-        assert words in result.output
+        assert f"line 10: {words}" in result.output

@@ -37,25 +37,17 @@ def test_intervals_of_200_machines_hold_the_truth():
     # forked, as a worker of pytest's that is spawned finds the standard library's package test
     with ProcessPoolExecutor(2, get_context("fork")) as pool:
         found = list(itertools.chain.from_iterable(pool.map(scores_of, range(MACHINES))))
-    print()
-    for place, title in enumerate(("model", "speeds", "noise")):
-        for kind in dict.fromkeys(score.kind[place] for score in found):
-            print_row(title, kind, [score for score in found if score.kind[place] == kind])
-    for name in dict.fromkeys(score.name for score in found):
-        print_row("number", name, [score for score in found if score.name == name])
-    print_row("all", "all", found)
-    for noise in NOISES:
-        part = [score for score in found if score.kind[2] == noise]
-        assert 0.90 <= coverage(part) <= 0.99, noise
-    assert 0.90 <= coverage(found) <= 0.99
-
-
-def print_row(title, kind, scores):
-    """A row of the table: intervals, those that hold the truth, the scores' scatter."""
-    scatter = math.sqrt(np.mean([score.off**2 for score in scores]))
-    machines = len({score.seed for score in scores})
-    within = f"{100.0 * coverage(scores):.1f} %"
-    print(f"| {title}: {kind} | {machines} | {len(scores)} | {within} | {scatter:.2f} |")
+    groups, titles = {}, ("model", "speeds", "noise", "number", "all")
+    for score in found:
+        for group in zip(titles, (*score.kind, score.name, "all"), strict=True):
+            groups.setdefault(group, []).append(score)
+    for (title, kind), scores in sorted(groups.items(), key=lambda row: titles.index(row[0][0])):
+        scatter = math.sqrt(np.mean([score.off**2 for score in scores]))  # of the scores
+        machines = len({score.seed for score in scores})
+        within = f"{100.0 * coverage(scores):.1f} %"
+        print(f"| {title}: {kind} | {machines} | {len(scores)} | {within} | {scatter:.2f} |")
+    for group in (*(("noise", noise) for noise in NOISES), ("all", "all")):
+        assert 0.90 <= coverage(groups[group]) <= 0.99, group
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +75,9 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
             at += size
     noise[:, at:] = random.standard_normal((2000, slopes.shape[0] - at))
     drawn = np.linalg.lstsq(slopes, noise.T, rcond=None)[0].std(axis=1)
-    stated = np.mean(
-        [uncertainty(replace(solution, residuals=one)).errors for one in noise[:40]], axis=0
-    )
+    errors = [uncertainty(replace(solution, residuals=one)).errors for one in noise[:40]]
     first = slice(0, like.instruments.first)
-    assert stated[first] == pytest.approx(drawn[first], rel=0.2)
+    assert np.mean(errors, axis=0)[first] == pytest.approx(drawn[first], rel=0.2)
 
 
 @pytest.mark.parametrize("bounce", [0.2, 0.35, 0.5])

@@ -2,12 +2,11 @@
 
 import math
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
 
-import cam_rig
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
@@ -17,17 +16,13 @@ from cam_rig.studies.fit_rig.jump_table import JumpReading, JumpTable
 from cam_rig.studies.fit_rig.numbers import follower_of
 from cam_rig.units import RPM
 
+from ...conftest import dwell, rise
 from .machines import numbers_of
 
 OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0
 MACHINE = {"mass": OWN, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
 #: What a table may give of each reading.
-COLUMNS = (
-    ("mass", "spring_stiffness", "preload"),
-    ("mass", "spring_stiffness"),
-    ("mass", "preload"),
-    ("spring_stiffness", "preload"),
-)
+COLUMNS = [c for n in (3, 2) for c in combinations(("mass", "spring_stiffness", "preload"), n)]
 #: What is put on for nine readings.
 SET_UPS = [{"mass": m, "spring_stiffness": k} for m in (0.0, 0.3, 0.9) for k in (2e3, 4e3, 9e3)]
 
@@ -57,16 +52,11 @@ def table(law, noise=0.0, seed=0):
 
 def random_table(random, columns, make_cam):
     """A random machine on a cam of one rise and fall, its exact jump speeds and where it jumps."""
-    rise, fall = random.uniform(60.0, 140.0, 2).round()
+    first, second = random.uniform(60.0, 140.0, 2).round()
     laws = ["cycloidal", "poly345", "poly4567", "modified_sine", "simple_harmonic"]
     up, down = random.choice(laws, 2)
-    segments = [
-        {"span": rise, "law": up, "to": 1.0},
-        {"span": 30.0, "law": "dwell"},
-        {"span": fall, "law": down, "to": 0.0},
-        {"span": 330.0 - rise - fall, "law": "dwell"},
-    ]
-    law = build_law(make_cam(*segments, lift=0.008))
+    event = rise(first, 1.0, up), dwell(30.0), rise(second, 0.0, down)
+    law = build_law(make_cam(*event, dwell(330.0 - first - second), lift=0.008))
     mass, spring, preload = 10.0 ** random.uniform([-1.0, 2.7, 0.7], [1.0, 4.3, 2.3])
     damping = 2.0 * 10.0 ** random.uniform(-2.0, -0.2) * math.sqrt(mass * spring)
     choices = {
@@ -114,15 +104,13 @@ def test_the_start_does_not_decide(make_cam, rig, columns, seed):
         assert found["damping"] == pytest.approx(truth["damping"], rel=1e-2)
 
 
-def test_a_roller_s_share_comes_back_without_being_given(laws):
+def test_a_roller_s_share_comes_back_without_being_given(laws, paper_rig):
     """Exact speeds of two masses: the start that misses them least leads to another follower."""
-    law = laws["cycloidal"]
-    rig = cam_rig.load_rig("paper_table2")
-    truth = numbers_of(rig, "stem_stiffness", "roller_share")
+    law, truth = laws["cycloidal"], numbers_of(paper_rig, "stem_stiffness", "roller_share")
     truth |= {"stem_damping": truth["damping"], "restitution": 0.0}
     read, _ = table_of(law, truth, SET_UPS)
     given = {name: truth[name] for name in ("damping", "stem_stiffness")}
-    found = values(fit_jumps(law, read, rig.with_follower(mass=1.0), "two_mass", given))
+    found = values(fit_jumps(law, read, paper_rig.with_follower(mass=1.0), "two_mass", given))
     assert found["mass"] == pytest.approx(truth["mass"], rel=1e-6)
     assert found["roller_share"] == pytest.approx(truth["roller_share"], rel=1e-6)
 

@@ -164,13 +164,12 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 
 
 @pytest.mark.slow
-def test_a_stem_shows_in_the_force(law, rig):
+def test_a_stem_shows_in_the_force(law, rig, paper_rig):
     """Two masses are found by themselves, with stem, share and stem damping."""
-    two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
+    run = measured_run(law, paper_rig, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
     fit = fit_run(law, run, rig)
     assert fit.model == "two_mass"
-    require_true(fit, two, "mass", "stem_stiffness", "roller_share", "stem_damping")
+    require_true(fit, paper_rig, "mass", "stem_stiffness", "roller_share", "stem_damping")
 
 
 @pytest.mark.long
@@ -236,10 +235,9 @@ def test_what_does_not_fit_gets_no_numbers(law, laws, rig):
 
 
 @pytest.mark.slow
-def test_a_stem_s_numbers_need_a_stem(law, rig):
+def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
     """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
-    two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "two_mass", (200.0, 300.0), QUICK, 1)
+    run = measured_run(law, paper_rig, "two_mass", (200.0, 300.0), QUICK, 1)
     with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
         fit_run(law, run, rig, None, {"roller_share": 0.4})
     with pytest.raises(ConfigError, match=r"no contact force.*one_mass"):
@@ -250,15 +248,14 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
 
 
 @pytest.mark.long
-def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law):
+def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig):
     """Two masses in contact, noise of 2 N and correlation 0.9ᵏ, a pattern at each speed."""
-    two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
+    run = measured_run(law, paper_rig, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
     steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
     run = with_force(run, run.force.value + lfilter([1.0], [1.0, -0.9], steps))
-    fit = fit_run(law, run, two, "two_mass")
+    fit = fit_run(law, run, paper_rig, "two_mass")
     assert fit.left_out == ()
-    require_true(fit, two, "mass", "stem_stiffness")
+    require_true(fit, paper_rig, "mass", "stem_stiffness")
 
 
 @pytest.mark.long
@@ -286,10 +283,9 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
     require_true(fit, other)
 
 
-def test_a_follower_that_bounces_at_random_is_refused(law, rig):
+def test_a_follower_that_bounces_at_random_is_refused(law, rig, paper_rig):
     """No turn is as the one before: refused in a moment, with the reason."""
-    two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "two_mass", (600.0, 650.0), seed=2)
+    run = measured_run(law, paper_rig, "two_mass", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
         fit_run(law, run, rig)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cam_rig
 from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.events.trajectory import EndlessEventsError
@@ -143,12 +142,11 @@ def test_one_mass(law, rig, rpm, restitution):
 
 
 @pytest.mark.parametrize("rpm", [250.0, 420.0])
-def test_two_masses(law, rpm):
+def test_two_masses(law, two_mass, rpm):
     """In contact and with lift-offs: the fixed point is where many turns from rest end."""
-    parameters = MODELS["two_mass"].parameters(cam_rig.load_rig("paper_table2"))
-    turn = two_mass_turn(law, parameters, rpm * RPM)
+    turn = two_mass_turn(law, two_mass, rpm * RPM)
     assert bool(turn.events) == (rpm > 400.0)
-    assert np.median(force_off(law, "two_mass", parameters, rpm * RPM, turn)) < 1e-6
+    assert np.median(force_off(law, "two_mass", two_mass, rpm * RPM, turn)) < 1e-6
 
 
 def test_a_stem_damped_beyond_all_measure_has_no_turn(laws):
@@ -157,11 +155,9 @@ def test_a_stem_damped_beyond_all_measure_has_no_turn(laws):
     assert two_mass_turn(laws["bezier15"], parameters, 18.2) is None
 
 
-def test_a_turn_is_found_from_its_neighbour(law):
+def test_a_turn_is_found_from_its_neighbour(law, two_mass):
     """From the turn of nearly the same follower, the same as from nothing."""
-    rig = cam_rig.load_rig("paper_table2")
-    near = two_mass_turn(law, MODELS["two_mass"].parameters(rig), 420.0 * RPM)
-    other = MODELS["two_mass"].parameters(rig.with_follower(preload=30.7))
+    near, other = two_mass_turn(law, two_mass, 420.0 * RPM), replace(two_mass, preload=30.7)
     angle = np.linspace(0.0, TURN, 500)
     one = two_mass_turn(law, other, 420.0 * RPM, near).at(angle)[1]
     two = two_mass_turn(law, other, 420.0 * RPM).at(angle)[1]
@@ -183,18 +179,17 @@ def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "arcs_straight", "tm21"])
-def test_a_stem_is_in_series_with_the_end_mass(laws, cam):
+def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
     """Tried by harmonics, a stem shows the force of the exact motion: 1 % of its vibration off, or
     more by the square of its periods a turn where these are more than can be looked at."""
     random, law = np.random.default_rng(len(cam)), laws[cam]
-    parameters = MODELS["two_mass"].parameters(cam_rig.load_rig("paper_table2"))
     for frequency in (9.0, *np.exp(random.uniform(np.log(20.0), np.log(2900.0), 20))):
         speed = np.exp(random.uniform(np.log(20.0), np.log(6000.0))) * RPM
         p = replace(
-            parameters,
+            two_mass,
             preload=1e6,  # never off the cam
-            stem_stiffness=parameters.end_mass * (TURN * frequency) ** 2,
-            stem_damping=0.02 * parameters.end_mass * TURN * frequency,
+            stem_stiffness=two_mass.end_mass * (TURN * frequency) ** 2,
+            stem_damping=0.02 * two_mass.end_mass * TURN * frequency,
         )
         angle = random.uniform(-TURN, 3.0 * TURN, 400)
         pressing = PressingSamples.of(law, [(speed, angle)], np.zeros(400))

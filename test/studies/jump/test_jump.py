@@ -7,7 +7,6 @@ from functools import partial
 
 import pytest
 
-from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.jump.two_masses import Jump
 from cam_rig.errors import ConfigError
@@ -32,12 +31,6 @@ FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bez
 def published(config_dir):
     """The paper's tables."""
     return load_tables(config_dir / "published" / "tables" / "paper.yaml")
-
-
-@pytest.fixture(scope="module")
-def two_mass(cam_set):
-    """Their follower."""
-    return TwoMassParameters.from_rig(cam_set.rig)
 
 
 @pytest.fixture(scope="module")

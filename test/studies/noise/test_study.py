@@ -44,11 +44,8 @@ def study():
 
 @pytest.fixture(scope="module")
 def methods(study):
-    return (
-        with_two_constants(study, refit=False),
-        with_two_constants(study, refit=True),
-        with_substitution(study),
-    )
+    two = (with_two_constants(study, refit=refit) for refit in (False, True))
+    return (*two, with_substitution(study))
 
 
 def test_parts(study, make_loaded_scene):
@@ -109,9 +106,8 @@ def test_bands_hold_what_was_published(study, methods):
             assert curve.expected.holds(curve.published_db) >= 0.8
             wide = np.mean(curve.expected.high - curve.expected.low)
             assert wide > np.mean(curve.confidence.high - curve.confidence.low)
-            np.testing.assert_allclose(
-                curve.regression_db, cubic(study.rpm) @ curve.level_db, atol=1e-9
-            )
+            regression = cubic(study.rpm) @ curve.level_db
+            np.testing.assert_allclose(curve.regression_db, regression, atol=1e-9)
 
 
 def test_refitting_comes_nearer_as_regressions(methods):
@@ -133,10 +129,10 @@ def test_each_cam_left_out(study):
         assert row.acoustics.radiation.gain == pytest.approx(1e-4, rel=0.1)
 
 
-def test_one_rig(study, methods, table2):
+def test_one_rig(study, methods, paper_rig):
     """The follower of the jump speeds costs the smooth cams less than 0.05 dB, the arc cam more."""
     own = {cam: curve.rms_db for cam, curve in methods[1].curves.items()}
-    rigid, elastic = with_rigid_stem(study, table2), with_elastic_stem(study, table2)
+    rigid, elastic = with_rigid_stem(study, paper_rig), with_elastic_stem(study, paper_rig)
     for cam in ("poly345", "bezier15"):
         assert rigid.rms_db[cam] == pytest.approx(own[cam], abs=1e-3)
         assert elastic.rms_db[cam] == pytest.approx(own[cam], abs=0.05)
@@ -243,10 +239,8 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
     acoustics = Acoustics(r, response)
     cam = published_cam("bezier15", acoustics)
     slope = sensitivity(cam, acoustics)
-    louder = acoustics.with_constants(r.gain * 1.001, r.corner, response)
-    np.testing.assert_allclose(
-        cam.difference(louder), slope[:, 0] * np.log(1.001), rtol=1e-2, atol=1e-6
-    )
+    louder = cam.difference(acoustics.with_constants(r.gain * 1.001, r.corner, response))
+    np.testing.assert_allclose(louder, slope[:, 0] * np.log(1.001), rtol=1e-2, atol=1e-6)
     assert slope.shape == (SPEEDS.size, 4 if response else 2)
     if response:
         tilted = acoustics.with_constants(r.gain, r.corner, (0.501, -0.4, 0.3))
@@ -262,11 +256,8 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
     low_pass = STRUCTURES[0].transfer(np.log([radiation.gain, radiation.corner]), frequency)
     for cam in ("poly345", "bezier15"):
         power = np.sum(low_pass * harmonic_power(laws[cam], follower, SPEEDS), axis=1)
-        exact = [
-            steady_power(laws[cam], follower, radiation, float(s))
-            - radiation.background_power(float(s))
-            for s in SPEEDS
-        ]
+        total = [steady_power(laws[cam], follower, radiation, s) for s in SPEEDS.tolist()]
+        exact = np.array(total) - [radiation.background_power(s) for s in SPEEDS.tolist()]
         np.testing.assert_allclose(power, exact, rtol=1e-3)
 
 

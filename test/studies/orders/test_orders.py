@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import io
-import json
 import math
 from functools import partial
 
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 
 import cam_rig
+from benchmark.speed.exact import powers
 from cam_rig.acoustics import RadiationParameters, SoundSource, level_db
 from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
@@ -29,15 +29,12 @@ from cam_rig.studies.orders.spectrum import (
 from cam_rig.studies.orders.steady_force import BUILDERS, steady_force
 from cam_rig.units import RPM, TURN
 
-from ...cli.conftest import call as run
-
-call = partial(run, "orders")
+from ...cli.conftest import data_of, done
 
 
 def test_a_cam_at_one_speed():
     """3-4-5 up and down alike: its even orders are rounding; the CSV has what the table shows."""
-    result = call("poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
-    assert result.exit_code == 0, result.stderr
+    result = done("orders", "poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert [float(row["order"]) for row in rows] == list(range(1, 13))
     amplitudes = [float(row["force_amplitude"]) for row in rows]
@@ -49,9 +46,7 @@ def test_a_cam_at_one_speed():
 
 def test_a_scene_over_speed(tmp_path):
     """Its cams, rig, model and speeds; the phase is of the force over θ."""
-    result = call("quick", "--orders", "20", "--json", "-", "--plot", tmp_path / "a.png")
-    assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = data_of("orders", "quick", "--orders", "20", "--plot", tmp_path / "a.png")
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
     assert list(speeds) == [(c, r) for c in ("tm21", "bezier15") for r in (200, 300, 350, 400)]
     assert (speeds["bezier15", 200]["period"], speeds["bezier15", 200]["settled"]) == (1, True)
@@ -79,18 +74,18 @@ def test_speeds_as_words():
 PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
 
 
-def by_digits(powers, phase):
+def by_digits(coefficients, phase):
     """∫₀¹ Σ aᵢ uⁱ e^{−iφu} du by parts, or by its series for a small phase, in 60 digits."""
     with mpmath.workdps(60):
         if phase < 1.0:
             terms = range(60)
             return sum(
                 a * (-1j * mpmath.mpf(phase)) ** k / mpmath.factorial(k) / (i + k + 1)
-                for i, a in enumerate(powers)
+                for i, a in enumerate(coefficients)
                 for k in terms
             )
-        total, derivative, w = mpmath.mpc(0), list(powers), mpmath.mpc(0, phase)
-        for k in range(len(powers)):
+        total, derivative, w = mpmath.mpc(0), list(coefficients), mpmath.mpc(0, phase)
+        for k in range(len(coefficients)):
             at_one = mpmath.fsum(derivative)
             total += (derivative[0] - at_one * mpmath.exp(-w)) / w ** (k + 1)
             derivative = [i * a for i, a in enumerate(derivative)][1:] or [mpmath.mpf(0)]
@@ -102,12 +97,8 @@ def test_a_polynomial_at_any_phase(degree):
     """To some units in the last place of its largest ordinate, small phases and large ones."""
     ordinates = np.random.default_rng(degree).uniform(-1.0, 1.0, degree + 1)
     with mpmath.workdps(60):
-        powers = [mpmath.mpf(0)] * (degree + 1)
-        for j, b in enumerate(ordinates):
-            for k in range(degree - j + 1):
-                ways = mpmath.binomial(degree, j) * mpmath.binomial(degree - j, k)
-                powers[j + k] += mpmath.mpf(float(b)) * ways * (-1) ** k
-    exact = [complex(by_digits(powers, float(phase))) for phase in PHASES]
+        coefficients = powers(ordinates.tolist())
+    exact = [complex(by_digits(coefficients, float(phase))) for phase in PHASES]
     assert np.abs(polynomial_integral(ordinates, PHASES) - exact).max() < 3e-15
 
 

@@ -23,6 +23,7 @@ from cam_rig.studies.vibration.study import measure
 from cam_rig.units import RPM
 from examples.paper.factorial import squeezed
 
+from ...conftest import dwell, rise
 from ...dynamics.helpers import bumped
 from ..conftest import FIVE
 
@@ -43,20 +44,16 @@ def test_low_dwell_goes_around_the_turn(laws):
     assert found.holds(inside).tolist() == [True, True, True, False, False]
 
 
-DWELL, RISE, FALL = {"law": "dwell"}, {"law": "poly345", "to": 1}, {"law": "poly345", "to": 0}
-
-
 @pytest.mark.parametrize(
     ("parts", "start", "span"),
     [
-        ([DWELL | {"span": 90}, FALL | {"span": 60}, DWELL | {"span": 100}], 150.0, 100.0),
-        ([FALL | {"span": 200}], None, None),
+        ([dwell(90), rise(60, 0), dwell(100), rise(110, 1)], 150.0, 100.0),
+        ([rise(200, 0), rise(160, 1)], None, None),
     ],
 )
 def test_low_dwell_anywhere(make_cam, parts, start, span):
     """A cam is read where it rests low in mid-turn, or about its lowest angle if it never rests."""
-    angle = 360 - sum(part["span"] for part in parts)
-    low = low_dwell(build_law(make_cam(*parts, RISE | {"span": angle})))
+    low = low_dwell(build_law(make_cam(*parts)))
     assert low.dwell == (start is not None)
     if low.dwell:
         assert np.degrees([low.start, low.span]) == pytest.approx([start, span])
@@ -82,21 +79,19 @@ def test_the_acceleration_of_a_short_bump_is_seen(laws, soft):
 def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
     """Speeds together or alone: the same."""
     speeds = np.array([200.0, 300.0, 380.0]) * RPM
+    together = residual_vibration(laws["cycloidal"], soft, speeds)
     alone = [residual_vibration(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
-    assert residual_vibration(laws["cycloidal"], soft, speeds) == pytest.approx(
-        np.array(alone), rel=1e-9
-    )
+    assert together == pytest.approx(np.array(alone), rel=1e-9)
 
 
 def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
     """A shaft that hardly gives twists by F s'/k as the cam's torque asks, to 1 %."""
     shaft = replace(shaft_of(cam_set.rig), shaft_stiffness=1e7, shaft_damping=10.0)
     speed = 300.0 * RPM
-    angle, twist = steady_twist(laws["poly4567"], shaft, speed)
-    forces = [
-        state_at(laws["poly4567"], shaft.follower, float(a), speed).contact_force for a in angle
-    ]
-    torque = np.array(forces) * laws["poly4567"](angle, 1)
+    law = laws["poly4567"]
+    angle, twist = steady_twist(law, shaft, speed)
+    forces = [state_at(law, shaft.follower, float(a), speed).contact_force for a in angle]
+    torque = np.array(forces) * law(angle, 1)
     peak = np.abs(torque).max() / 1e7
     assert twist == pytest.approx(-torque / 1e7, abs=0.01 * peak)
 
@@ -133,12 +128,9 @@ def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
     follower = TwoMassParameters.from_rig(cam_set.rig)
     jumps = {cam: find_jump(law, follower).rpm for cam, law in cam_set.laws.items()}
     assert {row.cam: row.contact_lost_rpm for row in table.rows} == pytest.approx(jumps, rel=1e-4)
-    lost = {
-        rpm: {r.cam for r in table.rows if r.rpm == rpm and r.contact_lost} for rpm in table.rpm
-    }
-    assert lost[300.0] == set()
-    assert lost[400.0] == {"poly4567", "bezier_segments"}
-    assert lost[500.0] == set(FIVE) - {"bezier15"}
+    early = {"poly4567", "bezier_segments"}
+    for rpm, wanted in zip(table.rpm, (set(), early, {*FIVE} - {"bezier15"}), strict=True):
+        assert {r.cam for r in table.rows if r.rpm == rpm and r.contact_lost} == wanted
     assert {claim.cases for claim in table.claims} == {1}
 
 
@@ -185,7 +177,6 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
 def test_a_law_too_steep_to_split(laws, soft):
     """Ringing larger than all that vibrates is an artefact of the split, and refused."""
     law = squeezed(laws["cycloidal"], np.radians(60.0))
-    with pytest.raises(
-        DynamicsError, match=r"residual vibration of .* in a vibration of .*; allowed"
-    ):
+    words = r"residual vibration of .* in a vibration of .*; allowed"
+    with pytest.raises(DynamicsError, match=words):
         residual_vibration(law, soft, np.array([3000.0 * RPM]))
