@@ -18,7 +18,7 @@ from cam_rig.profile.contact import Element, turn_angles
 from cam_rig.profile.disc import Disc, contours
 from cam_rig.profile.faces import GuidedCentre, SwungCentre
 from cam_rig.schema.cam import Follower
-from cam_rig.units import TURN, ComplexArray, FloatArray
+from cam_rig.units import TURN, ComplexArray, FloatArray, rms
 
 #: A closed curve in the cam's frame: parameters, of period 2π, to points x + iy, m.
 Curve = Callable[[FloatArray], ComplexArray]
@@ -105,6 +105,31 @@ def _crossing(
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     place = element.place_on(curve(low % TURN) * turn[:, 0])
     return np.where(crosses[rows, best], place, -np.inf)
+
+
+# Rotation of a contour whose zero direction is unknown.
+
+#: Cam angles of the first search for a rotation, and steps of Gauss and Newton that refine it.
+ALIGN_ANGLES, ALIGN_STEPS = 720, 4
+
+
+def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, float]:
+    """Return the rotation (rad) at which a contour gives the law, and the r.m.s. error left (m).
+
+    The displacement at cam angle θ + rotation is that of the law at θ, by least squares.
+    """
+    angle = turn_angles(ALIGN_ANGLES)
+    lift, wanted, slope = rest(element, curve, angle), law(angle), law(angle, 1)
+    products = np.fft.irfft(np.fft.rfft(lift) * np.conj(np.fft.rfft(wanted)), angle.size)
+    rotation = float(angle[int(np.argmax(products))])
+    error = rest(element, curve, angle + rotation) - wanted
+    for _ in range(ALIGN_STEPS):
+        step = -float(np.sum(error * slope) / np.sum(slope**2))
+        other = rest(element, curve, angle + rotation + step) - wanted
+        if rms(other) >= rms(error):
+            break
+        rotation, error = rotation + step, other
+    return rotation % TURN, rms(error)
 
 
 # Whether points are a closed contour in order: what a measurement of them would not show.

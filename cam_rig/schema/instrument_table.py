@@ -25,9 +25,13 @@ HEADING_LINES = 2
 MAX_LINES = 100_000
 
 
-def read_lines(path: Path, wanted: str) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+def read_lines(
+    path: Path, wanted: str, max_bytes: int = MAX_BYTES
+) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
     """Return the lines of a file with their numbers, and those that are comments (#)."""
-    lines = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip()]
+    lines = [
+        (i, line) for i, line in enumerate(_text(path, max_bytes).splitlines(), 1) if line.strip()
+    ]
     comments = [(i, line) for i, line in lines if line.lstrip().startswith("#")]
     lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
     if not 0 < len(lines) <= MAX_LINES:
@@ -38,9 +42,9 @@ def read_lines(path: Path, wanted: str) -> tuple[list[tuple[int, str]], list[tup
     return lines, comments
 
 
-def _text(path: Path) -> str:
+def _text(path: Path, max_bytes: int) -> str:
     try:
-        data = read_bytes(path, MAX_BYTES)
+        data = read_bytes(path, max_bytes)
     except FileNotFoundError:
         near = ", ".join(sorted(other.name for other in path.parent.glob("*.csv"))[:10])
         there = f"; there are: {near}" if near else ""

@@ -13,7 +13,7 @@ import cam_rig
 from cam_rig.errors import ConfigError, MissingLibraryError, OutputError, ProfileError, RefusedError
 from cam_rig.panel.board.board import MAX_RPM, Board
 from cam_rig.panel.board.drawable import at_rest, level
-from cam_rig.profile.drawing_files import read_dxf
+from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 
@@ -208,7 +208,7 @@ def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
     ordinates = with_one_moved(board, 0.05)
     path = tmp_path / "cam.dxf"
     path.write_text(board.dxf(ordinates), encoding="utf-8")
-    (points,) = read_dxf(path)
+    (points,) = read_dxf(path).curves
     board.take(ordinates, 300)
     wanted = np.array(board.at_once()["discs"][0]["points"])
     drawn = Polygon(1e3 * points.T)

@@ -15,7 +15,7 @@ from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.command import REDIRECT
 from cam_rig.panel.server import serve
-from cam_rig.profile.drawing_files import read_dxf
+from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.units import RPM
 
 from .conftest import BrowserPage, in_browser, with_one_moved
@@ -283,7 +283,7 @@ def test_what_is_drawn_can_be_taken_along(page, board, tmp_path):
         page.page.locator("#dxf").click()
     assert waiting.value.suggested_filename == "mine.dxf"
     waiting.value.save_as(tmp_path / "mine.dxf")
-    (points,) = read_dxf(tmp_path / "mine.dxf")
+    (points,) = read_dxf(tmp_path / "mine.dxf").curves
     assert np.hypot(*points).min() == pytest.approx(0.065, abs=1e-6)  # the base circle
 
 

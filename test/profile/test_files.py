@@ -12,9 +12,10 @@ from shapely import LinearRing, distance, points, prepare
 from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.profile import contours, discs, turn_angles
 from cam_rig.profile import drawing_files as files
-from cam_rig.profile.faces import GuidedFace
+from cam_rig.profile.contour_files import read_contour_table
 from cam_rig.profile.measure import closed_curve, rest
 from cam_rig.profile.polyline import contour_paths, pitch_paths, polyline
+from cam_rig.profile.read_dxf import read_dxf
 
 from .conftest import make
 
@@ -125,7 +126,7 @@ def test_dxf(cam, tmp_path):
     assert all(e.dxftype() == "LWPOLYLINE" and e.closed for e in entities)
     for entity, line in zip(entities, lines.values(), strict=True):
         np.testing.assert_allclose(np.array(entity.get_points("xy")), 1e3 * line.T, rtol=1e-15)
-    law_comes_back(cam, files.read_dxf(path), 5e-9)
+    law_comes_back(cam, read_dxf(path).curves, 5e-9)
 
 
 def test_csv(cam, tmp_path):
@@ -142,7 +143,7 @@ def test_csv(cam, tmp_path):
         np.testing.assert_array_equal(table[:, 3], 1e3 * contour.radius)
         np.testing.assert_array_equal(table[:, 4], np.degrees(contour.pressure))
     files.write_contour(path, cam[2], 3600)
-    law_comes_back(cam, files.read_contour(path), 1e-9 * cam[1].lift)
+    law_comes_back(cam, read_contour_table(path).curves, 1e-9 * cam[1].lift)
     files.write_law(path, np.radians([0.0, 90.0]), np.array([0.0, 0.0125]))
     assert path.read_text() == "angle_deg,lift_mm\n0.0,0.0\n90.0,12.5\n"
 
@@ -173,70 +174,3 @@ def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path):
         assert list(found) == list(lines)
         for name, line in lines.items():
             assert np.hypot(*(found[name] + corner - 1e3 * line)).max() <= 1e3 * rounding
-
-
-# Drawings of others.
-
-
-def test_dxf_of_others(tmp_path):
-    """Units, old polylines, splines, mirrored ones (extrusion −z); open lines are passed over."""
-    path, angle = tmp_path / "b.dxf", np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
-    circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    for unit, factor in ((units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)):
-        document = ezdxf.new("R2010", units=unit)
-        space = document.modelspace()
-        space.add_lwpolyline(circle[:10])
-        space.add_polyline2d(circle.tolist(), close=True)
-        spline = space.add_spline(dxfattribs={"layer": "S"})
-        spline.set_closed(np.column_stack([circle, 0 * angle]).tolist(), degree=3)
-        document.saveas(path)
-        one, two = files.read_dxf(path)
-        np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
-    document = ezdxf.new("R2010", units=units.MM)
-    corners, turned = [(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)], {"extrusion": (0.0, 0.0, -1.0)}
-    document.modelspace().add_lwpolyline(corners, close=True, dxfattribs=turned)
-    document.saveas(path)
-    (outline,) = files.read_dxf(path)
-    np.testing.assert_allclose(outline.T, [(-1e-3, 0.0), (-2e-3, 0.0), (-2e-3, 1e-3)], atol=1e-18)
-
-
-def test_arcs_of_a_polyline_are_arcs(tmp_path):
-    """A stadium of half circles (bulge 1): a face stands at R + |L/2 cos| exactly."""
-    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
-    for kind in ("add_lwpolyline", "add_polyline2d"):
-        document = ezdxf.new("R2010", units=units.MM)
-        getattr(document.modelspace(), kind)(corners, format="xyb", close=True)
-        document.saveas(tmp_path / "a.dxf")
-        (outline,) = files.read_dxf(tmp_path / "a.dxf")
-        x, y = outline
-        assert np.abs(np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012).max() < 2e-9
-        height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
-        expected = 0.012 + 0.015 * np.abs(np.sin(ANGLES))
-        np.testing.assert_allclose(height, expected, rtol=0, atol=3e-9)
-
-
-def test_files_that_are_no_contour(tmp_path):
-    """One line with the file's name and what is wrong."""
-    for name, text, words in (
-        ("a.csv", "", "its columns are none; allowed: among them x_mm and y_mm"),
-        ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "has the row '3,no'; allowed: finite numbers"),
-        ("a.csv", "x_mm,y_mm\n1\n", "has the row '1'; allowed: finite numbers"),
-        ("a.csv", "x_mm,y_mm,disc\n1,2\n", "has the row '1,2'; allowed: x_mm,y_mm,disc"),
-        ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
-        ("a.csv", "x_mm,y_mm\n1," + "a" * 100_000, "aaa...; allowed: finite numbers"),
-        ("a.csv", "\n" * (8 * 2**20 + 1), "has 8 MiB; allowed: 8 MiB"),
-        ("a.dxf", "no drawing", "cannot be read as DXF"),
-        ("b.dxf", None, "cannot be read as DXF"),
-        ("b.csv", None, "cannot be read"),
-    ):
-        path = tmp_path / name
-        if text is not None:
-            path.write_text(text)
-        with pytest.raises(ProfileError, match=re.escape(words)) as caught:
-            (files.read_contour if name.endswith("csv") else files.read_dxf)(path)
-        assert str(caught.value).startswith(f"{path}: ")
-    for unit, words in ((units.MM, "has no closed polyline"), (0, r"its unit \(\$INSUNITS\) is ")):
-        ezdxf.new("R2010", units=unit).saveas(tmp_path / "a.dxf")
-        with pytest.raises(ProfileError, match=words):
-            files.read_dxf(tmp_path / "a.dxf")

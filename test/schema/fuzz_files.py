@@ -19,7 +19,7 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
-from cam_rig.profile.drawing_files import read_contour
+from cam_rig.profile.contour_files import read_contour_table
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root, load_tables
 
@@ -130,7 +130,7 @@ def read_csv_case(rng: random.Random, folder: Path) -> None:
     cam.write_bytes((config_root() / "cams" / "measured.yaml").read_bytes())
     table.write_bytes(csv_text(rng))
     if rng.random() < 0.3:
-        read_contour(table)
+        read_contour_table(table)
     else:
         build_law(load_cam(cam))
 

@@ -195,7 +195,7 @@ class SplineFit(Result):
             yield (
                 f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "
                 "scatter: a spline nearer to them would need almost as many knots as there are "
-                "readings, for the cam bends more sharply than they stand apart. Read it finer."
+                "readings. Read the cam finer, or check the readings farthest from the law."
             )
         elif self.asked is not None and not self.followed:
             yield (

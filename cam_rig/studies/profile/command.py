@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -43,6 +43,27 @@ Source = Annotated[
     Path | None,
     typer.Option("--from", help="Measure this contour (.csv, .dxf) with the cam's follower."),
 ]
+Unit = Annotated[
+    Literal["mm", "cm", "m", "in"] | None,
+    typer.Option(help="Unit of a file that states none (default of a table: mm)."),
+]
+Axis = Annotated[
+    str, typer.Option(metavar="X,Y", help="Axis of the cam in the file of --from, in mm.")
+]
+Zero = Annotated[
+    float,
+    typer.Option(
+        metavar="DEG",
+        help="Direction of the follower at cam angle 0 in that file, from +x counter-clockwise.",
+    ),
+]
+Mirrored = Annotated[
+    bool, typer.Option("--mirrored", help="That file shows the cam from the other side.")
+]
+Layer = Annotated[str | None, typer.Option(help="Only layer of a DXF drawing that is read.")]
+Align = Annotated[
+    bool, typer.Option("--align", help="Find the zero direction and the side that fit the law.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Draw a cam even though it cannot exist.")]
 
 
@@ -57,6 +78,12 @@ def profile(
     tolerance: Tolerance = None,
     points: Points = None,
     source: Source = None,
+    unit: Unit = None,
+    axis: Axis = "0,0",
+    zero: Zero = 90.0,
+    mirrored: Mirrored = False,
+    layer: Layer = None,
+    align: Align = False,
     force: Force = False,
     *,
     plot: Path | None,
@@ -64,9 +91,11 @@ def profile(
     """Check a cam's contour: undercut, curvature, pressure angle, reach. Draw it, or measure one.
 
     The code is 1 when a check fails; with --all a cam does not count whose file says that it
-    cannot_be_made, and why. With --from the cam's follower is put on the contour of a
-    file and read at every angle; --out then writes that law as CSV. --positions are those of the
-    graphical method: the follower's places around the standing cam.
+    cannot_be_made, and why. With --from the cam's follower is put on the contour of a file and
+    read at every angle; --out then writes that law as CSV. A DXF drawing may consist of lines,
+    arcs, circles, ellipses, splines, polylines and blocks; a table has points x, y or angle,
+    radius. --positions are those of the graphical method: the follower's places around the
+    stationary cam.
 
     In Python: cam_rig.check_contours(cams, every)
 
@@ -85,6 +114,8 @@ def profile(
     cam-rig profile poly345 --cutter 6 --out out/cutter.csv
 
     cam-rig profile poly345 --from out/cam.dxf --out out/law.csv
+
+    cam-rig profile poly345 --from part.dxf --unit mm --axis 120,80 --align
     """
     from cam_rig.errors import ConfigError, ProfileError
     from cam_rig.studies.profile import command_files
@@ -92,7 +123,10 @@ def profile(
 
     if positions is not None and plot is None:
         raise ConfigError("--positions: are of the picture; needed: --plot PATH")
-    request = command_files.Request(out, pitch, cutter, tolerance, points, source)
+    placement = command_files.placement(unit, axis, zero, mirrored)
+    request = command_files.Request(
+        out, pitch, cutter, tolerance, points, source, placement, layer, align
+    )
     cams_checked = checked_cams(cams or [], every)
     request.require(len(cams_checked), drawing=plot is not None)
     first, drawn = cams_checked[0], out is not None or plot is not None

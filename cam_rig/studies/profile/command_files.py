@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -10,13 +11,16 @@ import numpy as np
 
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.files import writing
+from cam_rig.profile.contour_files import AS_IT_IS, Placement
 from cam_rig.show.command import check_outputs
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.show.terminal import say
-from cam_rig.units import rms
+from cam_rig.units import TURN, rms
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
+    from cam_rig.profile.contact import Element
+    from cam_rig.profile.measure import Curve
     from cam_rig.profile.polyline import ContourPath
     from cam_rig.schema import CamConfig
     from cam_rig.units import FloatArray
@@ -36,7 +40,10 @@ ROWS = 3600
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be written or read; radius in mm, tolerance in µm."""
+    """Files that are written or read; radius in mm, tolerance in µm.
+
+    `placement`, `layer` and `align` are of a file that is read.
+    """
 
     out: Path | None
     pitch: bool
@@ -44,6 +51,9 @@ class Request:
     tolerance: float | None
     points: int | None
     source: Path | None
+    placement: Placement = AS_IT_IS
+    layer: str | None = None
+    align: bool = False
 
     def require(self, cams: int, drawing: bool) -> None:
         """Refuse, before anything is computed, what does not go together."""
@@ -68,6 +78,13 @@ class Request:
             raise ConfigError(
                 f"--tolerance is {self.tolerance:g} µm; allowed: at least {FINEST_UM:g} µm"
             )
+        if self.source is None and (
+            self.placement != AS_IT_IS or self.layer is not None or self.align
+        ):
+            raise ConfigError(
+                "--unit, --axis, --zero, --mirrored, --layer and --align are of a file that is "
+                "read; needed: --from FILE"
+            )
         if self.source is not None:
             if drawing or self.pitch or self.cutter is not None:
                 raise ConfigError("--from measures; allowed with it: --out FILE.csv for the law")
@@ -75,6 +92,17 @@ class Request:
         if self.out is not None:
             _suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
             check_outputs(str(self.out), None)
+
+
+def placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> Placement:
+    """Return the placement of the options; `axis` is a text such as "120,80" (mm)."""
+    try:
+        x, y = (float(word) * 1e-3 for word in axis.split(","))
+    except ValueError:
+        raise ConfigError(f"--axis: is {axis!r}; allowed: two numbers, such as 120,80") from None
+    if not all(map(math.isfinite, (x, y, zero))):
+        raise ConfigError(f"--axis {axis} --zero {zero:g}: allowed: finite numbers")
+    return Placement(unit, (x, y), math.radians(zero), mirrored)
 
 
 def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
@@ -178,29 +206,67 @@ class MeasuredResult(Result):
         return [self.table("contours", caption, self.contours)]
 
 
+#: The other side of a drawing is taken if its error is less than this fraction of the error of the
+#: given side: of a symmetrical cam both are the same.
+MIRRORED_IS_BETTER = 0.5
+
+
+def _aligned(
+    request: Request, element: Element, curves: list[Curve], law: Law
+) -> tuple[list[Curve], float]:
+    """Return the contours, from the other side if that fits better, and their rotation (rad)."""
+    from cam_rig.profile.measure import find_rotation
+
+    mirrored = [_mirrored(curve) for curve in curves]
+    rotation, error = find_rotation(element, curves[0], law)
+    other_rotation, other_error = find_rotation(element, mirrored[0], law)
+    is_other = other_error < MIRRORED_IS_BETTER * error
+    if is_other:
+        curves, rotation = mirrored, other_rotation
+    is_mirrored = request.placement.is_mirrored != is_other
+    sense = 1.0 if is_mirrored else -1.0
+    zero = (request.placement.zero + sense * rotation) % TURN
+    option = " --mirrored" if is_mirrored else ""
+    say(f"{request.source}: aligned with the law: --zero {math.degrees(zero):.6g}{option}")
+    return curves, rotation
+
+
+def _mirrored(curve: Curve) -> Curve:
+    """Return a contour as it is seen from the other side."""
+    return lambda at: -np.conj(curve(-at))
+
+
 def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     """Put the cam's follower on the contours of a file; write the first one's law if asked to."""
     from cam_rig.profile import drawing_files
     from cam_rig.profile.contact import turn_angles
+    from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.disc import discs
     from cam_rig.profile.measure import closed_curve, doubts, rest
+    from cam_rig.profile.read_dxf import read_dxf
 
     assert request.source is not None
-    is_dxf = request.source.suffix.lower() == ".dxf"
-    read = drawing_files.read_dxf if is_dxf else drawing_files.read_contour
-    contours = read(request.source)
-    for doubt in (doubt for points in contours for doubt in doubts(points, not is_dxf)):
-        say(f"warning: {request.source}: {doubt}")
     plates = discs(cam.follower, law)
-    if len(contours) != len(plates):
+    if request.source.suffix.lower() == ".dxf":
+        file = read_dxf(request.source, request.placement, request.layer, len(plates))
+    else:
+        file = read_contour_table(request.source, request.placement)
+    for doubt in (doubt for points in file.curves for doubt in doubts(points, file.are_points)):
+        say(f"warning: {request.source}: {doubt}")
+    if len(file.curves) != len(plates):
         raise OutputError(
-            f"{request.source}: has {len(contours)} closed curves; allowed: {len(plates)}, one "
-            f"for each contour of a {cam.follower.type} follower"
+            f"{request.source}: has {len(file.curves)} closed curves; allowed: {len(plates)}, one "
+            f"for each contour of a {cam.follower.type} follower; --layer reads one layer"
         )
-    angle = turn_angles(READINGS)
+    curves = [closed_curve(points) for points in file.curves]
+    for note in file.notes:
+        say(f"{request.source}: {note}")
+    angle, rotation = turn_angles(READINGS), 0.0
+    if request.align:
+        curves, rotation = _aligned(request, plates[0].element, curves, law)
     names, found = (cam.name, str(request.source)), []
-    for disc, points in zip(plates, contours, strict=True):
-        lift = rest(disc.element, closed_curve(points), angle)
+    for disc, curve, points in zip(plates, curves, file.curves, strict=True):
+        lift = rest(disc.element, curve, angle + rotation)
         found.append(Measured(*names, disc.name, points.shape[1], angle, lift, lift - law(angle)))
     if request.out is not None:
         with writing(request.out) as part:

@@ -1,0 +1,174 @@
+"""Contours of cams from files of other programs: their placement, and tables of points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cam_rig.errors import ProfileError
+from cam_rig.files import MIB, shown
+from cam_rig.schema.headings import Heading
+from cam_rig.schema.instrument_table import CellTable, plain_number, read_lines
+from cam_rig.schema.quantity import UNITS
+from cam_rig.units import TURN, FloatArray
+
+#: Bytes of a file that is read: 80 000 points as `drawing_files.write_contour` writes them.
+MAX_BYTES = 8 * MIB
+#: Largest distance of a contour from the cam's axis that is read, and smallest, m.
+MAX_SIZE, MIN_SIZE = 10.0, 1e-5
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Position of the coordinates of a file in the frame of the cam.
+
+    In this frame the axis of the cam is the origin, and the follower of cam angle 0 is on +y.
+
+    Parameters
+    ----------
+    unit
+        Unit of a file that states none: a key of `UNITS["length"]`, None if it is unknown.
+    axis
+        Position of the cam's axis in the file, in m.
+    zero
+        Direction of the follower at cam angle 0, in rad from +x counter-clockwise.
+    is_mirrored
+        True if the file shows the cam from the other side.
+    """
+
+    unit: str | None = None
+    axis: tuple[float, float] = (0.0, 0.0)
+    zero: float = 0.25 * TURN
+    is_mirrored: bool = False
+
+    def note(self) -> str:
+        """Return a sentence with the placement that is used."""
+        x, y = (1e3 * coordinate for coordinate in self.axis)
+        mirrored = ", seen from the other side" if self.is_mirrored else ""
+        return (
+            f"axis of the cam at ({x:g}, {y:g}) mm of the file, cam angle 0 at "
+            f"{math.degrees(self.zero):g} deg from +x counter-clockwise{mirrored}"
+        )
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """Return points `(2, n)` (m) of a file in the frame of the cam."""
+        x, y = points - np.array(self.axis)[:, None]
+        turned = (x + 1j * y) * np.exp(1j * (0.25 * TURN - self.zero))
+        if self.is_mirrored:
+            turned = -turned.conj()
+        return np.array([turned.real, turned.imag])
+
+
+#: Placement if the user states nothing.
+AS_IT_IS = Placement()
+
+
+@dataclass(frozen=True)
+class ContourFile:
+    """Contours of a file: `(2, n)` points in m each, and notes on how it was read.
+
+    `are_points` is True if they are points of a table, between which the contour is unknown.
+    """
+
+    curves: list[FloatArray]
+    are_points: bool
+    notes: list[str] = field(default_factory=list)
+
+
+def require_size(path: Path, curve: FloatArray) -> None:
+    """Refuse a contour that is not finite, or is larger or smaller than a cam."""
+    size = float(np.abs(curve).max(initial=0.0)) if np.isfinite(curve).all() else math.inf
+    if not MIN_SIZE <= size <= MAX_SIZE:
+        raise ProfileError(
+            f"{path}: has a contour that reaches {size:.4g} m from the cam's axis; allowed: "
+            f"{MIN_SIZE:g} to {MAX_SIZE:g} m, so check its unit and numbers"
+        )
+
+
+def read_contour_table(path: Path, placement: Placement = AS_IT_IS) -> ContourFile:
+    """Read the contours of a table with columns x and y, or angle and radius.
+
+    A column `disc` separates several contours. The angle of polar points has the sense of the law:
+    clockwise from the follower at cam angle 0.
+    """
+    lines, _ = read_lines(path, "points of a contour", MAX_BYTES)
+    table = _ContourTable(str(path), lines)
+    headings = table.headings_of_numbers()
+    first, second, is_polar = table.coordinates(headings)
+    table.require_clear(headings, [first, second])
+    used = [first, second]
+    numbers = table.points(headings, used)
+    notes = [table.how_read(table.rows[table.first :], used)]
+    factor = headings[second].factor
+    if factor is None:
+        unit = placement.unit or "mm"
+        factor = UNITS["length"][unit]
+        if placement.unit is None:
+            notes.append(f"no unit of length in {headings[second].text!r}: mm assumed")
+    if is_polar:
+        angle = (headings[first].factor or TURN / 360.0) * numbers[0]
+        angle *= -1.0 if placement.is_mirrored else 1.0
+        points = factor * numbers[1] * np.array([np.sin(angle), np.cos(angle)])
+        notes.append("polar points about the cam's axis, the angle clockwise as in the law")
+        if headings[first].factor is None:
+            notes.append(f"no unit of angle in {headings[first].text!r}: deg assumed")
+    else:
+        points = placement.place(factor * numbers)
+        notes.append(placement.note())
+    require_size(path, points)
+    discs = table.discs(headings)
+    names = list(dict.fromkeys(discs))
+    curves = [points[:, [disc == name for disc in discs]] for name in names]
+    return ContourFile(curves, True, notes)
+
+
+class _ContourTable(CellTable):
+    """A file of points of contours."""
+
+    def headings_of_numbers(self) -> list[Heading]:
+        """Return the headings, which must be there."""
+        if self.first is None or self.first == 0:
+            raise self.refused(
+                "has no heading above numbers; allowed: a heading such as x_mm, y_mm or "
+                "angle_deg, radius_mm"
+            )
+        return self.headings(len(self.rows[self.first][1]))
+
+    def coordinates(self, headings: list[Heading]) -> tuple[int, int, bool]:
+        """Return the columns of x and y, or of angle and radius, and True for the latter."""
+        first = {heading.quantity: i for i, heading in reversed(list(enumerate(headings)))}
+        if "x" in first and "y" in first:
+            x, y = first["x"], first["y"]
+            if headings[x].factor != headings[y].factor:
+                raise self.refused(
+                    f"{shown(headings[x].text)} and {shown(headings[y].text)} have different "
+                    "units; allowed: the same"
+                )
+            return x, y, False
+        if "radius" in first and "angle" in first:
+            return first["angle"], first["radius"], True
+        texts = ", ".join(heading.text for heading in headings)
+        raise self.refused(
+            f"its columns are {shown(texts, False)}; allowed: among them x and y, such as x_mm and "
+            "y_mm, or angle and radius, such as angle_deg and radius_mm"
+        )
+
+    def points(self, headings: list[Heading], used: list[int]) -> FloatArray:
+        """Return the numbers `(2, n)` of two columns, without the factor of their unit."""
+        rows = []
+        for line, cells in self.rows[self.first :]:
+            texts = self.numbers(line, cells, headings, used)
+            if not all(plain_number(cells[i]) for i in used):
+                raise self.refused(
+                    f"line {line}: has the row {shown(','.join(cells))}; allowed: finite numbers"
+                )
+            rows.append([float(texts[i]) for i in used])
+        return np.array(rows).reshape(-1, 2).T
+
+    def discs(self, headings: list[Heading]) -> list[str]:
+        """Return the name of the disc of each row, empty without such a column."""
+        column = next((i for i, one in enumerate(headings) if one.text == "disc"), None)
+        return ["" if column is None else cells[column] for _, cells in self.rows[self.first :]]

@@ -1,0 +1,281 @@
+"""Closed curves of DXF drawings that other programs write."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+from ezdxf import disassemble, units
+from ezdxf.document import Drawing
+from ezdxf.entities import (
+    Arc,
+    Circle,
+    DXFEntity,
+    DXFGraphic,
+    Ellipse,
+    Line,
+    LWPolyline,
+    Polyline,
+    Spline,
+)
+from ezdxf.lldxf.const import DXFError
+from ezdxf.path import make_path
+from scipy.spatial import cKDTree
+from shapely import LineString, segmentize
+
+from cam_rig.errors import ProfileError
+from cam_rig.files import read_bytes
+from cam_rig.profile.contour_files import (
+    AS_IT_IS,
+    MAX_BYTES,
+    MAX_SIZE,
+    ContourFile,
+    Placement,
+    require_size,
+)
+from cam_rig.schema.quantity import UNITS
+from cam_rig.units import FloatArray
+
+#: Name of a unit for each $INSUNITS that is read.
+UNIT_NAMES = {units.MM: "mm", units.CM: "cm", units.M: "m", units.IN: "in"}
+#: Entities of which a contour can consist.
+CURVES = (Line, Arc, Circle, Ellipse, Spline, LWPolyline, Polyline)
+#: Entities of a drawing that are read, those of its blocks included.
+MAX_ENTITIES = 100_000
+#: Arcs are read as chords with this error, m, and a curve with arcs at this number of points at
+#: least, because straight parts of it are meant as such: a spline through their ends would bulge.
+ARC_ERROR, ARC_POINTS = 1e-9, 20_000
+#: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
+ARC_SEGMENTS = 96
+#: Points of a spline for each of its control points.
+PER_CONTROL_POINT = 16
+#: Points of a curve before its last refinement.
+MAX_POINTS = 1_000_000
+#: Ends of entities that are nearer than this (m) are joined. Programs write 4 to 16 decimals of mm.
+JOIN_DISTANCE = 1e-6
+
+
+@dataclass
+class _Curve:
+    """Points `(n, 2)` of one or several joined entities, in m of the drawing.
+
+    `is_exact` is True if there are arcs or splines in it, so that its lines are straight.
+    """
+
+    points: FloatArray
+    is_exact: bool
+
+    @property
+    def is_closed(self) -> bool:
+        """True if both ends are one point."""
+        gap = float(np.hypot(*(self.points[0] - self.points[-1])))
+        return len(self.points) > 2 and gap <= JOIN_DISTANCE
+
+    def outline(self) -> FloatArray:
+        """Return the points `(2, n)` of a closed curve, the first not repeated."""
+        points = self.points
+        if self.is_exact:
+            length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+            points = np.array(segmentize(LineString(points), length / ARC_POINTS).coords)
+        return points[:-1].T
+
+
+def read_dxf(
+    path: Path,
+    placement: Placement = AS_IT_IS,
+    layer: str | None = None,
+    count: int | None = None,
+) -> ContourFile:
+    """Read the closed curves of a drawing, in the file's order.
+
+    Curves are closed polylines, circles, ellipses and splines, and chains of lines, arcs, splines
+    and open polylines whose ends meet. Blocks are resolved.
+
+    Parameters
+    ----------
+    path
+        The drawing, ASCII or binary, of any version that ezdxf reads.
+    placement
+        Unit of a drawing without one, axis and zero direction.
+    layer
+        Only this layer is read, by default all.
+    count
+        Number of contours that are wanted. If there are more, those inside of another, such as a
+        bore, are left out.
+
+    Raises
+    ------
+    ProfileError
+        The file is not a DXF drawing, has no known unit, or no closed curve.
+    """
+    document, every = _read(path)
+    unit = _unit(path, document, placement)
+    entities = _of_layer(path, every, layer)
+    curves, loose, notes = list[_Curve](), list[_Curve](), list[str]()
+    for entity in entities:
+        if isinstance(entity, CURVES):
+            try:
+                curve = _curve(path, entity, UNITS["length"][unit])
+            except DAMAGE as error:
+                raise ProfileError(f"{path}: {_name(entity)} cannot be read ({error})") from None
+            (curves if curve.is_closed else loose).append(curve)
+    chains, ends = _chained(loose)
+    curves += chains
+    if not curves:
+        raise ProfileError(f"{path}: has no closed curve: {_contents(entities, layer)}{ends}")
+    outer = curves if count is None or len(curves) <= count else _outer(curves)
+    if len(outer) < len(curves):
+        notes.append(f"closed curves inside of another left out: {len(curves) - len(outer)}")
+    if ends:
+        notes.append(f"left out{ends}")
+    notes.append(f"unit {unit}; {placement.note()}")
+    placed = [placement.place(curve.outline()) for curve in outer]
+    for points in placed:
+        require_size(path, points)
+    return ContourFile(placed, False, notes)
+
+
+#: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.
+DAMAGE = (
+    *(OSError, DXFError, ValueError, ArithmeticError, LookupError),
+    *(AttributeError, AssertionError, StopIteration),
+)
+# ezdxf reports entities that it does not know, which are none of a contour
+logging.getLogger("ezdxf").addHandler(logging.NullHandler())
+
+
+def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
+    """Return a drawing and the entities of its model space, those of blocks among them."""
+    try:
+        read_bytes(path, MAX_BYTES)  # refuses what is too large, and is no file
+        document = ezdxf.readfile(path)
+        every = disassemble.recursive_decompose(document.modelspace())
+        entities = list(islice(every, MAX_ENTITIES + 1))
+    except DAMAGE as error:
+        words = " ".join(str(error).split())
+        raise ProfileError(f"{path}: cannot be read as DXF ({words})") from None
+    except RecursionError:
+        raise ProfileError(f"{path}: a block contains itself; allowed: blocks of curves") from None
+    if len(entities) > MAX_ENTITIES:
+        raise ProfileError(f"{path}: has more than {MAX_ENTITIES} entities; allowed: fewer")
+    return document, entities
+
+
+def _unit(path: Path, document: Drawing, placement: Placement) -> str:
+    unit = UNIT_NAMES.get(document.units)
+    if unit is not None and placement.unit not in (None, unit):
+        raise ProfileError(
+            f"{path}: its unit ($INSUNITS) is {unit}, not {placement.unit}; allowed: --unit for a "
+            "drawing without a unit"
+        )
+    found = unit or (placement.unit if document.units == 0 else None)
+    if found is None:
+        name = units.unit_name(document.units) if document.units else "not stated"
+        raise ProfileError(
+            f"{path}: its unit ($INSUNITS) is {name}; allowed: millimetres, centimetres, metres or "
+            "inches, or --unit mm, cm, m or in for a drawing without a unit"
+        )
+    return found
+
+
+def _of_layer(path: Path, entities: list[DXFEntity], layer: str | None) -> list[DXFEntity]:
+    if layer is None:
+        return entities
+    layers = sorted({entity.dxf.get("layer", "0") for entity in entities})
+    if layer not in layers:
+        raise ProfileError(f"{path}: has no layer {layer!r}; allowed: {', '.join(layers[:20])}")
+    return [entity for entity in entities if entity.dxf.get("layer", "0") == layer]
+
+
+def _curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
+    """Return an entity as a curve; `factor` is the drawing's unit in m."""
+    if isinstance(entity, Spline):  # the outer knots of an unclamped one lie beyond its range
+        tool = entity.construction_tool()
+        knots, degree = tool.knots(), tool.degree
+        count = PER_CONTROL_POINT * len(tool.control_points)
+        on = tool.points(np.linspace(knots[degree], knots[-degree - 1], count).tolist())
+        points = factor * np.array([(p.x, p.y) for p in on]).reshape(-1, 2)
+        require_size(path, points)
+        return _Curve(points, True)
+    outline = make_path(entity, segments=ARC_SEGMENTS)
+    control = factor * np.array([(p.x, p.y) for p in outline.control_vertices()]).reshape(-1, 2)
+    if not control.size or not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
+        raise ProfileError(
+            f"{path}: {_name(entity)} has no finite points within {MAX_SIZE:g} m; allowed: a "
+            "contour of a cam, so check unit and bulges"
+        )
+    vertices = islice(outline.flattening(ARC_ERROR / factor), MAX_POINTS)
+    points = factor * np.array([(p.x, p.y) for p in vertices]).reshape(-1, 2)
+    is_closed = isinstance(entity, LWPolyline | Polyline) and entity.is_closed
+    if is_closed and not np.array_equal(points[0], points[-1]):
+        points = np.append(points, points[:1], axis=0)
+    return _Curve(points, outline.has_curves)
+
+
+def _name(entity: DXFEntity) -> str:
+    return f"{entity.dxftype()} of layer {entity.dxf.get('layer', '0')!r}"
+
+
+def _chained(loose: list[_Curve]) -> tuple[list[_Curve], str]:
+    """Return closed chains of curves whose ends meet, and words on the ends that do not."""
+    if not loose:
+        return [], ""
+    # end 2i is the start of curve i, end 2i + 1 its end
+    ends = np.array([[curve.points[0], curve.points[-1]] for curve in loose]).reshape(-1, 2)
+    tree = cKDTree(ends)
+    meeting = [tree.query_ball_point(end, JOIN_DISTANCE) for end in ends]
+    free, closed, open_chains = set(range(len(loose))), list[_Curve](), list[_Curve]()
+    while free:
+        first = min(free)
+        free.remove(first)
+        behind = _walk(2 * first + 1, meeting, free)
+        before = [end ^ 1 for end in reversed(_walk(2 * first, meeting, free))]
+        entered = [*before, 2 * first, *behind]  # the end at which the chain enters each curve
+        parts = [loose[end // 2].points[:: 1 if end % 2 == 0 else -1] for end in entered]
+        points = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+        chain = _Curve(points, any(loose[end // 2].is_exact for end in entered))
+        (closed if chain.is_closed else open_chains).append(chain)
+    if not open_chains:
+        return closed, ""
+    longest = max(open_chains, key=lambda chain: len(chain.points))
+    (x, y), (u, v) = longest.points[0] * 1e3, longest.points[-1] * 1e3
+    count = len(open_chains)
+    several = f"{count} open curves, one" if count > 1 else "an open curve"
+    return closed, f" {several} from ({x:.6g}, {y:.6g}) to ({u:.6g}, {v:.6g}) mm"
+
+
+def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
+    """Return the ends at which free curves are entered from an end on; they are free no more."""
+    entered = []
+    while (end := next((e for e in meeting[tip] if e // 2 in free), None)) is not None:
+        free.remove(end // 2)
+        entered.append(end)
+        tip = end ^ 1
+    return entered
+
+
+def _outer(curves: list[_Curve]) -> list[_Curve]:
+    """Return the curves that are not inside of another."""
+    boxes = [np.array([c.points.min(axis=0), c.points.max(axis=0)]) for c in curves]
+    return [
+        curve
+        for curve, box in zip(curves, boxes, strict=True)
+        if not any((other[0] < box[0]).all() and (box[1] < other[1]).all() for other in boxes)
+    ]
+
+
+def _contents(entities: Iterable[DXFEntity], layer: str | None) -> str:
+    """Return the number of entities of each kind, and what is needed."""
+    counts = Counter(entity.dxftype() for entity in entities)
+    listed = ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8)) or "nothing"
+    where = "its model space" if layer is None else f"layer {layer!r}"
+    return (
+        f"{where} has {listed}; allowed: lines, arcs, circles, ellipses, splines and polylines "
+        f"whose ends meet within {JOIN_DISTANCE * 1e3:g} mm."
+    )

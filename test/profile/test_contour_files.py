@@ -1,0 +1,336 @@
+"""Contours from tables and drawings of other programs, and where they are placed."""
+
+import math
+import os
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf import units
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cam_rig.errors import CamRigError, ConfigError, ProfileError
+from cam_rig.profile import turn_angles
+from cam_rig.profile.contour_files import MAX_BYTES, Placement, read_contour_table
+from cam_rig.profile.faces import GuidedCentre, GuidedFace
+from cam_rig.profile.measure import closed_curve, find_rotation, rest
+from cam_rig.profile.read_dxf import MAX_ENTITIES, read_dxf
+
+ANGLES = turn_angles(90)
+CIRCLE = turn_angles(80)
+#: Points of an ellipse (mm) around the axis.
+X, Y = 30.0 * np.cos(CIRCLE), 20.0 * np.sin(CIRCLE)
+
+
+@pytest.fixture
+def drawing(tmp_path):
+    """Save what is drawn in a model space, and return the path."""
+
+    def save(draw, version="R2010", unit=units.MM):
+        document = ezdxf.new(version, units=unit)
+        draw(document)
+        document.saveas(tmp_path / "a.dxf")
+        return tmp_path / "a.dxf"
+
+    return save
+
+
+def in_space(method, *args, **kwargs):
+    """Return a function that draws one entity."""
+    return lambda document: getattr(document.modelspace(), method)(*args, **kwargs)
+
+
+def height(curve):
+    """Lift (m) of a flat face on a contour."""
+    return rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(curve), ANGLES)
+
+
+# Drawings.
+
+
+def test_dxf_of_others(drawing):
+    """Units, old polylines, splines and mirrored entities (extrusion -z) are read."""
+    circle = np.column_stack([np.cos(CIRCLE), np.sin(CIRCLE)])
+
+    def draw(document):
+        space = document.modelspace()
+        space.add_lwpolyline(2.0 + circle[:10])
+        space.add_polyline2d(circle.tolist(), close=True)
+        spline = space.add_spline(dxfattribs={"layer": "S"})
+        spline.set_closed(np.column_stack([circle, 0 * CIRCLE]).tolist(), degree=3)
+
+    for unit, factor in ((units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)):
+        found = read_dxf(drawing(draw, unit=unit))
+        one, two = found.curves
+        np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+        assert any("left out an open curve from" in note for note in found.notes)
+    corners, turned = [(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)], {"extrusion": (0.0, 0.0, -1.0)}
+    path = drawing(in_space("add_lwpolyline", corners, close=True, dxfattribs=turned))
+    (outline,) = read_dxf(path).curves
+    np.testing.assert_allclose(outline.T, [(-1e-3, 0.0), (-2e-3, 0.0), (-2e-3, 1e-3)], atol=1e-18)
+
+
+def stadium_of_bulges(document):
+    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+    document.modelspace().add_lwpolyline(corners, format="xyb", close=True)
+
+
+def stadium_of_old_bulges(document):
+    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+    document.modelspace().add_polyline2d(corners, format="xyb", close=True)
+
+
+def stadium_of_entities(document):
+    space = document.modelspace()
+    space.add_line((15.0, 12.0), (-15.0, 12.0))
+    space.add_arc((15.0, 0.0), 12.0, -90.0, 90.0)
+    space.add_polyline2d([(-15.0, -12.0), (0.0, -12.0), (15.0, -12.0)])
+    space.add_arc((-15.0, 0.0), 12.0, 90.0, 270.0)
+
+
+def stadium_of_blocks(document):
+    half = document.blocks.new("HALF")
+    half.add_line((0.0, 12.0), (15.0, 12.0))
+    half.add_arc((15.0, 0.0), 12.0, -90.0, 90.0)
+    half.add_line((0.0, -12.0), (15.0, -12.0))
+    space = document.modelspace()
+    space.add_blockref("HALF", (0.0, 0.0))
+    space.add_blockref("HALF", (0.0, 0.0), dxfattribs={"rotation": 180.0})
+
+
+@pytest.mark.parametrize("version", ["R12", "R2000", "R2018"])
+@pytest.mark.parametrize(
+    "draw", [stadium_of_bulges, stadium_of_old_bulges, stadium_of_entities, stadium_of_blocks]
+)
+def test_lines_and_arcs_are_exact_however_they_are_drawn(drawing, draw, version):
+    """A flat face on a stadium is at R + |L/2 cos| to 3 nm."""
+    if draw is stadium_of_bulges and version == "R12":
+        pytest.skip("R12 has no LWPOLYLINE")
+    (outline,) = read_dxf(drawing(draw, version), Placement(unit="mm")).curves
+    expected = 0.012 + 0.015 * np.abs(np.sin(ANGLES))
+    np.testing.assert_allclose(height(outline), expected, rtol=0, atol=3e-9)
+
+
+def test_circles_and_ellipses_are_exact(drawing):
+    """A flat face is at sqrt((a sin)² + (b cos)²) on an ellipse, at r + e cos on a circle."""
+    path = drawing(in_space("add_ellipse", (0, 0), (30.0, 0.0), 2.0 / 3.0))
+    expected = np.hypot(0.030 * np.sin(ANGLES), 0.020 * np.cos(ANGLES))
+    np.testing.assert_allclose(height(read_dxf(path).curves[0]), expected, atol=3e-9)
+    path = drawing(in_space("add_circle", (0.0, 5.0), 20.0))
+    expected = 0.020 + 0.005 * np.cos(ANGLES)
+    np.testing.assert_allclose(height(read_dxf(path).curves[0]), expected, atol=3e-9)
+
+
+def test_lines_alone_are_points_of_a_smooth_curve(drawing):
+    """360 lines give the same contour as one closed polyline, in any order and direction."""
+    points = np.column_stack([X, Y])
+    path = drawing(in_space("add_lwpolyline", points, close=True))
+    (expected,) = read_dxf(path).curves
+
+    def draw(document):
+        rng = np.random.default_rng(5)
+        ends = list(zip(points, np.roll(points, -1, axis=0), strict=True))
+        for i in rng.permutation(len(ends)).tolist():
+            document.modelspace().add_line(*(ends[i] if rng.random() < 0.5 else ends[i][::-1]))
+
+    (found,) = read_dxf(drawing(draw)).curves
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(height(found), height(expected), atol=1e-12)
+
+
+def test_a_bore_is_left_out_and_a_layer_selected(drawing):
+    """Closed curves inside of the outline are not contours; two outlines need --layer."""
+
+    def draw(document):
+        space = document.modelspace()
+        space.add_circle((0.0, 0.0), 5.0)
+        space.add_ellipse((0, 0), (30.0, 0.0), 2.0 / 3.0, dxfattribs={"layer": "CAM"})
+        space.add_circle((100.0, 0.0), 5.0)
+
+    path = drawing(draw)
+    found = read_dxf(path, count=2)
+    assert len(read_dxf(path).curves) == 3 and len(found.curves) == 2
+    assert "closed curves inside of another left out: 1" in found.notes
+    assert len(read_dxf(path, layer="CAM").curves) == 1
+    with pytest.raises(ProfileError, match=r"has no layer 'X'; allowed: 0, CAM"):
+        read_dxf(path, layer="X")
+
+
+def test_a_drawing_without_a_contour_lists_what_it_has(drawing):
+    def draw(document):
+        for i in range(3):
+            document.modelspace().add_line((10.0 * i, 0.0), (10.0 * i, 30.0))
+        document.modelspace().add_text("CAM 7")
+
+    words = r"no closed curve: its model space has 3 LINE, 1 TEXT; allowed: .* 3 open curves, one "
+    with pytest.raises(ProfileError, match=words):
+        read_dxf(drawing(draw))
+
+
+def test_a_drawing_without_a_unit_needs_one(drawing):
+    circle = in_space("add_circle", (0.0, 0.0), 2.0)
+    path = drawing(circle, "R12", unit=0)
+    with pytest.raises(ProfileError, match=r"unit .* is not stated; allowed: .* or --unit mm, cm"):
+        read_dxf(path)
+    (outline,) = read_dxf(path, Placement(unit="in")).curves
+    assert np.hypot(*outline) == pytest.approx(0.0508, abs=1e-9)
+    with pytest.raises(ProfileError, match=r"unit .* is mm, not in"):
+        read_dxf(drawing(circle), Placement(unit="in"))
+    with pytest.raises(ProfileError, match=r"unit .* is .*; allowed: millimetres"):
+        read_dxf(drawing(circle, unit=units.KM))
+
+
+def test_files_without_limits_are_refused(drawing, tmp_path):
+    """Devices, pipes, large numbers and files, endless blocks and damage: one line each."""
+
+    def nested(document):
+        block = document.blocks.new("A")
+        block.add_circle((0.0, 0.0), 1.0)
+        for name in "BCDEFG":
+            outer = document.blocks.new(name)
+            for i in range(10):
+                outer.add_blockref(chr(ord(name) - 1), (i, 0.0))
+        document.modelspace().add_blockref("G", (0.0, 0.0))
+
+    os.mkfifo(tmp_path / "pipe.dxf")
+    (tmp_path / "large.dxf").write_bytes(b"0\n" * MAX_BYTES)
+    (tmp_path / "no.dxf").write_text("no drawing")
+    bulge = [(0.0, 0.0, 1e6), (8.0, 0.0, 0.0), (8.0, 8.0, 0.0)]
+    for path, words in (
+        (tmp_path / "pipe.dxf", "is a pipe or a device"),
+        (tmp_path / "large.dxf", "MiB; allowed: 8 MiB"),
+        (tmp_path / "no.dxf", "cannot be read as DXF"),
+        (tmp_path / "none.dxf", "cannot be read as DXF"),
+    ):
+        with pytest.raises(ProfileError, match=words):
+            read_dxf(path)
+    for draw, words in (
+        (nested, f"more than {MAX_ENTITIES} entities"),
+        (in_space("add_lwpolyline", bulge, format="xyb", close=True), "no finite points within"),
+        (in_space("add_circle", (0.0, 0.0), 1e300), "no finite points within"),
+        (in_space("add_circle", (0.0, 0.0), math.nan), "no finite points within|cannot be read"),
+        (in_space("add_circle", (0.0, 0.0), 1e-6), "reaches 1e-09 m"),
+        (in_space("add_line", (0.0, 0.0), (1.0, 0.0)), "no closed curve"),
+    ):
+        with pytest.raises(ProfileError, match=words):
+            read_dxf(drawing(draw))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_damaged_drawings_are_read_or_refused_in_one_line(tmp_path_factory, data):
+    """Lines of a drawing are cut off, removed, or replaced by other tags."""
+    path = tmp_path_factory.getbasetemp() / "damaged.dxf"
+    document = ezdxf.new("R2010", units=units.MM)
+    stadium_of_blocks(document)
+    document.saveas(path)
+    lines = path.read_bytes().split(b"\n")
+    words = st.sampled_from(
+        [b"nan", b"inf", b"1e308", b"-1", b"", b"LINE", b"0", b"INSERT", b"\xff"]
+    )
+    for _ in range(data.draw(st.integers(1, 4))):
+        lines[data.draw(st.integers(0, len(lines) - 1))] = data.draw(words)
+    cut = data.draw(st.one_of(st.none(), st.integers(1, len(lines))))
+    path.write_bytes(b"\n".join(lines[:cut]))
+    try:
+        found = read_dxf(path)
+    except CamRigError as error:
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert all(np.isfinite(curve).all() for curve in found.curves)
+
+
+# Tables.
+
+
+def table(heading, columns, separator=",", mark="."):
+    rows = [
+        separator.join(f"{x:.6f}".replace(".", mark) for x in row)
+        for row in zip(*columns, strict=True)
+    ]
+    return "\n".join([heading, *rows]) + "\n"
+
+
+POLAR = (np.degrees(np.arctan2(X, Y)) % 360.0, np.hypot(X, Y))
+TABLES = {
+    "own": table("x_mm,y_mm", (X, Y)),
+    "semicolons": table("X [mm];Y [mm]", (X, Y), ";", ","),
+    "inches": table("X (in),Y (in)", (X / 25.4, Y / 25.4)),
+    "micrometres": table("X [1/1000 mm]\tY [1/1000 mm]", (1e3 * X, 1e3 * Y), "\t"),
+    "units below": table("x;y\nmm;mm", (X, Y), ";", ","),
+    "three coordinates": table("x_mm,y_mm,z_mm", (X, Y, 0.0 * X)),
+    "other columns": table("angle_deg,x_mm,y_mm,curvature_radius_mm", (POLAR[0], X, Y, X)),
+    "polar": table("angle_deg,radius_mm", POLAR),
+    "polar radians": table(
+        "theta (rad) r (mm)".replace(" r", ";r"), (np.radians(POLAR[0]), POLAR[1]), ";"
+    ),
+}
+
+
+@pytest.mark.parametrize("text", TABLES.values(), ids=TABLES)
+def test_contour_tables_in_many_forms(tmp_path, text):
+    """Separators, decimal commas, units, factors and polar coordinates give the same points."""
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    (points,) = read_contour_table(tmp_path / "a.csv").curves
+    np.testing.assert_allclose(points, 1e-3 * np.array([X, Y]), rtol=0, atol=3e-8)
+
+
+def test_a_missing_unit_is_assumed_or_given(tmp_path):
+    (tmp_path / "a.csv").write_text(table("x,y", (X, Y)))
+    found = read_contour_table(tmp_path / "a.csv")
+    assert "no unit of length in 'y': mm assumed" in found.notes
+    given_cm = read_contour_table(tmp_path / "a.csv", Placement(unit="cm"))
+    np.testing.assert_allclose(given_cm.curves[0], 10.0 * found.curves[0])
+
+
+def test_tables_that_are_no_contour_are_refused(tmp_path):
+    """One line with the file's name and what is wrong."""
+    for name, text, words in (
+        ("a.csv", "", "is empty; allowed: a heading and"),
+        ("a.csv", "1,2\n3,4\n", "has no heading above numbers"),
+        ("a.csv", "angle_deg,lift_mm\n1,2\n", "its columns are angle_deg, lift_mm; allowed: among"),
+        ("a.csv", "x_mm,y_in\n1,2\n", "'x_mm' and 'y_in' have different units"),
+        ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "line 3: y_mm is 'no'; allowed: a number"),
+        ("a.csv", "x_mm,y_mm\n1,2\n3,\n", "line 3: has the row '3,'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1,2\n3\n", "line 3: has 1 cells under 2 columns"),
+        ("a.csv", "x_mm,y_mm\n1e9,2\n3,4\n", "reaches 1e+06 m from the cam's axis"),
+        ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
+        ("a.csv", "\n" * (MAX_BYTES + 1), "has 8 MiB; allowed: 8 MiB"),
+        ("b.csv", None, "no such file"),
+    ):
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises((ConfigError, ProfileError)) as caught:
+            read_contour_table(path)
+        assert words in str(caught.value) and name in str(caught.value)
+
+
+# Placement.
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.0, 360.0), st.booleans())
+def test_a_placement_undoes_how_the_file_is_drawn(x, y, zero, is_mirrored):
+    """A contour that is shifted, turned and mirrored in the file comes back."""
+    cam = 1e-3 * np.array([X, Y])
+    drawn = cam[0] + 1j * cam[1]
+    drawn = -drawn.conj() if is_mirrored else drawn
+    drawn = drawn * np.exp(1j * (math.radians(zero) - 0.5 * math.pi)) + 1e-3 * (x + 1j * y)
+    placement = Placement(None, (1e-3 * x, 1e-3 * y), math.radians(zero), is_mirrored)
+    points = placement.place(np.array([drawn.real, drawn.imag]))
+    np.testing.assert_allclose(points, cam, atol=1e-15)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])
+def test_align_finds_the_rotation(laws, turned):
+    """The rotation of a contour is found to 1e-9 rad from the law alone."""
+    law, element = laws["poly345"], GuidedCentre(0.0, 0.0, 0.05)
+    angle = turn_angles(7200)
+    radius = 0.05 + law(angle + math.radians(turned))
+    contour = closed_curve(radius * np.array([np.sin(angle), np.cos(angle)]))
+    rotation, error = find_rotation(element, contour, law)
+    away = (rotation + math.radians(turned) + math.pi) % (2.0 * math.pi) - math.pi
+    assert abs(away) < 1e-7
+    assert error < 1e-3
