@@ -19,6 +19,8 @@ ONE_MASS, TWO_MASS = "one_mass", "two_mass"
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
 #: The longest period is this part of the turns that are kept: it is seen so often.
 SEEN = 4
+#: Relative rounding error of a state.
+ROUNDING = 1e-16
 #: Growth is averaged by so many blocks of turns; what Student's t of them is at 95 %.
 BLOCKS, STUDENT = 10, 2.262
 
@@ -59,6 +61,8 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion
     if not landings.any() and not run.contact_times[-kept:].all():  # it flies, and did not land
         return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
     states = run.states / turn_map.scale
+    if _rounding_grows(run, turn_map.scale, kept):
+        return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
     period = _period(states[-kept:])
     if period is None:
         return _without_period(run.growth[-kept:])
@@ -71,6 +75,24 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion
         return TurnMotion(PERIODIC, period, settled, exponents, error)
     landed = int(np.flatnonzero(run.landings)[-1]) + 1 if run.landings.any() else 0
     return TurnMotion(IN_CONTACT, None, max(settled, landed), exponents, error)
+
+
+def _rounding_grows(run: TurnsRun, scale: FloatArray, kept: int) -> bool:
+    """Return True if rounding exceeds `PERIOD_RTOL` between two rests in the last turns.
+
+    A rest on the cam removes what came before, so that a motion with rests repeats exactly or not
+    at all. The growth of a change from one rest to the next decides if that is determined.
+    """
+    product = None
+    derivatives = run.derivatives[-kept:] / scale[:, None] * scale
+    for rests, derivative in zip(run.contact_times[-kept:] > 0.0, derivatives, strict=True):
+        if rests:
+            product = np.eye(scale.size)
+        elif product is not None:
+            product = derivative @ product
+            if np.abs(product).max() * ROUNDING > PERIOD_RTOL:
+                return True
+    return False
 
 
 def _period(states: FloatArray) -> int | None:

@@ -31,6 +31,8 @@ from cam_rig.units import TURN, FloatArray
 
 #: Parts of a piece where only the polygon of the lift itself is asked for.
 FEW_PARTS = 2
+#: Parts of a piece for a limit over a range of angles.
+RANGE_PARTS = 16
 #: By this part of itself a lift that is reached within an event may be passed beside that place.
 TURNING = 1e-4
 #: Orders of the turn that a sound level takes, and what part of it those above are at most.
@@ -80,13 +82,10 @@ def _at_angles(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]
     space, term, order = problem.space, asked.term, asked.term.quantity.order
     if term.low == term.high:
         return [space.at(order, np.array([term.low]))]
-    parts = 16
-    begin = (space.breaks[:-1, None] + space.spans[:, None] * np.arange(parts) / parts).ravel()
     if hull:
-        end, count = np.append(begin[1:], TURN), 1 + space.degree - order
-        inside = np.flatnonzero((end > term.low) & (begin < term.high))
-        rows = (inside[:, None] * count + np.arange(count)).ravel()
-        return [space.hull(space.derivative(order), parts).rows(rows)]
+        return [space.hull_over(order, term.low, term.high, RANGE_PARTS)]
+    steps = np.arange(RANGE_PARTS) / RANGE_PARTS
+    begin = (space.breaks[:-1, None] + space.spans[:, None] * steps).ravel()
     edges = np.unique(np.concatenate([begin, [term.low, term.high]]))
     return [space.at(order, edges[(edges >= term.low) & (edges <= term.high)])]
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -267,6 +268,23 @@ class Space:
         parts = parts or self.parts
         degree = ordinates.constant.size // self.spans.size - 1
         return ordinates.mapped(self.blocks(np.concatenate(bernstein.parts(degree, parts))))
+
+    def hull_over(self, order: int, low: float, high: float, parts: int) -> Affine:
+        """Return ordinates of a derivative on the parts of all pieces within `low` to `high` (rad).
+
+        The range ends at its own angles, not at the ends of the parts around it.
+        """
+        count = self.degree - order + 1
+        blocks = []
+        for begin, span in zip(self.breaks[:-1], self.spans, strict=True):
+            first, last = np.clip((np.array([low, high]) - begin) / span, 0.0, 1.0)
+            steps = np.arange(parts + 1) / parts
+            inside = steps[(steps > first) & (steps < last)]
+            edges = [first, *inside, last] if first < last else []
+            cut = [bernstein.restrict(np.eye(count), a, b) for a, b in pairwise(edges)]
+            blocks.append(np.concatenate(cut) if cut else np.empty((0, count)))
+        matrix = sparse.csr_array(sparse.block_diag(blocks, "csr"))
+        return self.derivative(order).mapped(matrix)
 
     def points(self, ordinates: Affine) -> Affine:
         """Values at the ends of the parts of all pieces, at joints on both sides."""

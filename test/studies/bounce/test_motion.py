@@ -1,5 +1,7 @@
 """What a run is called holds for any law, follower and speed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from cam_rig.studies.bounce.motion import (
     IRREGULAR,
     NOT_TOLD,
     PERIODIC,
+    _period,
     bouncing,
     motion_of,
 )
@@ -43,6 +46,29 @@ def test_a_name_is_kept(laws, seed):
     else:
         assert found.motion == NOT_TOLD
         assert found.period is None
+
+
+@pytest.mark.parametrize(
+    ("name", "restitution", "speed"),
+    [
+        ("tm21", 0.6704042892368254, 41.733759168481214),
+        ("poly345", 0.7778414693754891, 54.95817425239818),
+        ("bezier15", 0.7276177037817477, 76.90765846400849),
+    ],
+)
+def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitution, speed):
+    """One ulp of the spring changes the period, because rounding grows from rest to rest."""
+    follower = bouncing(rig, restitution)
+    periods, motions = [], []
+    for stiffness in (follower.spring_stiffness, np.nextafter(follower.spring_stiffness, np.inf)):
+        turn_map = StroboscopicMap(
+            laws[name], replace(follower, spring_stiffness=float(stiffness)), speed
+        )
+        run = turn_map.run(600)
+        periods.append(_period(run.states[-200:] / turn_map.scale))
+        motions.append(motion_of(turn_map, run, 200).motion)
+    assert periods[0] != periods[1]
+    assert motions == [NOT_TOLD, NOT_TOLD]
 
 
 def test_a_restitution_is_the_rigs_or_the_callers(rig):

@@ -125,6 +125,26 @@ def test_the_derivatives_in_the_unknowns_are_the_laws():
         np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("order", range(5))
+def test_the_ordinates_over_a_range_are_those_of_the_range(order):
+    """They enclose the derivative in the range, and their ends are its values at the ends.
+
+    Nothing outside of the range has an influence.
+    """
+    space = Space(build_law(cam()), LawClass(9, 3))
+    unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
+    law = space.law(unknowns, "any")
+    for _ in range(20):
+        low, high = np.sort(RNG.uniform(0.0, 2.0 * np.pi, 2))
+        ordinates = space.hull_over(order, low, high, 16)(unknowns)
+        dense = law(np.linspace(low, high, 3001), order)
+        size = np.abs(law.derivative_ordinates(order)).max()
+        assert ordinates.min() <= dense.min() + 1e-9 * size
+        assert ordinates.max() >= dense.max() - 1e-9 * size
+        assert ordinates[0] == pytest.approx(dense[0], abs=1e-8 * size)
+        assert ordinates[-1] == pytest.approx(dense[-1], abs=1e-8 * size)
+
+
 REFUSED = (
     ({"pieces": 0}, "pieces is 0; allowed: 1 to 200"),
     ({"pieces": 201}, "pieces is 201"),
