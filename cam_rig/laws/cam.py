@@ -21,6 +21,9 @@ from cam_rig.units import TURN, FloatArray
 
 #: A step between two segments smaller than this fraction of the lift is rounding.
 STEP_TOLERANCE = 1e-9
+#: Largest difference of the law's range from the lift of its file, as a fraction of the lift. The
+#: ordinates of a Bézier curve and the points of a table give the lift to 1 % only.
+LIFT_TOLERANCE = 0.02
 
 
 def build_law(cam: CamConfig) -> Law:
@@ -28,7 +31,8 @@ def build_law(cam: CamConfig) -> Law:
 
     Raises
     ------
-    LawError : the segments do not join, or a segment's geometry does not exist
+    LawError : the segments do not join, a segment's geometry does not exist, or the law does not
+        have the lift of the file
 
     Examples
     --------
@@ -47,7 +51,9 @@ def build_law(cam: CamConfig) -> Law:
         level = float(parts[-1][-1])
     _require_no_step(cam, "the end of the turn", level - float(columns[0][0]))
     breaks[-1] = TURN
-    return Law(cam.name, np.array(breaks), joined(columns))
+    law = Law(cam.name, np.array(breaks), joined(columns))
+    _require_declared_lift(cam, law)
+    return law
 
 
 def segment_angles(cam: CamConfig) -> list[float]:
@@ -62,6 +68,21 @@ def _require_no_step(cam: CamConfig, where: str, gap: float) -> None:
             f"cam {cam.name!r}: {where} steps by {gap / cam.lift.si:.6g} of the lift; allowed: no "
             "step, so let each segment begin where the one before it ends"
         )
+
+
+def _require_declared_lift(cam: CamConfig, law: Law) -> None:
+    """Refuse a law whose range is not the lift of the file, as if a fall was forgotten."""
+    declared = cam.lift.si
+    if abs(law.lift - declared) <= LIFT_TOLERANCE * declared:
+        return
+    start, last = float(law.ordinates[0, 0]) / declared, len(cam.segments) - 1
+    below = f"segments[0] starts at {start:.4g}, the end level of segments[{last}]: "
+    raise LawError(
+        f"cam {cam.name!r}: {below if start > STEP_TOLERANCE else ''}the law rises by "
+        f"{law.lift * 1e3:.6g} mm, lift is {declared * 1e3:.6g} mm; allowed: the same within "
+        f"{LIFT_TOLERANCE:.0%}, so add a segment that falls to 0, or scale the segment's numbers "
+        "so that the law rises to 1"
+    )
 
 
 def _start_level(cam: CamConfig, own: list[Pieces | None]) -> float:

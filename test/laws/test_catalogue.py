@@ -142,8 +142,25 @@ def test_levels_are_carried_on(make_cam):
     assert float(law(0.0)) == 0.0
     law = build_law(make_cam(dwell(90), rise(135, 0, "cycloidal"), rise(135, 1, "cycloidal")))
     assert float(law(0.5)) == pytest.approx(0.05, rel=1e-15)
-    law = build_law(make_cam(bezier(360, 0, 0, 0.5, 1, 0.5, 0, 0), lift=0.1))
-    np.testing.assert_allclose(law.ordinates[:, 0], [0, 0, 0.05, 0.1, 0.05, 0, 0], rtol=1e-15)
+    top = 64.0 / 35.0  # so that the curve rises to 1
+    law = build_law(make_cam(bezier(360, 0, 0, 0.5 * top, top, 0.5 * top, 0, 0), lift=0.035))
+    ordinates = [0, 0, 0.032, 0.064, 0.032, 0, 0]
+    np.testing.assert_allclose(law.ordinates[:, 0], ordinates, rtol=1e-15)
+    assert law.lift == pytest.approx(0.035, rel=1e-15)
+
+
+def test_a_law_without_the_lift_of_its_file_is_refused(make_cam):
+    """A forgotten fall, and a fall that ends half-way, name both lifts and the first segment."""
+    for segments, words in (
+        ((rise(300, 1), dwell(60)), "starts at 1, the end level of segments.1.: .* by 0 mm, lift"),
+        ((dwell(90), rise(90, 1), rise(180, 0.5)), "starts at 0.5, .* rises by 25 mm, lift is 50"),
+        (
+            (bezier(360, 0, 1, 0),),
+            "made': the law rises by 25 mm, lift is 50 mm; allowed: the same",
+        ),
+    ):
+        with pytest.raises(LawError, match=words):
+            build_law(make_cam(*segments))
 
 
 def test_spans_and_degrees(make_cam):

@@ -168,7 +168,7 @@ def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
 
 def test_the_turns_end_joins_its_start(make_cam):
     """At θ = 0 the last piece meets the first: the slope's jump there is in m/rad."""
-    law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 1, 0]}))
+    law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 2, 0]}))
     (joint,) = joints(law)
     assert (joint.angle, joint.continuity) == (0.0, 0)
-    assert joint.jump == pytest.approx(2 * 2 * 0.05 / TURN, rel=1e-12)
+    assert joint.jump == pytest.approx(2 * 4 * 0.05 / TURN, rel=1e-12)

@@ -147,9 +147,9 @@ def test_breadth_condition():
 
 
 def test_a_corner_is_refused(make_cam):
-    corner = {"law": "bezier", "span": 180, "ordinates": [0.0, 1.0, 0.0]}
+    corner = {"law": "bezier", "span": 180, "ordinates": [0.0, 2.0, 0.0]}
     cam = make_cam(dwell(180), corner, lift=0.01)
-    with pytest.raises(ProfileError, match=r"step of the slope s' is 6\.3662 mm/rad at 0°"):
+    with pytest.raises(ProfileError, match=r"step of the slope s' is 12\.732 mm/rad at 0°"):
         require_profile(cam, build_law(cam))
 
 
