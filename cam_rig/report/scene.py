@@ -203,7 +203,9 @@ def _sound(scene: SceneStudies) -> Content:
     model, rig = scene.loaded.scene.model, scene.loaded.rig
     speeds = [rpm * RPM for rpm in spread(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
     each = scene.tried("sound", lambda one: waterfall(one.laws, model, rig, speeds)[0])
-    found, tables = OrdersResult(tuple(each.values()), scene.titles), [_levels(scene)]
+    found = OrdersResult(tuple(each.values()), scene.titles)
+    no_sound = scene.loaded.no_sound_note
+    tables = [] if no_sound else [_levels(scene)]
     if scene.recorded is not None:
         simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}
         published, rpm = scene.loaded.published, np.array(speeds_of(scene.loaded.scene))
@@ -211,9 +213,9 @@ def _sound(scene: SceneStudies) -> Content:
         levels = {cam: scene.loaded.published_levels(cam, rpm) for cam in simulated if cam in known}
         tables.append(recorded_table(scene.recorded, simulated, scene.titles, levels))
     return Content(
-        tables + found.speeds.to_display(scene.titles),
-        {"noise": scene.run.plot} | ({"orders": found.plot} if each else {}),
-        {"highest": HIGHEST},
+        tables + (found.speeds.to_display(scene.titles) if each else []),
+        ({} if no_sound else {"noise": scene.run.plot}) | ({"orders": found.plot} if each else {}),
+        {"highest": HIGHEST, "no_sound": no_sound},
         {"orders": found if each else None},
     )
 

@@ -87,7 +87,7 @@ def _numbers(loaded: LoadedScene) -> dict[str, Any]:
         "program": loaded.scene.program.speeds.si_list,
         "model": loaded.scene.model,
         "follower": loaded.follower,
-        "sound": loaded.radiation,
+        "sound": None if loaded.missing_for_sound else loaded.radiation,
         "cams": {cam: (law.breaks.tobytes(), law.ordinates.tobytes()) for cam, law in laws},
     }
 

@@ -179,6 +179,16 @@ class RigConfig(Strict):
             raise self.missing("radiation", by)
         return self.radiation
 
+    def missing_for_sound(self, lands: bool) -> tuple[str, ...]:
+        """Return the keys that a sound level needs and the file leaves out.
+
+        With `lands` the follower may land, whose sound depends on its stem.
+        """
+        keys = [] if self.radiation is not None else ["radiation"]
+        if lands and self.follower.stem_stiffness is None:
+            keys.append("follower.stem_stiffness")
+        return tuple(keys)
+
     def missing(self, key: str, by: str, instead: str = "") -> ConfigError:
         """What is said where a key is used that the file leaves out."""
         other = f", or {instead}" if instead else ""

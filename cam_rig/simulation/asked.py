@@ -85,7 +85,10 @@ def asked_rig(rig: str | Path | RigConfig) -> RigConfig:
 
 
 def own_rig(cams: Sequence[Path], otherwise: str = RIG) -> Path:
-    """The only rig beside cams of one's own, else a shipped one; which it is, and why, is said."""
+    """Return the only rig beside a user's cams, or a shipped one if there is none, and print it.
+
+    Several rigs are refused: a file that is added must not change which one is used.
+    """
     own = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
     if not own:
         return rig_path(otherwise)
@@ -94,9 +97,13 @@ def own_rig(cams: Sequence[Path], otherwise: str = RIG) -> Path:
     if len(found) == 1:
         _say(f"rig {found[0]}, the only one beside the cam; another may be named")
         return found[0]
-    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    there = (", ".join(map(str, found[:MOST_NAMED])) or "no rig") + more
-    _say(f"rig {otherwise}, a shipped one: beside the cam there is {there}; another may be named")
+    if found:
+        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        names = ", ".join(map(str, found[:MOST_NAMED])) + more
+        raise ConfigError(
+            f"beside the cam there are {len(found)} rigs; allowed: one, named {names}"
+        )
+    _say(f"rig {otherwise}, a shipped one: beside the cam there is no rig; another may be named")
     return rig_path(otherwise)
 
 

@@ -212,6 +212,17 @@ class LoadedScene:
         """The acoustic constants."""
         return RadiationParameters.from_rig(self.rig, lands=MODELS[self.scene.model].lifts_off)
 
+    @property
+    def missing_for_sound(self) -> tuple[str, ...]:
+        """Keys of the rig that a sound level needs and the file leaves out."""
+        return self.rig.missing_for_sound(MODELS[self.scene.model].lifts_off)
+
+    @property
+    def no_sound_note(self) -> str:
+        """Return a sentence on the sound level that is left out, empty if there is one."""
+        keys = " and ".join(self.missing_for_sound)
+        return f"sound level left out: rig {self.rig.name} has no {keys}" if keys else ""
+
     def require_numbers(self) -> None:
         """Refuse a rig that lacks a number of the scene's model or of its sound."""
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation

@@ -24,11 +24,11 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True)
 class MeasuredTick:
-    """What the microphone measured over one tick."""
+    """Measurement of the microphone over one tick."""
 
     start: CamState
     stop_ns: int
-    pressure: float  #: r.m.s., Pa
+    pressure: float | None  #: r.m.s., Pa; None if the rig has no numbers of its sound
     samples: int  #: of which the pressure is the mean
     steady: bool = True  #: False along a ramp
 
@@ -121,6 +121,8 @@ class StepLevels:
 
     def add(self, tick: MeasuredTick) -> float | None:
         """The level with the next tick, where it completes a turn."""
+        if tick.pressure is None:
+            return None
         start, span = tick.start, (tick.start.time_ns, tick.stop_ns)
         turned = start.speed * (tick.stop_ns - start.time_ns) / NS
         whole = self._turns.take(start, tick.steady, turned, span, tick)
@@ -128,6 +130,7 @@ class StepLevels:
             return None
         square, samples = self._energy.get((start.cam, start.speed), (0.0, 0))
         for part in whole:
+            assert part.pressure is not None  # it would not be in here
             square, samples = square + part.pressure**2 * part.samples, samples + part.samples
         self._energy[start.cam, start.speed] = square, samples
         level = float(level_db(np.sqrt(square / samples)))
@@ -271,9 +274,12 @@ class MicrophoneSimulator:
 
     def measure(self, tick: TickSamples) -> MeasuredTick:
         """The same of a tick's samples."""
-        pressure = self.listen(tick.rows, tick.interval.mean_speed)
-        stop, count = tick.interval.stop_ns, tick.rows.shape[1]
-        return MeasuredTick(tick.start, stop, pressure, count, tick.steady)
+        return _measured(tick, self.listen(tick.rows, tick.interval.mean_speed))
+
+
+def _measured(tick: TickSamples, pressure: float | None) -> MeasuredTick:
+    stop, count = tick.interval.stop_ns, tick.rows.shape[1]
+    return MeasuredTick(tick.start, stop, pressure, count, tick.steady)
 
 
 def turned_ticks(
@@ -299,11 +305,14 @@ def simulate(
     begin: FollowerState | None = None,
     states: Iterable[CamState] | None = None,
 ) -> Iterator[MeasuredTick]:
-    """Run the scene as `turned_ticks`; ``take`` gets each tick's samples, which are not kept."""
-    microphone = MicrophoneSimulator.of(loaded)
+    """Run the scene as `turned_ticks`; ``take`` gets each tick's samples, which are not kept.
+
+    Ticks have no pressure if the rig has no numbers of its sound.
+    """
+    microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)
     for tick in turned_ticks(loaded, begin, states):
         take(tick)
-        yield microphone.measure(tick)
+        yield _measured(tick, None) if microphone is None else microphone.measure(tick)
 
 
 #: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).

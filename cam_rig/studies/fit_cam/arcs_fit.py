@@ -69,8 +69,20 @@ class ArcsFit(Result):
         "numbers": (
             Column("number", of="name"),
             Column("value", cell=lambda told: told.shown, doc="m, of an angle rad"),
-            Column("low_95", of=lambda told: None if told.held else told.low, hidden=True),
-            Column("high_95", of=lambda told: None if told.held else told.high, hidden=True),
+            Column(
+                "low_95", hidden=True, doc="empty if held, or if the interval contains straight"
+            ),
+            Column("high_95", hidden=True, doc="as low_95"),
+            Column(
+                "convex_from_95",
+                hidden=True,
+                doc="least convex radius of an interval that contains straight",
+            ),
+            Column(
+                "concave_from_95",
+                hidden=True,
+                doc="least concave radius of an interval that contains straight",
+            ),
             Column("interval", heading="with 95 %", cell=lambda told: told.interval or "-"),
             Column("standard_error", of="error", hidden=True),
             Column(

@@ -66,6 +66,26 @@ class Told:
         return self.low > self.high
 
     @property
+    def low_95(self) -> float | None:
+        """Lower end of the interval, None if it is held or no interval of numbers."""
+        return None if self.held or self.over_straight else self.low
+
+    @property
+    def high_95(self) -> float | None:
+        """Upper end of the interval, None if it is held or no interval of numbers."""
+        return None if self.held or self.over_straight else self.high
+
+    @property
+    def convex_from_95(self) -> float | None:
+        """Least convex radius (m) of an interval that contains a straight flank, else None."""
+        return self.low if self.over_straight else None
+
+    @property
+    def concave_from_95(self) -> float | None:
+        """Least concave radius (m) of an interval that contains a straight flank, else None."""
+        return -self.high if self.over_straight else None
+
+    @property
     def error(self) -> float:
         """Standard error, a part of the interval; NaN where that is no stretch of numbers."""
         if self.held or self.over_straight or not math.isfinite(self.high - self.low):

@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import title_of
-from cam_rig.studies.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
+from cam_rig.studies.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest, quantities_of
 
 #: Radii on the screen, and width of the plane, whose height is 100.
 STROKE, CURSOR, WIDTH = -1.2, -0.8, 160.0
@@ -31,7 +31,7 @@ def save_orders(
     found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
 ) -> None:
     """Write the spectra of cams as a ``.rrd`` file that appears when it is whole."""
-    tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}
+    tops = {quantity: loudest(found, quantity) for quantity in quantities_of(found)}
     rows = orders_tabs(found, titles)
     name = f"Orders of {', '.join(str(tab.name) for tab in rows)}"
     with chart_stream(path, name, rows, SPEED) as stream:
@@ -43,10 +43,10 @@ def save_orders(
 
 def orders_tabs(found: Sequence[CamOrders], titles: Mapping[str, str]) -> list[rrb.Vertical]:
     """A tab for each cam: its diagrams, and below them the spectra of one speed."""
-    tabs, tops = [], {quantity: loudest(found, quantity) for quantity in QUANTITIES}
+    tabs, tops = [], {quantity: loudest(found, quantity) for quantity in quantities_of(found)}
     for study in found:
-        rays = [_chart(study, q, "rays", _ray_axes(study)) for q in QUANTITIES]
-        lines = [_chart(study, q, "lines", _line_axes(study, tops[q])) for q in QUANTITIES]
+        rays = [_chart(study, q, "rays", _ray_axes(study)) for q in tops]
+        lines = [_chart(study, q, "lines", _line_axes(study, tops[q])) for q in tops]
         both, title = (rrb.Horizontal(*rays), rrb.Horizontal(*lines)), title_of(titles, study.cam)
         tabs.append(rrb.Vertical(*both, row_shares=[2, 1], name=title))
     return tabs

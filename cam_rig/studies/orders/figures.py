@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.show.figure import CAM_SPEED, colour, empty, styled
 from cam_rig.show.looks import title_of
-from cam_rig.studies.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
+from cam_rig.studies.orders.spectrum import RANGE, CamOrders, loudest, quantities_of
 from cam_rig.studies.orders.study import OrdersResult
 from cam_rig.units import FloatArray
 
@@ -24,8 +24,9 @@ def figure(result: OrdersResult) -> Figure:
     """A row for each cam, by its title where it is given: force on the left, sound on the right."""
     found, titles = result.studies, result.titles
     out = empty(2.9 * len(found) + 0.3)
-    panels = out.subplots(len(found), len(QUANTITIES), squeeze=False)
-    for column, (quantity, name) in enumerate(QUANTITIES.items()):
+    quantities = quantities_of(found)
+    panels = out.subplots(len(found), len(quantities), squeeze=False)
+    for column, (quantity, name) in enumerate(quantities.items()):
         most = loudest(found, quantity)
         for study, axes in zip(found, panels[:, column], strict=True):
             what, model = name.partition(" [")[0], study.model

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import spherical_jn
 
 from cam_rig.acoustics import RadiationParameters, level_db
-from cam_rig.dynamics import MODELS
+from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.dynamics.linear.propagator import exponential
 from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
@@ -184,11 +184,18 @@ def force_orders(steady: SteadyForce, rates: FloatArray, contact_time: float) ->
     return total / steady.duration
 
 
-def spectrum(steady: SteadyForce, radiation: RadiationParameters, highest: int) -> OrderSpectrum:
-    """Force and sound up to an order."""
+def spectrum(
+    steady: SteadyForce, radiation: RadiationParameters | None, contact_time: float, highest: int
+) -> OrderSpectrum:
+    """Return force and sound up to an order; the sound is NaN without radiation.
+
+    The pulse of a landing lasts `contact_time` (s).
+    """
     orders = np.arange(highest * steady.turns + 1) / steady.turns
     rates = orders * steady.speed
-    force = force_orders(steady, rates, radiation.contact_time)
+    force = force_orders(steady, rates, contact_time)
+    if radiation is None:
+        return OrderSpectrum(steady, orders, force, np.full_like(force, np.nan), math.nan)
     corner = radiation.corner_rate
     structure = radiation.gain * corner * 1j * rates / (corner + 1j * rates)
     background = math.sqrt(radiation.background_power(steady.speed))
@@ -201,7 +208,12 @@ def order_spectrum(
     """The steady force of a model at a speed (rad/s), and its sound, up to an order."""
     steady = steady_force(law, model, rig, speed)
     lands = MODELS[model].lifts_off
-    return spectrum(steady, RadiationParameters.from_rig(rig, lands=lands), highest)
+    radiation = None
+    if not rig.missing_for_sound(lands):
+        radiation = RadiationParameters.from_rig(rig, lands=lands)
+    follower = FollowerParameters.from_rig(rig)
+    contact_time = 0.0 if follower.stem_stiffness is None else follower.contact_time
+    return spectrum(steady, radiation, contact_time, highest)
 
 
 # Orders over speed: the spectra of cams at many speeds, one beside the other.
@@ -256,6 +268,12 @@ class CamOrders:
     def values(self, quantity: str) -> FloatArray:
         """``(k,)`` dB of each stroke: of "force_db" or "level"."""
         return np.concatenate([getattr(spectrum, quantity)[1:] for spectrum in self.spectra])
+
+
+def quantities_of(found: Iterable[CamOrders]) -> dict[str, str]:
+    """Return the `QUANTITIES` that the spectra have: no sound without its numbers."""
+    has_sound = all(math.isfinite(one.background_db) for study in found for one in study.spectra)
+    return {name: title for name, title in QUANTITIES.items() if has_sound or name != "level"}
 
 
 def loudest(found: Iterable[CamOrders], quantity: str) -> float:

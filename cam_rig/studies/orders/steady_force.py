@@ -12,7 +12,7 @@ import numpy as np
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, elastic_stem
 from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.interval import Event
-from cam_rig.dynamics.kinetostatic import force_ordinates
+from cam_rig.dynamics.kinetostatic import force_extremes, force_ordinates
 from cam_rig.dynamics.linear.exponential import free_motion
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -100,6 +100,11 @@ def steady_force(law: Law, model: str, rig: RigConfig, speed: float) -> SteadyFo
             f"model {model}: its force is no closed form of the cam angle; allowed for orders: "
             f"{', '.join(BUILDERS)}"
         )
+    if model == "one_mass" and rig.follower.restitution is None:
+        # without a landing the force does not depend on the restitution
+        rigid = FollowerParameters.from_rig(rig)
+        if not law.velocity_jumps and force_extremes(law, rigid, speed)[0] > 0.0:
+            return _kinetostatic(law, rigid, speed)
     return BUILDERS[model](law, MODELS[model].parameters(rig), speed)
 
 

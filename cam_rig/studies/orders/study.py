@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from cam_rig.arguments import checked
+from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law
 from cam_rig.laws.cam import law_of, require_sprung
@@ -44,10 +46,15 @@ class OrdersRow(NamedTuple):
     spectrum: OrderSpectrum
     place: int = 0
 
+    @property
+    def has_sound(self) -> bool:
+        """True if the rig has the numbers of its sound."""
+        return math.isfinite(self.spectrum.background_db)
+
     def loudest(self, rank: int) -> tuple[float, float] | None:
         """The loudest order, the second, …, with its level (dB)."""
         orders, level = self.spectrum.orders[1:], self.spectrum.level[1:]
-        if level.size <= rank:
+        if level.size <= rank or not self.has_sound:
             return None
         place = np.argsort(-level, kind="stable")[rank]
         return float(orders[place]), float(level[place])
@@ -126,8 +133,11 @@ class OrdersResult(Result):
             "speeds",
             f"Orders 1 to {highest:g} of the steady turn",
             rows,
-            "Sound: of these orders together. Loudest: the order, and its level in dB re 20 µPa. "
-            "The background has no orders.",
+            Footnote(
+                "Sound: of these orders together. Loudest: the order, and its level in dB re "
+                "20 µPa. The background has no orders.",
+                lambda row: row.has_sound,
+            ),
             Footnote(
                 "A landing's pulse sounds up to some kHz: more orders have more of it.",
                 lambda row: row.spectrum.steady.landings,
@@ -154,6 +164,12 @@ class OrdersResult(Result):
         )
         run: list[Any] = list(self.studies[:1])
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
+
+    def summary(self) -> list[str]:
+        """Return a sentence on the sound if it is left out."""
+        study = self.studies[0]
+        keys = " and ".join(study.rig.missing_for_sound(MODELS[study.model].lifts_off))
+        return [f"sound left out: rig {study.rig.name} has no {keys}"] if keys else []
 
 
 # What is asked for: a cam alone or a scene, on a rig, at some speeds.

@@ -36,7 +36,9 @@ MARGIN_DB = 1.0
 
 @styled
 def figure(found: SceneRun) -> Figure:
-    """Level of each cam against speed, its cubic regression, and what is published."""
+    """Level of each cam against speed, or the contact force over the turn without levels."""
+    if found.loaded.missing_for_sound:
+        return over_turn(force_curves(found))
     return noise_figure(found.noise, found.loaded)
 
 

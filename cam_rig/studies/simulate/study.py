@@ -38,13 +38,13 @@ SPEEDS = (
     Column("rpm", "rpm", ".6g", "speed"),
     Column("turns", doc="settled turns with samples", hidden=True),
     Column("level", "dB", ".1f", of="level_db", doc="re 20 µPa, unweighted"),
-    Column("force_peak", "N", ".1f", "peak force"),
-    Column("force_least", "N", ".1f", "least force"),
+    Column("force_peak", "N", ".1f", "peak force", doc="of the samples"),
+    Column("force_least", "N", ".1f", "least force", doc="of the samples"),
     Column("lift_offs", "1/turn", ".3g", "lift-off rate"),
     Column("flight", "ms", ".2f", "longest flight"),
     Column("landing", "N·s", ".3f", "hardest landing"),
-    Column("torque_peak", "N·m", ".2f", "peak torque"),
-    Column("torque_least", "N·m", ".2f", "least torque"),
+    Column("torque_peak", "N·m", ".2f", "peak torque", doc="of the samples"),
+    Column("torque_least", "N·m", ".2f", "least torque", doc="of the samples"),
     Column("torque_mean", "N·m", ".3f", "mean torque"),
 )
 
@@ -149,7 +149,8 @@ class SceneRun(Result):
     @cached_property
     def _levels(self) -> dict[str, dict[float, float]]:
         levels = step_levels(self.ticks, self.loaded.scene.program.settle_turns.si)
-        require_ticks(levels, str(self.source))
+        if not self.loaded.missing_for_sound:
+            require_ticks(levels, str(self.source))
         return levels
 
     @checked
@@ -228,7 +229,9 @@ class SceneRun(Result):
         crossing = self.noise.crossover_rpm, published and published.crossover.rpm
         return [
             self.table("speeds", f"{title}: by speed", self.by_speed, note, BOUNCING),
-            self.table("noise", f"{title}: level over x in rpm", curves, *relative),
+            self.table(
+                "noise", f"{title}: level over x in rpm", curves, *relative, hidden=not curves
+            ),
             self.table("levels", "", levels, hidden=True),
             self.table("crossing", "", [crossing], single=True, hidden=True),
             self.table("messages", "", self.counts.items(), hidden=True),
@@ -238,6 +241,8 @@ class SceneRun(Result):
     def summary(self) -> list[str]:
         """Where the two published cams cross, if both are there."""
         published = self.loaded.published
+        if self.loaded.no_sound_note:
+            return [self.loaded.no_sound_note]
         if published is None or not set(published.crossover.between) <= set(self.noise.curves):
             return []
         at, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
@@ -294,13 +299,12 @@ def sweep(
 ) -> SceneRun:
     """Run cams through some speeds, one after another: forces, lift-offs, landings and levels.
 
-    What `run_scene` gives of a scene's file. A rig without ``radiation`` has no sound, and
-    `simulate` takes it at one speed.
+    What `run_scene` gives of a scene's file. Without ``radiation`` of the rig there are no levels.
 
     Parameters
     ----------
     cams : a name, a path or a cam, or several; None: the paper's Table 2
-    rig : a name, a path or a rig, with radiation; None: the only one beside the cams
+    rig : a name, a path or a rig; None: the only one beside the cams
     rpm : one or more, in the order in which they are run, rpm
     model : as `simulate` takes it
     turns : at each speed
