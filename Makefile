@@ -69,7 +69,7 @@ lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise e
 	@$(PIP) install uv==0.13.8
 	$(BIN)/uv pip compile setup.py --extra all --extra dask --extra ros-wheels --extra bench --extra docs --extra test --output-file requirements.lock \
 		--universal --python-version 3.11 --fork-strategy fewest \
-		--no-annotate --custom-compile-command 'make lock' --quiet
+		--no-annotate --generate-hashes --custom-compile-command 'make lock' --quiet
 
 clean: ## remove .venv and everything built; bags stay
 	rm -rf .venv build install log tools/pages/node_modules *.egg-info .*_cache .hypothesis
@@ -90,7 +90,7 @@ $(BIN)/pip:
 $(STAMP): requirements.lock package.xml setup.py setup.cfg | $(BIN)/pip
 	@rm -f $@
 	@echo 'Installing requirements.lock into .venv (about 1.4 GB the first time)'
-	@$(PIP) install --requirement requirements.lock
+	@$(PIP) install --require-hashes --requirement requirements.lock
 	@# a path, which checkers of types follow, in place of a finder, which costs each start 10 ms
 	@$(PIP) install --no-deps --no-build-isolation --config-settings editable_mode=compat --editable .
 	@$(BIN)/python -m cam_rig.dynamics.events

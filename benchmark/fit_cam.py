@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 import cam_rig
-from cam_rig.studies.fit_cam.gauge import GaugeColumn, GaugeTable, put_in_order
+from cam_rig.studies.fit_cam.gauge import put_in_order
+from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable
 from cam_rig.studies.fit_cam.spline_fit import fit_spline
 from cam_rig.units import TURN
 

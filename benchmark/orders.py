@@ -120,7 +120,8 @@ def level_differences() -> tuple[list[float], list[float]]:
         for speed, level in steps.items():
             steady = steady_force(loaded.laws[cam], loaded.scene.model, loaded.rig, speed)
             highest = round(40_000.0 * 60.0 / to_rpm(speed)) if steady.landings else 2000
-            found = spectrum(steady, loaded.radiation, highest)
+            sound = loaded.radiation
+            found = spectrum(steady, sound, sound.contact_time, highest)
             powers = [10.0 ** (x / 10.0) for x in (found.total_db, found.background_db)]
             total = float(level_db(20e-6 * sum(powers) ** 0.5))
             (left if steady.landings else kept).append(total - level)

@@ -321,12 +321,16 @@ def test_no_file_is_too_long_to_read():
 
 
 def test_no_function_is_longer_than_a_screen(nodes):
-    """At most 60 lines, its docstring included."""
-    assert {
-        f"{path}:{node.name}": node.end_lineno - node.lineno + 1
-        for path, node in nodes
-        if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= MAX_FUNCTION
-    } == {}
+    """At most 60 lines without its docstring, which grows with the parameters."""
+
+    def lines(node):
+        text = node.body[0] if ast.get_docstring(node) else None
+        documented = text.end_lineno - text.lineno + 1 if text else 0
+        return node.end_lineno - node.lineno + 1 - documented
+
+    functions = [(path, node) for path, node in nodes if isinstance(node, ast.FunctionDef)]
+    lengths = {f"{path}:{node.name}": lines(node) for path, node in functions}
+    assert {name: count for name, count in lengths.items() if count > MAX_FUNCTION} == {}
 
 
 def test_no_name_is_sought_among_too_many():

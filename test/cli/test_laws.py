@@ -180,11 +180,14 @@ def test_a_noise_study_of_another_scene_says_what_to_take(own):
 
 
 def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
-    """Two rigs beside it: the paper's, and that is said; one: that one. Without a word, neither."""
+    """Several rigs beside a cam are refused, so that a new file never changes the rig silently."""
     copytree(own.parents[1], tmp_path / "mine")
     cam = tmp_path / "mine" / "cams" / "lug.yaml"
-    two = done("jump", cam)
-    assert two.stderr.startswith("rig paper_table2, a shipped one: beside the cam there is ")
+    two = call("jump", cam)
+    assert two.exit_code == 2
+    assert "beside the cam there are 2 rigs; allowed: one, named" in two.stderr
+    named = done("jump", cam, "--rig", tmp_path / "mine" / "rigs" / "mine.yaml")
+    assert "Jump speed on rig mine" in named.stderr
     (tmp_path / "mine" / "rigs" / "other.yaml").unlink()
     one = done("jump", cam)
     assert one.stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}, the only one")

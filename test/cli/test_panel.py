@@ -113,7 +113,7 @@ def test_a_law_that_cannot_be_drawn_is_one_line(tmp_path: Path) -> None:
         "segments:\n  - {law: dwell, span: {assumed: 360, unit: deg, source: all}}\n",
         encoding="utf-8",
     )
-    for given, words in ((cam, "rests all around"), ("nobody", "no such file")):
+    for given, words in ((cam, "rises by 0 mm, lift is 1 mm"), ("nobody", "no such file")):
         result = call("panel", given)
         assert result.exit_code == 2 and words in result.stderr
         assert result.stderr.count("\n") == 1

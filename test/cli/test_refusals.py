@@ -53,7 +53,7 @@ REFUSED = [
     ("profile tm21 --tolerance 0 --out {tmp}/a.dxf", 2, "tolerance is 0 µm; allowed: "),
     ("profile tm21 --tolerance 3", 2, "--tolerance: is of what is written; needed: --out FILE.dxf"),
     ("profile tm21 --points 99 --out {tmp}/a.dxf", 2, "--points: is of what is written; needed: "),
-    ("profile tm21 --from {tmp}/none.csv", 1, "none.csv: cannot be read"),
+    ("profile tm21 --from {tmp}/none.csv", 2, "none.csv: no such file"),
     ("profile tm21 --from a.csv --plot {tmp}/a.png", 2, "--from measures; allowed with"),
     ("profile tm21 --from {tmp}/none.png", 2, "unknown kind of file; allowed: .dxf, .csv"),
     ("profile tm21 --out /proc/none/a.dxf", 1, "cannot be written"),

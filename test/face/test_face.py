@@ -166,7 +166,10 @@ FILES = {
     "compare": {"save"},
     "orders": {"save"},
     "design": {"out"},  # `text` of a design is the file
-    "profile": {"out", "positions", "pitch", "cutter", "tolerance", "points", "from", "force"},
+    "profile": {
+        *("out", "positions", "pitch", "cutter", "tolerance", "points", "from", "force"),
+        *("unit", "axis", "zero", "mirrored", "layer", "align"),
+    },
 }
 #: Where processes are asked for, a function takes an executor, and how many it has.
 WORKPLACE = {"jobs", "dask"}

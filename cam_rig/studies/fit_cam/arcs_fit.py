@@ -69,25 +69,13 @@ class ArcsFit(Result):
         "numbers": (
             Column("number", of="name"),
             Column("value", cell=lambda told: told.shown, doc="m, of an angle rad"),
-            Column(
-                "low_95", hidden=True, doc="empty if held, or if the interval contains straight"
-            ),
-            Column("high_95", hidden=True, doc="as low_95"),
-            Column(
-                "convex_from_95",
-                hidden=True,
-                doc="least convex radius of an interval that contains straight",
-            ),
-            Column(
-                "concave_from_95",
-                hidden=True,
-                doc="least concave radius of an interval that contains straight",
-            ),
+            Column("low_95", hidden=True, doc="empty if the interval contains straight"),
+            Column("high_95", hidden=True, doc="empty if the interval contains straight"),
+            Column("convex_from_95", hidden=True, doc="else the least convex radius"),
+            Column("concave_from_95", hidden=True, doc="else the least concave radius"),
             Column("interval", heading="with 95 %", cell=lambda told: told.interval or "-"),
             Column("standard_error", of="error", hidden=True),
-            Column(
-                "told", of=lambda told: told.how_well or "well", cell=lambda told: told.how_well
-            ),
+            Column("told", of=lambda one: one.how_well or "well", cell=lambda one: one.how_well),
         ),
         "residuals": (
             Column("readings", of="readings.name"),

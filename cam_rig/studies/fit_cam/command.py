@@ -156,7 +156,7 @@ def fit_cam(
         flank=flank,
         rocker_ratio=rocker_ratio,
         lash=lash,
-        checking_heights=[1e-3 * h for h in checking_height or ()] or CHECKING_HEIGHTS,
+        checking_height=[1e-3 * h for h in checking_height or ()] or CHECKING_HEIGHTS,
         out=out,
     )
     if out is not None:

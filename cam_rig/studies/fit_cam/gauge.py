@@ -19,6 +19,8 @@ from cam_rig.units import TURN, FloatArray, rms
 SAME_ANGLE = 1e-6
 #: A gauge that shows less than this (m) is none.
 LEAST_RESOLUTION = 1e-9
+#: Largest reading of a gauge, m.
+MAX_LIFT = 10.0
 #: Levels on both sides of a stretch without readings are one within this part of the lift.
 OPEN = 0.05
 #: They differ by no more than so many scatters and steps of the gauge.
@@ -173,8 +175,7 @@ def _averaged(
             f"{table.file}: has {found.angles.size} readings of different angles; allowed: "
             f"{FEWEST_POINTS} to {MAX_POINTS} over a turn"
         )
-    if not np.ptp(means) > 0.0:
-        raise ConfigError(f"{name}: all lifts are {means[0] * 1e3:g} mm; allowed: a lift")
+    _require_lift(name, means)
     spread = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
     worst = int(np.argmax(spread))
     single = found.scatter * math.sqrt(counts[worst])  # the scatter is that of means
@@ -187,6 +188,17 @@ def _averaged(
             f"allowed: {limit * 1e3:.3g} mm. {_cause(table, same)}"
         )
     return found
+
+
+def _require_lift(name: str, lifts: FloatArray) -> None:
+    """Refuse lifts (m) that are all one, or larger than any cam's."""
+    if not np.ptp(lifts) > 0.0:
+        raise ConfigError(f"{name}: all lifts are {lifts[0] * 1e3:g} mm; allowed: a lift")
+    if not np.abs(lifts).max() <= MAX_LIFT:
+        raise ConfigError(
+            f"{name}: the largest lift is {np.abs(lifts).max() * 1e3:g} mm; allowed: "
+            f"{MAX_LIFT * 1e3:g} mm, so check its unit"
+        )
 
 
 def _cause(table: GaugeTable, lines: NDArray[np.int64]) -> str:
@@ -254,6 +266,12 @@ def without_outliers(readings: Readings) -> Readings:
         if not is_summit(_leaving(readings, np.insert(good, place, i)), place):
             named.append(i)
     left = np.setdiff1d(np.arange(readings.angles.size), named)
+    if named and not np.ptp(readings.lifts[left]) > 0.0:
+        lines = ", ".join(str(readings.lines[i]) for i in named)
+        raise ConfigError(
+            f"{readings.name}: all lifts are {readings.lifts[left[0]] * 1e3:g} mm but those of "
+            f"lines {lines}, which look like outliers; allowed: a lift over several readings"
+        )
     return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
 
 

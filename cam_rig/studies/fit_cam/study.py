@@ -170,7 +170,7 @@ class FitOptions(TypedDict, total=False):
     flank: Flank
     rocker_ratio: float
     lash: float
-    checking_heights: Sequence[float]
+    checking_height: float | Sequence[float]
     out: str | Path | None
 
 
@@ -201,7 +201,7 @@ def fit_cam(
     flank: Flank = None,
     rocker_ratio: float = 1.0,
     lash: float = 0.0,
-    checking_heights: Sequence[float] = CHECKING_HEIGHTS,
+    checking_height: float | Sequence[float] = CHECKING_HEIGHTS,
     out: str | Path | None = None,
 ) -> SplineFit | ArcsFit:
     r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings (``cam-rig fit cam``).
@@ -220,7 +220,7 @@ def fit_cam(
     mirror : the table has half a lobe, from or to its nose
     roller_radius, base_radius : m (default: assumed)
     flank : ``straight`` or ``curved``, of arcs that are known
-    rocker_ratio, lash, checking_heights : valve train of the valve events: lift of the valve per
+    rocker_ratio, lash, checking_height : valve train of the valve events: lift of the valve per
         lift of the cam, clearance and lifts of the valve, m
     out : a new .yaml file for `load_cam`; ``assumed`` has the assumptions that no reading supports
 
@@ -249,7 +249,8 @@ def fit_cam(
         if length is not None and length < 0.0:
             raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
     positive = {"counts": counts, "rocker_ratio": rocker_ratio, "base_radius": base_radius}
-    positive["checking_heights"] = min(checking_heights, default=1.0)
+    heights = (checking_height,) if isinstance(checking_height, float | int) else checking_height
+    positive["checking_height"] = min(heights, default=1.0)
     for name, value in positive.items():
         if value is not None and not 0.0 < value < math.inf:
             raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
@@ -263,7 +264,7 @@ def fit_cam(
         roller_radius=roller_radius,
         base_radius=base_radius,
         flank=flank,
-        valve_train=ValveTrain(rocker_ratio, lash, tuple(checking_heights)),
+        valve_train=ValveTrain(rocker_ratio, lash, tuple(heights)),
     )
     found = request.run([Path(file) for file in files])
     if target is None:

@@ -1,0 +1,146 @@
+"""Files of other programs and people, each with the right values of its command.
+
+`cases/expected.csv` has one row per number, with its absolute tolerance in the unit of the row. The
+values come from formulas evaluated outside of the package.
+"""
+
+import csv
+import json
+import re
+import shlex
+from itertools import groupby
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+import yaml
+
+from .cli.conftest import call
+
+CASES = Path(__file__).parent / "cases"
+#: Units of the rows to SI, in which JSON values are.
+SI = {"mm": 1e-3, "um": 1e-6, "mm/rad": 1e-3, "mm/rad^2": 1e-3, "deg": 0.017453292519943295}
+
+
+def commands():
+    """Rows of the table by case and command."""
+    with (CASES / "expected.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for (case, command), found in groupby(rows, lambda row: (row["case"], row["command"])):
+        name = f"{case}-{shlex.split(command)[2 if 'fit' not in command else 3]}"
+        yield pytest.param(case, command, list(found), id=name)
+
+
+def reading_count(data, kind, is_skipped):
+    """Number of readings of a quantity that were used or left out, from the notes of the run."""
+    notes = (
+        " ".join(data["run"][0]["notes"])
+        if isinstance(data["run"], list)
+        else " ".join(data["run"]["notes"])
+    )
+    words = {"angle": "angle", "lift": "lift", "force": "force"}[kind]
+    pattern = rf"{words}\D*?(\d+) (?:of \d+ )?(?:messages|readings) (?:skipped|left out)"
+    if not is_skipped:
+        pattern = rf"{words}\D*?(\d+) readings"
+    return int(re.search(pattern, notes)[1])
+
+
+def of_spline(data, written, name, _):
+    """A number of a fitted cam, of its dwell, its outliers or its file."""
+    if name.startswith("outlier_line"):
+        return data["outliers"][int(name.rpartition("_")[2]) - 1]["line"]
+    found = data["spline"] | {"outlier_count": len(data["outliers"])}
+    if len(data["dwells"]) == 1:
+        found["dwell_span"] = data["dwells"][0]["span"]
+    if written:
+        found["base_radius"] = 1e-3 * next(iter(written["follower"]["base_radius"].values()))
+    return found[name]
+
+
+def of_contour(data, written, name, place):
+    """A number of a measured contour, or the lift at an angle of the law that was written."""
+    if not place:
+        return data["contours"][0][name]
+    angle = float(place.removesuffix("deg"))
+    return 1e-3 * next(s for a, s in written.items() if abs(a - angle) < 1e-9)
+
+
+def of_comparison(data, _, name, place):
+    """A departure at a speed, or a count of readings."""
+    if name.endswith(("_readings", "_skipped")):
+        return reading_count(data, name.split("_")[0], name.endswith("skipped"))
+    rpm = float(place.removesuffix("rpm"))
+    return float(next(row for row in data["departures"] if abs(row["rpm"] - rpm) < 1.0)[name])
+
+
+def of_orders(data, _, name, place):
+    """The amplitude of the force at an order."""
+    order = float(place.removeprefix("order"))
+    return next(row for row in data["orders"] if row["order"] == order)[name]
+
+
+def of_run(data, _, name, __):
+    """An extreme of force or torque at the only speed."""
+    end, what = name.split("_")
+    return data["speeds"][0][f"{what}_{'peak' if end == 'max' else 'least'}"]
+
+
+READERS = {
+    "spline": of_spline,
+    "contours": of_contour,
+    "departures": of_comparison,
+    "orders": of_orders,
+    "jump": lambda data, *_: data["jump"][0]["rpm"],
+    "speeds": of_run,
+}
+
+
+def number(data, written, quantity):
+    """Return a quantity of a command's JSON, or of the files that it wrote."""
+    name, _, place = quantity.partition("@")
+    reader = next(READERS[key] for key in READERS if key in data)
+    return reader(data, written, name, place)
+
+
+@pytest.mark.parametrize(("case", "command", "rows"), commands())
+def test_a_file_as_people_have_it_gives_the_right_numbers(
+    tmp_path, monkeypatch, case, command, rows
+):
+    """Every number of the case is within its tolerance, at exit code 0."""
+    copytree(CASES / case, tmp_path / case)
+    monkeypatch.chdir(tmp_path / case)
+    done = call(*shlex.split(command)[1:], "--json", "-")
+    assert done.exit_code == 0, done.stderr
+    data, written = json.loads(done.stdout), None
+    if "--out" in command:
+        out = Path(command.split("--out ")[1])
+        text = out.read_text(encoding="utf-8")
+        if out.suffix == ".csv":
+            written = {float(a): float(s) for a, s in list(csv.reader(text.splitlines()))[1:]}
+        else:
+            written = yaml.safe_load(text)
+    for row in rows:
+        found = number(data, written, row["quantity"]) / SI.get(row["unit"], 1.0)
+        assert found == pytest.approx(float(row["value"]), abs=float(row["tolerance"]), rel=0.0), (
+            row
+        )
+
+
+@pytest.mark.parametrize("cam", ["drop", "half_way"])
+@pytest.mark.parametrize("command", ["profile", "law", "jump"])
+def test_a_forgotten_fall_is_refused(tmp_path, cam, command):
+    """The message has the lift of the law and that of the file."""
+    copytree(CASES / "fall_forgotten", tmp_path / "case")
+    done = call(command, tmp_path / "case" / "cams" / f"{cam}.yaml")
+    lift = {"drop": "0 mm", "half_way": "7.5 mm"}[cam]
+    assert done.exit_code != 0
+    assert f"the law rises by {lift}, lift is 15 mm" in " ".join(done.stderr.split())
+
+
+def test_a_radius_is_refused_for_a_roller(tmp_path):
+    """The message names the column and the two remedies."""
+    copytree(CASES / "radius_is_no_lift", tmp_path / "case")
+    done = call("fit", "cam", tmp_path / "case" / "radius.csv", "--roller-radius", 8)
+    assert done.exit_code == 2
+    words = " ".join(done.stderr.split())
+    assert "'radius_mm' is a radius" in words and "--follower point" in words
