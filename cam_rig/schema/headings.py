@@ -159,7 +159,8 @@ QUANTITIES: dict[str, QuantityWords] = {
     ),
     "angle": QuantityWords(
         "angle",
-        "angle angul angol winkel theta rotat rotac rotaz drehung phase fase cycle zyklus ciclo",
+        "angle angul angol winkel theta rotat rotac rotaz drehung phase fase cycle zyklus ciclo "
+        "takt",
         "θ φ phi ang giro kw nw cad",
         "time encoder",
     ),
@@ -181,7 +182,8 @@ _NEUTRAL = (
     "dial gauge gage indicator messuhr reloj comparador comparateur comparatore column spalte "
     "measured gemessen medido mesure mesuree misurato misurata nominal soll ist actual value "
     "values wert werte mean average first second third left right links rechts flat roller point "
-    "cylinder zylinder position pos relative absolute raw smoothed base circle table test"
+    "cylinder zylinder nose nase nez naso peak position pos relative absolute raw "
+    "smoothed base circle table test"
 )
 #: Words that do not change the meaning of a heading.
 NEUTRAL = frozenset(_NEUTRAL.split())

@@ -37,15 +37,15 @@ from cam_rig.studies.fit_cam.arcs import (
 )
 from cam_rig.studies.fit_cam.arcs_intervals import Profile, Told
 from cam_rig.studies.fit_cam.dwells import beside_others, farthest, left_out
-from cam_rig.studies.fit_cam.gauge import OUTLIER, Readings, judged_by, with_outliers
+from cam_rig.studies.fit_cam.gauge import Readings
+from cam_rig.studies.fit_cam.outliers import OUTLIER, judged_by, with_outliers
 from cam_rig.units import rms
 
 #: What is known of the flanks.
 Flank = Literal["straight", "curved"] | None
 #: Of two readings of the columns this much nearer (in parts) one is told from the other.
 CLEARLY_NEARER = 1.1
-#: What is left (r.m.s.) of readings of arcs, in their own scatters, at most: a made cam's contour
-#: is some scatters of a good gauge off.
+#: Largest r.m.s. residual of readings of arcs, in scatters of a good gauge.
 DESCRIBED = 4.0
 #: How a column was read, by whether it is reversed.
 SENSES = ("as turned", "reversed")

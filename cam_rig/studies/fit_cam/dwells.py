@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from cam_rig.laws.spline import Rest
 from cam_rig.schema.segment_base import LEAST_EVENT_DEG, MAX_DWELLS
-from cam_rig.studies.fit_cam.gauge import Readings, bridges, most_outliers, without_outliers
+from cam_rig.studies.fit_cam.gauge import Readings, bridges
+from cam_rig.studies.fit_cam.outliers import most_outliers, without_outliers
 from cam_rig.units import TURN, FloatArray
 
 #: Readings of a dwell, and its span (rad), at least; both ends are a reading.

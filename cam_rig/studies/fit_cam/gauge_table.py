@@ -21,7 +21,7 @@ MAX_RANGE_RAD, MIN_RANGE_RAD, MAX_RANGE_DEG = 1.02 * TURN, 0.75 * TURN, 1440.0
 #: Ranges of angles without a unit that could be percent or gon, with this relative tolerance.
 OTHER_SCALES, SCALE_TOLERANCE = {100.0: "percent", 400.0: "gon"}, 0.005
 #: Words of an angle whose numbers go from 0 to 1 over a turn, and the largest range of these.
-PHASE_WORDS, MAX_PHASE_RANGE = re.compile("phase|fase|cycle|zyklus|ciclo", re.I), 1.02
+PHASE_WORDS, MAX_PHASE_RANGE = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I), 1.02
 #: A line in front of the numbers that states the base radius.
 BASE_RADIUS = re.compile(
     r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<what>radius|diameter|radio|"

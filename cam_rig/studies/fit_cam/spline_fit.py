@@ -27,7 +27,8 @@ from cam_rig.studies.fit_cam.dwells import (
     left_out,
     likely_range,
 )
-from cam_rig.studies.fit_cam.gauge import Readings, bridges, is_summit, without_outliers
+from cam_rig.studies.fit_cam.gauge import Readings, bridges
+from cam_rig.studies.fit_cam.outliers import is_summit, without_outliers
 from cam_rig.studies.fit_cam.valve_events import ValveTrain, valve_events
 from cam_rig.units import FloatArray
 

@@ -12,8 +12,9 @@ from cam_rig.studies.fit_cam.arcs import COORDINATES, FLANK, PRIME, Arcs
 from cam_rig.studies.fit_cam.arcs_fit import fit_arcs
 from cam_rig.studies.fit_cam.dwells import above_zero
 from cam_rig.studies.fit_cam.files import arcs_cam, require_told
-from cam_rig.studies.fit_cam.gauge import Readings, put_in_order, without_outliers
+from cam_rig.studies.fit_cam.gauge import Readings, put_in_order
 from cam_rig.studies.fit_cam.gauge_table import read_gauge_table
+from cam_rig.studies.fit_cam.outliers import without_outliers
 from cam_rig.units import TURN
 
 from .conftest import FLAT, ROLLER, all_around, in_order, readings_of

@@ -8,7 +8,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.studies.fit_cam.arcs import Arcs
 from cam_rig.studies.fit_cam.dwells import find_dwells
-from cam_rig.studies.fit_cam.gauge import without_outliers
+from cam_rig.studies.fit_cam.outliers import without_outliers
 from cam_rig.studies.fit_cam.spline_fit import fit_spline
 from cam_rig.units import TURN
 
@@ -73,6 +73,15 @@ def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
     ):
         with pytest.raises(ConfigError, match=words):
             ordered(degrees, lifts)
+
+
+@pytest.mark.parametrize("mark", [(999.0, 0.999), (-1.0, -0.999), (0.0, 0.1)])
+def test_an_end_mark_is_named(mark):
+    """A last line that is far from the others is not a reading; the message has its numbers."""
+    degrees = np.append(np.arange(30.0, 330.0, 10.0), mark[0])
+    lifts = np.append(lift(degrees[:-1]), mark[1])
+    with pytest.raises(ConfigError, match=r"line 32 .*looks like an end mark; allowed: readings"):
+        ordered(degrees, lifts)
 
 
 def test_a_table_that_does_not_return_is_refused():

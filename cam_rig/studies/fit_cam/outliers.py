@@ -1,0 +1,209 @@
+"""Outliers of gauge readings: readings that their neighbours, or a law, contradict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.errors import ConfigError
+from cam_rig.laws.spline import WINDOW, differences, scatter
+from cam_rig.studies.fit_cam.gauge import Outlier, Readings, widest_gap
+from cam_rig.units import TURN, FloatArray, rms
+
+#: An outlier is so many scatters from what its neighbours say, and so many times farther than any
+#: reading that is none: the few places where the law itself is not smooth come in numbers.
+OUTLIER, OUTLIER_ALONE = 6.0, 2.0
+#: Slips, at most: of all readings, and in parts of them. More is another kind of error.
+MOST_OUTLIERS, MOST_OUTLIERS_PART = 10, 0.05
+
+
+def most_outliers(count: int) -> int:
+    """Return the largest number of outliers among `count` readings."""
+    return min(MOST_OUTLIERS, math.ceil(MOST_OUTLIERS_PART * count))
+
+
+#: Widths of outliers, in readings next to each other, that are searched for one after the other.
+OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+#: A search for a width of n takes every n-th reading: at least this number over the turn, which
+#: are 3 deg apart, so that the law between them is smooth.
+MIN_SUBSET = 120
+
+
+def without_outliers(readings: Readings) -> Readings:
+    """Return the readings without those that look like outliers of the gauge or of the pen.
+
+    Outliers of several readings next to each other shield each other, so the search for a width of
+    n takes every n-th reading: of these, one outlier at most is next to good readings.
+    """
+    outliers = np.zeros(readings.angles.size, dtype=np.bool_)
+    for width in OUTLIER_WIDTHS:
+        if width > 1 and readings.angles.size < MIN_SUBSET * width:
+            break
+        good = np.flatnonzero(~outliers)
+        for first in range(width):
+            subset = good[first::width]
+            outliers[subset[_isolated_outliers(readings, subset)]] = True
+        if width > 1:
+            _add_neighbours(readings, outliers, width)
+    good = np.flatnonzero(~outliers)
+    named = []
+    for i in np.flatnonzero(outliers).tolist():
+        place = int(np.searchsorted(good, i))
+        if not is_summit(_leaving(readings, np.insert(good, place, i)), place):
+            named.append(i)
+    left = np.setdiff1d(np.arange(readings.angles.size), named)
+    if named and not np.ptp(readings.lifts[left]) > 0.0:
+        lines = ", ".join(str(readings.lines[i]) for i in named)
+        raise ConfigError(
+            f"{readings.name}: all lifts are {readings.lifts[left[0]] * 1e3:g} mm but those of "
+            f"lines {lines}, which look like outliers; allowed: a lift over several readings"
+        )
+    return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
+
+
+def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
+    """Mark readings next to outliers that are as far off, up to runs of `width` readings.
+
+    They are compared with good readings that are `width` apart.
+    """
+    while outliers.any():
+        good = np.flatnonzero(~outliers)
+        normal = max(scatter(readings.angles[good], readings.lifts[good]), readings.rounding)
+        added = [
+            i
+            for i in np.flatnonzero((np.roll(outliers, 1) | np.roll(outliers, -1)) & ~outliers)
+            if _run_with(outliers, int(i)) <= width
+            and abs(_beside(readings, good[good != i], int(i), width)) > OUTLIER * normal
+        ]
+        if not added:
+            return
+        outliers[added] = True
+
+
+def _run_with(outliers: NDArray[np.bool_], index: int) -> int:
+    """Return the number of outliers next to each other around the turn if `index` was one."""
+    ahead, behind = np.roll(outliers, -index - 1), np.roll(outliers, -index)[::-1]
+    return 1 + int(np.argmin(ahead)) + int(np.argmin(behind))
+
+
+def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
+    """Return the positions in `subset` of outliers that are next to good readings of it."""
+    most = most_outliers(subset.size)
+    kept = np.arange(subset.size)
+    angles, lifts = readings.angles[subset], readings.lifts[subset]
+    sizes, taken = [], []
+    for _ in range(most + 1):
+        found, counts = differences(angles[kept], lifts[kept])
+        away = np.where(counts, np.abs(found), 0.0)
+        worst = int(np.argmax(away))
+        sizes.append(float(away[worst]))
+        taken.append(int(kept[worst]))
+        kept = np.delete(kept, worst)
+    outliers = 0
+    for k in range(most):
+        rest = np.setdiff1d(np.arange(subset.size), taken[: k + 1])
+        normal = max(scatter(angles[rest], lifts[rest]), readings.rounding)
+        clear = sizes[k] > OUTLIER * normal and sizes[k] > OUTLIER_ALONE * sizes[k + 1]
+        if clear and _scattered(taken[: k + 1], subset.size):
+            outliers = k + 1
+    return taken[:outliers]
+
+
+def is_summit(readings: Readings, index: int) -> bool:
+    """Whether a reading beyond all others is where three on either side of it lead at least.
+
+    So is the tip of a nose that is sharper than the readings stand apart, and no slip on a round
+    one: a parabola through those on one side ends below it.
+    """
+    lifts, count = readings.lifts, readings.lifts.size
+    others = np.delete(lifts, index)
+    if others.min() <= lifts[index] <= others.max():
+        return False
+    up = math.copysign(1.0, lifts[index] - others.max())
+    sides = (np.arange(side, 4 * side, side) for side in (-1, 1))
+    led = [_through(readings, (index + side) % count, index) for side in sides]
+    return bool(min(up * lift for lift in led) >= up * lifts[index])
+
+
+def with_outliers(readings: Readings) -> Readings:
+    """All readings, the outliers among them."""
+    before = readings.outliers
+    angles = np.append(readings.angles, [one.angle for one in before])
+    lifts = np.append(readings.lifts, [one.lift - readings.zero for one in before])
+    lines = np.append(readings.lines, np.array([one.line for one in before], dtype=np.int64))
+    whole = replace(readings, angles=angles, lifts=lifts, lines=lines)
+    return _leaving(whole, np.argsort(angles))
+
+
+def judged_by(readings: Readings, law: Callable[[FloatArray], FloatArray]) -> Readings:
+    """All readings, without those that look like outliers beside a law through them.
+
+    The law (m) of angles (rad) may bend and kink as it likes: no neighbour is asked.
+    """
+    whole = with_outliers(readings)
+    beside = whole.lifts - law(whole.angles)
+    farthest = np.argsort(-np.abs(beside), kind="stable")
+    outliers = 0
+    for k in range(most_outliers(beside.size)):
+        normal = max(rms(beside[farthest[k + 1 :]]), readings.rounding)
+        if abs(beside[farthest[k]]) > OUTLIER * normal:
+            outliers = k + 1
+    named = np.sort(farthest[:outliers])
+    return _leaving(whole, np.sort(farthest[outliers:]), named, beside[named])
+
+
+def _leaving(
+    readings: Readings,
+    left: NDArray[np.int64],
+    named: Sequence[int] | NDArray[np.int64] = (),
+    beside: Sequence[float] | FloatArray = (),
+) -> Readings:
+    """The readings that are left, the others named with how far they are off (m)."""
+    lifts = readings.lifts + readings.zero
+    outliers = (
+        Outlier(int(readings.lines[i]), float(readings.angles[i]), float(lifts[i]), float(off))
+        for i, off in zip(named, beside, strict=True)
+    )
+    return replace(
+        readings,
+        angles=readings.angles[left],
+        lifts=readings.lifts[left],
+        lines=readings.lines[left],
+        gap=widest_gap(readings.angles[left]),
+        outliers=tuple(outliers),
+    )
+
+
+def _scattered(indices: list[int], count: int) -> bool:
+    """Whether no two readings are neighbours: several in a row are where the law is not smooth."""
+    apart = np.abs(np.subtract.outer(indices, indices))
+    apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
+    return bool(apart.min() >= WINDOW // 2)
+
+
+def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int = 1) -> float:
+    """Return the distance (m) of a reading from the polynomial through six good neighbours.
+
+    Three are on either side, and `stride` readings apart.
+    """
+    ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
+    order = np.argsort(ahead)
+    place = int(np.searchsorted(ahead[order], 0.0))
+    half = (WINDOW // 2) * stride
+    steps = [
+        *range(place - stride, place - half - 1, -stride),
+        *range(place + stride - 1, place + half, stride),
+    ]
+    near = order[np.array(steps) % left.size]
+    return float(readings.lifts[index]) - _through(readings, left[near], index)
+
+
+def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
+    """The lift (m) at a reading's angle of the polynomial through others."""
+    x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
+    lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
+    return float(np.dot(lagrange, readings.lifts[near]))
