@@ -108,6 +108,20 @@ def require_profile(cam: CamConfig, law: Law) -> None:
 
 # Cams with their checks, as `cam-rig profile` gives them.
 
+#: Lifts (m) of the cams that fit on a bench. Others may be right, but are reported.
+USUAL_LIFTS = 1e-4, 0.1
+
+
+def unusual_lift(lift: float) -> list[str]:
+    """Return a sentence on a lift (m) outside of `USUAL_LIFTS`, none for a usual one."""
+    low, high = USUAL_LIFTS
+    if low <= lift <= high:
+        return []
+    return [
+        f"The lift of {lift * 1e3:.4g} mm is outside the usual size of a bench, {low * 1e3:g} to "
+        f"{high * 1e3:g} mm: check its unit."
+    ]
+
 
 @dataclass(frozen=True)
 class CheckedCam:

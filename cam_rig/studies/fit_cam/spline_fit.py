@@ -16,6 +16,7 @@ from cam_rig.laws.bernstein import joined
 from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
 from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
+from cam_rig.profile.cam_checks import unusual_lift
 from cam_rig.schema.segment_base import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_cam.dwells import (
@@ -39,8 +40,6 @@ MARGIN = 2.0
 WIDER = 2.0
 
 
-#: Lifts (m) of the cams that fit on a bench: others are reported.
-USUAL_LIFTS = 1e-4, 0.1
 #: Readings wider apart than this (deg) leave the law between them to the spline.
 WIDE_DEG = 5.0
 #: A reading is named where neighbours too contradict it by so many scatters, or all others do.
@@ -186,12 +185,7 @@ class SplineFit(Result):
             f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
             f"from {readings.angles.size} readings, with {found.knots} knots."
         )
-        if not USUAL_LIFTS[0] <= self.law.lift <= USUAL_LIFTS[1]:
-            yield (
-                f"The lift of {self.law.lift * 1e3:.4g} mm is outside the usual size of a bench, "
-                f"{USUAL_LIFTS[0] * 1e3:g} to {USUAL_LIFTS[1] * 1e3:g} mm: check the unit of the "
-                "table."
-            )
+        yield from unusual_lift(self.law.lift)
         if self.widened:
             yield (
                 f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "

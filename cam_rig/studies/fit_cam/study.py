@@ -68,13 +68,15 @@ class FitRequest:
         for one in readings:
             notes += [f"{one.name}: {note}" for note in (*one.notes, *gap_note(one, arcs))]
         request = self._with_stated_base_radius(tables)
+        is_radius = request.base_radius is None and taken[0][1].is_radius
         if arcs:
+            if is_radius:
+                request = replace(request, base_radius=above_zero(readings[0]).zero)
             return replace(request._arcs(readings), notes=tuple(notes))
         found = fit_spline(readings[0], self.tolerance)
-        radius = request.base_radius
-        if radius is None and taken[0][1].is_radius:
-            radius = found.zero
-            notes.append(f"base radius {radius * 1e3:.6g} mm, the least of the radii")
+        radius = found.zero if is_radius else request.base_radius
+        if is_radius:
+            notes.append(f"base radius {found.zero * 1e3:.6g} mm, the least of the radii")
         return replace(found, notes=tuple(notes), base_radius=radius, valve_train=self.valve_train)
 
     def files(self, found: SplineFit | ArcsFit, name: str) -> CamFiles:

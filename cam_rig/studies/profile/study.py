@@ -10,7 +10,7 @@ from typing import ClassVar
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, LawError, ProfileError
 from cam_rig.laws import build_law
-from cam_rig.profile.cam_checks import CheckedCam
+from cam_rig.profile.cam_checks import CheckedCam, unusual_lift
 from cam_rig.profile.checks import Check
 from cam_rig.schema import load, load_cam
 from cam_rig.schema.cam import CamConfig
@@ -123,6 +123,7 @@ class ProfileResult(Result):
         lines = []
         for one in self.cams:
             lines += [f"{words}{one.cam.name}: {check}" for check in one.failed]
+            lines += [f"{one.cam.name}: {sentence}" for sentence in unusual_lift(one.law.lift)]
             if one.cam.cannot_be_made is not None:
                 lines.append(
                     f"{one.cam.name}: its file says that it cannot be made: "

@@ -1,0 +1,37 @@
+"""Valve events of a law, and the report of an unusual lift."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cam_rig.studies.fit_cam.spline_fit import fit_spline
+from cam_rig.studies.fit_cam.valve_events import ValveTrain, valve_events
+from cam_rig.units import TURN
+
+from .conftest import all_around, in_order
+
+
+@pytest.mark.parametrize(("ratio", "lash"), [(1.0, 0.0), (1.5, 0.25e-3), (1.7, 0.0)])
+@pytest.mark.parametrize("height", [0.15e-3, 1e-3, 1.27e-3, 5e-3])
+def test_events_of_a_harmonic_law_in_closed_form(ratio, lash, height):
+    """The valve has ratio · s - lash, with s = 4 mm (1 - cos θ): it passes h where cos θ says."""
+    fit = fit_spline(in_order(all_around(360), 0.004 * (1.0 - np.cos(all_around(360)))))
+    (event,) = valve_events(fit.law, ValveTrain(ratio, lash, (height,)))
+    opening = math.acos(1.0 - (height + lash) / (0.004 * ratio))
+    assert event.opening == pytest.approx(opening, abs=1e-4)
+    assert event.closing == pytest.approx(TURN - opening, abs=1e-4)
+    assert event.duration == pytest.approx(TURN - 2.0 * opening, abs=1e-4)
+    assert event.lobe_centre == pytest.approx(0.5 * TURN, abs=1e-6)
+
+
+def test_a_height_that_the_valve_does_not_reach_has_no_event():
+    fit = fit_spline(in_order(all_around(360), 0.004 * (1.0 - np.cos(all_around(360)))))
+    assert valve_events(fit.law, ValveTrain(checking_heights=(0.009,))) == ()
+
+
+@pytest.mark.parametrize(("lift", "is_unusual"), [(0.254, True), (5e-5, True), (0.01, False)])
+def test_an_unusual_lift_is_reported(lift, is_unusual):
+    """254 mm are 10 inches: the unit of the table may be wrong."""
+    fit = fit_spline(in_order(all_around(120), 0.5 * lift * (1.0 - np.cos(all_around(120)))))
+    assert any("outside the usual size" in line for line in fit.conclusions()) == is_unusual
