@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -19,6 +19,7 @@ from ezdxf.entities import (
     DXFEntity,
     DXFGraphic,
     Ellipse,
+    Insert,
     Line,
     LWPolyline,
     Polyline,
@@ -57,8 +58,10 @@ ARC_SEGMENTS = 96
 PER_CONTROL_POINT = 16
 #: Points of a curve before its last refinement.
 MAX_POINTS = 1_000_000
-#: Ends of entities that are nearer than this (m) are joined. Programs write 4 to 16 decimals of mm.
-JOIN_DISTANCE = 1e-6
+#: Ends of entities that are nearer than this (m) are joined. Programs write 3 to 16 decimals of mm.
+JOIN_DISTANCE = 5e-6
+#: A closed curve of fewer straight lines is a frame or a keyway, if there are others.
+MIN_LINES = 12
 
 
 @dataclass
@@ -106,8 +109,8 @@ def read_dxf(
     layer
         Only this layer is read, by default all.
     count
-        Number of contours that are wanted. If there are more, those inside of another, such as a
-        bore, are left out.
+        Number of contours that are wanted. If there are more, the frame of the drawing, and
+        those inside of another, such as a bore, are left out.
 
     Raises
     ------
@@ -128,10 +131,12 @@ def read_dxf(
     chains, ends = _chained(loose)
     curves += chains
     if not curves:
-        raise ProfileError(f"{path}: has no closed curve: {_contents(entities, layer)}{ends}")
+        raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}")
     outer = curves if count is None or len(curves) <= count else _outer(curves)
     if len(outer) < len(curves):
-        notes.append(f"closed curves inside of another left out: {len(curves) - len(outer)}")
+        notes.append(
+            f"{len(curves) - len(outer)} closed curves left out: frames, or inside of another"
+        )
     if ends:
         notes.append(f"left out{ends}")
     notes.append(f"unit {unit}; {placement.note()}")
@@ -155,7 +160,8 @@ def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
     try:
         read_bytes(path, MAX_BYTES)  # refuses what is too large, and is no file
         document = ezdxf.readfile(path)
-        every = disassemble.recursive_decompose(document.modelspace())
+        drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
+        every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
         entities = list(islice(every, MAX_ENTITIES + 1))
     except DAMAGE as error:
         words = " ".join(str(error).split())
@@ -260,8 +266,10 @@ def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
     return entered
 
 
-def _outer(curves: list[_Curve]) -> list[_Curve]:
-    """Return the curves that are not inside of another."""
+def _outer(every: list[_Curve]) -> list[_Curve]:
+    """Return the curves that are not inside of another, and are not frames."""
+    shaped = [curve for curve in every if curve.is_exact or len(curve.points) > MIN_LINES]
+    curves = shaped or every
     boxes = [np.array([c.points.min(axis=0), c.points.max(axis=0)]) for c in curves]
     return [
         curve
@@ -270,12 +278,12 @@ def _outer(curves: list[_Curve]) -> list[_Curve]:
     ]
 
 
-def _contents(entities: Iterable[DXFEntity], layer: str | None) -> str:
+def _contents(document: Drawing, layer: str | None) -> str:
     """Return the number of entities of each kind, and what is needed."""
-    counts = Counter(entity.dxftype() for entity in entities)
+    counts = Counter(entity.dxftype() for entity in document.modelspace())
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8)) or "nothing"
-    where = "its model space" if layer is None else f"layer {layer!r}"
+    where = "" if layer is None else f" on layer {layer!r}"
     return (
-        f"{where} has {listed}; allowed: lines, arcs, circles, ellipses, splines and polylines "
-        f"whose ends meet within {JOIN_DISTANCE * 1e3:g} mm."
+        f"its model space has {listed}; allowed{where}: lines, arcs, circles, ellipses, splines "
+        f"and polylines whose ends meet within {JOIN_DISTANCE * 1e3:g} mm."
     )

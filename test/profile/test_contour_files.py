@@ -141,18 +141,20 @@ def test_lines_alone_are_points_of_a_smooth_curve(drawing):
 
 
 def test_a_bore_is_left_out_and_a_layer_selected(drawing):
-    """Closed curves inside of the outline are not contours; two outlines need --layer."""
+    """Curves inside of the outline, frames and dimensions are no contours."""
 
     def draw(document):
         space = document.modelspace()
         space.add_circle((0.0, 0.0), 5.0)
         space.add_ellipse((0, 0), (30.0, 0.0), 2.0 / 3.0, dxfattribs={"layer": "CAM"})
         space.add_circle((100.0, 0.0), 5.0)
+        space.add_lwpolyline([(-99, -99), (200, -99), (200, 99), (-99, 99)], close=True)
+        space.add_linear_dim(base=(0, 50), p1=(-30, 0), p2=(30, 0)).render()
 
     path = drawing(draw)
     found = read_dxf(path, count=2)
-    assert len(read_dxf(path).curves) == 3 and len(found.curves) == 2
-    assert "closed curves inside of another left out: 1" in found.notes
+    assert len(read_dxf(path).curves) == 4 and len(found.curves) == 2
+    assert "2 closed curves left out: frames, or inside of another" in found.notes
     assert len(read_dxf(path, layer="CAM").curves) == 1
     with pytest.raises(ProfileError, match=r"has no layer 'X'; allowed: 0, CAM"):
         read_dxf(path, layer="X")
