@@ -1,4 +1,4 @@
-"""The files of a bag: their names, which ones count, and how a new file replaces an old one.
+"""Names of the files of a bag, their integrity, and how a new file replaces an old one.
 
 A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so on as well.
 
@@ -17,7 +17,6 @@ import re
 import sqlite3
 import struct
 import zlib
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -35,8 +34,6 @@ METADATA = "metadata.yaml"
 PART = ".part"
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-#: A file of a bag that may be split: the bag's name, the file's number.
-NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
 #: What a bag is, for the error that refuses something else.
 ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
 
@@ -59,12 +56,6 @@ def part_of(file: Path) -> Path:
     return file.with_name(file.name + PART)
 
 
-def number_of(file: Path) -> int:
-    """The number of a file in its bag; 0 for one that is named otherwise."""
-    match = NUMBERED.fullmatch(file.name)
-    return int(match[2]) if match else 0
-
-
 def is_closed(file: Path) -> bool:
     """Whether an MCAP file was written to its end."""
     with file.open("rb") as stream:
@@ -81,31 +72,6 @@ def is_unclosed(bag: Path) -> bool:
     """Whether a recording was begun here and not closed, or its recovery was not finished."""
     files = bag_files(bag)
     return bool(files) and not (all(map(is_closed, files)) and (bag / METADATA).exists())
-
-
-def mcap_files(bag: Path) -> list[Path]:
-    """The MCAP files of a bag's folder, in their order; one that is named stands alone."""
-    require_a_bag(bag)
-    files = in_order(bag.glob("*.mcap")) if bag.is_dir() else [bag]
-    if not files:
-        raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
-    return files
-
-
-def in_order(files: Iterable[Path]) -> list[Path]:
-    """The files of a bag, by the numbers at the end of their names."""
-    found = sorted(files, key=lambda file: (len(file.name), file.name))
-    numbered = [match for file in found if (match := NUMBERED.fullmatch(file.name))]
-    names = {match[1] for match in numbered}
-    if len(numbered) == len(found) and len(names) == 1:
-        numbers = {int(match[2]) for match in numbered}
-        missing = [number for number in range(min(numbers), max(numbers)) if number not in numbers]
-        if missing:
-            raise BagError(
-                f"{found[0].parent}: {names.pop()}_{missing[0]}{found[0].suffix} is missing, with "
-                f"later files there; put it back, or name one file instead of the folder"
-            )
-    return found
 
 
 def require_a_bag(path: Path) -> None:

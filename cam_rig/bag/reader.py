@@ -11,7 +11,9 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.bag.files import UNREADABLE, damaged, in_order, is_closed, require_a_bag
+from cam_rig.bag.files import UNREADABLE, damaged, is_closed, require_a_bag
+from cam_rig.bag.listing import list_files, require_agreement
+from cam_rig.bag.mcap_file import McapFile
 from cam_rig.bag.partial_reader import recovered_words, unpack
 from cam_rig.bag.records import require_bounded, require_plain
 from cam_rig.dynamics import ANGLE_TOLERANCE
@@ -25,6 +27,9 @@ from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
+
+#: A reader of one file: both have connections and messages(connections).
+BagReader = McapFile | Reader
 
 
 def messages(
@@ -77,22 +82,24 @@ def raw_messages(
         raise damaged(bag, error) from None
 
 
-def readers(bag: Path) -> Iterator[Reader]:
-    """A reader of each file in turn; none takes more memory than its file's size warrants."""
+def readers(bag: Path) -> Iterator[BagReader]:
+    """Yield a reader of each file in turn.
+
+    No reader takes more memory than its file's size warrants.
+    """
     try:
         for file in _sources(bag):
-            with Reader(file) as reader:
+            with McapFile(file) if file.suffix == ".mcap" else Reader(file) as reader:
                 yield reader
     except UNREADABLE as error:
         raise damaged(bag, error) from None
 
 
-def _sources(bag: Path) -> list[Path]:
-    found = [bag]
+def _sources(bag: Path) -> tuple[Path, ...]:
     if bag.is_dir():
         require_plain(bag)
-        found = in_order([*bag.glob("*.mcap"), *bag.glob("*.db3")])
-    for file in found:
+    listing = list_files(bag)
+    for file in listing.files:
         if file.suffix == ".mcap":
             if not is_closed(file):
                 require_a_bag(bag)
@@ -101,12 +108,13 @@ def _sources(bag: Path) -> list[Path]:
                     f"Ctrl-C, or was killed; then recover it with: cam-rig recover {bag}"
                 )
             require_bounded(file)
-    if not found:
+    if not listing.files:
         raise ValueError("has neither an .mcap nor a .db3 file")
-    return found
+    require_agreement(bag, listing)
+    return listing.files
 
 
-def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
+def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
     """The namespace of the rig in a bag, "/rig1" or empty; ``rigs`` grows by those of this file."""
     rigs |= _rigs(reader)
     if len(rigs) > 1:
@@ -117,7 +125,7 @@ def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
     return next(iter(rigs), "")
 
 
-def _rigs(reader: Reader) -> set[str]:
+def _rigs(reader: BagReader) -> set[str]:
     names = {connection.topic for connection in reader.connections}
     cams = {name for name in names if recorded_topic(name) is topics.CAM_STATE}
     return {name.removesuffix(topics.CAM_STATE.name) for name in cams}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mcap.records import Attachment
@@ -18,11 +18,10 @@ from cam_rig.bag.files import (
     bag_files,
     is_closed,
     is_unclosed,
-    mcap_files,
-    number_of,
     part_of,
     require_new_bag,
 )
+from cam_rig.bag.listing import list_files, mcap_files, number_of, require_order
 from cam_rig.bag.partial_reader import RECOVERED, PartialReader
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.writer import BagWriter
@@ -41,6 +40,10 @@ class Recovered:
     last_ns: int
     readers: tuple[PartialReader, ...]
     loss: Loss
+    #: Messages of a file that metadata.yaml lists and the file has not, by name.
+    fewer: dict[str, int] = field(default_factory=dict)
+    #: The files that are ignored, a sentence each.
+    notes: tuple[str, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -51,18 +54,23 @@ class Recovered:
     def sound(self) -> bool:
         """Whether everything is there that was recorded."""
         damaged = any(reader.damaged for reader in self.readers)
-        return self.whole and not (damaged or self.loss.gaps)
+        return self.whole and not (damaged or self.loss.gaps or self.fewer)
 
     @property
     def words(self) -> str:
         """Recovered and missing, in words."""
         messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
         parts = [messages, self._missing(), self.loss.ends]
+        parts += [
+            f"{name} has {count} messages fewer than {METADATA} lists"
+            for name, count in self.fewer.items()
+        ]
         for reader in self.readers:
             found = _damage(reader)
             if found and len(self.readers) > 1:
                 found[0] = f"in {reader.file.name}: {found[0]}"
             parts += found
+        parts += [note.rstrip(".") for note in self.notes]
         return "; ".join(part for part in parts if part)
 
     def _missing(self) -> str:
@@ -108,10 +116,13 @@ def recover_in_place(bag: Path) -> Recovered:
     wrong = [file for file in copying.files if not is_closed(file)]
     wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing
     try:
-        others = [copying.read(file) for file in copying.files if file not in wrong]
+        # Files that are not recovered yet are listed without messages: a kill leaves them listed.
+        contents = {file: copying.empty(file) for file in wrong}
+        contents |= {file: copying.read(file) for file in copying.files if file not in wrong}
         for file in wrong:
+            others = [content for other, content in contents.items() if other != file]
             with BagWriter(bag, rewrite=True, number=number_of(file), others=others) as writer:
-                others.append(copying.read(file, writer))
+                contents[file] = copying.read(file, writer)
                 if file is wrong[-1]:
                     saved = copying.result(writer)
     except BagError as error:
@@ -158,15 +169,20 @@ class Recovery:
 
     def __init__(self, bag: Path) -> None:
         self.files = mcap_files(bag)
+        self._listing = list_files(bag)
+        require_order(bag, self._listing)
         self._bag, self._holdings = bag, Holdings()
         self._readers: dict[Path, PartialReader] = {}
         self._contents: dict[Path, FileContent] = {}
 
+    def empty(self, file: Path) -> FileContent:
+        """Return the content of a file of which nothing was read yet."""
+        return FileContent(bag_file(self._bag, number_of(file)).name)
+
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:
         """Copy what a file holds into a bag's own file; without one, only count it."""
         reader = self._readers[file] = PartialReader(file)
-        content = FileContent(bag_file(self._bag, number_of(file)).name)
-        self._contents[file] = content
+        content = self._contents[file] = self.empty(file)
         empty = len(self.files) == 1
         for record in reader.records():
             empty = False
@@ -199,7 +215,14 @@ class Recovery:
             scene = read_scene(self._bag).scene
         loss = loss_of(self._holdings, scene, whole, ours)
         whole_bag = together(self._contents.values())
-        saved = Recovered(whole_bag.counts, whole_bag.last, readers, loss)
+        listed, found = self._listing.extents, self._contents
+        fewer = {
+            file.name: listed[file.name].messages - found[file].total
+            for file in self.files
+            if file.name in listed and listed[file.name].messages > found[file].total
+        }
+        notes = self._listing.notes
+        saved = Recovered(whole_bag.counts, whole_bag.last, readers, loss, fewer, notes)
         if writer is not None and not saved.sound:
             writer.attach(RECOVERED, saved.words.encode())
         return saved
