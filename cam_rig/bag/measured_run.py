@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.bag.foreign_topics import EXAMPLE, MappedField, forward_turns, read_fields, topic_list
+from cam_rig.bag.foreign_topics import EXAMPLE, MappedField
+from cam_rig.bag.partial_reader import recovered_words
 from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of
+from cam_rig.bag.readings import read_signals, topic_list
+from cam_rig.bag.times import duration_words, time_words
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
@@ -37,13 +40,15 @@ def read_measured(
     """Read what was measured of one cam; a bag of the rig itself needs no ``mapping``."""
     if mapping is None:
         return _own(bag, cam, own_namespace(bag, namespace))
-    signals, begin_ns, notes = read_fields(bag, mapping)
-    angle, turning = forward_turns(signals["angle"], f"{bag}: {signals['angle'].source}")
-    signals["angle"] = angle
+    measured = read_signals(bag, mapping)
+    signals, begin_ns = measured.signals, measured.begin_ns
+    notes = [*recovered_words(bag), *measured.notes]
     for name, signal in signals.items():
-        _require_overlap(bag, name, signal, angle)
+        _require_overlap(bag, name, signal, signals["angle"], begin_ns)
         notes += _gap_words(name, signal)
-    return MeasuredRun(bag, cam or "", **signals, notes=tuple(notes + turning), begin_ns=begin_ns)
+    return MeasuredRun(
+        bag, cam or "", **signals, notes=tuple(notes), begin_ns=begin_ns, counts=measured.counts
+    )
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:
@@ -110,14 +115,16 @@ def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
     return Signal(time, level, f"{namespace}{topics.PRESSURE.name}")
 
 
-def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal) -> None:
+def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal, begin_ns: int) -> None:
     if signal.time[0] < angle.time[-1] and angle.time[0] < signal.time[-1]:
         return
+    ends = [
+        time_words(float(one.time[place]), begin_ns) for one in (signal, angle) for place in (0, -1)
+    ]
     raise BagError(
-        f"{bag}: {name} of {signal.source} is from {signal.time[0]:.6g} to "
-        f"{signal.time[-1]:.6g} s, the angle from {angle.time[0]:.6g} to {angle.time[-1]:.6g} s; "
-        "allowed: of one time (if the stamps are of two clocks, put @bag behind an item: the time "
-        "of the bag)"
+        f"{bag}: {name} of {signal.source} is from {ends[0]} to {ends[1]}, the angle from "
+        f"{ends[2]} to {ends[3]}; allowed: of one time (if the stamps are of two clocks, put @bag "
+        "behind an item: the time of the bag)"
     )
 
 
@@ -128,6 +135,7 @@ def _gap_words(name: str, signal: Signal) -> list[str]:
     longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
     count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
     return [
-        f"{name}: {count} in the readings, the longest of {longest[1] - longest[0]:.3g} s from "
-        f"{longest[0]:.6g} s on; nothing is put in their place."
+        f"{name}: {count} in the readings, the longest of "
+        f"{duration_words(float(longest[1] - longest[0]))} from {longest[0]:.6g} s on; nothing is "
+        "put in their place."
     ]
