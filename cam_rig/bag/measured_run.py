@@ -10,8 +10,8 @@ import numpy as np
 from cam_rig.acoustics import level_db
 from cam_rig.bag.foreign_topics import EXAMPLE, MappedField
 from cam_rig.bag.partial_reader import recovered_words
-from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of
-from cam_rig.bag.readings import read_signals, topic_list
+from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of, topic_list
+from cam_rig.bag.readings import read_signals
 from cam_rig.bag.times import duration_words, time_words
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag.files import UNREADABLE, damaged, is_closed, require_a_bag
+from cam_rig.bag.foreign_topics import EXAMPLE
 from cam_rig.bag.listing import list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
 from cam_rig.bag.partial_reader import recovered_words, unpack
@@ -28,6 +30,8 @@ from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
 
+#: The encoding of ROS 2 messages.
+CDR = "cdr"
 #: A reader of one file: both have connections and messages(connections).
 BagReader = McapFile | Reader
 
@@ -136,6 +140,42 @@ def rigs_of(bag: Path) -> list[str]:
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
+def topics_of(bag: Path) -> dict[str, Connection]:
+    """Return the topics of a bag that have messages, by name."""
+    found = {
+        connection.topic: connection
+        for reader in readers(bag)
+        for connection in reader.connections
+        if connection.msgcount
+    }
+    return dict(sorted(found.items()))
+
+
+def topic_list(bag: Path) -> str:
+    """Return the topics of a bag with their types, for an error."""
+    there = topics_of(bag).values()
+    return ", ".join(f"{one.topic} [{_kind(one)}]" for one in there) or "no messages"
+
+
+def _kind(connection: Connection) -> str:
+    encoding = encoding_of(connection)
+    return connection.msgtype if encoding == CDR else f"{connection.msgtype}, {encoding}"
+
+
+def encoding_of(connection: Connection) -> str:
+    """Return the encoding of the messages of a topic."""
+    return str(getattr(connection.ext, "serialization_format", CDR))
+
+
+def require_rig(bag: Path) -> None:
+    """Refuse a bag of another program; cam-rig compare can read it."""
+    if not rigs_of(bag) and topics_of(bag):
+        raise BagError(
+            f"{bag}: is not a recording of cam_rig, and holds {topic_list(bag)}; compare it with a "
+            f"scene by: cam-rig compare {shlex.quote(str(bag))} SCENE --topics '{EXAMPLE}'"
+        )
+
+
 def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
     """What a recovery says may be wrong in a bag, and whether it has fewer ticks than its scene."""
     planned = tick_count(loaded.scene)
@@ -188,8 +228,14 @@ def read_counts(bag: Path) -> dict[str, int]:
     return dict(sorted(counts.items()))
 
 
+def scene_of(bag: Path, scene: Path | None = None) -> LoadedScene:
+    """Return the scene of a recording of the rig: a file if given, else the attached scene."""
+    require_rig(bag)
+    return read_scene(bag) if scene is None else open_scene(scene)
+
+
 def read_scene(bag: Path) -> LoadedScene:
-    """The scene with its cams, rig and published curves as they were attached."""
+    """Return the scene with its cams, rig and published curves as they were attached."""
     with temporary_folder() as folder:
         scene = unpack(bag, folder)
         try:

@@ -18,7 +18,7 @@ from cam_rig.bag.files import UNREADABLE, damaged
 from cam_rig.bag.foreign_topics import MappedField
 from cam_rig.bag.message_fields import number_at, only_field
 from cam_rig.bag.message_types import integer_span, types_of
-from cam_rig.bag.reader import readers
+from cam_rig.bag.reader import CDR, encoding_of, readers, topic_list, topics_of
 from cam_rig.bag.turn_counting import Counter, count_turns
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.simulation.instruments import ReadingCount, Signal
@@ -26,8 +26,6 @@ from cam_rig.units import NS, FloatArray
 
 #: Readings of one quantity, at most: each takes 24 bytes.
 MAX_READINGS = 20_000_000
-#: The serialization of ROS 2 messages.
-CDR = "cdr"
 
 
 @dataclass
@@ -221,37 +219,8 @@ def _sentences(
     return [*lines, *turning]
 
 
-# The topics of a bag.
-
-
-def topics_of(bag: Path) -> dict[str, Connection]:
-    """Return the topics of a bag that have messages, by name."""
-    found = {
-        connection.topic: connection
-        for reader in readers(bag)
-        for connection in reader.connections
-        if connection.msgcount
-    }
-    return dict(sorted(found.items()))
-
-
-def topic_list(bag: Path) -> str:
-    """Return the topics of a bag with their types, for an error."""
-    there = topics_of(bag).values()
-    return ", ".join(f"{one.topic} [{_kind(one)}]" for one in there) or "no messages"
-
-
-def _kind(connection: Connection) -> str:
-    encoding = _encoding(connection)
-    return connection.msgtype if encoding == CDR else f"{connection.msgtype}, {encoding}"
-
-
-def _encoding(connection: Connection) -> str:
-    return str(getattr(connection.ext, "serialization_format", CDR))
-
-
 def _require_cdr(bag: Path, source: MappedField, connection: Connection) -> None:
-    if (encoding := _encoding(connection)) != CDR:
+    if (encoding := encoding_of(connection)) != CDR:
         raise BagError(
             f"{bag}: {source.quantity}: {connection.topic} has messages encoded as "
             f"{encoding or 'unknown'}; allowed: {CDR}, as of ROS 2, so name another topic"

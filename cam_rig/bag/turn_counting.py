@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.errors import BagError
-from cam_rig.simulation.instruments import Signal
+from cam_rig.simulation.instruments import EQUAL, Signal
 from cam_rig.units import TURN, FloatArray
 
 #: An angle within one turn may exceed it by this factor: rounding.
@@ -23,6 +23,10 @@ WINDOW = 15
 MIN_WRONG = TURN / 50.0
 #: Scatter of the steps (standard deviations) that is not reported as wrong.
 MAX_SCATTER = 8.0
+#: Quantile of the steps that are not 0: the count of a coarse encoder, else a slow step.
+SMALL_STEPS = 0.05
+#: Such counts that are not reported as wrong: two readings are rounded.
+MAX_COUNTS = 2.0
 #: Standard deviation of a normal distribution in its median absolute deviations.
 MAD_SIGMA = 1.4826
 #: A step this many times as long as usual is a gap, in which the cam may have turned any angle.
@@ -87,7 +91,7 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
         value = np.unwrap(value, period=steps.period)
         first = float(time[int(np.argmax(wraps)) + 1])
         notes.append(_period_words(steps.period, first, counter))
-        if len(Signal(time, value).gaps()):
+        if len(angle.gaps()):
             notes.append("Whole turns within a gap of the angle are not known.")
     if value[-1] < value[0]:
         value = -value
@@ -153,11 +157,17 @@ class _Steps:
             for values in (self.step, self.step / interval)
         )
         spread = median_filter(np.abs(self.step - step), size, mode="nearest")
-        near = np.arange(step.size)
-        self._before = np.maximum(near - size // 2 - 1, 0)
-        self._after = np.minimum(near + size // 2 + 1, step.size - 1)
+        # Windows within the readings: beyond, the first or the last step would count often.
+        half, near = size // 2, np.arange(step.size)
+        inside = [np.clip(near + shift, half, step.size - 1 - half) for shift in (-half - 1, 0)]
+        self._before, middle = inside
+        self._after = np.clip(near + half + 1, half, step.size - 1 - half)
+        spread = spread[middle]
         self._usual, self._rate = step, rate
-        self._tolerance = MIN_WRONG + np.abs(step) + MAX_SCATTER * MAD_SIGMA * spread
+        moves = np.abs(self.step)[np.abs(self.step) > EQUAL]
+        count = float(np.quantile(moves, SMALL_STEPS)) if moves.size else 0.0
+        least = MIN_WRONG + MAX_COUNTS * count
+        self._tolerance = least + np.abs(step[middle]) + MAX_SCATTER * MAD_SIGMA * spread
         self.scatter = MAD_SIGMA * spread
         self.gap = interval > GAP * np.median(interval)
 

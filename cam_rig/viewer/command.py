@@ -169,12 +169,11 @@ def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
     """Write a bag as a Rerun recording; gives the rig time (s) from which it is played."""
-    from cam_rig.bag.reader import read_counts, read_scene, shortcomings
+    from cam_rig.bag.reader import read_counts, scene_of, shortcomings
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
-    from cam_rig.simulation.scene import open_scene
     from cam_rig.viewer.recording import save_recording
 
-    loaded = open_scene(scene) if scene else read_scene(bag)
+    loaded = scene_of(bag, scene)
     ticks = read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)
     say(*shortcomings(bag, loaded, ticks))
     with make_progress_bar() as bar:
