@@ -12,7 +12,15 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from cam_rig.bag.files import DAMAGE, METADATA, is_closed, require_a_bag
+from cam_rig.bag.files import (
+    DAMAGE,
+    METADATA,
+    SQLITE,
+    is_closed,
+    require_a_bag,
+    sqlite_files,
+    sqlite_remedy,
+)
 from cam_rig.bag.mcap_file import read_summary
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.files import MIB, read_bytes
@@ -20,7 +28,7 @@ from cam_rig.files import MIB, read_bytes
 #: A file of a bag that may be split: the bag's name, the file's number.
 NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
 #: Endings of the storage files of rosbag2.
-STORAGE = (".mcap", ".db3")
+STORAGE = (".mcap", SQLITE)
 #: Largest metadata.yaml that is read, bytes: more than 100 000 files of a bag need.
 MAX_METADATA = 64 * MIB
 
@@ -151,7 +159,12 @@ def number_of(file: Path) -> int:
 def mcap_files(bag: Path) -> list[Path]:
     """Return the MCAP files of a bag in their order."""
     require_a_bag(bag)
-    files = [file for file in list_files(bag).files if file.suffix == ".mcap" or file == bag]
+    files = [file for file in list_files(bag).files if file.suffix == ".mcap"]
+    if not files and (other := sqlite_files(bag)):
+        raise BagError(
+            f"{bag}: has SQLite files only, allowed here: MCAP; of a damaged file, "
+            f"{sqlite_remedy(bag, other[0])}"
+        )
     if not files:
         raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
     return files
@@ -206,7 +219,7 @@ def _require_order(bag: Path, listing: Listing, actual: dict[str, Extent | None]
 
 def _extent(file: Path) -> Extent | None:
     """Return number and first log time (ns) of a file's messages; None if it does not say."""
-    if file.suffix == ".db3":
+    if file.suffix == SQLITE:
         with closing(sqlite3.connect(f"file:{file}?immutable=1", uri=True)) as database:
             count, start = database.execute(
                 "SELECT COUNT(*), MIN(timestamp) FROM messages"

@@ -20,6 +20,9 @@ from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray
 
+#: Duration (s) from which on a gap is called a pause: no lost message, but a stopped recording.
+MIN_PAUSE_S = 10.0
+
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
     """The states of the cam in the order of the bag."""
@@ -133,9 +136,9 @@ def _gap_words(name: str, signal: Signal) -> list[str]:
     if not len(gaps):
         return []
     longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
+    length = float(longest[1] - longest[0])
+    words = f"{duration_words(length)} from {longest[0]:.6g} s on; nothing is put in their place."
+    if len(gaps) == 1 and length >= MIN_PAUSE_S:
+        return [f"{name}: the readings pause for {words}"]
     count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
-    return [
-        f"{name}: {count} in the readings, the longest of "
-        f"{duration_words(float(longest[1] - longest[0]))} from {longest[0]:.6g} s on; nothing is "
-        "put in their place."
-    ]
+    return [f"{name}: {count} in the readings, the longest of {words}"]

@@ -11,7 +11,7 @@ from pathlib import Path
 from mcap.records import Attachment
 
 from cam_rig.bag.completeness import Holdings, Loss, loss_of
-from cam_rig.bag.file_writer import FileContent, together
+from cam_rig.bag.file_writer import NEVER, FileContent, together
 from cam_rig.bag.files import (
     METADATA,
     bag_file,
@@ -24,9 +24,11 @@ from cam_rig.bag.files import (
 from cam_rig.bag.listing import list_files, mcap_files, number_of, require_order
 from cam_rig.bag.partial_reader import RECOVERED, PartialReader
 from cam_rig.bag.reader import read_counts, read_scene
+from cam_rig.bag.times import DATE_FROM_S, time_words
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
+from cam_rig.units import NS
 
 #: The report on a recording without any message.
 NOTHING_RECORDED = "nothing was recorded"
@@ -40,6 +42,8 @@ class Recovered:
     last_ns: int
     readers: tuple[PartialReader, ...]
     loss: Loss
+    #: Time (ns) from which printed times count: 0 for rig time, the start of a bag in wall time.
+    origin_ns: int = 0
     #: Messages of a file that metadata.yaml lists and the file has not, by name.
     fewer: dict[str, int] = field(default_factory=dict)
     #: The files that are ignored, a sentence each.
@@ -59,44 +63,46 @@ class Recovered:
     @property
     def words(self) -> str:
         """Recovered and missing, in words."""
-        messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
+        messages = f"{sum(self.counts.values())} messages to {self._time_words(self.last_ns)} saved"
         parts = [messages, self._missing(), self.loss.ends]
         parts += [
             f"{name} has {count} messages fewer than {METADATA} lists"
             for name, count in self.fewer.items()
         ]
         for reader in self.readers:
-            found = _damage(reader)
+            found = self._damage(reader)
             if found and len(self.readers) > 1:
                 found[0] = f"in {reader.file.name}: {found[0]}"
             parts += found
         parts += [note.rstrip(".") for note in self.notes]
         return "; ".join(part for part in parts if part)
 
+    def _time_words(self, time_ns: int) -> str:
+        return time_words((time_ns - self.origin_ns) / NS)
+
+    def _damage(self, found: PartialReader) -> list[str]:
+        words = list[str]()
+        if found.cut:
+            words.append(f"{found.cut} of the saved are from a truncated chunk")
+        if found.damaged:
+            words.append(f"damaged records: {found.damaged}, first: {found.why}")
+        if found.doubt is not None:
+            begin, end = found.doubt
+            words.append(
+                f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
+                f"{self._time_words(begin)} to {self._time_words(end)}"
+            )
+        if found.unread:
+            words.append(f"{found.unread} bytes could not be read")
+        return words
+
     def _missing(self) -> str:
         gaps = [self.loss.words] if self.loss.gaps else []
         if self.loss.open_end:
-            gaps.append(f"everything after {self.last_ns / 1e9:.6g} s")
+            gaps.append(f"everything after {self._time_words(self.last_ns)}")
         if gaps:
             return f"missing: {', and '.join(gaps)}"
         return "nothing lost" if self.sound else "no tick is missing"
-
-
-def _damage(found: PartialReader) -> list[str]:
-    words = list[str]()
-    if found.cut:
-        words.append(f"{found.cut} of the saved are from a truncated chunk")
-    if found.damaged:
-        words.append(f"damaged records: {found.damaged}, first: {found.why}")
-    if found.doubt is not None:
-        begin, end = found.doubt
-        words.append(
-            f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
-            f"{begin / 1e9:.6g} s to {end / 1e9:.6g} s"
-        )
-    if found.unread:
-        words.append(f"{found.unread} bytes could not be read")
-    return words
 
 
 def recover(bag: Path, target: Path) -> Recovered:
@@ -221,8 +227,10 @@ class Recovery:
             for file in self.files
             if file.name in listed and listed[file.name].messages > found[file].total
         }
-        notes = self._listing.notes
-        saved = Recovered(whole_bag.counts, whole_bag.last, readers, loss, fewer, notes)
+        origin = whole_bag.first if DATE_FROM_S * NS < whole_bag.first < NEVER else 0
+        saved = Recovered(
+            whole_bag.counts, whole_bag.last, readers, loss, origin, fewer, self._listing.notes
+        )
         if writer is not None and not saved.sound:
             writer.attach(RECOVERED, saved.words.encode())
         return saved

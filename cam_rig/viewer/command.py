@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, printable
 from cam_rig.show.command import LOG_PERIOD_S, SceneOfBag, command, make_progress_bar
 from cam_rig.show.terminal import console, say
 from cam_rig.viewer import Layout, ViewOptions
@@ -177,7 +177,7 @@ def convert(
     ticks = read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)
     say(*shortcomings(bag, loaded, ticks))
     with make_progress_bar() as bar:
-        task = bar.add_task(bag.name, total=ticks)
+        task = bar.add_task(printable(bag.name), total=ticks)
         begin = save_recording(
             bag,
             path,
@@ -186,5 +186,5 @@ def convert(
             overwrite=force,
             on_tick=lambda: bar.advance(task),
         )
-    console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
+    say(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
     return begin
