@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +21,7 @@ from cam_rig.bag.files import (
     sqlite_remedy,
 )
 from cam_rig.bag.mcap_file import read_summary
+from cam_rig.bag.sqlite_file import SqliteFile
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.files import MIB, read_bytes
 
@@ -220,11 +220,8 @@ def _require_order(bag: Path, listing: Listing, actual: dict[str, Extent | None]
 def _extent(file: Path) -> Extent | None:
     """Return number and first log time (ns) of a file's messages; None if it does not say."""
     if file.suffix == SQLITE:
-        with closing(sqlite3.connect(f"file:{file}?immutable=1", uri=True)) as database:
-            count, start = database.execute(
-                "SELECT COUNT(*), MIN(timestamp) FROM messages"
-            ).fetchone()
-        return Extent(count, start or 0)
+        with SqliteFile(file) as database:
+            return Extent(database.message_count, database.start_ns)
     if not is_closed(file):
         return None
     with file.open("rb") as stream:

@@ -91,7 +91,7 @@ def _keep(
 
 
 class McapFile:
-    """A closed MCAP file; a context manager with the interface of the readers of rosbags."""
+    """A closed MCAP file; a context manager."""
 
     def __init__(self, file: Path) -> None:
         self.connections: list[Connection] = []

@@ -51,10 +51,10 @@ def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
 
 
 def numeric_fields(message: Any, before: str = "") -> Iterator[str]:
-    """Yield the paths of all numbers of a message, without those of its header."""
+    """Yield the paths of all numbers of a message, without those of its header or stamp."""
     for name in getattr(message, "__dataclass_fields__", {}):
         value, path = getattr(message, name), f"{before}{name}"
-        if name.startswith("_") or path == "header":
+        if name.startswith("_") or path in ("header", "stamp"):
             continue
         if hasattr(value, "__dataclass_fields__"):
             yield from numeric_fields(value, f"{path}.")

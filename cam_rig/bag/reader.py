@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.bag.files import UNREADABLE, damaged, is_closed, require_a_bag
+from cam_rig.bag.files import SQLITE, UNREADABLE, damaged, is_closed, require_a_bag
 from cam_rig.bag.foreign_topics import EXAMPLE
 from cam_rig.bag.listing import list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
 from cam_rig.bag.partial_reader import recovered_words, unpack
 from cam_rig.bag.records import require_bounded, require_plain
+from cam_rig.bag.sqlite_file import SqliteFile
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
@@ -33,7 +33,7 @@ from cam_rig.units import NS, FloatArray
 #: The encoding of ROS 2 messages.
 CDR = "cdr"
 #: A reader of one file: both have connections and messages(connections).
-BagReader = McapFile | Reader
+BagReader = McapFile | SqliteFile
 
 
 def messages(
@@ -93,7 +93,7 @@ def readers(bag: Path) -> Iterator[BagReader]:
     """
     try:
         for file in _sources(bag):
-            with McapFile(file) if file.suffix == ".mcap" else Reader(file) as reader:
+            with SqliteFile(file) if file.suffix == SQLITE else McapFile(file) as reader:
                 yield reader
     except UNREADABLE as error:
         raise damaged(bag, error) from None

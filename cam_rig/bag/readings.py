@@ -48,8 +48,7 @@ class _Readings:
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:
         """Note the number of a message; without the joint or the field it is no reading."""
-        stamp = getattr(getattr(message, "header", None), "stamp", None)
-        ns = 0 if stamp is None else max(0, int(stamp.sec) * NS + int(stamp.nanosec))
+        ns = _stamp_ns(message)
         self.messages += 1
         self.has_stamps |= ns > 0
         try:
@@ -111,6 +110,14 @@ class _Readings:
         if doubled := int(np.count_nonzero(~first)):
             notes.append(f"{what}: {doubled} of the stamps are doubled: the first is kept.")
         return times[first], values[first], notes
+
+
+def _stamp_ns(message: Any) -> int:
+    """Return the time (ns) of a message by its header, or by its field stamp; 0 without one."""
+    stamp = getattr(getattr(message, "header", message), "stamp", None)
+    if stamp is None or not hasattr(stamp, "sec"):
+        return 0
+    return max(0, int(stamp.sec) * NS + int(stamp.nanosec))
 
 
 @dataclass(frozen=True, eq=False)
