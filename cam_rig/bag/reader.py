@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag.files import SQLITE, UNREADABLE, damaged, is_closed, require_a_bag
 from cam_rig.bag.foreign_topics import EXAMPLE
-from cam_rig.bag.listing import list_files, require_agreement
+from cam_rig.bag.listing import STORAGE, list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
 from cam_rig.bag.partial_reader import recovered_words, unpack
 from cam_rig.bag.records import require_bounded, require_plain
@@ -104,7 +104,9 @@ def _sources(bag: Path) -> tuple[Path, ...]:
         require_plain(bag)
     listing = list_files(bag)
     for file in listing.files:
-        if file.suffix == ".mcap":
+        if file.suffix not in STORAGE:
+            require_a_bag(bag)
+        elif file.suffix != SQLITE:
             if not is_closed(file):
                 require_a_bag(bag)
                 raise BagError(

@@ -182,7 +182,7 @@ def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
     bag = own_bag(tmp_path, StoragePlugin.SQLITE3, monkeypatch)
     with sqlite3.connect(bag / "own.db3") as database:
         database.execute("DELETE FROM message_definitions")
-    with pytest.raises(BagError, match="/state is of type bench_msgs/msg/State, which .*no def"):
+    with pytest.raises(BagError, match=r"/state is of type bench_msgs/msg/State, which .*no def"):
         read_signals(bag, parse_topics(OWN_LINE))
 
 
