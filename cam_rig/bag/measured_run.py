@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.bag.foreign_topics import EXAMPLE, MappedField
+from cam_rig.bag.foreign.readings import read_signals
+from cam_rig.bag.foreign.topic_line import EXAMPLE, MappedField
 from cam_rig.bag.partial_reader import recovered_words
 from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of, topic_list
-from cam_rig.bag.readings import read_signals
-from cam_rig.bag.times import duration_words, time_words
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, FloatArray
+from cam_rig.units import NS, FloatArray, duration_words, time_words
 
 #: Duration (s) from which on a gap is called a pause: no lost message, but a stopped recording.
 MIN_PAUSE_S = 10.0

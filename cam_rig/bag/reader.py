@@ -12,7 +12,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag.files import SQLITE, UNREADABLE, damaged, is_closed, require_a_bag
-from cam_rig.bag.foreign_topics import EXAMPLE
+from cam_rig.bag.foreign.topic_line import EXAMPLE
 from cam_rig.bag.listing import STORAGE, list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
 from cam_rig.bag.partial_reader import recovered_words, unpack

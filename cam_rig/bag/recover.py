@@ -24,11 +24,10 @@ from cam_rig.bag.files import (
 from cam_rig.bag.listing import list_files, mcap_files, number_of, require_order
 from cam_rig.bag.partial_reader import RECOVERED, PartialReader
 from cam_rig.bag.reader import read_counts, read_scene
-from cam_rig.bag.times import DATE_FROM_S, time_words
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
-from cam_rig.units import NS
+from cam_rig.units import DATE_FROM_S, NS, time_words
 
 #: The report on a recording without any message.
 NOTHING_RECORDED = "nothing was recorded"

@@ -288,7 +288,7 @@ def _measured(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
 ) -> RunComparison:
     with libraries_named():
-        from cam_rig.bag.foreign_topics import parse_topics
+        from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured
 
     mapping = parse_topics(topics)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.bag.turn_counting import Counter, count_turns
+from cam_rig.bag.foreign.turns import Counter, count_turns
 from cam_rig.errors import BagError
 from cam_rig.simulation.instruments import Signal
 from cam_rig.units import TURN

@@ -10,14 +10,14 @@ from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cam_rig.bag.foreign_topics import parse_topics
+from cam_rig.bag.foreign.readings import read_signals
+from cam_rig.bag.foreign.topic_line import parse_topics
 from cam_rig.bag.measured_run import read_measured
-from cam_rig.bag.readings import read_signals
 from cam_rig.errors import BagError
 from cam_rig.units import NS, TURN
 
-from .. import foreign_bags
-from ..foreign_bags import BEGIN, TYPES, header, joint, number, wrench, write_bag
+from ... import foreign_bags
+from ...foreign_bags import BEGIN, TYPES, header, joint, number, wrench, write_bag
 
 TIME = np.arange(500) / 250.0
 ANGLE = TURN * 2.0 * TIME

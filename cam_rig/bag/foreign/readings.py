@@ -15,11 +15,11 @@ from rosbags.typesys.store import Typestore
 
 from cam_rig.acoustics import level_db
 from cam_rig.bag.files import UNREADABLE, damaged
-from cam_rig.bag.foreign_topics import MappedField
-from cam_rig.bag.message_fields import number_at, only_field
-from cam_rig.bag.message_types import integer_span, types_of
+from cam_rig.bag.foreign.fields import number_at, only_field
+from cam_rig.bag.foreign.topic_line import MappedField
+from cam_rig.bag.foreign.turns import Counter, count_turns
+from cam_rig.bag.foreign.types import integer_span, types_of
 from cam_rig.bag.reader import CDR, encoding_of, readers, topic_list, topics_of
-from cam_rig.bag.turn_counting import Counter, count_turns
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.simulation.instruments import ReadingCount, Signal
 from cam_rig.units import NS, FloatArray
@@ -121,7 +121,7 @@ def _stamp_ns(message: Any) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class ForeignSignals:
     """Signals by quantity, the time (ns) from which theirs count, and what was done."""
 
     signals: dict[str, Signal]
@@ -130,7 +130,7 @@ class Measured:
     notes: tuple[str, ...]
 
 
-def read_signals(bag: Path, mapping: dict[str, MappedField]) -> Measured:
+def read_signals(bag: Path, mapping: dict[str, MappedField]) -> ForeignSignals:
     """Return the signals of a bag; the angle has all its turns and rises."""
     return _signals(bag, _read(bag, mapping))
 
@@ -159,7 +159,7 @@ def _read(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
     return [one for found in by_topic.values() for one in found]
 
 
-def _signals(bag: Path, found: list[_Readings]) -> Measured:
+def _signals(bag: Path, found: list[_Readings]) -> ForeignSignals:
     selected = {one.source.quantity: one.selected() for one in found}
     for one in found:
         times, _, lines = selected[one.source.quantity]
@@ -196,7 +196,7 @@ def _signals(bag: Path, found: list[_Readings]) -> Measured:
                 )
             signal = signals[what]
             signals[what] = replace(signal, time=signal.time[kept], value=signal.value[kept])
-    return Measured(
+    return ForeignSignals(
         signals,
         begin_ns,
         tuple(_count(one, signals[one.source.quantity]) for one in found),
