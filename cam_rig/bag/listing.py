@@ -177,6 +177,7 @@ def require_agreement(bag: Path, listing: Listing) -> None:
     """Refuse a bag whose files differ from metadata.yaml in order or number of messages."""
     actual = {file.name: _extent(file) for file in listing.files}
     _require_order(bag, listing, actual)
+    _require_different(bag, actual)
     known = {name: extent.messages for name, extent in actual.items() if extent is not None}
     wrong = [
         f"{name} has {known[name]} messages, listed are {extent.messages}"
@@ -213,8 +214,18 @@ def _require_order(bag: Path, listing: Listing, actual: dict[str, Extent | None]
     ]
     if moved:
         raise BagError(
-            f"{bag}: files have other names than in {METADATA}: {', '.join(moved)}; rename them"
+            f"{bag}: files have other names than in {METADATA}: {', '.join(moved)}; give "
+            "each file the name that is listed, or name one file instead of the folder"
         )
+
+
+def _require_different(bag: Path, actual: dict[str, Extent | None]) -> None:
+    names = dict[Extent, str]()
+    for name, extent in actual.items():
+        if extent is not None and extent.messages and names.setdefault(extent, name) != name:
+            raise BagError(
+                f"{bag}: {names[extent]} and {name} have the same messages; remove the copy"
+            )
 
 
 def _extent(file: Path) -> Extent | None:

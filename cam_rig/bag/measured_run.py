@@ -1,4 +1,4 @@
-"""A recorded run as instruments saw it: of the rig's own bags, and of any bag of ROS 2 messages."""
+"""Measured runs: from recordings of the rig, and from any bag of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ MIN_PAUSE_S = 10.0
 
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
-    """The states of the cam in the order of the bag."""
+    """Return the states of the cam in the order of the bag."""
     return (state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of}, namespace))
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
-    """r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
+    """Return the r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
     return dict(found for _, found in decoded(bag, {topics.PRESSURE: pressure_of}, namespace))
 
 
@@ -39,7 +39,7 @@ def read_measured(
     cam: str | None = None,
     namespace: str | None = None,
 ) -> MeasuredRun:
-    """Read what was measured of one cam; a bag of the rig itself needs no ``mapping``."""
+    """Return the measured run of one cam; ``mapping`` is None for a recording of the rig."""
     if mapping is None:
         return _own(bag, cam, own_namespace(bag, namespace))
     measured = read_signals(bag, mapping)
@@ -54,7 +54,7 @@ def read_measured(
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:
-    """The namespace of the rig that is meant; empty for the root."""
+    """Return the namespace of the chosen rig; empty for the root."""
     rigs = rigs_of(bag)
     if not rigs:
         raise BagError(
@@ -77,7 +77,7 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
 
 
 def _own(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
-    """A run of the rig: angle, lift and force at every sample, the level of every tick."""
+    """Return a run of the rig: angle, lift and force of samples, the level of each tick."""
     parts: dict[str, list[FloatArray]] = {}
     ends: dict[str, set[int]] = {}
     for tick in read_ticks(bag, namespace):
@@ -108,7 +108,7 @@ def _one_cam(bag: Path, there: list[str], cam: str | None) -> str:
 
 
 def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
-    """The level of each tick of a cam, at the tick's end (ns)."""
+    """Return the level of each tick of a cam at the tick's end (ns)."""
     pressures = read_pressures(bag, namespace).items()
     kept = {stamp: pressure for stamp, pressure in pressures if stamp in ends and pressure > 0.0}
     if not kept:

@@ -121,7 +121,7 @@ def _sources(bag: Path) -> tuple[Path, ...]:
 
 
 def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
-    """The namespace of the rig in a bag, "/rig1" or empty; ``rigs`` grows by those of this file."""
+    """Return the namespace of the rig in a bag, and add the rigs of this file to ``rigs``."""
     rigs |= _rigs(reader)
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))
@@ -138,7 +138,7 @@ def _rigs(reader: BagReader) -> set[str]:
 
 
 def rigs_of(bag: Path) -> list[str]:
-    """The namespaces of the rigs in a bag, "" the root's; none in a bag of other topics."""
+    """Return the namespaces of the rigs in a bag; "" is the root."""
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 

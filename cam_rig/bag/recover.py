@@ -55,13 +55,13 @@ class Recovered:
 
     @property
     def sound(self) -> bool:
-        """Whether everything is there that was recorded."""
+        """True if everything that was recorded is there."""
         damaged = any(reader.damaged for reader in self.readers)
         return self.whole and not (damaged or self.loss.gaps or self.fewer)
 
     @property
     def words(self) -> str:
-        """Recovered and missing, in words."""
+        """Recovered and missing messages as text."""
         messages = f"{sum(self.counts.values())} messages to {self._time_words(self.last_ns)} saved"
         parts = [messages, self._missing(), self.loss.ends]
         parts += [
@@ -185,7 +185,7 @@ class Recovery:
         return FileContent(bag_file(self._bag, number_of(file)).name)
 
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:
-        """Copy what a file holds into a bag's own file; without one, only count it."""
+        """Copy the messages of a file into a bag, or count them without a writer."""
         reader = self._readers[file] = PartialReader(file)
         content = self._contents[file] = self.empty(file)
         empty = len(self.files) == 1
@@ -211,7 +211,7 @@ class Recovery:
         return content
 
     def result(self, writer: BagWriter | None = None) -> Recovered:
-        """What was read; a bag that lacks something gets a report of it attached."""
+        """Return what was read; attach a report to a bag that lacks messages."""
         readers = tuple(self._readers[file] for file in self.files)
         whole = all(reader.whole for reader in readers)
         ours = all(self._readers[file].ours for file in self.files if self._contents[file].total)

@@ -56,6 +56,14 @@ def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, na
     assert note in words and "nothing lost" in words
 
 
+def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
+    """Else its turns would count twice."""
+    (bag / "metadata.yaml").unlink()
+    shutil.copy(mcap_files(bag)[0], bag / "bag_0 (copy).mcap")
+    with pytest.raises(BagError, match=r"bag_0.mcap and bag_0 \(copy\).mcap have the same"):
+        read_counts(bag)
+
+
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_a_file_with_other_messages_is_refused(tmp_path, ending):
     """A file of the right name with 40 of the 50 messages that are listed."""

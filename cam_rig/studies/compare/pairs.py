@@ -189,7 +189,7 @@ LEAST_ROUNDING = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPairs:
-    """A measured run on a scene's model; ``given``: whether the encoder's zero was given."""
+    """A measured run on a scene's model; ``given``: True if the encoder's zero was given."""
 
     run: MeasuredRun
     loaded: LoadedScene
