@@ -89,8 +89,9 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
     if np.isfinite(steps.period):
         wraps = np.abs(np.diff(value)) > 0.5 * steps.period
         value = np.unwrap(value, period=steps.period)
-        first = float(time[int(np.argmax(wraps)) + 1])
-        notes.append(_period_words(steps.period, first, counter))
+        if wraps.any():
+            first = float(time[int(np.argmax(wraps)) + 1])
+            notes.append(_period_words(steps.period, first, counter))
         if len(angle.gaps()):
             notes.append("Whole turns within a gap of the angle are not known.")
     if value[-1] < value[0]:
@@ -285,8 +286,11 @@ class _Steps:
         if not is_back.any():
             return added
         back, excess = np.array(jumps, dtype=np.intp)[is_back], excess[is_back]
-        whole = np.array([self._is_whole(index) or self.gap[index] for index in back])
+        gap, whole = self.gap[back], np.array([self._is_whole(index) for index in back])
         change = np.where(whole, TURN * np.rint(excess / TURN), excess)
+        forward = np.sign(np.median(self.step))
+        turns = np.floor(forward * self.step[back] / TURN)  # in a gap, the fewest that are forwards
+        change[gap], whole = forward * TURN * turns[gap], whole | gap
         if counter is not None:
             change[~whole] = counter.count * np.rint(excess[~whole] / counter.count)
         if not whole.any() and np.ptp(change) < MIN_WRONG:  # always the same: its median is better

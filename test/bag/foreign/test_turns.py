@@ -143,6 +143,22 @@ def test_a_cam_that_starts_and_stops_is_sound():
         assert not found.wrong.size and np.ptp(found.signal.value - angle) < 1e-9
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
+    """By the fewest whole turns, as what the cam did in the pause is not known."""
+    time = np.arange(2000) / 500.0
+    angle = sign * TURN * 3.0 * time
+    angle[1000:] -= angle[1000]
+    time[1000:] += 3600.0
+    found = count_turns(Signal(time, angle), "bag")
+    value = found.signal.value
+    assert not found.wrong.size and value.size == 2000
+    np.testing.assert_allclose(np.delete(np.diff(value), 999), 0.006 * TURN, rtol=1e-9)
+    assert 0.0 <= value[1000] - value[999] <= TURN
+    assert np.isclose(np.remainder(value[-1] - sign * angle[-1] + 0.1, TURN), 0.1)
+    assert "1 jumps back by 6 turns, first at 3602 s" in " ".join(found.notes)
+
+
 @pytest.mark.parametrize(
     ("value", "error"),
     [
