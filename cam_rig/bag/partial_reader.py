@@ -13,8 +13,8 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Schema
 
-from cam_rig.bag.files import DAMAGE, UNREADABLE, damaged, reason
-from cam_rig.bag.listing import list_files, mcap_files
+from cam_rig.bag.files import DAMAGE, UNREADABLE, damaged, reason, require_a_bag
+from cam_rig.bag.listing import list_files
 from cam_rig.bag.records import (
     INSIDE,
     Record,
@@ -44,8 +44,10 @@ MAX_PATH, MAX_NAME = 1000, 255
 def unpack(bag: Path, folder: Path) -> Path:
     """Write the files attached to a bag into ``folder/config``; the scene's path."""
     scene = None
+    require_a_bag(bag)
     try:
-        for attachment in chain.from_iterable(attachments(file) for file in mcap_files(bag)):
+        files = [file for file in list_files(bag).files if file.suffix == ".mcap"]
+        for attachment in chain.from_iterable(attachments(file) for file in files):
             path = folder / "config" / _safe(bag, attachment.name)
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene
