@@ -15,6 +15,8 @@ from cam_rig.units import TURN, FloatArray
 WITHIN = 1.0 + 1e-6
 #: Fraction of the angles that may be outside of the range in which an encoder wraps: wrong ones.
 OUTSIDE = 0.02
+#: Range of the readings (fraction of the period) from which on they can wrap without a long step.
+MIN_RANGE = 0.75
 #: Mean step (fraction of the period) from which on whole turns cannot be counted.
 MAX_STEP = 0.4
 #: Steps of which the usual step is the median, before and after each step; an odd number.
@@ -109,14 +111,23 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
 
 
 def _period(value: FloatArray, counter: Counter | None) -> float:
-    """Return the angle (rad) after which readings wrap; infinity if they show no such angle."""
+    """Return the angle (rad) after which readings wrap; infinity if they show no such angle.
+
+    They wrap if a step is longer than half of it, or if the usual step leads out of their range: a
+    driver that averages readings makes two steps of nearly half a turn from one.
+    """
     others = int(OUTSIDE * value.size)
     ordered = np.sort(value)
     width = float((ordered[value.size - 1 - others :] - ordered[: others + 1]).min())
-    largest = float(np.abs(np.diff(value)).max())
-    if counter is not None and min(2.0 * width, 2.0 * largest) > counter.span:
+    steps = np.diff(value)
+    largest, turned = float(np.abs(steps).max()), abs(float(np.median(steps))) * steps.size
+
+    def wraps(period: float) -> bool:
+        return 2.0 * largest > period or (width > MIN_RANGE * period and turned > 2.0 * width)
+
+    if counter is not None and 2.0 * width > counter.span and wraps(counter.span):
         return counter.span
-    return TURN if width <= TURN * WITHIN and largest > 0.5 * TURN else np.inf
+    return TURN if width <= TURN * WITHIN and wraps(TURN) else np.inf
 
 
 def _period_words(period: float, first: float, counter: Counter | None) -> str:
