@@ -41,6 +41,8 @@ MAX_WRONG = 0.1
 PREDICTION_RTOL = 0.05
 #: A jump counts as whole turns if it is nearer to them than this fraction of the usual step.
 WHOLE_TURNS_RTOL = 0.25
+#: It may be farther away by this multiple of the steps' scatter (standard deviations).
+WHOLE_TURNS_SCATTER = 4.0
 #: Largest tolerance, as a fraction of the period of a wrapped angle.
 MAX_TOLERANCE = 0.3
 #: Times that a note names.
@@ -179,8 +181,8 @@ class _Steps:
         moves = np.abs(self.step)[np.abs(self.step) > EQUAL]
         count = float(np.quantile(moves, SMALL_STEPS)) if moves.size else 0.0
         least = MIN_WRONG + MAX_COUNTS * count
-        self._tolerance = least + np.abs(step[middle]) + MAX_SCATTER * MAD_SIGMA * spread
-        self.scatter = MAD_SIGMA * spread
+        self._scatter = MAD_SIGMA * spread
+        self._tolerance = least + np.abs(step[middle]) + MAX_SCATTER * self._scatter
         self.gap = interval > GAP * np.median(interval)
 
     def _wrapped(self, change: FloatArray) -> FloatArray:
@@ -247,8 +249,8 @@ class _Steps:
         wrong, jumps, k = list[int](), list[int](), 0
         while k < starts.size - 1:
             end = stops[k]
-            near = np.abs(starts[k + 2 :] - end) <= MAX_RUN + 1
-            later = starts[k + 2 :][near]
+            later = starts[k + 2 : k + 3 + MAX_RUN]  # no run is shorter than a reading
+            later = later[np.abs(later - end) <= MAX_RUN + 1]
             pairs = np.sort(np.stack([np.full_like(later, end), later]), axis=0)
             fitting = np.flatnonzero(self.fits(*pairs)) if later.size else np.array([])
             if fitting.size:
@@ -274,7 +276,8 @@ class _Steps:
     def _is_whole(self, index: int) -> bool:
         """Return True if a step differs from the expected one by whole turns."""
         excess = self._excess(index)
-        tolerance = WHOLE_TURNS_RTOL * abs(self._usual[index]) + 4.0 * self.scatter[index]
+        tolerance = WHOLE_TURNS_RTOL * abs(self._usual[index])
+        tolerance += WHOLE_TURNS_SCATTER * self._scatter[index]
         return bool(abs(excess - TURN * round(excess / TURN)) <= tolerance)
 
     def corrections(
@@ -306,8 +309,8 @@ class _Steps:
             change[~whole] = counter.count * np.rint(excess[~whole] / counter.count)
         if not whole.any() and np.ptp(change) < MIN_WRONG:  # always the same: its median is better
             change[:] = np.median(change)
-        for index, size in zip(back, change, strict=True):
-            added[index + 1 :] -= size
+        added[back + 1] = -change
+        added = np.cumsum(added)
         sizes = sorted({f"{abs(size) / TURN:.6g}" for size in change})
         notes.append(
             f"angle: {back.size} jumps back by {', '.join(sizes[:MAX_TIMES])} turns, first at "
