@@ -45,6 +45,8 @@ WHOLE_TURNS_RTOL = 0.25
 WHOLE_TURNS_SCATTER = 4.0
 #: Largest tolerance, as a fraction of the period of a wrapped angle.
 MAX_TOLERANCE = 0.3
+#: Steps that are compared at once: bounds the memory for a long recording.
+BLOCK = 100_000
 #: Times that a note names.
 MAX_TIMES = 6
 
@@ -223,8 +225,8 @@ class _Steps:
 
     def find_wrong(self) -> tuple[NDArray[np.intp], list[int]]:
         """Return the indices of the wrong angles, and of the readings before a jump that stays."""
-        number = np.arange(self.step.size)
-        fits = self.fits(number, number + 1)
+        blocks = np.array_split(np.arange(self.step.size), 1 + self.step.size // BLOCK)
+        fits = np.concatenate([self.fits(first, first + 1) for first in blocks])
         forward = np.sign(np.median(self.step)) * self.step
         fits |= self.gap & (np.isfinite(self.period) | (forward >= 0.0))
         edges = np.flatnonzero(~fits)
