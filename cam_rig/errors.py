@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 #: Exit code of a command that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
 #: Characters of a message that is too long, at its begin and at its end, which has the remedy.
 BEGIN, END = 700, 300
+
+
+#: Characters that a terminal obeys instead of printing them, without tab and end of line; and those
+#: that reverse the direction of text.
+CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters as escapes of Python.
+
+    Titles and names come from files of anybody, and must not command a terminal.
+    """
+    return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class CamRigError(Exception):
@@ -21,6 +35,7 @@ class CamRigError(Exception):
     exit_code = 1
 
     def __init__(self, message: str) -> None:
+        message = printable(message)
         if len(message) > BEGIN + END:
             message = f"{message[:BEGIN]} […] {message[-END:]}"
         super().__init__(message)

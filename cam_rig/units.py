@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 import numpy as np
@@ -33,6 +34,25 @@ def rounded_to_error(value: float, error: float) -> str:
         return f"{round(value, -place) + 0.0:.{max(0, -place)}f}"
     leading = int(f"{value:e}".partition("e")[2])
     return f"{value:.{max(0, leading - place)}e}"
+
+
+#: Seconds from which on a time is printed as a date: 115 days, longer than any recording.
+DATE_FROM_S = 1e7
+
+
+def time_words(seconds: float, begin_ns: int = 0) -> str:
+    """Return a time as seconds from the start of the bag (ns), or as its date if it is far."""
+    if abs(seconds) < DATE_FROM_S:
+        return f"{seconds:.6g} s"
+    date = datetime.fromtimestamp(begin_ns // NS + int(seconds), UTC)
+    return f"{date:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def duration_words(seconds: float) -> str:
+    """Return a duration in s, min or h."""
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
 
 
 #: The rig's arrays: double precision throughout.

@@ -6,7 +6,6 @@ values come from formulas evaluated outside of the package.
 
 import csv
 import json
-import re
 import shlex
 from itertools import groupby
 from pathlib import Path
@@ -29,20 +28,6 @@ def commands():
     for (case, command), found in groupby(rows, lambda row: (row["case"], row["command"])):
         name = f"{case}-{shlex.split(command)[2 if 'fit' not in command else 3]}"
         yield pytest.param(case, command, list(found), id=name)
-
-
-def reading_count(data, kind, is_skipped):
-    """Number of readings of a quantity that were used or left out, from the notes of the run."""
-    notes = (
-        " ".join(data["run"][0]["notes"])
-        if isinstance(data["run"], list)
-        else " ".join(data["run"]["notes"])
-    )
-    words = {"angle": "angle", "lift": "lift", "force": "force"}[kind]
-    pattern = rf"{words}\D*?(\d+) (?:of \d+ )?(?:messages|readings) (?:skipped|left out)"
-    if not is_skipped:
-        pattern = rf"{words}\D*?(\d+) readings"
-    return int(re.search(pattern, notes)[1])
 
 
 def of_spline(data, written, name, _):
@@ -68,7 +53,8 @@ def of_contour(data, written, name, place):
 def of_comparison(data, _, name, place):
     """A departure at a speed, or a count of readings."""
     if name.endswith(("_readings", "_skipped")):
-        return reading_count(data, name.split("_")[0], name.endswith("skipped"))
+        quantity, _, count = name.partition("_")
+        return next(row for row in data["readings"] if row["quantity"] == quantity)[count]
     rpm = float(place.removesuffix("rpm"))
     return float(next(row for row in data["departures"] if abs(row["rpm"] - rpm) < 1.0)[name])
 

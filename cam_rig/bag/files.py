@@ -1,4 +1,4 @@
-"""The files of a bag: their names, which ones count, and how a new file replaces an old one.
+"""Names of the files of a bag, their integrity, and how a new file replaces an old one.
 
 A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so on as well.
 
@@ -14,10 +14,10 @@ import errno
 import fcntl
 import os
 import re
+import shlex
 import sqlite3
 import struct
 import zlib
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -31,12 +31,14 @@ from rosbags.serde import SerdeError
 from cam_rig.errors import BagError
 
 METADATA = "metadata.yaml"
+#: Ending of the files of rosbag2's SQLite storage.
+SQLITE = ".db3"
+#: The first bytes of such a file.
+SQLITE_MAGIC = b"SQLite format 3\0"
 #: The end of the name of a file that is not yet complete.
 PART = ".part"
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-#: A file of a bag that may be split: the bag's name, the file's number.
-NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
 #: What a bag is, for the error that refuses something else.
 ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
 
@@ -59,12 +61,6 @@ def part_of(file: Path) -> Path:
     return file.with_name(file.name + PART)
 
 
-def number_of(file: Path) -> int:
-    """The number of a file in its bag; 0 for one that is named otherwise."""
-    match = NUMBERED.fullmatch(file.name)
-    return int(match[2]) if match else 0
-
-
 def is_closed(file: Path) -> bool:
     """Whether an MCAP file was written to its end."""
     with file.open("rb") as stream:
@@ -83,31 +79,6 @@ def is_unclosed(bag: Path) -> bool:
     return bool(files) and not (all(map(is_closed, files)) and (bag / METADATA).exists())
 
 
-def mcap_files(bag: Path) -> list[Path]:
-    """The MCAP files of a bag's folder, in their order; one that is named stands alone."""
-    require_a_bag(bag)
-    files = in_order(bag.glob("*.mcap")) if bag.is_dir() else [bag]
-    if not files:
-        raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
-    return files
-
-
-def in_order(files: Iterable[Path]) -> list[Path]:
-    """The files of a bag, by the numbers at the end of their names."""
-    found = sorted(files, key=lambda file: (len(file.name), file.name))
-    numbered = [match for file in found if (match := NUMBERED.fullmatch(file.name))]
-    names = {match[1] for match in numbered}
-    if len(numbered) == len(found) and len(names) == 1:
-        numbers = {int(match[2]) for match in numbered}
-        missing = [number for number in range(min(numbers), max(numbers)) if number not in numbers]
-        if missing:
-            raise BagError(
-                f"{found[0].parent}: {names.pop()}_{missing[0]}{found[0].suffix} is missing, with "
-                f"later files there; put it back, or name one file instead of the folder"
-            )
-    return found
-
-
 def require_a_bag(path: Path) -> None:
     """Refuse a path that is not a bag and never was one."""
     if what := why_not_a_bag(path):
@@ -115,20 +86,28 @@ def require_a_bag(path: Path) -> None:
 
 
 def why_not_a_bag(path: Path) -> str | None:
-    """Why a path is not a bag and never was one, in words; None where it is or was."""
+    """Return why a path is not a bag and never was one; None if it is or was one."""
     try:
         if not path.exists():
             return "no such bag"
     except OSError as error:
         return f"is not a bag: {error.strerror}"
     if not path.is_dir():
-        return _why_not_mcap(path) if path.suffix == ".mcap" else "is not a bag: not an .mcap file"
+        return _why_not_a_file(path)
     if wrong := [_why_not_mcap(file) for file in sorted(path.glob("*.mcap"))]:
         return wrong[0] if all(wrong) else None
     if any(path.glob(f"*.mcap{PART}")):
         return "is not a bag: a recovery was interrupted here; repeat it"
     there = (path / METADATA).exists()  # then of another storage, as SQLite
     return None if there else "is not a bag: no .mcap file in it"
+
+
+def _why_not_a_file(path: Path) -> str | None:
+    if path.suffix == SQLITE:
+        with path.open("rb") as stream:
+            known = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
+        return None if known else "is not a bag: it does not begin as an SQLite file does"
+    return _why_not_mcap(path) if path.suffix == ".mcap" else "is not a bag: not an .mcap file"
 
 
 def _why_not_mcap(file: Path) -> str | None:
@@ -210,9 +189,30 @@ def damaged(bag: Path, error: Exception) -> BagError:
         return error
     if what := why_not_a_bag(bag):
         return BagError(f"{bag}: {what}; {ALLOWED}")
+    if isinstance(error, sqlite3.Error) and (files := sqlite_files(bag)):
+        return BagError(
+            f"{bag}: an SQLite file is damaged or was cut off ({reason(error)}); "
+            f"{sqlite_remedy(bag, files[0])}"
+        )
     return BagError(
         f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, recover "
         f"it with: cam-rig recover {bag}"
+    )
+
+
+def sqlite_files(bag: Path) -> list[Path]:
+    """Return the SQLite files of a bag."""
+    return sorted(bag.glob(f"*{SQLITE}")) if bag.is_dir() else [bag] * (bag.suffix == SQLITE)
+
+
+def sqlite_remedy(bag: Path, file: Path) -> str:
+    """Return how to copy what is left of a damaged SQLite file, which cam-rig recover cannot."""
+    new = bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered{SQLITE}")
+    old, copy = shlex.quote(str(file)), shlex.quote(str(new))
+    # A dump of a damaged file ends with ROLLBACK, which would undo the copy.
+    return (
+        f"copy what is left into a file by: sqlite3 {old} .dump | sed s/^ROLLBACK/COMMIT/ | "
+        f"sqlite3 {copy}"
     )
 
 

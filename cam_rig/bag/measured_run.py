@@ -1,4 +1,4 @@
-"""A recorded run as instruments saw it: of the rig's own bags, and of any bag of ROS 2 messages."""
+"""Measured runs: from recordings of the rig, and from any bag of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -8,23 +8,28 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.bag.foreign_topics import EXAMPLE, MappedField, forward_turns, read_fields, topic_list
-from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of
+from cam_rig.bag.foreign.readings import read_signals
+from cam_rig.bag.foreign.topic_line import EXAMPLE, MappedField
+from cam_rig.bag.partial_reader import recovered_words
+from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of, topic_list
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, FloatArray
+from cam_rig.units import NS, FloatArray, duration_words, time_words
+
+#: Duration (s) from which on a gap is called a pause: no lost message, but a stopped recording.
+MIN_PAUSE_S = 10.0
 
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
-    """The states of the cam in the order of the bag."""
+    """Return the states of the cam in the order of the bag."""
     return (state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of}, namespace))
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
-    """r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
+    """Return the r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
     return dict(found for _, found in decoded(bag, {topics.PRESSURE: pressure_of}, namespace))
 
 
@@ -34,20 +39,22 @@ def read_measured(
     cam: str | None = None,
     namespace: str | None = None,
 ) -> MeasuredRun:
-    """Read what was measured of one cam; a bag of the rig itself needs no ``mapping``."""
+    """Return the measured run of one cam; ``mapping`` is None for a recording of the rig."""
     if mapping is None:
         return _own(bag, cam, own_namespace(bag, namespace))
-    signals, begin_ns, notes = read_fields(bag, mapping)
-    angle, turning = forward_turns(signals["angle"], f"{bag}: {signals['angle'].source}")
-    signals["angle"] = angle
+    measured = read_signals(bag, mapping)
+    signals, begin_ns = measured.signals, measured.begin_ns
+    notes = [*recovered_words(bag), *measured.notes]
     for name, signal in signals.items():
-        _require_overlap(bag, name, signal, angle)
+        _require_overlap(bag, name, signal, signals["angle"], begin_ns)
         notes += _gap_words(name, signal)
-    return MeasuredRun(bag, cam or "", **signals, notes=tuple(notes + turning), begin_ns=begin_ns)
+    return MeasuredRun(
+        bag, cam or "", **signals, notes=tuple(notes), begin_ns=begin_ns, counts=measured.counts
+    )
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:
-    """The namespace of the rig that is meant; empty for the root."""
+    """Return the namespace of the chosen rig; empty for the root."""
     rigs = rigs_of(bag)
     if not rigs:
         raise BagError(
@@ -70,7 +77,7 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
 
 
 def _own(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
-    """A run of the rig: angle, lift and force at every sample, the level of every tick."""
+    """Return a run of the rig: angle, lift and force of samples, the level of each tick."""
     parts: dict[str, list[FloatArray]] = {}
     ends: dict[str, set[int]] = {}
     for tick in read_ticks(bag, namespace):
@@ -101,7 +108,7 @@ def _one_cam(bag: Path, there: list[str], cam: str | None) -> str:
 
 
 def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
-    """The level of each tick of a cam, at the tick's end (ns)."""
+    """Return the level of each tick of a cam at the tick's end (ns)."""
     pressures = read_pressures(bag, namespace).items()
     kept = {stamp: pressure for stamp, pressure in pressures if stamp in ends and pressure > 0.0}
     if not kept:
@@ -110,14 +117,16 @@ def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
     return Signal(time, level, f"{namespace}{topics.PRESSURE.name}")
 
 
-def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal) -> None:
+def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal, begin_ns: int) -> None:
     if signal.time[0] < angle.time[-1] and angle.time[0] < signal.time[-1]:
         return
+    ends = [
+        time_words(float(one.time[place]), begin_ns) for one in (signal, angle) for place in (0, -1)
+    ]
     raise BagError(
-        f"{bag}: {name} of {signal.source} is from {signal.time[0]:.6g} to "
-        f"{signal.time[-1]:.6g} s, the angle from {angle.time[0]:.6g} to {angle.time[-1]:.6g} s; "
-        "allowed: of one time (if the stamps are of two clocks, put @bag behind an item: the time "
-        "of the bag)"
+        f"{bag}: {name} of {signal.source} is from {ends[0]} to {ends[1]}, the angle from "
+        f"{ends[2]} to {ends[3]}; allowed: of one time (if the stamps are of two clocks, put @bag "
+        "behind an item: the time of the bag)"
     )
 
 
@@ -126,8 +135,9 @@ def _gap_words(name: str, signal: Signal) -> list[str]:
     if not len(gaps):
         return []
     longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
+    length = float(longest[1] - longest[0])
+    words = f"{duration_words(length)} from {longest[0]:.6g} s on; nothing is put in their place."
+    if len(gaps) == 1 and length >= MIN_PAUSE_S:
+        return [f"{name}: the readings pause for {words}"]
     count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
-    return [
-        f"{name}: {count} in the readings, the longest of {longest[1] - longest[0]:.3g} s from "
-        f"{longest[0]:.6g} s on; nothing is put in their place."
-    ]
+    return [f"{name}: {count} in the readings, the longest of {words}"]

@@ -13,8 +13,18 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Schema
 
-from cam_rig.bag.files import DAMAGE, UNREADABLE, damaged, mcap_files, reason
-from cam_rig.bag.records import INSIDE, Record, chunk_head, content, fields, inside, records_of
+from cam_rig.bag.files import DAMAGE, UNREADABLE, damaged, reason, require_a_bag
+from cam_rig.bag.listing import list_files
+from cam_rig.bag.records import (
+    INSIDE,
+    Record,
+    chunk_head,
+    content,
+    fields,
+    inside,
+    records_of,
+    require_data_crc,
+)
 from cam_rig.bag.records import unpack as unpacked
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.files import MIB, no_room
@@ -34,8 +44,10 @@ MAX_PATH, MAX_NAME = 1000, 255
 def unpack(bag: Path, folder: Path) -> Path:
     """Write the files attached to a bag into ``folder/config``; the scene's path."""
     scene = None
+    require_a_bag(bag)
     try:
-        for attachment in chain.from_iterable(attachments(file) for file in mcap_files(bag)):
+        files = [file for file in list_files(bag).files if file.suffix == ".mcap"]
+        for attachment in chain.from_iterable(attachments(file) for file in files):
             path = folder / "config" / _safe(bag, attachment.name)
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene
@@ -50,12 +62,15 @@ def unpack(bag: Path, folder: Path) -> Path:
 
 
 def recovered_words(bag: Path) -> list[str]:
-    """The reports of a bag's recoveries: what it lacks, what may be wrong in it."""
-    found = bag.glob("*.mcap") if bag.is_dir() else [bag] if bag.suffix == ".mcap" else []
+    """Return the notes on a bag: ignored files, and the reports of its recoveries."""
+    if bag.is_file() and bag.suffix != ".mcap":
+        return []
     try:
-        return [
+        listing = list_files(bag)
+        return [*listing.notes] + [
             f"recovered: {' '.join(one.data.decode(errors='replace').split())}"
-            for file in sorted(found)
+            for file in listing.files
+            if file.suffix == ".mcap"
             for one in attachments(file)
             if one.name == RECOVERED
         ]
@@ -172,8 +187,17 @@ class PartialReader:
                         self.unread += record.available
                 elif record.opcode == Opcode.DATA_END:
                     self.whole = True
+                    self._check_data(stream, record)
                 else:
                     yield from self._at_the_top(stream, record)
+
+    def _check_data(self, stream: BinaryIO, data_end: Record) -> None:
+        """Note a wrong checksum of the data section, unless its damage is known already."""
+        try:
+            require_data_crc(stream, data_end)
+        except ValueError as error:
+            if not self.damaged:
+                self._note(error)
 
     def _at_the_top(self, stream: BinaryIO, record: Record) -> Iterator[Found]:
         try:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.bag.files import UNREADABLE, damaged, in_order, is_closed, require_a_bag
+from cam_rig.bag.files import SQLITE, UNREADABLE, damaged, is_closed, require_a_bag
+from cam_rig.bag.foreign.topic_line import EXAMPLE
+from cam_rig.bag.listing import STORAGE, list_files, require_agreement
+from cam_rig.bag.mcap_file import McapFile
 from cam_rig.bag.partial_reader import recovered_words, unpack
 from cam_rig.bag.records import require_bounded, require_plain
+from cam_rig.bag.sqlite_file import SqliteFile
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
@@ -25,6 +29,11 @@ from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
+
+#: The encoding of ROS 2 messages.
+CDR = "cdr"
+#: A reader of one file: both have connections and messages(connections).
+BagReader = McapFile | SqliteFile
 
 
 def messages(
@@ -77,23 +86,27 @@ def raw_messages(
         raise damaged(bag, error) from None
 
 
-def readers(bag: Path) -> Iterator[Reader]:
-    """A reader of each file in turn; none takes more memory than its file's size warrants."""
+def readers(bag: Path) -> Iterator[BagReader]:
+    """Yield a reader of each file in turn.
+
+    No reader takes more memory than its file's size warrants.
+    """
     try:
         for file in _sources(bag):
-            with Reader(file) as reader:
+            with SqliteFile(file) if file.suffix == SQLITE else McapFile(file) as reader:
                 yield reader
     except UNREADABLE as error:
         raise damaged(bag, error) from None
 
 
-def _sources(bag: Path) -> list[Path]:
-    found = [bag]
+def _sources(bag: Path) -> tuple[Path, ...]:
     if bag.is_dir():
         require_plain(bag)
-        found = in_order([*bag.glob("*.mcap"), *bag.glob("*.db3")])
-    for file in found:
-        if file.suffix == ".mcap":
+    listing = list_files(bag)
+    for file in listing.files:
+        if file.suffix not in STORAGE:
+            require_a_bag(bag)
+        elif file.suffix != SQLITE:
             if not is_closed(file):
                 require_a_bag(bag)
                 raise BagError(
@@ -101,13 +114,14 @@ def _sources(bag: Path) -> list[Path]:
                     f"Ctrl-C, or was killed; then recover it with: cam-rig recover {bag}"
                 )
             require_bounded(file)
-    if not found:
+    if not listing.files:
         raise ValueError("has neither an .mcap nor a .db3 file")
-    return found
+    require_agreement(bag, listing)
+    return listing.files
 
 
-def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
-    """The namespace of the rig in a bag, "/rig1" or empty; ``rigs`` grows by those of this file."""
+def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
+    """Return the namespace of the rig in a bag, and add the rigs of this file to ``rigs``."""
     rigs |= _rigs(reader)
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))
@@ -117,15 +131,51 @@ def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
     return next(iter(rigs), "")
 
 
-def _rigs(reader: Reader) -> set[str]:
+def _rigs(reader: BagReader) -> set[str]:
     names = {connection.topic for connection in reader.connections}
     cams = {name for name in names if recorded_topic(name) is topics.CAM_STATE}
     return {name.removesuffix(topics.CAM_STATE.name) for name in cams}
 
 
 def rigs_of(bag: Path) -> list[str]:
-    """The namespaces of the rigs in a bag, "" the root's; none in a bag of other topics."""
+    """Return the namespaces of the rigs in a bag; "" is the root."""
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
+
+
+def topics_of(bag: Path) -> dict[str, Connection]:
+    """Return the topics of a bag that have messages, by name."""
+    found = {
+        connection.topic: connection
+        for reader in readers(bag)
+        for connection in reader.connections
+        if connection.msgcount
+    }
+    return dict(sorted(found.items()))
+
+
+def topic_list(bag: Path) -> str:
+    """Return the topics of a bag with their types, for an error."""
+    there = topics_of(bag).values()
+    return ", ".join(f"{one.topic} [{_kind(one)}]" for one in there) or "no messages"
+
+
+def _kind(connection: Connection) -> str:
+    encoding = encoding_of(connection)
+    return connection.msgtype if encoding == CDR else f"{connection.msgtype}, {encoding}"
+
+
+def encoding_of(connection: Connection) -> str:
+    """Return the encoding of the messages of a topic."""
+    return str(getattr(connection.ext, "serialization_format", CDR))
+
+
+def require_rig(bag: Path) -> None:
+    """Refuse a bag of another program; cam-rig compare can read it."""
+    if not rigs_of(bag) and topics_of(bag):
+        raise BagError(
+            f"{bag}: is not a recording of cam_rig, and holds {topic_list(bag)}; compare it with a "
+            f"scene by: cam-rig compare {shlex.quote(str(bag))} SCENE --topics '{EXAMPLE}'"
+        )
 
 
 def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
@@ -180,8 +230,14 @@ def read_counts(bag: Path) -> dict[str, int]:
     return dict(sorted(counts.items()))
 
 
+def scene_of(bag: Path, scene: Path | None = None) -> LoadedScene:
+    """Return the scene of a recording of the rig: a file if given, else the attached scene."""
+    require_rig(bag)
+    return read_scene(bag) if scene is None else open_scene(scene)
+
+
 def read_scene(bag: Path) -> LoadedScene:
-    """The scene with its cams, rig and published curves as they were attached."""
+    """Return the scene with its cams, rig and published curves as they were attached."""
     with temporary_folder() as folder:
         scene = unpack(bag, folder)
         try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import struct
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
@@ -58,12 +59,15 @@ class Record(NamedTuple):
         return self.length <= self.available
 
 
-def records_of(stream: BinaryIO) -> Iterator[Record]:
-    """The records of a file in order; after one that is not whole, from the next whole chunk on."""
+def records_of(stream: BinaryIO, start: int = len(MCAP0_MAGIC)) -> Iterator[Record]:
+    """Yield the records of a file in order, from byte ``start`` on.
+
+    After a record that is not whole, it continues with the next whole chunk.
+    """
     number, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     if not MCAP0_MAGIC.startswith(os.pread(number, len(MCAP0_MAGIC), 0)):
         raise BagError(f"{stream.name}: does not begin as an MCAP file does")
-    place, block, begin = len(MCAP0_MAGIC), b"", 0
+    place, block, begin = start, b"", 0
     while place + HEAD.size <= size:
         if not begin <= place <= begin + len(block) - HEAD.size:
             block, begin = os.pread(number, READ_BYTES, place), place
@@ -207,6 +211,8 @@ def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
 FREE_UNPACKED, MAX_RATIO = 16 * MIB, 100
 #: What readers hold at once, for they bring chunks of overlapping times into order, bytes.
 MAX_AT_ONCE = 128 * MIB
+#: Bytes of which a checksum is computed at once.
+CRC_BYTES = 4 * MIB
 #: A bag whose messages or files are compressed one by one.
 COMPRESSED = re.compile(rb"compression_mode[\"']?\s*:\s*[\"']?(file|message)", re.IGNORECASE)
 
@@ -228,6 +234,8 @@ def require_bounded(file: Path) -> None:
                     if head.compression:
                         _require_honest(stream, head)
                         packed.append(head)
+                elif record.opcode == Opcode.DATA_END:
+                    require_data_crc(stream, record)
                 elif record.opcode == Opcode.CHUNK_INDEX:
                     _require_true(ChunkIndex.read(fields(content(stream, record))), chunks)
         except (ValueError, EOFError, struct.error, McapError) as error:
@@ -271,6 +279,19 @@ def _require_honest(stream: BinaryIO, head: ChunkHead) -> None:
     if size != head.unpacked:
         more = "more" if size > head.unpacked else f"{size}"
         raise ValueError(f"a chunk claims {head.unpacked} bytes unpacked and has {more}")
+
+
+def require_data_crc(stream: BinaryIO, data_end: Record) -> None:
+    """Refuse a file whose bytes before its DataEnd record differ from the checksum there."""
+    expected = int.from_bytes(content(stream, data_end)[:4], "little")
+    if not expected:  # the writer computed none
+        return
+    crc, position, end = 0, 0, data_end.start - HEAD.size
+    while position < end:
+        block = os.pread(stream.fileno(), min(CRC_BYTES, end - position), position)
+        crc, position = zlib.crc32(block, crc), position + len(block)
+    if crc != expected:
+        raise ValueError("the checksum of the data section is wrong")
 
 
 def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]) -> None:

@@ -5,29 +5,29 @@ from __future__ import annotations
 import os
 import shlex
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mcap.records import Attachment
 
 from cam_rig.bag.completeness import Holdings, Loss, loss_of
-from cam_rig.bag.file_writer import FileContent, together
+from cam_rig.bag.file_writer import NEVER, FileContent, together
 from cam_rig.bag.files import (
     METADATA,
     bag_file,
     bag_files,
     is_closed,
     is_unclosed,
-    mcap_files,
-    number_of,
     part_of,
     require_new_bag,
 )
+from cam_rig.bag.listing import list_files, mcap_files, number_of, require_order
 from cam_rig.bag.partial_reader import RECOVERED, PartialReader
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
+from cam_rig.units import DATE_FROM_S, NS, time_words
 
 #: The report on a recording without any message.
 NOTHING_RECORDED = "nothing was recorded"
@@ -41,6 +41,12 @@ class Recovered:
     last_ns: int
     readers: tuple[PartialReader, ...]
     loss: Loss
+    #: Time (ns) from which printed times count: 0 for rig time, the start of a bag in wall time.
+    origin_ns: int = 0
+    #: Messages of a file that metadata.yaml lists and the file has not, by name.
+    fewer: dict[str, int] = field(default_factory=dict)
+    #: The files that are ignored, a sentence each.
+    notes: tuple[str, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -49,46 +55,53 @@ class Recovered:
 
     @property
     def sound(self) -> bool:
-        """Whether everything is there that was recorded."""
+        """True if everything that was recorded is there."""
         damaged = any(reader.damaged for reader in self.readers)
-        return self.whole and not (damaged or self.loss.gaps)
+        return self.whole and not (damaged or self.loss.gaps or self.fewer)
 
     @property
     def words(self) -> str:
-        """Recovered and missing, in words."""
-        messages = f"{sum(self.counts.values())} messages to {self.last_ns / 1e9:.6g} s saved"
+        """Recovered and missing messages as text."""
+        messages = f"{sum(self.counts.values())} messages to {self._time_words(self.last_ns)} saved"
         parts = [messages, self._missing(), self.loss.ends]
+        parts += [
+            f"{name} has {count} messages fewer than {METADATA} lists"
+            for name, count in self.fewer.items()
+        ]
         for reader in self.readers:
-            found = _damage(reader)
+            found = self._damage(reader)
             if found and len(self.readers) > 1:
                 found[0] = f"in {reader.file.name}: {found[0]}"
             parts += found
+        parts += [note.rstrip(".") for note in self.notes]
         return "; ".join(part for part in parts if part)
+
+    def _time_words(self, time_ns: int) -> str:
+        return time_words((time_ns - self.origin_ns) / NS)
+
+    def _damage(self, found: PartialReader) -> list[str]:
+        words = list[str]()
+        if found.cut:
+            words.append(f"{found.cut} of the saved are from a truncated chunk")
+        if found.damaged:
+            words.append(f"damaged records: {found.damaged}, first: {found.why}")
+        if found.doubt is not None:
+            begin, end = found.doubt
+            words.append(
+                f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
+                f"{self._time_words(begin)} to {self._time_words(end)}"
+            )
+        if found.unread:
+            words.append(f"{found.unread} bytes could not be read")
+        return words
 
     def _missing(self) -> str:
         gaps = [self.loss.words] if self.loss.gaps else []
         if self.loss.open_end:
-            gaps.append(f"everything after {self.last_ns / 1e9:.6g} s")
+            gaps.append(f"everything after {self._time_words(self.last_ns)}")
         if gaps:
             return f"missing: {', and '.join(gaps)}"
         return "nothing lost" if self.sound else "no tick is missing"
-
-
-def _damage(found: PartialReader) -> list[str]:
-    words = list[str]()
-    if found.cut:
-        words.append(f"{found.cut} of the saved are from a truncated chunk")
-    if found.damaged:
-        words.append(f"damaged records: {found.damaged}, first: {found.why}")
-    if found.doubt is not None:
-        begin, end = found.doubt
-        words.append(
-            f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
-            f"{begin / 1e9:.6g} s to {end / 1e9:.6g} s"
-        )
-    if found.unread:
-        words.append(f"{found.unread} bytes could not be read")
-    return words
 
 
 def recover(bag: Path, target: Path) -> Recovered:
@@ -108,10 +121,13 @@ def recover_in_place(bag: Path) -> Recovered:
     wrong = [file for file in copying.files if not is_closed(file)]
     wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing
     try:
-        others = [copying.read(file) for file in copying.files if file not in wrong]
+        # Files that are not recovered yet are listed without messages: a kill leaves them listed.
+        contents = {file: copying.empty(file) for file in wrong}
+        contents |= {file: copying.read(file) for file in copying.files if file not in wrong}
         for file in wrong:
+            others = [content for other, content in contents.items() if other != file]
             with BagWriter(bag, rewrite=True, number=number_of(file), others=others) as writer:
-                others.append(copying.read(file, writer))
+                contents[file] = copying.read(file, writer)
                 if file is wrong[-1]:
                     saved = copying.result(writer)
     except BagError as error:
@@ -158,15 +174,20 @@ class Recovery:
 
     def __init__(self, bag: Path) -> None:
         self.files = mcap_files(bag)
+        self._listing = list_files(bag)
+        require_order(bag, self._listing)
         self._bag, self._holdings = bag, Holdings()
         self._readers: dict[Path, PartialReader] = {}
         self._contents: dict[Path, FileContent] = {}
 
+    def empty(self, file: Path) -> FileContent:
+        """Return the content of a file of which nothing was read yet."""
+        return FileContent(bag_file(self._bag, number_of(file)).name)
+
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:
-        """Copy what a file holds into a bag's own file; without one, only count it."""
+        """Copy the messages of a file into a bag, or count them without a writer."""
         reader = self._readers[file] = PartialReader(file)
-        content = FileContent(bag_file(self._bag, number_of(file)).name)
-        self._contents[file] = content
+        content = self._contents[file] = self.empty(file)
         empty = len(self.files) == 1
         for record in reader.records():
             empty = False
@@ -190,7 +211,7 @@ class Recovery:
         return content
 
     def result(self, writer: BagWriter | None = None) -> Recovered:
-        """What was read; a bag that lacks something gets a report of it attached."""
+        """Return what was read; attach a report to a bag that lacks messages."""
         readers = tuple(self._readers[file] for file in self.files)
         whole = all(reader.whole for reader in readers)
         ours = all(self._readers[file].ours for file in self.files if self._contents[file].total)
@@ -199,7 +220,16 @@ class Recovery:
             scene = read_scene(self._bag).scene
         loss = loss_of(self._holdings, scene, whole, ours)
         whole_bag = together(self._contents.values())
-        saved = Recovered(whole_bag.counts, whole_bag.last, readers, loss)
+        listed, found = self._listing.extents, self._contents
+        fewer = {
+            file.name: listed[file.name].messages - found[file].total
+            for file in self.files
+            if file.name in listed and listed[file.name].messages > found[file].total
+        }
+        origin = whole_bag.first if DATE_FROM_S * NS < whole_bag.first < NEVER else 0
+        saved = Recovered(
+            whole_bag.counts, whole_bag.last, readers, loss, origin, fewer, self._listing.notes
+        )
         if writer is not None and not saved.sound:
             writer.attach(RECOVERED, saved.words.encode())
         return saved

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from cam_rig.errors import ConfigError, OutputError
+from cam_rig.errors import ConfigError, OutputError, printable
 from cam_rig.extras import libraries_named
 from cam_rig.interrupts import handle_signals
 from cam_rig.show.command import StrictCommand
@@ -84,10 +84,13 @@ class Commands(TyperGroup):
         except OSError as error:
             what = error.filename or _unnamed()
             sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # for the rest
-            why = f"{what}: cannot be read or written ({error.strerror or error})"
+            why = printable(f"{what}: cannot be read or written ({error.strerror or error})")
             if error.errno != errno.EPIPE:  # else a reader has seen enough
                 with suppress(OSError):  # stderr itself
-                    print(f"cam-rig: {why}; make room, or name another place", file=sys.stderr)
+                    print(
+                        f"cam-rig: {why}; make room, or name another place",
+                        file=sys.stderr,
+                    )
             sys.exit(OutputError.exit_code)
 
     def invoke(self, ctx: Any) -> Any:
@@ -97,7 +100,7 @@ class Commands(TyperGroup):
         except typer.BadParameter as error:
             if type(error) is not typer.BadParameter:  # what is missing: typer shows the usage
                 raise
-            print(f"cam-rig: {one_line(error)}", file=sys.stderr)
+            print(f"cam-rig: {printable(one_line(error))}", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code) from None
 
 

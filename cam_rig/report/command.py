@@ -15,7 +15,7 @@ from cam_rig.extras import source_date
 from cam_rig.files import check_place, writing
 from cam_rig.show.command import Scene, command, write_json
 from cam_rig.show.result import Progress
-from cam_rig.show.terminal import console
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -70,7 +70,7 @@ def report(
     text = render(kind, found.loaded.scene.title, made, contents, found)
     with writing(out) as part:
         part.write_text(text, encoding="utf-8")
-    console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)
+    say(f"report: {out} ({len(text) / 1e6:.1f} MB)")
     write_json(data(contents.values()) if json else {}, json)
 
 

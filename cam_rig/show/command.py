@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 from typer.core import TyperCommand
 
-from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError
+from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError, printable
 from cam_rig.extras import libraries_named, require, source_date
 from cam_rig.files import check_place, writing
 from cam_rig.interrupts import raised
@@ -80,7 +80,7 @@ class ProgressBar(Progress):
             self._bar = make_progress_bar()
             self._bar.start()
         if self._bar is not None:
-            self._task = self._bar.add_task(description, total=total)
+            self._task = self._bar.add_task(printable(description), total=total)
 
     def advance(self, steps: int = 1) -> None:
         """Report completed steps."""
@@ -90,7 +90,7 @@ class ProgressBar(Progress):
     def describe(self, description: str) -> None:
         """Display the current item, or the best result so far."""
         if self._bar is not None:
-            self._bar.update(self._task, description=description)
+            self._bar.update(self._task, description=printable(description))
 
     def stop(self) -> None:
         """Remove the bar."""
@@ -104,7 +104,7 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
 
     with writing(target) as part:
         write(figure(), part)
-    console.print(f"plot: {target}", markup=False, soft_wrap=True)
+    say(f"plot: {target}")
 
 
 def write_json(data: dict[str, Any], target: str | None) -> None:

@@ -20,10 +20,12 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
+from cam_rig.errors import CONTROLS, printable
 from cam_rig.show.looks import DASHES, GAP, MARKERS, SERIES, cam_look, log_tick, web
 from cam_rig.units import FloatArray
 
@@ -56,9 +58,17 @@ def write(
     figure: Figure, to: Path | BytesIO, dpi: float | None = None, part: Bbox | None = None
 ) -> None:
     """Write a figure, or a ``part`` in inches from its lower left; to memory as SVG."""
+    _escape_controls(figure)
     dpi = STYLE["savefig.dpi"] if dpi is None else dpi
     kind = None if isinstance(to, Path) else "svg"
     figure.savefig(to, dpi=dpi, bbox_inches=part, format=kind)
+
+
+def _escape_controls(figure: Figure) -> None:
+    """Escape control characters of titles, which matplotlib would print in warnings."""
+    for text in figure.findobj(Text):
+        if CONTROLS.search(text.get_text()):
+            text.set_text(printable(text.get_text()))
 
 
 def logarithmic(*axes: Axis) -> None:
@@ -140,6 +150,7 @@ def strips(figure: Figure) -> list[tuple[float, float]]:
     What stands above and below all panels goes with the nearest. The figure's layout is done, and
     stays as it is from then on.
     """
+    _escape_controls(figure)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     panels = [span for artist, span in _parts(figure) if isinstance(artist, Axes)]

@@ -47,9 +47,24 @@ def pulls(force: FloatArray) -> bool:
     return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
 
 
+@dataclass(frozen=True)
+class ReadingCount:
+    """The number of readings of a quantity, of the messages of its topic."""
+
+    quantity: str
+    source: str  #: topic and field
+    readings: int
+    messages: int
+
+    @property
+    def skipped(self) -> int:
+        """Messages that gave no reading: without the field or a time, or with a wrong number."""
+        return self.messages - self.readings
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """What was recorded of one cam on a machine; what is None was not."""
+    """Signals that were recorded of one cam on a machine; a signal is None if it was not."""
 
     source: Path  #: the bag
     cam: str  #: name of the cam, as in the scene; empty where the bag does not say
@@ -57,8 +72,9 @@ class MeasuredRun:
     lift: Signal | None = None  #: follower displacement, m
     force: Signal | None = None  #: contact force, N
     level: Signal | None = None  #: sound level, dB re 20 µPa
-    notes: tuple[str, ...] = ()  #: what was found odd in the bag, each a sentence for people
+    notes: tuple[str, ...] = ()  #: what was odd in the bag and what was done, a sentence each
     begin_ns: int = 0  #: the stamp (ns) from which all times count
+    counts: tuple[ReadingCount, ...] = ()  #: of a bag of another program, for each quantity
 
 
 #: Angles that rise by whole steps so nearly, in parts of one, were read through an encoder; over a

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, printable
 from cam_rig.show.command import LOG_PERIOD_S, SceneOfBag, command, make_progress_bar
 from cam_rig.show.terminal import console, say
 from cam_rig.viewer import Layout, ViewOptions
@@ -169,16 +169,15 @@ def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
     """Write a bag as a Rerun recording; gives the rig time (s) from which it is played."""
-    from cam_rig.bag.reader import read_counts, read_scene, shortcomings
+    from cam_rig.bag.reader import read_counts, scene_of, shortcomings
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
-    from cam_rig.simulation.scene import open_scene
     from cam_rig.viewer.recording import save_recording
 
-    loaded = open_scene(scene) if scene else read_scene(bag)
+    loaded = scene_of(bag, scene)
     ticks = read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)
     say(*shortcomings(bag, loaded, ticks))
     with make_progress_bar() as bar:
-        task = bar.add_task(bag.name, total=ticks)
+        task = bar.add_task(printable(bag.name), total=ticks)
         begin = save_recording(
             bag,
             path,
@@ -187,5 +186,5 @@ def convert(
             overwrite=force,
             on_tick=lambda: bar.advance(task),
         )
-    console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
+    say(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
     return begin

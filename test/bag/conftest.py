@@ -3,7 +3,8 @@
 import pytest
 from mcap.reader import make_reader
 
-from cam_rig.bag.files import bag_file, mcap_files
+from cam_rig.bag.files import bag_file
+from cam_rig.bag.listing import mcap_files
 from cam_rig.bag.split import Split
 
 from .bags import BY_NAME, GOLDEN, Frugal, record

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
-from cam_rig.bag.files import bag_file, is_unclosed, mcap_files, why_not_a_bag
+from cam_rig.bag.files import bag_file, is_unclosed, why_not_a_bag
+from cam_rig.bag.listing import mcap_files
 from cam_rig.bag.reader import messages, read_counts
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of

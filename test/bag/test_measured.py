@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from cam_rig.bag.foreign_topics import parse_topics
+from cam_rig.bag.foreign.topic_line import parse_topics
 from cam_rig.bag.measured_run import read_measured
 from cam_rig.bag.reader import read_ticks
 from cam_rig.errors import BagError, ConfigError

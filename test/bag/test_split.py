@@ -11,7 +11,8 @@ from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.metadata import parse_qos
 
 from cam_rig.bag.file_writer import NEVER
-from cam_rig.bag.files import is_unclosed, mcap_files
+from cam_rig.bag.files import is_unclosed
+from cam_rig.bag.listing import mcap_files
 from cam_rig.bag.partial_reader import attachments
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.recover import recover

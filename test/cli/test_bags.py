@@ -19,6 +19,8 @@ from cam_rig.bag.writer import BagWriter
 from cam_rig.messages.topics import recorded_topic
 
 from ..bag.bags import cut_off
+from ..foreign_bags import number as write_number
+from ..foreign_bags import write_bag
 from .conftest import GOLDEN, call, done
 
 MESSAGES = sum(read_counts(GOLDEN).values())
@@ -45,7 +47,7 @@ def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
     as_ros2_records(theirs, plugin)
     nameless = call("analyze", theirs)
     assert nameless.exit_code == 1
-    assert "--scene" in nameless.stderr or "holds 0 .mcap files" in nameless.stderr
+    assert "has no scene attached" in nameless.stderr and "--scene" in nameless.stderr
     for bag, words in ((theirs, ["--scene", "quick"]), (GOLDEN, [])):
         for verb, option, suffix in (
             ("analyze", "--json", "json"),
@@ -74,6 +76,18 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert bag_file(torn).read_bytes() == before and read_counts(tmp_path / "torn_recovered")
     again = call("recover", torn)
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
+
+
+def test_recover_counts_times_from_the_start_of_a_bag_in_wall_time(tmp_path):
+    """A bag of another program, cut off: not billions of seconds."""
+    times = [0.01 * k for k in range(2000)]
+    bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, times, times)})
+    file = bag / "bench.mcap"
+    file.write_bytes(file.read_bytes()[:60_000])
+    words = " ".join(done("recover", bag).stderr.split())
+    saved = int(words.split(" messages to ")[0].split()[-1])
+    assert f"to {times[saved - 1]:.6g} s saved" in words and "e+" not in words
+    assert f"bench.mcap has {2000 - saved} messages fewer than metadata.yaml lists" in words
 
 
 def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
@@ -195,6 +209,20 @@ def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, name, text,
     assert result.exit_code == 1 and f"{path}: " in result.stderr
     assert words in result.stderr and "recover" not in result.stderr
     assert "PosixPath" not in result.stderr and len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
+@pytest.mark.parametrize("scene", [(), ("--scene", "quick")])
+@pytest.mark.parametrize("command", [("analyze",), ("view", "--save"), ("export", "--to")])
+def test_a_bag_of_another_program_is_for_compare(tmp_path, command, scene, plugin):
+    """With its topics, and the whole command."""
+    bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, [0.0, 1.0], [1.0, 2.0])}, plugin)
+    options = (command[1], tmp_path / "out.rrd") if command[0] == "view" else ()
+    options = (command[1], tmp_path / "out.csv") if command[0] == "export" else options
+    result = call(command[0], bag, *options, *scene)
+    assert result.exit_code == 1
+    assert "is not a recording of cam_rig, and holds /gauge [std_msgs/msg/Float64]" in result.stderr
+    assert f"cam-rig compare {bag} SCENE --topics" in result.stderr
 
 
 @pytest.mark.parametrize("source", ["quick", GOLDEN, GOLDEN / "golden_0.mcap"])

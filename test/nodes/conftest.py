@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
-from cam_rig.bag.files import mcap_files
+from cam_rig.bag.listing import mcap_files
 from cam_rig.bag.recorder import recorded
 from cam_rig.errors import RunError
 from cam_rig.messages.topics import FOLLOWER_SAMPLES

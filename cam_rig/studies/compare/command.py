@@ -45,11 +45,11 @@ def compare(
 
     By speed: lift and force, lift-offs and their time, sound level; what the readings' noise
     explains is marked. A bag of the rig itself is compared sample by sample, with the recorded
-    states of the cam. In a bag of another program, each quantity is a number of a standard
-    message; the cam follows a smooth motion through the encoder's counts, and the encoder's zero
-    and an error of the sensors' clock are found from the lift. Only settled turns at steady speed
-    are compared. In --topics, "-" before a topic turns the sign, and "@bag" behind an item takes
-    the bag's time.
+    states of the cam. In a bag of another program, each quantity is a number of a ROS 2 message.
+    Messages without that number, and wrong angles, are dropped and counted. The cam follows a
+    smooth motion through the encoder's counts, and the encoder's zero and an error of the sensors'
+    clock are found from the lift. Only settled turns at steady speed are compared. In --topics, "-"
+    before a topic turns the sign, and "@bag" behind an item takes the bag's time.
 
     In Python: cam_rig.compare(bag, scene, topics, cam, namespace, offset_deg)
 

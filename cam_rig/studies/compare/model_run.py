@@ -22,6 +22,9 @@ SAME_SPEED, SAME_COUNTS = 0.02, 4.0
 SMALL_GAP = TURN / 8.0
 #: Knots a turn of a motion that is not steady, and readings between two, at least.
 KNOTS, READINGS = 8, 6
+#: Readings that are of one angle while the cam stands still, and the range of these angles, rad.
+STILL_READINGS = 16
+STILL = 1e-3
 #: A line is kept unless a curve leaves less than this part of its scatter.
 BETTER = 0.9
 
@@ -92,6 +95,20 @@ def steady_stretches(angle: Signal, least_turns: float) -> list[SteadyStretch]:
             if stretch is not None and stretch.turns >= least_turns:
                 found.append(stretch)
     return found
+
+
+def standstills(angle: Signal) -> FloatArray:
+    """Return the times (s) between which the cam stands still, ``(k, 2)``, without short ones."""
+    near = max(STILL, 1.5 * encoder_count(angle.value))
+    first = np.arange(0, angle.time.size, STILL_READINGS)
+    last = np.minimum(first + STILL_READINGS, angle.time.size - 1)
+    low, high = (part.reduceat(angle.value, first) for part in (np.minimum, np.maximum))
+    still = (high - low <= near) & (np.abs(angle.value[last] - angle.value[first]) <= near)
+    # Between two readings of one angle, as in a gap, nothing is known of the cam.
+    gaps = angle.gaps()[:, 0]
+    bounded = np.searchsorted(gaps, angle.time[first]) == np.searchsorted(gaps, angle.time[last])
+    found = still & bounded & (last - first == STILL_READINGS)
+    return np.column_stack([angle.time[first[found]], angle.time[last[found]]])
 
 
 def _alike(time: FloatArray, angle: FloatArray, count: float) -> Iterator[tuple[float, float]]:

@@ -23,7 +23,13 @@ from cam_rig.simulation.simulate import (
 )
 from cam_rig.studies.compare.alignment import Alignment, find_alignment
 from cam_rig.studies.compare.deviation import PairedSignal, PairedStep
-from cam_rig.studies.compare.model_run import ModelRun, SteadyStretch, drive, steady_stretches
+from cam_rig.studies.compare.model_run import (
+    ModelRun,
+    SteadyStretch,
+    drive,
+    standstills,
+    steady_stretches,
+)
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: A tick of the model, its sound pressure (Pa), and where it was put down after a loss.
@@ -183,7 +189,7 @@ LEAST_ROUNDING = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPairs:
-    """A measured run on a scene's model; ``given``: whether the encoder's zero was given."""
+    """A measured run on a scene's model; ``given``: True if the encoder's zero was given."""
 
     run: MeasuredRun
     loaded: LoadedScene
@@ -201,9 +207,15 @@ class MeasuredPairs:
 
     @property
     def left_out(self) -> float:
-        """The part of the time with no steady turns, which are not compared."""
-        whole = float(self.run.angle.time[-1] - self.run.angle.time[0])
-        return 1.0 - sum(float(one.knots[-1] - one.knots[0]) for one in self.stretches) / whole
+        """Fraction of the time without steady turns, which are not compared; pauses do not count.
+
+        A pause is a gap in the readings, or a time in which the cam stands still.
+        """
+        angle = self.run.angle
+        pauses = sum(float(stop - start) for start, stop in (*angle.gaps(), *standstills(angle)))
+        whole = float(angle.time[-1] - angle.time[0]) - pauses
+        compared = sum(float(one.knots[-1] - one.knots[0]) for one in self.stretches)
+        return max(0.0, 1.0 - compared / whole)
 
     def steps(self) -> Iterator[PairedStep]:
         """The settled turns of each stretch, slowest first."""

@@ -13,6 +13,7 @@ from cam_rig.errors import BagError, ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.show.result import SI_UNITS, Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell, format_number
+from cam_rig.simulation.instruments import ReadingCount
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
 from cam_rig.studies.compare.comparison import (
     AlignmentNumber,
@@ -111,7 +112,8 @@ class RunComparison(Result):
     ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle;
     ``speeds``: one row per cam and speed; ``notes``: how the bag was read, and warnings, one
     sentence each; ``alignment``: numbers by which the readings of a bench were aligned with the
-    cam, empty for a bag of the rig.
+    cam, empty for a bag of the rig; ``counts``: readings and skipped messages of each quantity,
+    empty for a bag of the rig.
     """
 
     schema = "cam_rig.compare.1"
@@ -156,6 +158,13 @@ class RunComparison(Result):
             Column("unit", cell=_shown_unit),
             Column("origin", of="origin.value"),
         ),
+        "readings": (
+            Column("quantity"),
+            Column("source", doc="topic and field"),
+            Column("readings", "", "d", doc="readings that were used"),
+            Column("messages", "", "d", doc="messages of the topic"),
+            Column("skipped", "", "d", doc="messages that gave no reading"),
+        ),
         "run": (
             Column("bag", of=lambda found: str(found.source)),
             Column("scene", of="loaded.scene.name"),
@@ -169,6 +178,7 @@ class RunComparison(Result):
     speeds: tuple[SpeedDeparture, ...]
     notes: tuple[str, ...]
     alignment: tuple[AlignmentNumber, ...] = ()
+    counts: tuple[ReadingCount, ...] = ()
 
     @property
     def force_ringing(self) -> float | None:
@@ -190,6 +200,7 @@ class RunComparison(Result):
             self.table("events", events, self.speeds, LATER, relative),
             self.table("largest", "Largest deviations", largest_deviations(self.speeds)),
             self.table("alignment", alignment, self.alignment, hidden=not self.alignment),
+            self.table("readings", "Readings of each quantity", self.counts, hidden=True),
             self.table("run", "The run", [self], single=True, hidden=True),
         ]
 
@@ -277,7 +288,7 @@ def _measured(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
 ) -> RunComparison:
     with libraries_named():
-        from cam_rig.bag.foreign_topics import parse_topics
+        from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured
 
     mapping = parse_topics(topics)
@@ -292,4 +303,5 @@ def _measured(
     offset = None if offset_deg is None else math.radians(offset_deg)
     pairs = pair_measured(run, loaded, known, offset)
     rows, notes = compare_steps(pairs.steps(), loaded.laws), (*run.notes, *warnings_of(pairs))
-    return RunComparison(bag, loaded, tuple(rows), notes, tuple(alignment_numbers(pairs)))
+    alignment = tuple(alignment_numbers(pairs))
+    return RunComparison(bag, loaded, tuple(rows), notes, alignment, run.counts)

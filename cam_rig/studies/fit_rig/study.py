@@ -151,7 +151,7 @@ def _read(
 ) -> tuple[Law, MeasuredRun]:
     """The run of a bag: of another program by its topics, of the rig in its namespace."""
     with libraries_named():
-        from cam_rig.bag.foreign_topics import parse_topics
+        from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured
 
     mapping = None if topics is None else parse_topics(topics)

@@ -94,11 +94,11 @@ def export(
     require_format(to)
     check_place(to)
     if Path(source).is_dir() or source.endswith(BAG_FILES):
-        from cam_rig.bag.reader import read_counts, read_scene, read_ticks, shortcomings
+        from cam_rig.bag.reader import read_counts, read_ticks, scene_of, shortcomings
         from cam_rig.messages.topics import FOLLOWER_SAMPLES
 
         bag = Path(source)
-        loaded = read_scene(bag) if scene is None else open_scene(scene_path(scene))
+        loaded = scene_of(bag, None if scene is None else scene_path(scene))
         ticks = read_ticks(bag)
         say(*shortcomings(bag, loaded, read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)))
     else:

@@ -11,15 +11,14 @@ from cam_rig.bag.reader import (
     decoded,
     pressure_of,
     read_counts,
-    read_scene,
     read_ticks,
+    scene_of,
     shortcomings,
 )
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick
 from cam_rig.studies.simulate.study import SceneRun
@@ -27,7 +26,7 @@ from cam_rig.studies.simulate.study import SceneRun
 
 def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
     """A recorded run; ``scene`` is the one that was run, for a bag that has none attached."""
-    loaded = read_scene(bag) if scene is None else open_scene(scene)
+    loaded = scene_of(bag, scene)
     states: list[CamState] = []
     pressures: dict[int, float] = {}
     both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}

@@ -147,3 +147,20 @@ def test_of_two_rigs_one_is_compared(tmp_path):
     assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
     data = data_of("compare", bag, "quick", "--namespace", "/rig2", "--cam", "tm21")
     assert len(data["departures"]) == 4
+
+
+def test_readings_and_skipped_messages_are_counted_for_each_quantity(bench):
+    """In JSON and in the notes; a bag of the rig has none."""
+    bag, loaded = bench
+    found = data_of("compare", bag, loaded.scene_file, "--topics", LINE)
+    counts = {row["quantity"]: row for row in found["readings"]}
+    assert list(counts) == ["angle", "lift", "force", "level"]
+    for name, row in counts.items():
+        assert row["skipped"] == row["messages"] - row["readings"] == 0
+        note = f"{name}: {row['source']}, {row['readings']} readings, the time is that of"
+        assert any(line.startswith(note) for line in found["run"]["notes"])
+
+
+def test_a_bag_of_the_rig_counts_no_readings(golden):
+    """Its samples are paired one by one."""
+    assert golden.data()["readings"] == []

@@ -212,6 +212,31 @@ def test_lost_readings_are_not_bridged(scene):
     assert all(row.agrees for row in rows)
 
 
+@pytest.mark.parametrize("is_still", [False, True])
+def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
+    """Without readings, or with readings of a cam that stands still."""
+    loaded = scene()
+    run = measured(loaded)
+    before, _ = compared(run, loaded)
+    half = run.angle.time.size // 2
+
+    def paused(signal, fill):
+        late = signal.time > run.angle.time[half]
+        time, value = signal.time + 3600.0 * late, signal.value
+        if fill is not None:
+            rest = np.arange(signal.time[half] + 0.01, signal.time[half] + 3600.0, 0.1)
+            values = np.full(rest.size, value[half] + fill)
+            time = np.insert(time, half + 1, rest)
+            value = np.insert(value, half + 1, values)
+        return replace(signal, time=time, value=value)
+
+    fill = 0.0 if is_still else None
+    parts = {name: paused(getattr(run, name), fill) for name in ("angle", "lift", "force")}
+    pairs, rows = compared(replace(run, level=None, **parts), loaded)
+    assert all(row.lift.within for row in rows)
+    assert before.left_out <= pairs.left_out < 0.6
+
+
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
     """With what steady means and how many turns are asked."""
     loaded = scene()

@@ -1,0 +1,1 @@
+"""Bags of other programs: quantities from the fields of any topic."""

@@ -1,0 +1,85 @@
+"""Numbers of a message by the path of their field: ``wrench.force.z``, ``position[0]``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from cam_rig.errors import did_you_mean
+
+#: Fields that are named in an error, at most.
+MAX_NAMED = 24
+PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
+
+
+def number_at(message: Any, path: str) -> float:
+    """Return the number at a path; an entry may be named by its joint."""
+    value = message
+    for part in path.split("."):
+        match, there = PART.fullmatch(part), getattr(value, "__dataclass_fields__", {})
+        if match is None or match["name"] not in there or match["name"].startswith("_"):
+            raise ValueError(_unknown(message, path))
+        owner, value = value, getattr(value, match["name"])
+        if match["index"] is not None:
+            value = _entry(owner, value, match["name"], match["index"])
+    if isinstance(value, np.ndarray | list):
+        raise ValueError(f"{path!r} holds {len(value)} numbers; allowed: one, as {path}[0]")
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
+        raise ValueError(_unknown(message, path))
+    return float(value)
+
+
+def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
+    """Return an entry of an array, by its number or by the name of its joint."""
+    if not hasattr(values, "__len__"):
+        raise ValueError(f"{name!r} is one value; allowed: without [{index}]")
+    names = list(getattr(owner, "name", []))
+    if not index.isdigit():
+        if index not in names:
+            raise ValueError(
+                f"{name!r} has no entry {index!r}; allowed: numbers from 0 on"
+                + (f", or {', '.join(names)}" if names else "")
+                + did_you_mean(index, names)
+            )
+        index = str(names.index(index))
+    if int(index) >= len(values):
+        raise ValueError(f"{name!r} has {len(values)} entries; allowed: less than [{index}]")
+    return values[int(index)]
+
+
+def numeric_fields(message: Any, before: str = "") -> Iterator[str]:
+    """Yield the paths of all numbers of a message, without those of its header or stamp."""
+    for name in getattr(message, "__dataclass_fields__", {}):
+        value, path = getattr(message, name), f"{before}{name}"
+        if name.startswith("_") or path in ("header", "stamp"):
+            continue
+        if hasattr(value, "__dataclass_fields__"):
+            yield from numeric_fields(value, f"{path}.")
+        elif isinstance(value, np.ndarray):
+            yield from (f"{path}[{i}]" for i in range(min(len(value), MAX_NAMED)))
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield path
+
+
+def only_field(message: Any) -> str:
+    """Return the path of the only number of a message, or of its measured value."""
+    found = list(numeric_fields(message))
+    if len(found) == 1:
+        return found[0]
+    for usual in ("range", "fluid_pressure", "temperature"):  # next to limits and variances
+        if usual in found:
+            return usual
+    raise ValueError(f"no field is named, and there are {_named(found)}")
+
+
+def _unknown(message: Any, path: str) -> str:
+    found = list(numeric_fields(message))
+    return f"no number {path!r}; allowed: {_named(found)}{did_you_mean(path, found)}"
+
+
+def _named(found: list[str]) -> str:
+    more = len(found) - MAX_NAMED
+    return ", ".join(found[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "") or "none"

@@ -1,0 +1,87 @@
+"""Reading an SQLite file of a bag: its topics, and its messages in the order of their log times."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+)
+
+#: The encodings of message definitions that rosbags can parse.
+DEFINITION_FORMATS = {
+    "ros2msg": MessageDefinitionFormat.MSG,
+    "ros2idl": MessageDefinitionFormat.IDL,
+}
+
+
+class SqliteFile:
+    """An SQLite file; a context manager with the interface of `McapFile`.
+
+    It is opened as immutable, so that no file is written next to it.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._database = sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1", uri=True)
+        try:
+            self.message_count, start = self._database.execute(
+                "SELECT COUNT(*), MIN(timestamp) FROM messages"
+            ).fetchone()
+            self.start_ns = int(start or 0)
+            self.connections = list(self._connections())
+        except BaseException:
+            self._database.close()
+            raise
+
+    def __enter__(self) -> SqliteFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._database.close()
+
+    def messages(
+        self, connections: Collection[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield connection, log time (ns) and data of the messages of some connections."""
+        wanted = {connection.id: connection for connection in connections}
+        rows = self._database.execute(
+            "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+        )
+        for topic, time_ns, data in rows:
+            if topic in wanted:
+                yield wanted[topic], time_ns, data
+
+    def _connections(self) -> Iterator[Connection]:
+        tables = {name for (name,) in self._database.execute("SELECT name FROM sqlite_master")}
+        definitions = {}
+        if "message_definitions" in tables:  # ROS 2 Iron and later
+            rows = self._database.execute(
+                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            )
+            definitions = {
+                kind: MessageDefinition(DEFINITION_FORMATS[encoding], text)
+                for kind, encoding, text in rows
+                if encoding in DEFINITION_FORMATS
+            }
+        counts = dict(
+            self._database.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id")
+        )
+        rows = self._database.execute(
+            "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+        )
+        for number, name, kind, encoding in rows:
+            yield Connection(
+                id=number,
+                topic=name,
+                msgtype=kind,
+                msgdef=definitions.get(kind, MessageDefinition(MessageDefinitionFormat.NONE, "")),
+                digest="",
+                msgcount=counts.get(number, 0),
+                ext=ConnectionExtRosbag2(encoding, []),
+                owner=self,
+            )

@@ -1,0 +1,113 @@
+"""The files of a bag agree with metadata.yaml, or the difference is an error that names them."""
+
+import random
+import shutil
+
+import pytest
+import yaml
+
+from cam_rig.bag.listing import list_files, mcap_files
+from cam_rig.bag.reader import read_counts
+from cam_rig.bag.recover import examine, recover
+from cam_rig.errors import BagError
+from cam_rig.studies.simulate.recorded import read_recording
+
+from ..foreign_bags import number, write_bag
+
+TIMES = [0.01 * i for i in range(50)]
+
+
+@pytest.fixture
+def bag(tmp_path, split):
+    return shutil.copytree(split, tmp_path / "bag")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_missing_file_is_named(bag, seed):
+    """Any file, the first and the last too; recover does not report that nothing is lost."""
+    chosen = random.Random(seed).choice(mcap_files(bag)) if seed > 1 else mcap_files(bag)[-seed]
+    chosen.unlink()
+    for command in (read_counts, read_recording, examine):
+        with pytest.raises(BagError, match=rf"lists {chosen.name}, missing here; put it back"):
+            command(bag)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_exchanged_files_are_named(bag, seed):
+    """By the messages and the start that metadata.yaml lists for each."""
+    one, other = random.Random(seed).sample(mcap_files(bag), 2)
+    aside = one.rename(bag / "aside")
+    other.rename(one)
+    aside.rename(other)
+    for command in (read_counts, read_recording, examine):
+        with pytest.raises(BagError) as raised:
+            command(bag)
+        assert f"{one.name} is {other.name}" in str(raised.value)
+
+
+@pytest.mark.parametrize("name", ["bag_0 (copy).mcap", "bag_99.mcap", "other.mcap", "a_0.db3"])
+def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, name):
+    """The turns count once; analysis and recovery name the file."""
+    shutil.copy(mcap_files(bag)[0], bag / name)
+    assert read_counts(bag) == read_counts(split)
+    note = f"{name} is ignored: metadata.yaml does not list it"
+    assert f"{note}." in read_recording(bag).notes
+    words = recover(bag, tmp_path / "recovered").words
+    assert note in words and "nothing lost" in words
+
+
+def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
+    """Else its turns would count twice."""
+    (bag / "metadata.yaml").unlink()
+    shutil.copy(mcap_files(bag)[0], bag / "bag_0 (copy).mcap")
+    with pytest.raises(BagError, match=r"bag_0.mcap and bag_0 \(copy\).mcap have the same"):
+        read_counts(bag)
+
+
+@pytest.mark.parametrize("ending", ["mcap", "db3"])
+def test_a_file_with_other_messages_is_refused(tmp_path, ending):
+    """A file of the right name with 40 of the 50 messages that are listed."""
+    from rosbags.rosbag2 import StoragePlugin
+
+    plugin = StoragePlugin.MCAP if ending == "mcap" else StoragePlugin.SQLITE3
+    for folder, count in (("one", 50), ("two", 40)):
+        topics = {"/gauge": (number, TIMES[:count], TIMES[:count])}
+        write_bag(tmp_path / folder / "bag", topics, plugin)
+    file = f"bag/bag.{ending}"
+    shutil.copy(tmp_path / "two" / file, tmp_path / "one" / file)
+    with pytest.raises(BagError, match=rf"bag\.{ending} has 40 messages, listed are 50"):
+        read_counts(tmp_path / "one" / "bag")
+
+
+def test_recover_counts_the_messages_that_a_listed_file_has_not(bag, tmp_path):
+    """A file that was cut off before its last messages."""
+    file = mcap_files(bag)[1]
+    listed = list_files(bag).extents[file.name].messages
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    found = recover(bag, tmp_path / "recovered")
+    assert 0 < found.fewer[file.name] < listed
+    assert f"{file.name} has {found.fewer[file.name]} messages fewer" in found.words
+
+
+@pytest.mark.parametrize("text", ["", "not: [yaml", "a list", "rosbag2_bagfile_information: 3"])
+def test_without_a_readable_list_files_are_read_by_their_numbers(bag, split, text):
+    """A torn metadata.yaml hides no message."""
+    (bag / "metadata.yaml").write_text(text)
+    assert read_counts(bag) == read_counts(split)
+    assert list_files(bag).notes == (
+        "metadata.yaml lists none of the files: they are read by their numbers.",
+    )
+
+
+def test_a_total_is_compared_if_files_are_not_counted_one_by_one(bag):
+    """Bags of before version 5 list no counts per file."""
+    file = bag / "metadata.yaml"
+    about = yaml.safe_load(file.read_text())
+    information = about["rosbag2_bagfile_information"]
+    del information["files"]
+    file.write_text(yaml.safe_dump(about))
+    total = sum(read_counts(bag).values())
+    information["message_count"] += 1
+    file.write_text(yaml.safe_dump(about))
+    with pytest.raises(BagError, match=rf"have {total} messages, listed are {total + 1}"):
+        read_counts(bag)
