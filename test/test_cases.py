@@ -130,3 +130,21 @@ def test_a_radius_is_refused_for_a_roller(tmp_path):
     assert done.exit_code == 2
     words = " ".join(done.stderr.split())
     assert "'radius_mm' is a radius" in words and "--follower point" in words
+
+
+def test_a_rig_without_sound_is_compared_and_reported(tmp_path, monkeypatch):
+    """The level is left out with the missing key; lift and force are compared as before."""
+    copytree(CASES / "counter_overflows", tmp_path / "case")
+    monkeypatch.chdir(tmp_path / "case")
+    rig = Path("bench/rigs/plain.yaml")
+    rig.write_text(rig.read_text(encoding="utf-8").partition("radiation:")[0], encoding="utf-8")
+    topics = "angle=/enc:turn/4096 lift=/joint_states.position[follower]"
+    done = call("compare", "i16", "bench/scenes/bench.yaml", "--topics", topics, "--json", "-")
+    assert done.exit_code == 0, done.stderr
+    data = json.loads(done.stdout)
+    assert all(row["lift_within_noise"] for row in data["departures"])
+    assert "sound level left out: rig plain has no radiation" in str(data["run"])
+    done = call("report", "bench/scenes/bench.yaml", "--out", "page.md")
+    assert done.exit_code == 0, done.stderr
+    page = " ".join(Path("page.md").read_text(encoding="utf-8").split())
+    assert "Sound level left out: rig plain has no radiation" in page

@@ -181,7 +181,7 @@ class ModelRun:
     """The follower's samples, rows as in `COLUMNS`, from where it is put down on its cam.
 
     ``begin``: s, from here on it is settled; ``sound``: ``(3, n)``, for each tick its end (s), mean
-    square pressure (Pa²), samples.
+    square pressure (Pa²), samples; empty if the rig has no numbers of its sound.
     """
 
     stretch: SteadyStretch
@@ -199,8 +199,10 @@ class ModelRun:
         """Whether contact is lost in its settled turns."""
         return bool((self.settled[4] <= 0.0).any())
 
-    def level(self) -> float:
-        """DB re 20 µPa, of the settled turns."""
+    def level(self) -> float | None:
+        """Return the level of the settled turns in dB re 20 µPa, None without sound."""
+        if not self.sound.size:
+            return None
         settled = self.sound[:, self.sound[0] > self.begin + 1.0 / NS]
         mean = float(np.sum(settled[1] * settled[2]) / np.sum(settled[2]))
         return float(level_db(np.sqrt(mean)))
@@ -208,16 +210,17 @@ class ModelRun:
 
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:
     """Turn a cam of a scene as the stretch says, its angle ahead of it by ``offset`` (rad)."""
-    follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
-    blocks, sound = [], []
+    follower, blocks, sound = FollowerSimulator.of(loaded), [], []
+    microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)
     for state in stretch.states(cam, offset):
         turned = follower.turn_to(state)
         if turned is None:
             continue
         block = turned[1]
-        pressure = microphone.listen(block.rows, block.interval.mean_speed)
         blocks.append(block.rows)
-        sound.append((block.interval.stop_ns / NS, pressure**2, float(block.rows.shape[1])))
+        if microphone is not None:
+            pressure = microphone.listen(block.rows, block.interval.mean_speed)
+            sound.append((block.interval.stop_ns / NS, pressure**2, float(block.rows.shape[1])))
     settle = loaded.scene.program.settle_turns.si * TURN / stretch.mean_speed
     begin = float(stretch.knots[0]) + settle
     return ModelRun(stretch, begin, np.hstack(blocks), np.array(sound).T)

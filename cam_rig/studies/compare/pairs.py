@@ -33,7 +33,7 @@ from cam_rig.studies.compare.model_run import (
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: A tick of the model, its sound pressure (Pa), and where it was put down after a loss.
-ModelTick = tuple[TickSamples, float, CamState | None]
+ModelTick = tuple[TickSamples, float | None, CamState | None]
 
 
 @dataclass
@@ -118,8 +118,11 @@ class RecordedPairs:
     def _model(self, states: Iterable[CamState], rate: int) -> Iterator[ModelTick]:
         """The scene's model, driven with the states; put down anew where some are missing."""
         follower = FollowerSimulator.of(self.loaded)
-        microphone = MicrophoneSimulator.of(self.loaded)
-        follower.sample_rate = microphone.sample_rate = rate
+        microphone = None
+        if not self.loaded.missing_for_sound:
+            microphone = MicrophoneSimulator.of(self.loaded)
+            microphone.sample_rate = rate
+        follower.sample_rate = rate
         start: CamState | None = None
         put_down: CamState | None = None
         for state in states:
@@ -131,7 +134,9 @@ class RecordedPairs:
             turned = follower.turn_to(state)
             if turned is not None and start is not None:
                 block = turned[1]
-                pressure = microphone.listen(block.rows, block.interval.mean_speed)
+                pressure = None
+                if microphone is not None:
+                    pressure = microphone.listen(block.rows, block.interval.mean_speed)
                 yield TickSamples(start, block.interval, block.rows), pressure, put_down
             start = state
             if not self._takes(state.cam):  # it ended the last tick of the cam before
@@ -171,7 +176,7 @@ def _take(
     parts.rows.append(np.stack([tick.time, tick.angle, tick.lift, rows[1], tick.force, rows[4]]))
     parts.turned += tick.turned(round(1.0 / step)) if tick.time.size > 1 else 0.0
     measured = pressures.get(samples.interval.stop_ns)
-    if measured is not None:
+    if measured is not None and pressure is not None:
         parts.energy += np.array([measured**2, pressure**2, 1.0]) * samples.time.size
 
 

@@ -303,5 +303,7 @@ def _measured(
     offset = None if offset_deg is None else math.radians(offset_deg)
     pairs = pair_measured(run, loaded, known, offset)
     rows, notes = compare_steps(pairs.steps(), loaded.laws), (*run.notes, *warnings_of(pairs))
+    if loaded.no_sound_note:
+        notes += (loaded.no_sound_note,)
     alignment = tuple(alignment_numbers(pairs))
     return RunComparison(bag, loaded, tuple(rows), notes, alignment, run.counts)
