@@ -164,9 +164,9 @@ def test_levels_of_another_cam_than_the_file_says(scene, save):
 
 
 def roles(scene):
-    """What the levels of a scene are worth, by cam."""
+    """Return the origin of the level of each cam of a scene."""
     loaded = load_scene(scene)
-    return {cam: loaded.role(cam) for cam in loaded.cams}
+    return {cam: loaded.level_origin(cam) for cam in loaded.cams}
 
 
 @pytest.mark.long
