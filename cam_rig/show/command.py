@@ -21,7 +21,7 @@ from typer.core import TyperCommand
 
 from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError
 from cam_rig.extras import libraries_named, require, source_date
-from cam_rig.files import check_place, writing
+from cam_rig.files import check_place, printable, writing
 from cam_rig.interrupts import raised
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console, say, show
@@ -49,7 +49,7 @@ def user_errors() -> Iterator[None]:
         with libraries_named(), raised():
             yield
     except CamRigError as error:
-        print(f"cam-rig: {error.in_command}", file=sys.stderr)
+        print(f"cam-rig: {printable(error.in_command)}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt as interrupt:
         print(f"cam-rig: {str(interrupt) or 'interrupted'}", file=sys.stderr)

@@ -8,6 +8,7 @@ from typing import Literal
 
 from rich.console import Console
 
+from cam_rig.files import printable
 from cam_rig.show.tables import DataTable
 
 #: People read stderr, programs read stdout.
@@ -15,9 +16,9 @@ console = Console(stderr=True, highlight=False)
 
 
 def say(*lines: str) -> None:
-    """Print lines as they are: no markup, folded by the terminal alone."""
+    """Print lines without markup, folded by the terminal alone, control characters escaped."""
     for line in lines:
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(printable(line), markup=False, soft_wrap=True)
 
 
 def show(*tables: DataTable) -> None:
@@ -28,7 +29,9 @@ def show(*tables: DataTable) -> None:
 
     for table in (part for whole in tables for part in _parts(whole, console.width)):
         gap, widths = _widths(table, console.width)
-        out = RichTable(title=Text(table.caption, "italic"), box=SIMPLE, padding=(0, gap, 0, 0))
+        out = RichTable(
+            title=Text(printable(table.caption), "italic"), box=SIMPLE, padding=(0, gap, 0, 0)
+        )
         out.pad_edge = False
         out.caption, out.caption_justify = Text("\n".join(table.notes), "dim"), "left"
         for column, width in zip(table.columns, widths, strict=True):
@@ -36,7 +39,7 @@ def show(*tables: DataTable) -> None:
             justify: Literal["left", "right"] = "right" if column.number_format else "left"
             out.add_column(heading, justify=justify, width=width, overflow="fold")
         for row in table.text_rows:
-            out.add_row(*map(Text, row))
+            out.add_row(*(Text(printable(text)) for text in row))
         console.print(out)
 
 

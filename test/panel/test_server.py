@@ -118,6 +118,15 @@ def test_a_request_that_the_end_cuts_off_leaves_no_traceback(caplog):
     assert "Traceback" not in caplog.text
 
 
+def test_a_post_that_is_cut_off_prints_nothing(panel, caplog, capfd):
+    """The page has gone before the end of its request: no traceback, and the server continues."""
+    page = begun_request(panel, "POST /save HTTP/1.1", {"Content-Length": "1000"}, "{")
+    page.close()
+    assert panel.get("/languages")  # answered after it by the same loop
+    assert "Traceback" not in caplog.text + capfd.readouterr().err
+    assert not [record for record in caplog.records if record.exc_info]
+
+
 def test_pages_are_told_the_language_that_was_asked_for():
     """Another is refused by name before anything is served."""
     with serve(OnePage(), language="es") as served:
