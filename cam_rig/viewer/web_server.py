@@ -51,6 +51,7 @@ LOCAL_HOST = f"{secrets.token_hex(8)}.localhost"
 #: that a file or another site has started, in which a browser sends no cookie of SameSite=Strict.
 ENTRY = """<!doctype html>
 <meta charset="utf-8">
+<link rel="icon" href="data:,">
 <meta http-equiv="refresh" content="0; url={path}">
 <title>cam_rig</title>
 <a href="{path}">cam-rig</a>
