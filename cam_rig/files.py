@@ -9,18 +9,31 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from cam_rig.errors import ConfigError, OutputError
 
 MIB = 2**20
 #: Characters of a wrong value that an error shows.
 MAX_SHOWN = 60
+#: First characters of a formula in a spreadsheet.
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def shown(text: str, quoted: bool = True) -> str:
     """A text from a file as an error shows it: one line, the end of a long one left out."""
     whole = repr(text) if quoted else repr(text)[1:-1]
     return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
+
+
+def spreadsheet_text(value: Any) -> Any:
+    """Return a value for a cell of a CSV file; a text does not become a formula.
+
+    Spreadsheets evaluate a text that starts with one of `FORMULA_STARTS`. The apostrophe before it
+    makes it a text. Numbers stay as they are.
+    """
+    is_formula = isinstance(value, str) and value.startswith(FORMULA_STARTS)
+    return f"'{value}" if is_formula else value
 
 
 def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:

@@ -1,5 +1,8 @@
 """The rig: five nodes, one scene, one bag; with view:=true a sixth shows it in Rerun."""
 
+import signal
+from pathlib import Path
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
@@ -59,14 +62,26 @@ def config(*path: str) -> PathJoinSubstitution:
 
 
 def value(name: str, context: LaunchContext) -> str:
-    """The text of a launch argument; empty where it was not given."""
+    """Return the text of a launch argument, or an empty string if it is not given."""
     return LaunchConfiguration(name).perform(context)
 
 
 def ended(event: ProcessExited, _context: LaunchContext) -> Shutdown:
-    """Shut down the launch when an essential node has ended."""
-    how = f"with code {event.returncode}" if event.returncode else "in order"
-    return Shutdown(reason=f"{event.process_name} has ended {how}")
+    """Shut down the launch when an essential node has ended.
+
+    The launch service reports an exception of a handler as an error, shuts down the other nodes and
+    ends with code 1. It has no other way to end with a code.
+
+    Raises
+    ------
+    RuntimeError
+        If the node has failed.
+    """
+    code, name = event.returncode, event.process_name
+    # SIGALRM ends a node that has done all its work, and waits for DDS (cam_rig/nodes/process.py)
+    if code not in (0, -signal.SIGALRM):
+        raise RuntimeError(f"{name} has ended with code {code}, see its error above")
+    return Shutdown(reason=f"{name} has ended in order")
 
 
 def left_out(event: ProcessExited, _context: LaunchContext) -> LogInfo:
@@ -105,7 +120,10 @@ def node(entry: NodeEntry, context: LaunchContext) -> Node:
 
 
 def nodes(context: LaunchContext) -> list[Node]:
-    """Start the nodes of the runner's table, in its order."""
+    """Start the nodes of the runner's table, in its order; raise RuntimeError without a file."""
+    file = value("params_file", context)
+    if file and not Path(file).is_file():  # launch_ros only warns, and starts with the defaults
+        raise RuntimeError(f"params_file must be an existing file, got {file!r}")
     return [node(entry, context) for entry in NODES]
 
 

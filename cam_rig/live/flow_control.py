@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from decimal import Decimal
 
@@ -149,3 +149,48 @@ class Pacing:
         assert self.factor is not None and self._begin is not None
         from_ns, wall = self._begin
         return wall + (rig_ns - from_ns) / NS / self.factor
+
+
+#: Duration (s, wall clock) over which the pace of a run is compared with the requested one.
+PACE_WINDOW_S = 10.0
+#: Shortest duration (s, wall clock) for this comparison at the end of a run.
+MIN_PACE_WINDOW_S = 2.0
+#: Fraction of the requested real-time factor that a run may lose without a warning.
+MAX_LOST = 0.1
+
+
+class LostTime:
+    """Wall-clock time that a paced run has given up in a window, and the nodes it waited for.
+
+    `start` is the wall-clock time (s) at which the first window starts.
+    """
+
+    def __init__(self, start: float) -> None:
+        self._start, self._lost = start, 0.0
+        self._waits = Counter[str]()
+
+    def add(self, late: float) -> None:
+        """Add the time (s) given up at a state, `Pacing.late`."""
+        self._lost += late
+
+    def count_wait(self, node: str) -> None:
+        """Count a sample of the time in which a due state waits for a node."""
+        self._waits[node] += 1
+
+    def text(self, factor: float, now: float, window: float) -> str:
+        """Return a warning at the end of a window (s) in which much time was lost, else ""."""
+        duration = now - self._start
+        if duration < window:
+            return ""
+        achieved = factor * max(0.0, 1.0 - self._lost / duration)
+        names = [name for name, _ in self._waits.most_common()]
+        is_slow = achieved < (1.0 - MAX_LOST) * factor
+        self._start, self._lost = now, 0.0
+        self._waits.clear()
+        if not is_slow:
+            return ""
+        waited_for = f"waiting for {', '.join(names)}" if names else "the drive itself is too slow"
+        return (
+            f"real-time factor {achieved:.3g} instead of {factor:g} in the last {duration:.0f} s: "
+            f"{waited_for}; set a lower pacing, or reduce the load of this machine"
+        )

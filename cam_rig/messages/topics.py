@@ -5,7 +5,7 @@ The names are those of the root namespace; a rig in another one has its namespac
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Literal
@@ -165,38 +165,47 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
     return found
 
 
-# One publisher a topic: the node that owns it, whose messages alone a recording holds.
+# One publisher per topic: the node that owns it, whose messages alone a recording contains.
 
 
 class Publishers:
-    """Processes from which the messages of each node came, identified by their DDS participant."""
+    """Publishers of the messages of each node, identified by their gid.
+
+    A gid is compared as a whole. It is unique per publisher with every RMW, but only RTPS defines
+    the meaning of its parts, and some RMWs report another gid in the graph than with a message.
+
+    Parameters
+    ----------
+    find_publishers : callable
+        Returns the full node name of each publisher of a topic by gid, for error messages.
+    """
 
     def __init__(
-        self, name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex()
+        self, find_publishers: Callable[[Topic], Mapping[bytes, str]] = lambda _topic: {}
     ) -> None:
-        self._name_of = name_of
-        #: Process of the first message and its topic, by node.
-        self._sources: dict[str, tuple[bytes, Topic]] = {}
+        self._find_publishers = find_publishers
+        self._gids: dict[tuple[str, str], bytes] = {}  # by node and topic
 
-    def require(self, node: str, topic: Topic, source: bytes) -> None:
-        """Raise RunError if a second process publishes on a node's topics.
+    def require(self, node: str, topic: Topic, gid: bytes) -> None:
+        """Raise RunError if a second publisher publishes the messages of a node on a topic.
 
-        An empty `source` is the recorder itself.
+        An empty `gid` is the recorder itself.
         """
-        if not source:
+        if not gid:
             return
-        first, first_topic = self._sources.setdefault(node, (source, topic))
-        if source == first:
+        first = self._gids.setdefault((node, topic.name), gid)
+        if gid == first:
             return
-        name, first_name = self._name_of(topic, source), self._name_of(first_topic, first)
-        # A process without the node's name is the foreign one, even if it was first.
-        if name.split("/")[-1] == node and first_name.split("/")[-1] != node:
-            raise second_publisher(first_topic, node, first_name)
-        raise second_publisher(topic, node, name)
+        names = self._find_publishers(topic)
+        foreign = [name for name in names.values() if name.split("/")[-1] != node]
+        # A publisher without the node's name is the foreign one, even if it was first.
+        known = [names[each] for each in (gid, first) if each in names]
+        other = next((name for name in known if name in foreign), None)
+        raise second_publisher(topic, node, other or ", ".join(foreign or known[:1]) or gid.hex())
 
 
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:
-    """The error that ends a run in which two processes publish as one node."""
+    """Return the error of a run in which two publishers publish as one node."""
     return RunError(
         f"{topic.name}: has a second publisher, {other}; allowed: one, this rig's {node}; end the "
         "other, or set ROS_DOMAIN_ID to another number"

@@ -55,7 +55,7 @@ def start(name: str) -> None:
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
             process = import_module("cam_rig.nodes.process")
-        process.run(getattr(module, NODES[name]))
+        process.run(name, getattr(module, NODES[name]))
     except CamRigError as error:
         print(f"cam_rig: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

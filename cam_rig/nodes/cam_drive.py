@@ -15,19 +15,22 @@ from std_msgs.msg import Float64, Float64MultiArray
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.drive import DriveProgram
+from cam_rig.live.flow_control import MIN_PACE_WINDOW_S, PACE_WINDOW_S, LostTime
 from cam_rig.live.law_server import require_own_law
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.clock_source import ClockSource
-from cam_rig.runner.node_table import held_by
+from cam_rig.runner.node_table import held_by, in_chain
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
 
 #: Rate (Hz, wall clock) of /clock in a paced run. On a busy machine about 100 Hz remain.
 CLOCK_HZ = 125.0
+#: Period (s, wall clock) at which a paced run that waits notes for which node.
+WAIT_SAMPLE_S = 0.1
 #: Name of the law server's node in the drive's namespace.
 LAW_SERVER = "law_server"
 
@@ -151,10 +154,13 @@ class CamDrive(ClockSource):
         super().__init__("cam_drive")
         self._loaded = open_scene(Path(self.settings["scene"]))
         self._pace = Diagnostics(self.advertise(topics.DIAGNOSTICS), topics.PACE)
+        self._lost_time = LostTime(time.monotonic())
+        self.create_wall_timer(WAIT_SAMPLE_S, self._check_pace)
         self._clock_timer = self.create_wall_timer(1.0 / CLOCK_HZ, self._publish_clock)
         consumers = [*self.settings["consumers"], LAW_SERVER]
         server = LawServerClient(self, self._on_refused)
         self.program = DriveProgram(self._loaded.scene, consumers, server.request)
+        self.total_ticks = self.program.ticks
         self.program.running = self.settings["autostart"] and self.runs_before == 0
         self.program.command(self.settings["rpm"] * RPM)
         self.set_pacing(self.settings["pacing"])
@@ -166,24 +172,13 @@ class CamDrive(ClockSource):
     def set_pacing(self, pacing: str) -> None:
         """Set the pacing from the next state on: free, real_time, or a factor such as 20x."""
         self.program.pacing.set(pacing)
+        self._lost_time = LostTime(time.monotonic())
         factor = self.program.pacing.factor
         self.publish_factor(factor)
         if factor is None:
             self._clock_timer.cancel()
         else:
             self._clock_timer.reset()
-
-    def get_parameter(self, name: str) -> Parameter:
-        """Return a parameter; `rpm` is the speed of the last state, not the last command.
-
-        The override gives ``ros2 param get /cam_drive rpm`` the actual speed. The parameter
-        services of rclpy (Kilted) read values through this method. If a future rclpy bypasses it,
-        they return the command, and test_control.py fails. /cam/state contains the speed as well.
-        """
-        if name == "rpm":
-            return Parameter(name, value=round(self.speed.rpm, 9))
-        parameter: Parameter = super().get_parameter(name)
-        return parameter
 
     def send_next(self) -> bool:
         """Publish the next state and return True, or return False if it must wait."""
@@ -199,6 +194,7 @@ class CamDrive(ClockSource):
             level, text = ERROR, "emergency stop"
         self.diagnostics.report(state.time_ns, level, text)
         pacing = self.program.pacing
+        self._lost_time.add(pacing.late)
         if pacing.late:
             self._pace.report(state.time_ns, WARN, "lagging", {"late_s": f"{pacing.late:.3g}"})
         elif pacing.factor is not None:
@@ -209,6 +205,25 @@ class CamDrive(ClockSource):
         if pacing.factor is not None:
             self._clock_timer.reset()  # /clock needs the timer only if states are farther apart
         self.report_sent(state, self.program.sent - 1)
+
+    def _check_pace(self) -> None:
+        """Note which node a paced run waits for, and warn if the run is slower than requested."""
+        flow = self.program.flow
+        if self._not_ready:
+            self._lost_time = LostTime(time.monotonic())
+        elif not flow.may_send() and self.time_until_due() == 0.0:
+            self._lost_time.count_wait(in_chain(flow.behind())[0])
+        self._warn_if_slow(PACE_WINDOW_S)
+
+    def _warn_if_slow(self, window: float) -> None:
+        factor = self.program.pacing.factor
+        if factor and (text := self._lost_time.text(factor, time.monotonic(), window)):
+            self.get_logger().warning(text)
+
+    def conclude(self, spin_once: Callable[..., None]) -> None:
+        """Warn if the last seconds were too slow, and publish the end of the run."""
+        self._warn_if_slow(MIN_PACE_WINDOW_S)
+        super().conclude(spin_once)
 
     def _publish_clock(self) -> None:
         """Advance /clock between two states of a paced run."""

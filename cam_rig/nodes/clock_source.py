@@ -18,7 +18,7 @@ from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.messages.codec import CAM_JOINTS, stamp_ns
 from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity
-from cam_rig.nodes.base.rig_node import RigNode, scene_identity
+from cam_rig.nodes.base.rig_node import RigNode, progress_text, scene_identity
 from cam_rig.nodes.base.run_end import POLL_S, FinishedRun, find_endpoints, have_left
 from cam_rig.nodes.convert import to_header, to_joint_state, to_time
 from cam_rig.runner.node_table import OPTIONAL, WAIT, held_by, in_chain
@@ -44,16 +44,14 @@ ACKNOWLEDGEMENTS = {
 
 
 class SpeedLog:
-    """Current speed, and one log line per steady speed (at the end of a ramp)."""
+    """One log line per steady speed (at the end of a ramp)."""
 
     def __init__(self) -> None:
-        #: Speed of the last state, rpm.
-        self.rpm = 0.0
         self._previous = self._logged = ("", 0.0)  # cam, speed in rad/s
 
     def update(self, state: CamState, is_commanded: bool) -> str:
         """Return the line to log for a published state, or an empty string."""
-        self.rpm = to_rpm(state.speed)
+        rpm = to_rpm(state.speed)
         current, previous = (state.cam, state.speed), self._previous
         self._previous = current
         is_ramping = current != previous and state.speed > 0.0
@@ -61,7 +59,7 @@ class SpeedLog:
             return ""
         self._logged = current
         suffix = ", as commanded" if is_commanded else ""
-        return f"turning {state.cam} at {self.rpm:.6g} rpm{suffix}" if self.rpm else "cam stopped"
+        return f"turning {state.cam} at {rpm:.6g} rpm{suffix}" if rpm else "cam stopped"
 
 
 class ClockSource(RigNode):
@@ -73,8 +71,8 @@ class ClockSource(RigNode):
     """
 
     def __init__(self, name: str) -> None:
-        self.speed = SpeedLog()  # before Node.__init__, which may read the parameter rpm
         super().__init__(name)
+        self._speed_log = SpeedLog()
         #: Rig time (ns) of the last message on /clock, and of the last state.
         self.clock_ns = self.newest_ns = -1
         self._progress_at = time.monotonic()
@@ -227,7 +225,7 @@ class ClockSource(RigNode):
         self._progress_at, self.ticks = time.monotonic(), tick
         seconds = state.time_ns / NS
         self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed), time=seconds)
-        if text := self.speed.update(state, self.is_commanded):
+        if text := self._speed_log.update(state, self.is_commanded):
             self.get_logger().info(text)
 
     def _report_progress(self, **values: Any) -> None:
@@ -235,6 +233,10 @@ class ClockSource(RigNode):
         if self.settings["progress_fd"] >= 0:
             with suppress(OSError):  # the runner has ended, and this node is about to end
                 os.write(self.settings["progress_fd"], json.dumps(values).encode() + b"\n")
+
+    def summary(self) -> str:
+        """Return the text that is logged when the node ends without an error."""
+        return progress_text(self.ticks, self.total_ticks, self.is_done())
 
     # End of the run.
 

@@ -21,7 +21,7 @@ from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.convert import to_array, to_header, to_joint_state
 from cam_rig.nodes.motion_publisher import MotionPublisher
 from cam_rig.simulation.scene import open_scene
-from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import to_rpm
 
@@ -34,6 +34,7 @@ class Follower(RigNode):
     def __init__(self) -> None:
         super().__init__("follower")
         self._loaded = open_scene(Path(self.settings["scene"]))
+        self.total_ticks = tick_count(self._loaded.scene)
         simulator = FollowerSimulator.of(self._loaded)
         simulator.laws.clear()  # the simulator uses the laws that the law server publishes
         self._queue = FollowerQueue(simulator, self._loaded.scene)

@@ -17,11 +17,11 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
 from cam_rig.messages.motion import OF_LAW_SERVER, MotionMessages
 from cam_rig.nodes.base.diagnostics import OK
-from cam_rig.nodes.base.rig_node import RigNode
+from cam_rig.nodes.base.rig_node import RigNode, progress_text
 from cam_rig.nodes.convert import to_array, to_header
 from cam_rig.schema import CamConfig
 from cam_rig.simulation.scene import open_scene
-from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.units import TURN
 
 #: Number of intervals of the sampled law on /cam/law, per turn.
@@ -41,6 +41,7 @@ class LawServer(RigNode):
         self._profile_publisher = self.advertise(topics.PROFILE)
         self._followed_publisher = self.advertise(topics.FOLLOWED)
         self._loaded = open_scene(Path(self.settings["scene"]))
+        self._states = tick_count(self._loaded.scene) + 1
         self._markers = MotionMessages(self._loaded, topics=OF_LAW_SERVER)
         self._marker_publishers = {t: self.advertise(t) for t in self._markers.topics}
         self._mounting = CamMounting(self._loaded, self.settings["cam"])
@@ -51,7 +52,7 @@ class LawServer(RigNode):
 
     def summary(self) -> str:
         """Return the text that is logged when the node ends without an error."""
-        return f"done with {self.ticks} states"
+        return progress_text(self.ticks, self._states, self.ticks >= self._states, "states")
 
     def _mount(self, cam: Any) -> None:
         if self._mounting.request(str(cam)):

@@ -18,6 +18,7 @@ from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.parameters import WEIGHTING_PARAMETERS
 from cam_rig.simulation.meter import MeterSimulator
 from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import MicrophoneSimulator
 
 
@@ -29,6 +30,7 @@ class Microphone(RigNode):
     def __init__(self) -> None:
         super().__init__("microphone")
         loaded = open_scene(Path(self.settings["scene"]))
+        self.total_ticks = tick_count(loaded.scene)
         self._source, self._meter = MicrophoneSimulator.of(loaded), MeterSimulator.of(loaded)
         self._meter.weigh(*(self.settings[name] for name in WEIGHTING_PARAMETERS))
         self._validator = StateValidator.of(loaded.scene)

@@ -104,6 +104,7 @@ class Panel(RigNode):
     def _on_state(self, message: JointState) -> None:
         self.ticks += 1
         state = cam_state_of(message)
+        self.diagnostics.newest_ns = state.time_ns
         turned = {"time_ns": state.time_ns, "cam": state.cam, "rpm": to_rpm(state.speed)}
         self._line.put({"state": turned | {"angle": state.angle}})
 
@@ -139,6 +140,10 @@ class Panel(RigNode):
         elif not listen and self._sound is not None:
             self.destroy_subscription(self._sound)
             self._sound = None
+
+    def summary(self) -> str:
+        """Return the text that is logged when the node ends without an error."""
+        return f"received {self.ticks} states"
 
     def close(self) -> None:
         """Close the socket."""

@@ -133,8 +133,8 @@ ABOUT = {
         "turns the cam through the scene's speeds, no faster than its slowest consumer",
         (
             SCENE, AT_END,
-            Spec("rpm", 0.0, "set: the speed from the next tick on, rpm, 0 as the scene says; "
-                 "read: the speed now", 0.0, 1e5, live=True),
+            Spec("rpm", 0.0, "set-point of the speed from the next tick on, rpm; 0: the scene's "
+                 "speeds (the actual speed is on /cam/state)", 0.0, 1e5, live=True),
             Spec("pacing", "free", "rig time beside wall time: free, real_time, or a factor: 20, "
                  "20x", live=True, check=factor_of, read=pacing_of),
             Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),

@@ -6,6 +6,7 @@ import faulthandler
 import os
 import signal
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +16,6 @@ import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -35,6 +35,11 @@ SIGNAL_POLL_S = 0.1
 #: Time (s, wall clock) for DDS to shut down, which usually takes less than one second. It is
 #: shorter than the time after which the runner kills a node.
 MAX_TEARDOWN_S = 3
+#: Times (s, wall clock) for the error of a node that cannot start to reach /rosout: to discover a
+#: subscriber, which takes 0.06 to 0.08 s on a free machine, to poll for it, and to deliver.
+ROSOUT_DISCOVERY_S = 0.5
+ROSOUT_POLL_S = 0.02
+ROSOUT_DELIVERY_S = 0.2
 
 
 class StopRequest:
@@ -74,45 +79,71 @@ def bounded(failed: bool = False) -> Iterator[None]:
             faulthandler.cancel_dump_traceback_later()
 
 
-def run(make: Callable[[], RigNode]) -> None:
+def run(name: str, make: Callable[[], RigNode]) -> None:
     """Run a node until it finishes, fails, or receives SIGINT or SIGTERM; exit with its code."""
     request = StopRequest()
     # rclpy warns if a node could not be created, in addition to the error
     warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
+    RigNode.process_logger, invalid = None, ""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        if stray := remove_ros_args(sys.argv)[1:]:
+            invalid = f"unknown argument {stray[0]!r}; use --help, or --ros-args first"
     except RuntimeError as error:  # a parameter file is missing or invalid
-        raise ConfigError(str(error)) from None
-    if stray := remove_ros_args(sys.argv)[1:]:
-        raise ConfigError(f"unknown argument {stray[0]!r}; use --help, or --ros-args first")
+        invalid = first_line(error)
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     code = 1
     try:
-        code = _run(make, request)
+        code = _fail(name, invalid, ConfigError.exit_code) if invalid else _run(name, make, request)
     finally:
         with bounded(failed=code != 0):
             rclpy.try_shutdown()
     sys.exit(code)
 
 
-def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
+def first_line(error: Exception) -> str:
+    """Return the text of an error of rcl without the places in its source files."""
+    return str(error).splitlines()[0].split(", at ")[0]
+
+
+def _fail(name: str, text: str, code: int) -> int:
+    """Log why a node cannot start, on /rosout as well, and return the exit code.
+
+    The node exists if its constructor has failed. Otherwise a plain node of its `name` takes its
+    place: the logger of a process without a node does not publish on /rosout.
+    """
+    monitor = rclpy.create_node(
+        name,
+        use_global_arguments=False,
+        start_parameter_services=False,
+        enable_rosout=RigNode.process_logger is None,
+    )
+    deadline = time.monotonic() + ROSOUT_DISCOVERY_S
+    while not monitor.count_subscribers("/rosout") and time.monotonic() < deadline:
+        time.sleep(ROSOUT_POLL_S)
+    # rclpy reports neither when the logger's publisher has matched nor when the message has arrived
+    wait = ROSOUT_DELIVERY_S if monitor.count_subscribers("/rosout") else 0.0
+    time.sleep(wait)
+    (RigNode.process_logger or monitor.get_logger()).fatal(text)
+    time.sleep(wait)
+    return code
+
+
+def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
     """Run a node once, or once per run if it stays, and return the exit code."""
-    logger = get_logger("cam_rig")
     staying_node = None
     while True:
         try:
             node = make()
         except CamRigError as error:
-            logger.fatal(str(error))
-            return error.exit_code
+            return _fail(name, str(error), error.exit_code)
         except ParameterException as error:
-            logger.fatal(f"parameter: {error}")
-            return ConfigError.exit_code
+            return _fail(name, f"parameter: {error}", ConfigError.exit_code)
         except (NameValidationException, rclpy_implementation.RCLError) as error:
-            text = str(error).splitlines()[0].split(", at ")[0]
+            text = first_line(error)
             if "should not exceed" in text:  # ROS does not report the limit of a namespace
                 text = f"the namespace must have at most {MAX_NAMESPACE} characters"
-            logger.fatal(f"the node cannot be created: {text}")
-            return ConfigError.exit_code
+            return _fail(name, f"the node cannot be created: {text}", ConfigError.exit_code)
         if staying_node is None and node.settings.get("at_end") == STAY:
             staying_node = create_staying_node(node.get_name())
         code = _spin(node, request)
@@ -135,6 +166,7 @@ def _spin(node: RigNode, request: StopRequest) -> int:
     if node.failure is None:
         node.drain(executor.spin_once)
     node.conclude(executor.spin_once)
+    node.publishing_monitor.check(time.monotonic())
     executor.shutdown()
     try:
         node.close()

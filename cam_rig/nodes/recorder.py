@@ -41,9 +41,8 @@ QUIET_S = 3.0
 FLUSH_PERIOD_S = 0.25
 #: Period (s, wall clock) at which `close` checks whether the drive has left.
 LEAVE_POLL_S = 0.02
-#: Length (bytes) of the participant's part of a DDS endpoint identifier (GUID prefix, RTPS 9.3.1).
-#: Fast DDS uses the endpoint's GUID as publisher_gid. Not tried with another RMW.
-GUID_PREFIX_BYTES = 12
+#: Identifier of the publisher of a message from an RMW that does not report one.
+UNKNOWN_GID = b"?"
 
 
 class Recorder(RigNode):
@@ -61,7 +60,7 @@ class Recorder(RigNode):
         self._lock.enter_context(own_recorder(self.context.get_domain_id(), namespace))
         split = Split(self.settings["max_bagfile_size"], self.settings["max_bagfile_duration"])
         require_new_bag(self._path, split.last_number)
-        self._sources = topics.Publishers(self._find_name)
+        self._sources = topics.Publishers(self.publisher_monitor.find_publishers)
         self._bag = BagRecorder(
             self._path,
             loaded,
@@ -91,7 +90,7 @@ class Recorder(RigNode):
 
     def _on_message(self, topic: Topic, cdr: bytes, info: dict[str, Any]) -> None:
         number = info["publication_sequence_number"] or 0
-        stamps = self._bag.take(topic, cdr, participant_of(info), number)
+        stamps = self._bag.take(topic, cdr, gid_of(info), number)
         for stamp in stamps:
             # Written directly, not through DDS: the recorder does not wait for its own message.
             if message := self.diagnostics.report(stamp, OK, "recording"):
@@ -105,12 +104,21 @@ class Recorder(RigNode):
     def _on_finished(self, cdr: bytes, info: dict[str, Any]) -> None:
         message = deserialize_message(cdr, message_class(topics.FINISHED))
         run = FinishedRun.from_message(message)
-        self._sources.require(topics.FINISHED.owner, topics.FINISHED, participant_of(info))
+        self._require_one_drive(gid_of(info))
         if self._end_ns is None:
             self.remember_endpoints()
             self._drives = find_endpoints(self, self.resolve_topic_name(topics.FINISHED.relative))
             self._end_ns, self._deadline = run.stamp_ns, time.monotonic() + QUIET_S
             self._finish_if_complete()
+
+    def _require_one_drive(self, gid: bytes) -> None:
+        """Raise RunError if another node than the drive may have published the end of the run."""
+        owner, topic = topics.FINISHED.owner, topics.FINISHED
+        names = self.publisher_monitor.find_publishers(topic).values()
+        if len(names) > 1:
+            others = [name for name in names if name.split("/")[-1] != owner] or list(names)[1:]
+            raise topics.second_publisher(topic, owner, ", ".join(others))
+        self._sources.require(owner, topic, gid)
 
     def _on_timer(self) -> None:
         self._finish_if_complete()
@@ -122,12 +130,6 @@ class Recorder(RigNode):
             return
         if self._newest_ns >= self._end_ns or time.monotonic() > self._deadline:
             self.finish()
-
-    def _find_name(self, topic: Topic, participant: bytes) -> str:
-        """Return the name of the node that publishes on a topic from a DDS participant."""
-        publishers = self.publisher_monitor.find_publishers(topic).items()
-        names = (name for gid, name in publishers if gid.startswith(participant))
-        return next(names, participant.hex())
 
     @property
     def _is_unused(self) -> bool:
@@ -159,7 +161,7 @@ def choose_bag(bag: Path, runs_before: int) -> Path:
     return next(name for name in chain([bag], names) if not (runs_before and name.exists()))
 
 
-def participant_of(info: dict[str, Any]) -> bytes:
-    """Return the DDS participant that published a message, which stands for a process."""
+def gid_of(info: dict[str, Any]) -> bytes:
+    """Return the identifier of the publisher of a message."""
     gid = info.get("publisher_gid")
-    return bytes(gid["data"][:GUID_PREFIX_BYTES]) if gid else b"?"
+    return bytes(gid["data"]) if gid else UNKNOWN_GID

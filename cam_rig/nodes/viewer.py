@@ -18,6 +18,7 @@ from cam_rig.messages.codec import real_time_factor
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.convert import to_header
 from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.schedule import tick_count
 from cam_rig.viewer.process import require_display, window
 from cam_rig.viewer.recording import SEND_EVERY_S, LiveView, polygon
 
@@ -42,6 +43,7 @@ class Viewer(RigNode):
         if not address:
             require_display()
             _, address = self._windows.enter_context(window())
+        self.total_ticks = tick_count(self._loaded.scene)
         self._view, self._received = LiveView(self._loaded, address), 0
         self._shown, feed = self.advertise(topics.SHOWN), self._view.feed
         handlers = feed.handlers | {topics.PROFILE: self._on_profile}
@@ -72,6 +74,7 @@ class Viewer(RigNode):
                 handle(message)
                 for _, end, _ in self._view.draw():
                     self.ticks += 1
+                    self.diagnostics.newest_ns = end.time_ns
                     self._shown.publish(to_header(end.time_ns))
             except CamRigError as error:
                 raise RefusedError(str(error)) from None

@@ -12,7 +12,7 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
@@ -62,6 +62,8 @@ def post(path: str, answer: Answer) -> Route:
     async def answered(request: Request) -> Response:
         try:
             body = await _read_body(request)
+        except ClientDisconnect:  # the request is cut off, and no one reads the response
+            return Response(status_code=400)
         except RefusedError as error:
             return JSONResponse({"words": str(error)}, 400)
         return await _answered(answer, body, 409)

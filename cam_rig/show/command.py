@@ -49,7 +49,7 @@ def user_errors() -> Iterator[None]:
         with libraries_named(), raised():
             yield
     except CamRigError as error:
-        print(f"cam-rig: {error.in_command}", file=sys.stderr)
+        print(f"cam-rig: {printable(error.in_command)}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt as interrupt:
         print(f"cam-rig: {str(interrupt) or 'interrupted'}", file=sys.stderr)

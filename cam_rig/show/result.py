@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
-from cam_rig.files import shown
+from cam_rig.files import shown, spreadsheet_text
 from cam_rig.show.layout import TableLayout
 from cam_rig.show.tables import Cell, DataTable, Header
 
@@ -178,11 +178,13 @@ class Records:
         return self.rows()[0] if self.single else self.rows()
 
     def to_csv(self) -> str:
-        """Return the table as CSV, in SI units with all digits."""
+        """Return the table as CSV, in SI units with all digits; no text becomes a formula."""
         out = io.StringIO()
         writer = csv.DictWriter(out, [c.key for c in self.columns], lineterminator="\n")
         writer.writeheader()
-        writer.writerows(self.rows())
+        writer.writerows(
+            {key: spreadsheet_text(value) for key, value in row.items()} for row in self.rows()
+        )
         return out.getvalue()
 
     def to_pandas(self) -> DataFrame:

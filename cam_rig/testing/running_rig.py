@@ -27,8 +27,20 @@ from cam_rig.testing.client import PATIENCE_S, RigClient
 # A program that a test starts beside the rig: its output is kept, and it is ended.
 
 
+#: Shell script that ends the process group $1 when its stdin is closed: SIGINT first, and SIGKILL
+#: if it still runs after 10 s.
+WATCHER = """read -r _
+kill -s INT -- "-$1" 2>/dev/null
+for _ in 1 2 3 4 5 6 7 8 9 10; do kill -s 0 -- "-$1" 2>/dev/null || exit 0; sleep 1; done
+kill -s KILL -- "-$1" 2>/dev/null"""
+
+
 class StartedProgram:
-    """A process with a session of its own, so that its children end with it."""
+    """Program in a separate session, which ends with its children when the test ends.
+
+    A second process watches the end of a pipe from this process. It ends the program if this
+    process is terminated and cannot call `end`.
+    """
 
     def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
         own = (part for part in command if part.endswith(".py"))
@@ -41,6 +53,13 @@ class StartedProgram:
             stdout=self._output,
             stderr=subprocess.STDOUT,
             env=environment | {"PYTHONUNBUFFERED": "1"},
+            start_new_session=True,
+        )
+        self._watcher = subprocess.Popen(
+            ["sh", "-c", WATCHER, "sh", str(self._process.pid)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
 
@@ -67,6 +86,10 @@ class StartedProgram:
 
     def end(self) -> None:
         """Interrupt it (SIGINT), and kill what has not ended in time, its children too."""
+        self._watcher.kill()
+        self._watcher.wait()
+        if self._watcher.stdin is not None:
+            self._watcher.stdin.close()
         if self.code is None:
             self._process.send_signal(signal.SIGINT)
             with suppress(subprocess.TimeoutExpired):
@@ -77,6 +100,10 @@ class StartedProgram:
         print(f"[{self.name}] {self.output.rstrip()}")
         self._output.close()
 
+
+#: Time (s, wall clock) that a condition may take after the end of a run: latched messages and
+#: services of the nodes that have not ended are discovered within 3 s on a busy machine.
+AFTER_RUN_S = 5.0
 
 # A ROS domain for one test: of its own, on this machine alone.
 
@@ -166,6 +193,7 @@ class RunningRig(RigClient):
         self._given_patience = patience
         self._programs: list[StartedProgram] = []
         self._started = self._done = self._ending = False
+        self._done_at = 0.0  # s, monotonic
         self._failure: RunError | None = None
         self._reported = False
         self._stack = ExitStack()
@@ -221,11 +249,27 @@ class RunningRig(RigClient):
         return read_bag(self.bag)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
-        """As `RigClient.wait_for`; RunError too where a node or a program ended before its time."""
+        """Wait as `RigClient.wait_for`.
+
+        Raises
+        ------
+        RunError
+            If a node or a program has ended early, if the rig has been ended, or if the condition
+            is not true `AFTER_RUN_S` after the run is over. Only messages in transit and services
+            of the remaining nodes can make it true then.
+        """
+        started_at = time.monotonic()
 
         def met() -> Any:
             self._require_no_failure()
-            return condition()
+            if found := condition():
+                return found
+            if self._ending:
+                raise RunError(f"{what}: the rig has been ended")
+            waited = time.monotonic() - max(started_at, self._done_at)
+            if self._done and waited > AFTER_RUN_S:
+                raise RunError(f"{what}: the run is over, and it did not come true")
+            return None
 
         return super().wait_for(met, what)
 
@@ -256,7 +300,7 @@ class RunningRig(RigClient):
         try:
             for report in self._graph.progress():
                 self.ticks.append(report)
-            self._done = True
+            self._done_at, self._done = time.monotonic(), True
         except RunError as error:
             if not self._ending:
                 self._failure = error

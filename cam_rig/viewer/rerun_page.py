@@ -43,7 +43,7 @@ from cam_rig.viewer.page import (
     write_delay,
 )
 from cam_rig.viewer.process import free_port, listening
-from cam_rig.viewer.web_server import serve_application
+from cam_rig.viewer.web_server import LOCAL_HOST, serve_application
 
 #: A viewer that keeps nothing from one visit to the next.
 HOME = "/?hide_welcome_screen&persist=0&notebook=0&renderer=webgl"
@@ -59,7 +59,7 @@ window.fetch = (what, how) => {
 #: The panel shows the page in a frame of its own.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
-    f"frame-ancestors http://{LOOPBACK}:* http://localhost:*"
+    f"frame-ancestors http://{LOCAL_HOST}:*"
 )
 #: Wall time (s) between two looks at whether a live run has more, and bytes sent at once.
 LOOK_S, CHUNK = 0.1, 1 << 16

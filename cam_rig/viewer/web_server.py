@@ -1,27 +1,34 @@
-"""Pages for a browser, on this machine alone if not asked otherwise: who gets them, and how.
+"""Server of pages for a browser, on this machine only unless another address is requested.
 
-What a request must have is this server's host, no other origin than its own, and the token. The
-address that is printed has the token; it becomes a cookie at once, and leaves the address.
+A request needs this server's host, no other origin, and the token. The printed address contains the
+token, which becomes a cookie at once and leaves the address.
+
+A browser sends a cookie to every port of its host. On the loopback the host is therefore a random
+name below `localhost`, which browsers resolve to this machine (RFC 6761, section 6.3) and which no
+other server knows. All servers of one process share it, because a page in a frame of another host
+would not receive its cookie (SameSite=Strict).
 """
 
 from __future__ import annotations
 
 import asyncio
 import errno
+import html
 import logging
 import re
 import secrets
 import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
+from urllib.parse import quote
 
 import uvicorn
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cam_rig.errors import ConfigError
@@ -34,8 +41,21 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-#: What may be asked for: a path of plain characters.
-PATH = re.compile(rb"/[!-~]*")
+#: Paths that are accepted: plain characters, and not two slashes first, which would name a host.
+PATH = re.compile(rb"/(?!/)[!-~]*")
+#: Loopback address of IPv6.
+LOOPBACK_6 = "::1"
+#: Host of the pages of this process on the loopback.
+LOCAL_HOST = f"{secrets.token_hex(8)}.localhost"
+#: Page that stores the cookie and leads to a path. A redirect (303) would be part of a navigation
+#: that a file or another site has started, in which a browser sends no cookie of SameSite=Strict.
+ENTRY = """<!doctype html>
+<meta charset="utf-8">
+<link rel="icon" href="data:,">
+<meta http-equiv="refresh" content="0; url={path}">
+<title>cam_rig</title>
+<a href="{path}">cam-rig</a>
+"""
 #: Close code of a websocket that breaks a rule (RFC 6455).
 REFUSED = 1008
 #: Bytes of a page's message, and of a request's body, at most.
@@ -46,32 +66,33 @@ END_S = 3.0
 
 @dataclass(frozen=True)
 class Access:
-    """Host, origin and token that a request to a port must have."""
+    """Host, origin and token that a request to a port must have.
+
+    With a `host` other than the loopback, the cookie goes to all ports of that address.
+    """
 
     port: int
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     host: str = LOOPBACK
 
     @property
-    def hosts(self) -> tuple[str, ...]:
-        """The names under which a browser may ask."""
-        names = (LOOPBACK, "localhost") if self.host == LOOPBACK else (self.host,)
-        return tuple(f"{name}:{self.port}" for name in names)
+    def netloc(self) -> str:
+        """Host and port in the address of a page."""
+        return f"{LOCAL_HOST if self.host == LOOPBACK else self.host}:{self.port}"
 
     def address(self, path: str = "/") -> str:
-        """What a browser is given."""
-        return f"http://{self.hosts[0]}{path}?token={self.token}"
+        """Return the address for a browser, with the token."""
+        return f"http://{self.netloc}{path}?token={self.token}"
 
     @property
     def cookie_name(self) -> str:
-        """A cookie is of a host, and another server has another port."""
+        """Name of the cookie, which differs between the servers of a process."""
         return f"cam_rig_{self.port}"
 
     @property
     def cookie(self) -> str:
-        """The header that sets the cookie."""
-        # Not Strict: a browser would not send it with the page that a file of ours opens.
-        return f"{self.cookie_name}={self.token}; HttpOnly; Path=/; SameSite=Lax"
+        """Header that sets the cookie."""
+        return f"{self.cookie_name}={self.token}; HttpOnly; Path=/; SameSite=Strict"
 
     def why_not(
         self, headers: Mapping[str, str], token: str | None, needs_origin: bool = False
@@ -81,10 +102,10 @@ class Access:
         ``token`` is that of its address, None where that has none. A browser always names the
         origin of a websocket or a POST (``needs_origin``), and none of a page of its own.
         """
-        if headers.get("host") not in self.hosts:
-            return f"allowed hosts: {', '.join(self.hosts)}"
-        own, origin = [f"http://{host}" for host in self.hosts], headers.get("origin")
-        if (origin is not None or needs_origin) and origin not in own:
+        if headers.get("host") != self.netloc:
+            return "the host must be that of the printed address"
+        origin = headers.get("origin")
+        if (origin is not None or needs_origin) and origin != f"http://{self.netloc}":
             return "allowed: pages of this address alone"
         given = self._of_cookie(headers.get("cookie") or "") if token is None else token
         if not secrets.compare_digest(given.encode(errors="replace"), self.token.encode()):
@@ -113,14 +134,17 @@ class Guard:
         send = self._with_headers(send)
         if not PATH.fullmatch(scope["raw_path"]):
             return await _refuse("allowed: a path that begins with /", 400, scope, receive, send)
-        asked, page = HTTPConnection(scope), scope["type"] == "http"
-        token = asked.query_params.get("token") if page else None
-        needs_origin = not page or scope["method"] not in ("GET", "HEAD")
+        asked, is_http = HTTPConnection(scope), scope["type"] == "http"
+        token = asked.query_params.get("token") if is_http else None
+        needs_origin = not is_http or scope["method"] not in ("GET", "HEAD")
         if words := self.access.why_not(asked.headers, token, needs_origin):
             return await _refuse(words, 403, scope, receive, send)
         if token is not None:
             path = scope["path"]
-            answer: Response = RedirectResponse(self.home if path == "/" else path, 303)
+            page = ENTRY.format(
+                path=html.escape(self.home if path == "/" else "/" + quote(path.lstrip("/")))
+            )
+            answer = HTMLResponse(page)
             answer.headers["Set-Cookie"] = self.access.cookie
             return await answer(scope, receive, send)
         await self.app(scope, receive, send)
@@ -159,8 +183,9 @@ def serve_application(
     app: ASGIApp, home: str, policy: str, port: int = 0, host: str = LOOPBACK
 ) -> Iterator[Served]:
     """Serve an application behind a `Guard` as long as the context lasts; port 0: a free one."""
-    with _listener(host, port) as listener:
-        access = Access(int(listener.getsockname()[1]), host=host)
+    with ExitStack() as stack:
+        listeners = [stack.enter_context(each) for each in _listeners(host, port)]
+        access = Access(int(listeners[0].getsockname()[1]), host=host)
         config = uvicorn.Config(
             Guard(app, access, home, policy),
             log_config=None,
@@ -174,7 +199,7 @@ def serve_application(
         logging.getLogger("uvicorn.error").addFilter(_in_one_line)
         server = uvicorn.Server(config)
 
-        thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
+        thread = threading.Thread(target=server.run, args=(listeners,), daemon=True)
         thread.start()
         try:
             yield Served(access, thread.is_alive)
@@ -191,9 +216,37 @@ def _in_one_line(record: logging.LogRecord) -> bool:
     return record.levelno >= logging.ERROR and not isinstance(error, asyncio.CancelledError)
 
 
-def _listener(host: str, port: int) -> socket.socket:
+def _listeners(host: str, port: int) -> list[socket.socket]:
+    """Return the listening sockets; on the loopback of IPv4 and IPv6, if it has one.
+
+    A browser tries both addresses of a name below localhost. Another user's server at the same port
+    of the other one would receive the cookie.
+    """
     require_loopback()
-    listener = socket.socket()
+    first = _listener(socket.AF_INET, host, port)
+    if host != LOOPBACK or not _has_ipv6_loopback():
+        return [first]
+    try:
+        second = _listener(socket.AF_INET6, LOOPBACK_6, int(first.getsockname()[1]))
+    except ConfigError:
+        first.close()
+        raise
+    return [first, second]
+
+
+def _has_ipv6_loopback() -> bool:
+    if not socket.has_ipv6:
+        return False
+    try:
+        with socket.socket(socket.AF_INET6) as probe:
+            probe.bind((LOOPBACK_6, 0))
+    except OSError:
+        return False
+    return True
+
+
+def _listener(family: socket.AddressFamily, host: str, port: int) -> socket.socket:
+    listener = socket.socket(family)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))

@@ -140,7 +140,7 @@ OWNED = [topic for topic in topics.RECEIVED if topic.owner]
 def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
     """Whoever comes first, and equal bytes or not: two publish for one node; the other is named."""
     name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
-    publishers = Publishers(name_of=lambda _topic, source: name[source])
+    publishers = Publishers(find_publishers=lambda _topic: name)
     session = RecordingSession(kept, StateValidator(RATE), publishers)
     forger = {True: b"forger", False: LIVE}[forged_first]
     known = [m for m in golden if m[0].owner == topic.owner]
@@ -153,6 +153,38 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
         session.take(topic, example, b"forger" if forger is LIVE else LIVE, 1)
     words = f"{topic.name}: has a second publisher, /rogue; allowed: one, this rig's {topic.owner}"
     assert str(refused.value).startswith(words)
+
+
+def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept, states):
+    """Record a run of an RMW such as rmw_zenoh, whose gids are random, also those of one node."""
+    chance = random.Random(1)
+    gids = {topic: chance.randbytes(16) for topic in topics.RECEIVED}
+    assert record([(*message, gids[message[0]]) for message in golden], kept) == states
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ({b"graph 1": "/rig/follower", b"graph 2": "/rogue"}, "publisher, /rogue;"),
+        ({b"graph 1": "/follower", b"graph 2": "/follower"}, "publisher, 7365636f6e64;"),
+        ({}, "publisher, 7365636f6e64;"),
+    ],
+)
+def test_a_second_publisher_is_named_by_the_graph(names, words):
+    """Name it also where the gids of messages are not those of the graph (rmw_cyclonedds)."""
+    publishers = Publishers(lambda _topic: names)
+    publishers.require("follower", topics.FOLLOWER_STATE, b"first")
+    publishers.require("follower", topics.FOLLOWER_STATE, b"first")
+    with pytest.raises(RunError, match=words):
+        publishers.require("follower", topics.FOLLOWER_STATE, b"second")
+
+
+def test_gids_are_compared_as_a_whole():
+    """Two publishers of one RTPS participant, whose gids share twelve bytes, are two."""
+    publishers = Publishers()
+    publishers.require("follower", topics.FOLLOWER_STATE, bytes(16))
+    with pytest.raises(RunError, match="second publisher"):
+        publishers.require("follower", topics.FOLLOWER_STATE, bytes(12) + b"\0\0\1\3")
 
 
 def test_a_forged_diagnosis_ends_a_recording(golden, session):

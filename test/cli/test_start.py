@@ -99,3 +99,13 @@ def test_a_line_for_each_part():
 def test_what_is_missing_is_said(monkeypatch):
     monkeypatch.setattr("importlib.metadata.version", MagicMock(side_effect=PackageNotFoundError))
     assert set(versions().values()) == {"not installed"}
+
+
+def test_a_closed_stdout_or_a_removed_folder_is_no_traceback(tmp_path):
+    """`cam-rig laws >&-` ends with code 0, and a removed working folder is named in one line."""
+    code = "from cam_rig.cli import start; start()"
+    command = f"{sys.executable} -c '{code}' laws"
+    assert "Traceback" not in ended("sh", "-c", f"{command} >&-").stderr
+    gone = ended("sh", "-c", f"mkdir gone && cd gone && rmdir ../gone && {command}", cwd=tmp_path)
+    words = "cam-rig: the working folder has been removed; change to another\n"
+    assert (gone.returncode, gone.stderr) == (1, words)

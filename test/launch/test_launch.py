@@ -5,6 +5,7 @@ each action only keeps what it was given.
 """
 
 import runpy
+import signal
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -73,7 +74,7 @@ def test_the_same_nodes_in_the_same_order(load):
     """With parameters that they declare, and what the runner gives them among these."""
     actions = load("rig.launch.py")
     declared = (action.given[0] for action in of(actions, "DeclareLaunchArgument"))
-    nodes = nodes_of(actions, **dict.fromkeys(declared, "true"))
+    nodes = nodes_of(actions, **dict.fromkeys(declared, "true") | {"params_file": __file__})
     runner = live(Path("scene"), Path("bag"), screen="", pacing="free")
     assert list(nodes) == list(runner)
     for name, node in nodes.items():
@@ -86,10 +87,10 @@ def test_the_same_nodes_in_the_same_order(load):
 
 def test_what_is_not_given_is_left_to_the_parameter_file(load):
     """The file comes first, and after it nothing but what was given: that counts."""
-    nodes = nodes_of(load("rig.launch.py"), params_file="mine.yaml", scene="quick")
+    nodes = nodes_of(load("rig.launch.py"), params_file=__file__, scene="quick")
     for name, node in nodes.items():
         file, given = node["parameters"]
-        assert file == "mine.yaml" and list(given) == ["scene"], name
+        assert file == __file__ and list(given) == ["scene"], name
         assert node["name"] == name  # else what is given would be of all nodes, and count less
         assert node["namespace"].given == ("namespace",)
     alone = nodes_of(load("rig.launch.py"))
@@ -106,15 +107,24 @@ def test_every_argument_is_described(load):
 
 
 def test_a_node_that_ends_in_order_ends_the_launch(load):
-    """So does a node that fails; the reason names it."""
+    """A node that fails ends it with code 1, as an exception of a handler; the reason names it."""
     on_exit = nodes_of(load("rig.launch.py"))["recorder"]["on_exit"]
 
-    def reason(code):
-        event = SimpleNamespace(process_name="recorder-1", returncode=code)
-        return on_exit(event, {}).named["reason"]
+    def end(code):
+        return on_exit(SimpleNamespace(process_name="recorder-1", returncode=code), {})
 
-    assert reason(0) == "recorder-1 has ended in order"
-    assert reason(-9) == "recorder-1 has ended with code -9"
+    for code in (0, -signal.SIGALRM):
+        assert end(code).named["reason"] == "recorder-1 has ended in order"
+    for code in (1, 2, -9):
+        with pytest.raises(RuntimeError, match=f"recorder-1 has ended with code {code}"):
+            end(code)
+
+
+def test_a_missing_parameter_file_starts_nothing(load, tmp_path):
+    """launch_ros would warn, and start the nodes with their defaults."""
+    for file in ("none.yaml", str(tmp_path)):
+        with pytest.raises(RuntimeError, match="params_file must be an existing file"):
+            nodes_of(load("rig.launch.py"), params_file=file)
 
 
 def test_no_socket_leaves_the_machine_unless_asked(load):

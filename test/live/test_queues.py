@@ -11,7 +11,10 @@ from cam_rig.laws import Law
 from cam_rig.live.flow_control import (
     MAX_TICKS_IN_FLIGHT,
     MAX_WAITING,
+    MIN_PACE_WINDOW_S,
+    PACE_WINDOW_S,
     FlowControl,
+    LostTime,
     Pacing,
     factor_of,
 )
@@ -296,3 +299,25 @@ def test_a_late_run_reports_it_and_goes_on_from_there():
     assert pacing.wait(3 * NS, 50.0) == 0.0
     pacing.sent(3 * NS, 50.0)
     assert pacing.late == 0.0
+
+
+# -- the pace of a run
+
+
+def test_a_slow_run_warns_once_per_window_with_factors_and_nodes():
+    """The factor is that of the window; the nodes are those waited for, the most frequent first."""
+    lost = LostTime(start=100.0)
+    lost.add(5.0)
+    for node in ("microphone", "follower", "follower"):
+        lost.count_wait(node)
+    assert lost.text(20.0, 109.9, PACE_WINDOW_S) == ""
+    assert lost.text(20.0, 110.0, PACE_WINDOW_S) == (
+        "real-time factor 10 instead of 20 in the last 10 s: waiting for follower, microphone; "
+        "set a lower pacing, or reduce the load of this machine"
+    )
+    lost.add(0.9)  # less than a tenth
+    assert lost.text(20.0, 120.0, PACE_WINDOW_S) == ""
+    lost.add(1.5)
+    assert "15 instead of 20 in the last 6 s: the drive itself is too slow" in lost.text(
+        20.0, 126.0, MIN_PACE_WINDOW_S
+    )

@@ -9,12 +9,14 @@ import yaml
 from rclpy.parameter import Parameter
 
 from cam_rig.errors import ConfigError
+from cam_rig.laws import build_law
 from cam_rig.nodes.__main__ import NODES
 from cam_rig.nodes.base.parameter_table import ParameterTable
 from cam_rig.nodes.base.rig_node import scene_identity
 from cam_rig.nodes.clock_source import require_same_scene
 from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published, usage
 from cam_rig.schema.load import config_root
+from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import RPM
 from tools.docs.parameters import FOLDER, text
 
@@ -115,6 +117,17 @@ def test_what_is_set_is_converted_or_refused_in_words(make):
         assert not result.successful
         assert words in result.reason and "expected" not in result.reason
         assert drive.get_parameter(name).value == before
+
+
+def test_the_speed_parameter_is_the_set_point(make):
+    """Reading it and setting what was read, as `ros2 param dump` and `load` do, changes nothing."""
+    drive = make("cam_drive")
+    state = next(cam_states(drive._loaded.scene))
+    drive.program.laws[state.cam] = build_law(drive._loaded.cams[state.cam])
+    drive.send(state)
+    assert state.speed > 0.0 and drive.get_parameter("rpm").value == 0.0
+    drive.set_parameters([drive.get_parameter("rpm")])
+    assert drive.program.schedule.state.speed is None  # the scene's speeds
 
 
 def test_a_parameter_file_holds_every_default(given):

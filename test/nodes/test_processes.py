@@ -10,6 +10,8 @@ import sys
 import time
 
 import pytest
+from rcl_interfaces.msg import Log
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from cam_rig.nodes.__main__ import start
 from cam_rig.runner.graph import Graph
@@ -156,6 +158,11 @@ FAILURES = (
     ("cam_drive", "-p patience:=1.0", 1,
      "not ready after 1 s: follower, law_server, microphone, recorder; is it"),
     ("law_server", f"-r __ns:=/{'a' * 254}", 2, "200 characters"),
+    ("follower", "--params-file none.yaml", 2, "Couldn't parse params file"),
+    ("follower", "-r __node:=mine", 2, "the node's name must be follower, got mine"),
+    ("follower", "-r cam/state:=x -r __ns:=/r", 2, "/r/cam/state cannot be remapped, got /r/x"),
+    ("law_server", "-r cam/law:=x", 2, "/cam/law cannot be remapped, got /x"),
+    ("law_server", "-r law_server/set_parameters:=x", 2, "below /law_server, got /x"),
 )  # fmt: skip
 
 
@@ -165,6 +172,21 @@ def test_a_node_reports_why_it_ends(domain, run_here):
         found, logged = run_here(node, *arguments.split())
         assert found == code, arguments
         assert words in logged and "Traceback" not in logged
+
+
+def test_an_error_of_the_start_is_on_rosout(user):
+    """With its level and the node's name, also if the arguments prevent the node's creation."""
+    heard = []
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    user.node.create_subscription(Log, "/rosout", heard.append, latched)  # as ros2 topic echo
+    for arguments in ("-p scene:=none.yaml", "--params-file none.yaml"):
+        heard.clear()
+        command = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
+        node = subprocess.Popen([*command, *arguments.split()], stderr=subprocess.PIPE, text=True)
+        user.wait_for(lambda: heard, "an error on /rosout")
+        _, logged = node.communicate(timeout=100)
+        assert node.returncode == 2 and (heard[0].level, heard[0].name) == (50, "follower")
+        assert heard[0].msg in logged and "none.yaml" in heard[0].msg
 
 
 @pytest.mark.parametrize(("failed", "code"), [(False, -signal.SIGALRM), (True, 1)])

@@ -22,10 +22,11 @@ from cam_rig.panel.lab.labs import lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook
 from cam_rig.panel.server import serve
+from cam_rig.viewer.web_server import LOCAL_HOST
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
 from ..processes import WAIT_S, children, until
-from ..viewer.asking import Visitor
+from ..viewer.asking import Visitor, local
 
 BOARD, BENCH = "/changes", "/bench/live"
 #: On a sheet that a test fills: of the lab with the most set-ups.
@@ -52,6 +53,7 @@ def socket_of(visitor, path):
     """A page's websocket."""
     return connect(
         f"ws://{visitor.url.netloc}{path}",
+        sock=local(visitor.url.port),
         additional_headers=visitor.headers,
         origin=None,
         max_size=None,
@@ -168,12 +170,13 @@ class BrowserPage:
         page.on("websocket", lambda socket: self._note(socket.url))
 
     def _note(self, url):
-        if urlsplit(url).scheme not in ("data", "file") and urlsplit(url).hostname != "127.0.0.1":
+        if urlsplit(url).scheme not in ("data", "file") and urlsplit(url).hostname != LOCAL_HOST:
             self.outside.append(url)
 
     def open(self, address, path=""):
         """Open what a printed address leads to, and a path from there."""
         self.page.goto(address)
+        self.page.wait_for_url(lambda url: "token" not in url)
         if path:
             self.page.goto(f"http://{urlsplit(address).netloc}{path}")
 

@@ -1,5 +1,6 @@
 """Lab sheets: the hidden rig, what is seen of it, what a page is told, and the marks."""
 
+import csv
 import json
 import re
 from dataclasses import replace
@@ -314,6 +315,8 @@ DAMAGED = (
     ("3020.0,0.0", "3020.0,nan", "added_mass_kg is 'nan'; allowed: a number"),
     ("3020.0,0.0", "999,0.0", "999 N/m, 0 kg, 30.6 N is no set-up of this sheet; allowed"),
     ("3020.0,0.0", "3020.0", "has 4 cells; allowed: 5"),
+    ("3020.0,0.0", "3" * 131_073, "characters; allowed: 10000"),
+    ("# title: ", "# title: " + "x" * 131_073, "characters; allowed: 10000"),
 )
 
 
@@ -330,6 +333,22 @@ def test_a_damaged_sheet_is_one_line(tmp_path):
     refused("has 0 readings; allowed: 1 to 1000", path)
     path.write_bytes(b"\xff\xfe\x00")
     refused("is no text in UTF-8", path)
+
+
+def test_no_name_becomes_a_formula_or_moves_the_cursor(tmp_path):
+    """Neither in the sheet, where a comma separates cells, nor in the marks, nor on a terminal."""
+    sheet = read_sheet(filled(sheet_of(seed="alpha"), tmp_path))
+    path, target = tmp_path / "hostile.csv", tmp_path / "marks.csv"
+    name, title = "=1+1, =2+2\x1b[31m", "@SUM(1), =3+3"
+    path.write_text(to_text(replace(sheet, student=name, title=title)), "utf-8")
+    again = read_sheet(path)
+    assert (again.student, again.title) == (name, title)
+    cells = [cell for row in csv.reader(path.open(encoding="utf-8")) for cell in row]
+    assert not [cell for cell in cells if cell.strip().startswith(("=", "@"))]
+    code, _, err = mark(path, "--csv", target)
+    assert code == 0 and "\x1b" not in err and r"=2+2\x1b[31m: 4 of 4" in err
+    (row,) = csv.DictReader(target.with_suffix(".sheets.csv").open(encoding="utf-8"))
+    assert row["student"] == f"'{name}"
 
 
 def test_another_cam_or_rig_is_one_line(tmp_path):

@@ -269,7 +269,7 @@ def test_an_address_of_this_machine_answers_to_its_name_alone():
     """``--host`` is the only name that a browser may ask by; another machine's is refused."""
     own = "127.0.0.2"  # every machine's, as 127.0.0.1 is, and not that one
     with serve(home="/lab", host=own) as served:
-        assert served.access.hosts == (f"{own}:{served.access.port}",)
+        assert served.access.netloc == f"{own}:{served.access.port}"
         assert Visitor(served.address).home == "/lab"
     words = r"--host: is '203\.0\.113\.1' .*an address of this machine"
     with pytest.raises(ConfigError, match=words), serve(host="203.0.113.1"):

@@ -1,6 +1,8 @@
 """`cam_rig.testing` as a package of somebody else's uses it: in a pytest of its own."""
 
 import os
+import signal
+import subprocess
 import sys
 from importlib.metadata import entry_points
 
@@ -11,11 +13,11 @@ from std_srvs.srv import Trigger
 
 from cam_rig.errors import RunError
 from cam_rig.messages.codec import stamp_ns
-from cam_rig.testing import client
+from cam_rig.testing import client, running_rig
 from cam_rig.testing.running_rig import isolated_domain
 
 from ..docs.conftest import DOCS, blocks
-from ..processes import ended
+from ..processes import ended, is_running, until
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
@@ -30,7 +32,7 @@ def test_pytest_finds_it_by_itself():
 
 
 @pytest.mark.usefixtures("forked")
-def test_the_rig_is_driven_listened_to_and_read(start_rig):
+def test_the_rig_is_driven_listened_to_and_read(start_rig, monkeypatch):
     """Commands, messages, its end by itself, its bag; another rig beside hears nothing of it."""
     before = dict(os.environ)
     with start_rig("quick", autostart=False) as rig, start_rig("quick") as other:
@@ -48,7 +50,12 @@ def test_the_rig_is_driven_listened_to_and_read(start_rig):
         other.wait_until_done()
         with pytest.raises(RunError, match="tick 99: the run was over after tick 16"):
             rig.wait_for_tick(99)
+        monkeypatch.setattr(running_rig, "AFTER_RUN_S", 0.5)
+        with pytest.raises(RunError, match="a message on /cam/law: the run is over"):
+            rig.wait_for_message("/cam/law", lambda _: False)
         run, same = rig.read_bag(), other.read_bag()
+        with pytest.raises(RunError, match="another tick: the rig has been ended"):
+            rig.wait_for(lambda: False, "another tick")
     assert run.complete and rig.bag.is_dir()
     stamps = {stamp_ns(message.header.stamp) for message in pressures}  # some may be sent again
     assert stamps == {tick.stop_ns for tick in run.ticks}
@@ -78,6 +85,29 @@ def test_a_program_that_failed_is_named_with_its_last_line(start_rig):
     rig.start_program(sys.executable, "-c", "raise SystemExit('no lathe found')")
     with pytest.raises(RunError, match=r"ended with code 1: no lathe found"):
         rig.wait_for_tick(1)
+
+
+#: A test process that starts a program with a child, prints the numbers of both, and sleeps.
+ABANDONED = """
+import os, sys, time
+from cam_rig.testing.running_rig import StartedProgram
+program = StartedProgram(["sh", "-c", "sleep 1000 & echo $$ $!; wait"], dict(os.environ))
+while len(program.output.split()) < 2:
+    time.sleep(0.01)
+print(program.output, flush=True)
+time.sleep(1000)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_program_ends_with_a_terminated_pytest(number):
+    """The program and its child, although no fixture of the process is torn down."""
+    command = [sys.executable, "-c", ABANDONED]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as tests:
+        pids = [int(pid) for pid in tests.stdout.readline().split()]
+        assert len(pids) == 2 and all(map(is_running, pids))
+        tests.send_signal(number)
+    until(lambda: not any(map(is_running, pids)))
 
 
 @pytest.mark.long

@@ -20,6 +20,7 @@ from cam_rig.viewer.page import new_recording
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.turn_chart import TurnChart
+from cam_rig.viewer.web_server import LOCAL_HOST
 from tools.docs import browser
 from tools.docs.browser import count, new_page
 
@@ -74,7 +75,7 @@ class Visit:
         page.on("request", lambda asked: self._asked(asked.url))
 
     def _asked(self, url):
-        if urlsplit(url).hostname not in (None, "127.0.0.1"):
+        if urlsplit(url).hostname not in (None, LOCAL_HOST):
             self.outside.append(url)
         if shown := re.search(r"/shown\?ns=(\d+)", url):
             self.times.append(int(shown[1]) / NS)

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -19,9 +20,9 @@ from cam_rig.viewer import page as page_module
 from cam_rig.viewer.page import PageTime, new_recording, page_delay, page_script
 from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.timeline import RIG_TIME
-from cam_rig.viewer.web_server import Access
+from cam_rig.viewer.web_server import LOCAL_HOST, Access, _has_ipv6_loopback
 
-from ..processes import WAIT_S, children, sockets, until
+from ..processes import WAIT_S, children, ended, sockets, until
 from .asking import Visitor, ask, opened
 
 RECORDED = b"RRF2 of a kind"
@@ -29,14 +30,15 @@ RECORDED = b"RRF2 of a kind"
 # -- who may ask ------------------------------------------------------------------------------
 
 ACCESS = Access(8123, "right")
-HOSTS = {"127.0.0.1:8123": True, "localhost:8123": True, "127.0.0.1": False, "evil.example": False}
+OWN = f"{LOCAL_HOST}:8123"
+HOSTS = {OWN: True, "127.0.0.1:8123": False, "localhost:8123": False, LOCAL_HOST: False}
 ORIGINS = {
     None: True,
-    "http://127.0.0.1:8123": True,
-    "http://localhost:8123": True,
-    "http://127.0.0.1:8124": False,
+    f"http://{OWN}": True,
+    "http://127.0.0.1:8123": False,
+    f"http://{LOCAL_HOST}:8124": False,
     "null": False,
-    "https://127.0.0.1:8123": False,
+    f"https://{OWN}": False,
 }
 COOKIES = {
     "cam_rig_8123=right": True,
@@ -58,14 +60,14 @@ def test_host_origin_and_cookie_must_all_be_right():
         why_not = ACCESS.why_not(headers, None, needed)
         right = HOSTS[host] and ORIGINS[origin] and COOKIES[cookie]
         assert (why_not == "") == (right and not (needed and origin is None)), given
-        assert why_not == "" or why_not.startswith("allowed")
+        assert why_not == "" or "allowed" in why_not or "must be" in why_not
         assert "right" not in why_not
         assert len(why_not.splitlines()) <= 1
 
 
 def test_a_token_in_the_address_counts_alone_and_is_nobody_elses():
     """A wrong one is refused also beside the right cookie; each server's is long and its own."""
-    headers = {"host": "localhost:8123"}
+    headers = {"host": OWN}
     assert ACCESS.why_not(headers, "right") == ""
     for wrong in ("", "wrong", "\ud800"):
         assert ACCESS.why_not(headers | {"cookie": "cam_rig_8123=right"}, wrong) != ""
@@ -86,14 +88,14 @@ def page(tmp_path_factory):
 
 def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
     """The token leaves the address; the page is told what to show, and asks nobody else."""
-    assert "token" not in page.home and "HttpOnly" in page.set_cookie
+    assert "token" not in page.home and "HttpOnly; Path=/; SameSite=Strict" in page.set_cookie
     status, headers, body = ask(page.address, page.home, Cookie=page.cookie)
     assert (status, headers.get_content_type()) == (200, "text/html")
     assert b'"https://fonts' not in body
     assert body.index(b"window.fetch = ") < body.index(b"re_viewer.js")
     policy = headers["Content-Security-Policy"]
     assert policy.startswith("default-src 'self' ")
-    assert "http://127.0.0.1:*" not in policy.split("frame-ancestors")[0]
+    assert "localhost" not in policy.split("frame-ancestors")[0]
     name = page.get("/shown?ns=-1").decode()
     assert name == "a%20run.rrd"
     assert page.get(f"/{name}") == RECORDED
@@ -102,6 +104,29 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
     assert page.get("/re_viewer_bg.wasm").startswith(b"\0asm")
     assert ask(page.address, "/", Cookie=page.cookie)[1]["Location"] == page.home
     assert ask(page.address, "/../../etc/passwd", Cookie=page.cookie)[0] == 404
+
+
+def test_the_cookie_is_of_a_host_that_no_other_server_knows(page):
+    """A browser sends a cookie to all ports of its host: no other server knows that host."""
+    assert page.url.hostname == LOCAL_HOST and "Domain" not in page.set_cookie
+    code = "from cam_rig.viewer.web_server import LOCAL_HOST; print(LOCAL_HOST)"
+    names = {ended(sys.executable, "-c", code).stdout.strip() for _ in range(2)}
+    assert len(names | {LOCAL_HOST}) == 3 and all(name.endswith(".localhost") for name in names)
+
+
+@pytest.mark.skipif(not _has_ipv6_loopback(), reason="this machine has no IPv6 loopback")
+def test_no_other_server_can_take_the_same_port_of_ipv6(page):
+    """A browser tries both loopback addresses of the name."""
+    with socket.socket(socket.AF_INET6) as other, pytest.raises(OSError, match="in use"):
+        other.bind(("::1", page.url.port))
+
+
+def test_the_entry_leads_to_no_other_host(page):
+    """Whatever the path, the page with the cookie leads to one of this server."""
+    for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
+        status, _, body = ask(page.address, f"{path}?{page.url.query}")
+        led = re.search(rb'0; url=([^"]*)"', body)[1]
+        assert status == 200 and re.fullmatch(rb"/[\w.%]+", led), (path, body)
 
 
 def test_without_the_token_there_is_nothing(page):
@@ -115,7 +140,16 @@ def test_without_the_token_there_is_nothing(page):
             assert RECORDED not in body
 
 
-NO_PATHS = [b"foo", b"@x.invalid/y", b":1/y", b"http://x.invalid/", b"/a\x01b", b"/\xe9", b"x:y@z"]
+NO_PATHS = [
+    b"foo",
+    b"@x.invalid/y",
+    b":1/y",
+    b"http://x.invalid/",
+    b"/a\x01b",
+    b"/\xe9",
+    b"x:y@z",
+    b"//x.invalid/",
+]
 
 
 def test_what_is_no_path_is_refused(page, capfd, monkeypatch):

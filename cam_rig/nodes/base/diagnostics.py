@@ -1,4 +1,4 @@
-"""Diagnostics of a node: status changes on rig time, heartbeats on wall-clock time."""
+"""Diagnostics of a node: status changes and heartbeats, all stamped with rig time."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ class Diagnostics:
     def __init__(self, publisher: Publisher, node: str) -> None:
         self._publisher, self.node = publisher, node
         self._last_status: tuple[int, str, int] | None = None  # level, text, second of rig time
-        self._last_ns = -1
+        #: Rig time (ns) of the newest report.
+        self.newest_ns = -1
         #: Time (s, monotonic) of the last message.
         self.published_at = -STATUS_VALID_S
 
@@ -63,9 +64,9 @@ class Diagnostics:
 
         A report that is not later than the previous one is ignored.
         """
-        if time_ns <= self._last_ns:
+        if time_ns <= self.newest_ns:
             return None
-        self._last_ns = time_ns
+        self.newest_ns = time_ns
         status = (level[0], text, time_ns // NS)
         if status == self._last_status:
             return None
@@ -79,11 +80,11 @@ class Diagnostics:
 class Heartbeat:
     """Publishes the activity of a node once per second while its status does not change.
 
-    Heartbeats are stamped with the wall clock, unlike the status messages of `Diagnostics`: rig
-    time stops with the cam, and an operator needs to see that the node is alive and what it waits
-    for. The suffix `HEARTBEAT` of the name distinguishes them, and the recorder ignores them. They
-    have a publisher with a history of one message, so that they do not displace status messages
-    from the history that late subscribers receive.
+    Rig time stops with the cam, so a heartbeat has the stamp of the newest status or state of its
+    node, 0 before the first. It shows that the node is alive and what it waits for. The suffix
+    `HEARTBEAT` of the name distinguishes heartbeats from status messages, and the recorder ignores
+    them. They have a publisher with a history of one message, so that they do not displace status
+    messages from the history that late subscribers receive.
     """
 
     def __init__(self, node: RigNode, diagnostics: Diagnostics) -> None:
@@ -97,5 +98,6 @@ class Heartbeat:
         activity = self._node.activity()
         values = {"state": activity.state, "waits_for": ", ".join(activity.waits_for)}
         name = self._diagnostics.node + HEARTBEAT
-        message = make_diagnostics(time.time_ns(), name, OK, activity.text, values)
+        stamp_ns = max(0, self._diagnostics.newest_ns)
+        message = make_diagnostics(stamp_ns, name, OK, activity.text, values)
         self._publisher.publish(message)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, cast
 
 from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
@@ -25,6 +26,7 @@ from cam_rig.messages.topics import DIAGNOSTICS, READY, TOPICS, Topic
 from cam_rig.nodes.base.diagnostics import Activity, Diagnostics, Heartbeat
 from cam_rig.nodes.base.parameter_table import ParameterTable
 from cam_rig.nodes.base.publisher_monitor import PublisherMonitor
+from cam_rig.nodes.base.publishing_monitor import PublishingMonitor
 from cam_rig.nodes.base.run_end import RunEndMonitor, find_endpoints
 from cam_rig.nodes.convert import message_class, qos, require_length
 from cam_rig.nodes.parameters import PARAMETERS
@@ -51,6 +53,9 @@ INVALID_CONTENT = (
 class RigPublisher(Publisher):
     """Publisher that waits for a blocked writer instead of losing the message."""
 
+    #: Time (s, wall clock) spent in publishing.
+    publishing_s = 0.0
+
     def publish(self, msg: Any) -> None:
         """Publish a message.
 
@@ -72,10 +77,13 @@ class RigPublisher(Publisher):
 
     def try_publish(self, msg: Any) -> bool:
         """Publish a message and return True, or return False if the writer is blocked."""
+        start = time.monotonic()
         try:
             super().publish(msg)
         except rclpy_implementation.RCLError:  # rclpy exports this type under no public name
             return False
+        finally:
+            self.publishing_s += time.monotonic() - start
         return True
 
 
@@ -93,7 +101,7 @@ class RigNode(Node):
     ----------
     settings : dict
         Parameter values at start-up by name.
-    parameter_table, diagnostics, publisher_monitor
+    parameter_table, diagnostics, publisher_monitor, publishing_monitor
         The components of the node.
     done : rclpy.task.Future
         Completed when the node is to end.
@@ -110,12 +118,18 @@ class RigNode(Node):
     waits_for: tuple[str, ...] = ("cam_drive",)
     #: Number of runs that this process has completed (parameter at_end: stay).
     runs_before: ClassVar[int] = 0
+    #: Logger of the newest node of this process, also while the node is being created.
+    process_logger: ClassVar[RcutilsLogger | None] = None
 
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        RigNode.process_logger = self.get_logger()
+        self._require_own_name(name)
         self.done: Future = Future()
         self.failure: CamRigError | None = None
         self.received = self.ticks = self.interrupts = 0
+        #: Number of ticks of the scene; 0 if unknown.
+        self.total_ticks = 0
         #: Endpoints that published on the rig's topics when the run ended; empty before.
         self.rig_endpoints: dict[str, set[bytes]] = {}
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -126,6 +140,7 @@ class RigNode(Node):
         namespace_named(self.get_namespace())  # raises ConfigError if it is too long
         self._guard_parameter_services()
         self.publisher_monitor = PublisherMonitor(self)
+        self.publishing_monitor = PublishingMonitor(self)
         self.diagnostics = Diagnostics(self.advertise(DIAGNOSTICS), name)
         self._heartbeat = Heartbeat(self, self.diagnostics)
         self._ready_publisher = self.advertise(READY)
@@ -135,14 +150,46 @@ class RigNode(Node):
 
     # Topics, services and timers.
 
+    def _require_own_name(self, name: str) -> None:
+        """Raise ConfigError if the node or its services are renamed.
+
+        The nodes of a rig find each other by name, also the law server's parameter services.
+        """
+        if self.get_name() != name:
+            raise ConfigError(
+                f"the node's name must be {name}, got {self.get_name()}; remove the remapping of "
+                "__node, or separate rigs by namespace: -r __ns:=/rig1"
+            )
+        prefix = self.get_fully_qualified_name()
+        for service in self.services:
+            if not service.service_name.startswith(f"{prefix}/"):
+                raise ConfigError(
+                    f"the parameter services must be below {prefix}, got {service.service_name}; "
+                    "remove the remapping, or separate rigs by namespace: -r __ns:=/rig1"
+                )
+
+    def _require_own_topic(self, topic: Topic) -> None:
+        """Raise ConfigError if a topic is remapped: nodes and bags know it by its own name."""
+        expected = topic.within(self.get_namespace().rstrip("/"))
+        if (found := self.resolve_topic_name(topic.relative)) != expected:
+            raise ConfigError(
+                f"the topic {expected} cannot be remapped, got {found}; remove the remapping, or "
+                "separate rigs by namespace: -r __ns:=/rig1"
+            )
+
     def advertise(self, topic: Topic) -> RigPublisher:
         """Create a publisher with the type and the quality of service of a topic."""
+        self._require_own_topic(topic)
         if topic.owner:
             self.publisher_monitor.add(topic)
-        publisher = self.create_publisher(
-            message_class(topic), topic.relative, qos(topic), publisher_class=RigPublisher
+        publisher = cast(
+            "RigPublisher",
+            self.create_publisher(
+                message_class(topic), topic.relative, qos(topic), publisher_class=RigPublisher
+            ),
         )
-        return cast("RigPublisher", publisher)
+        self.publishing_monitor.add(topic, publisher)
+        return publisher
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
         """Subscribe to a topic; `callback` takes the message."""
@@ -159,6 +206,7 @@ class RigNode(Node):
         `callback` takes the message info of rclpy as well. The queue has room for the histories of
         `histories` publishers.
         """
+        self._require_own_topic(topic)
 
         def on_message(cdr: bytes) -> None:
             require_length(topic, cdr)
@@ -254,7 +302,7 @@ class RigNode(Node):
 
     def summary(self) -> str:
         """Return the text that is logged when the node ends without an error."""
-        return f"done with {self.ticks} ticks"
+        return progress_text(self.ticks, self.total_ticks, self.ticks >= self.total_ticks)
 
     def report_ready(self) -> None:
         """Publish (latched) that this node receives messages, and the identity of its scene."""
@@ -312,6 +360,14 @@ class RigNode(Node):
 
     def close(self) -> None:
         """Release the resources of the node; called once, after the executor has stopped."""
+
+
+def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks") -> str:
+    """Return how far a node has come at its end; a `total` of 0 is unknown."""
+    if is_complete:
+        return f"done with {done} {unit}"
+    # a run that an operator has reset may have more ticks than its scene
+    return f"stopped after {done}{f' of {total}' if done < total else ''} {unit}"
 
 
 def scene_identity(scene: str) -> str:

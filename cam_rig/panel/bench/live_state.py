@@ -17,6 +17,7 @@ from cam_rig.acoustics.pressure import pressure_pa
 from cam_rig.acoustics.sound_level_meter import TIME_WEIGHTINGS
 from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError
+from cam_rig.files import spreadsheet_text
 from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.nodes.parameters import LIVE
@@ -114,11 +115,12 @@ class Meter:
 
 
 def to_csv(readings: list[NotedReading]) -> str:
-    """The readings as CSV, a row each."""
+    """Return the readings as CSV, one row each."""
     out = io.StringIO()
     writer = csv.DictWriter(out, [f.name for f in fields(NotedReading)], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(asdict(reading) for reading in readings)
+    for reading in readings:
+        writer.writerow({key: spreadsheet_text(value) for key, value in asdict(reading).items()})
     return out.getvalue()
 
 

@@ -28,6 +28,8 @@ OPTIONAL = ("seed", "student")
 POSITIVE = ("reading", "speed_rpm", *(lab.answer for lab in LABS.values() if lab.answer))
 #: Bytes of a sheet, and rows on it, at most.
 MAX_BYTES, MAX_READINGS = MIB, 1000
+#: Characters of a line of a sheet, at most. Python's reader raises an error from 131 072 on.
+MAX_LINE = 10_000
 #: Characters of a student's name.
 MAX_NAME = 80
 
@@ -50,10 +52,11 @@ def to_text(sheet: RecordedSheet) -> str:
     """The file's text."""
     out = io.StringIO()
     out.write(f"# {TITLE}: {sheet.lab}\n")
+    writer = csv.writer(out, lineterminator="\n")
     for key in HEAD:
         if value := getattr(sheet, key):
-            out.write(f"# {key}: {' '.join(value.split())}\n")
-    writer = csv.writer(out, lineterminator="\n")
+            # in one cell: what stands after a comma could become a formula
+            writer.writerow([f"# {key}: {' '.join(value.split())}"])
     lab = LABS[sheet.lab]
     writer.writerow(lab.columns())
     for r in sheet.readings:
@@ -79,6 +82,8 @@ def read_sheet(path: Path) -> RecordedSheet:
 def _parsed(text: str) -> RecordedSheet:
     # Line by line: no quotation mark in a name reaches beyond its own.
     lines = [line for line in text.splitlines() if line.strip(" ,")]
+    if (longest := max(map(len, lines), default=0)) > MAX_LINE:
+        raise ConfigError(f"a line has {longest} characters; allowed: {MAX_LINE}")
     found = dict(_entry(line) for line in lines if _is_head(line))
     body = [next(csv.reader([line])) for line in lines if not _is_head(line)]
     if not {TITLE, *HEAD} - set(OPTIONAL) <= found.keys():
