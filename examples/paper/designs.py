@@ -9,7 +9,7 @@ from cam_rig.laws.cam import CamSet
 from cam_rig.studies.design.request import DesignRequest, LawClass
 from cam_rig.studies.design.result import LawDesign
 from cam_rig.studies.design.study import search_design
-from examples.paper.common import Table
+from examples.paper.common import Table, titles
 
 #: One Bézier curve as the paper's, and B-splines between dwells, few pieces and more.
 CURVE, SPLINE, FINE = LawClass(1, 3, 15), LawClass(8, 3), LawClass(16, 3)
@@ -36,12 +36,12 @@ def paper_designs(cam_set: CamSet) -> list[LawDesign]:
 
 def table(designs: Sequence[LawDesign]) -> Table:
     """Return one row per law: the start, the result, and the bound of its class."""
-    rows = []
+    rows, names = [], titles(design.start.name for design in designs)
     for one in designs:
         goal, words = one.goal, one.request.law_class.words
         numbers = map(goal.shown, (goal.start, goal.result, goal.bound))
         unit = goal.term.quantity.typeset
-        rows.append((one.start.name, words, goal.term.words, unit, *numbers))
+        rows.append((names[one.start.name], words, goal.term.words, unit, *numbers))
     return Table(
         "The best laws of their classes, at no higher peak acceleration than the start's",
         "start | class | quantity | unit | start value :.5g | best law :.5g | bound :.5g",
