@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.errors import LawError
-from cam_rig.laws.bernstein import Pieces, turned_to_zero
+from cam_rig.laws.bernstein import Pieces, rotate_to_zero
 from cam_rig.units import TURN, FloatArray, rms
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def smooth(
     spline = _spline(angles, lifts, tolerance)
     away = np.abs(spline(angles) - lifts)
     pieces = bezier_pieces(spline)
-    return Smoothed(turned_to_zero(pieces, TURN), rms(away), float(away.max()), len(pieces[1]))
+    return Smoothed(rotate_to_zero(pieces, TURN), rms(away), float(away.max()), len(pieces[1]))
 
 
 def _spline(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BSpline[np.float64]:
@@ -150,7 +150,7 @@ def _between_dwells(
         steps, parts = bezier_pieces(spline)
         breaks += [*steps[1:-1], end]
         columns += parts
-    pieces = turned_to_zero((breaks, columns), TURN)
+    pieces = rotate_to_zero((breaks, columns), TURN)
     return Smoothed(pieces, rms(away), float(away.max()), len(columns))
 
 

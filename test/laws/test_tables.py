@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law, spline
-from cam_rig.laws.bernstein import joined, turned_to_zero
+from cam_rig.laws.bernstein import joined, rotate_to_zero
 from cam_rig.laws.law import SMOOTHEST, continuity
 from cam_rig.laws.segments import smoothed
 from cam_rig.units import TURN, rms
@@ -71,15 +71,15 @@ def test_shipped_table_follows_its_points(cams, laws):
         build_law(wrong)
 
 
-def test_turned_to_zero():
+def test_rotate_to_zero():
     """Pieces that begin anywhere become one from 0, cut once more, but at a breakpoint."""
     column = np.array([0.0, 1.0, 4.0, 9.0])
-    breaks, columns = turned_to_zero(([-1.0, 2.0, TURN - 1.0], [column, column[::-1]]), TURN)
+    breaks, columns = rotate_to_zero(([-1.0, 2.0, TURN - 1.0], [column, column[::-1]]), TURN)
     assert breaks == pytest.approx([0.0, 2.0, TURN - 1.0, TURN])
     cut = joined(columns)
     assert cut[-1, -1] == pytest.approx(cut[0, 0], rel=1e-15)
     column = np.array([0.0, 1.0])
-    breaks, columns = turned_to_zero(([-2.0, 0.0, TURN - 2.0], [column, column[::-1]]), TURN)
+    breaks, columns = rotate_to_zero(([-2.0, 0.0, TURN - 2.0], [column, column[::-1]]), TURN)
     assert breaks == pytest.approx([0.0, TURN - 2.0, TURN])
     assert len(columns) == 2
     angles = 0.013 + turn(40)
