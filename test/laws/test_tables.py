@@ -10,7 +10,7 @@ from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law, spline
 from cam_rig.laws.bernstein import joined, rotate_to_zero
 from cam_rig.laws.law import SMOOTHEST, continuity
-from cam_rig.laws.segments import smoothed
+from cam_rig.laws.segments import smooth_table
 from cam_rig.units import TURN, rms
 
 FINE = np.linspace(0.0, TURN, 1000, endpoint=False)
@@ -61,7 +61,7 @@ def test_shipped_table_follows_its_points(cams, laws):
     """The r.m.s. distance of measured.csv is the file's tolerance; no point is off by 4 of them."""
     cam = cams["measured"]
     segment = cam.segments[0]
-    found, tolerance = smoothed(segment, cam), segment.tolerance.si
+    found, tolerance = smooth_table(segment, cam), segment.tolerance.si
     assert tolerance * 0.99 <= found.rms <= 1.001 * tolerance
     assert found.largest < 4.0 * tolerance
     away = laws["measured"](np.array(segment.file.angles)) - segment.file.lifts
@@ -122,7 +122,7 @@ def test_the_distance_is_the_tolerance(laws):
     away = np.abs(law_of(found)(angles) - lifts)
     rests = np.any([(angles - d.start) % TURN <= d.span for d in DWELLS], axis=0)
     event = (angles > np.radians(200.1)) & (angles < DWELLS[1].start - 1e-9)
-    bound = 6e-6 * np.sqrt(1.0 + 2.0 * spline.HELD / np.count_nonzero(event))
+    bound = 6e-6 * np.sqrt(1.0 + 2.0 * spline.FIXED_ORDINATES / np.count_nonzero(event))
     assert rms(away[event]) == pytest.approx(bound, rel=1e-6)
     assert found.rms == pytest.approx(rms(away), rel=1e-9)
     assert found.largest == pytest.approx(away.max(), rel=1e-9)
@@ -135,19 +135,23 @@ def test_it_is_the_same_as_scipys_least_squares(laws):
     begin, end = DWELLS[0].start + DWELLS[0].span, DWELLS[1].start
     inside = (angles > begin) & (angles < end)
     x, y = angles[inside], lifts[inside]
-    inner = np.linspace(begin, end, spline.INTERVALS[4] + 1)[1:-1]
+    inner = np.linspace(begin, end, spline.INTERVAL_COUNTS[4] + 1)[1:-1]
     knots = np.concatenate([[begin] * (spline.DEGREE + 1), inner, [end] * (spline.DEGREE + 1)])
 
     def away(free):
-        ordinates = np.concatenate([[0.012] * spline.HELD, free, [0.0] * spline.HELD])
+        ordinates = np.concatenate(
+            [[0.012] * spline.FIXED_ORDINATES, free, [0.0] * spline.FIXED_ORDINATES]
+        )
         return BSpline(knots, ordinates, spline.DEGREE)(x) - y
 
-    first = np.linspace(0.012, 0.0, knots.size - spline.DEGREE - 1 - 2 * spline.HELD)
+    first = np.linspace(0.012, 0.0, knots.size - spline.DEGREE - 1 - 2 * spline.FIXED_ORDINATES)
     fitted = least_squares(away, first, xtol=1e-15, ftol=1e-15)
     # a tolerance that these intervals reach by a hair and no fewer do
-    bound = rms(fitted.fun) * (1.0 + 1e-9) / np.sqrt(1.0 + 2.0 * spline.HELD / x.size)
-    ours = spline._event(x, y, (begin, end), (0.012, 0.0), bound)
-    assert ours.c[spline.HELD : -spline.HELD] == pytest.approx(fitted.x, abs=1e-8)
+    bound = rms(fitted.fun) * (1.0 + 1e-9) / np.sqrt(1.0 + 2.0 * spline.FIXED_ORDINATES / x.size)
+    ours = spline._fit_event(x, y, (begin, end), (0.012, 0.0), bound)
+    assert ours.c[spline.FIXED_ORDINATES : -spline.FIXED_ORDINATES] == pytest.approx(
+        fitted.x, abs=1e-8
+    )
 
 
 def test_gaps_events_and_single_dwells(laws):
@@ -221,7 +225,9 @@ def test_a_tolerance_below_the_scatter_is_refused(cams, laws):
     least = spline.least_tolerance(spline.scatter(angles, lifts), 360)
     spline.require_above_scatter(angles, lifts, least)
     assert spline.least_tolerance(1.0, 27) == 0.4
-    assert spline.least_tolerance(1.0, 10**8) == pytest.approx(1.0, abs=spline.SURE * 2e-4)
+    assert spline.least_tolerance(1.0, 10**8) == pytest.approx(
+        1.0, abs=spline.MAX_ERRORS_BELOW * 2e-4
+    )
     table = cams["measured"].segments[0]
     points = table.file.model_copy(update={"angles": tuple(angles), "lifts": tuple(lifts)})
     tolerance = table.tolerance.model_copy(update={"assumed": 0.0005})
