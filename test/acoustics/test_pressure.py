@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from cam_rig import acoustics
 from cam_rig.acoustics import MicrophoneState, SoundSource, level_db, pressure_pa, rms_pressure
-from cam_rig.acoustics.pressure import BLOCK, Background, first_order, mean_square_rate
+from cam_rig.acoustics.pressure import BLOCK_SIZE, Background, first_order, mean_square_rate
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.laws import bernstein
 from cam_rig.units import RPM, TURN, rms
@@ -85,12 +85,12 @@ def test_the_low_pass_is_the_recursion():
     # The power that takes a block's end to the next one's is rounded once a block, as long as the
     # low pass remembers.
     decays = (0.0, 1e-5, 0.01, 0.6, 30.0, 800.0)
-    for count in (0, 1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3000):
+    for count in (0, 1, 2, BLOCK_SIZE - 1, BLOCK_SIZE, BLOCK_SIZE + 1, 3000):
         drive = np.random.default_rng(count).normal(size=count)
         for decay in decays:
             keep = math.exp(-decay)
             wanted = lfilter([1.0], [1.0, -keep], drive, zi=[keep * 1.3])[0]
-            remembered = min(count, 1.0 / max(decay, 1e-9)) / BLOCK
+            remembered = min(count, 1.0 / max(decay, 1e-9)) / BLOCK_SIZE
             limit = (1e-14 + 2.0**-53 * remembered) * np.abs(wanted).max(initial=1.0)
             found = first_order(keep, drive, 1.3)
             np.testing.assert_allclose(found, wanted, rtol=0.0, atol=limit)

@@ -8,10 +8,10 @@ from cam_rig.acoustics import SoundLevelMeter, level_db, pressure_pa, third_octa
 from cam_rig.acoustics.sound_level_meter import (
     CLASS_1,
     POLES,
-    SILENCE,
+    SILENCE_DB,
     ZEROS,
     class_1_up_to_hz,
-    exact,
+    exact_frequency,
     full_scale,
     measure,
     pcm,
@@ -34,7 +34,7 @@ REACH |= {8000: 4e3, 1000: 400.0, 100: 40.0, 19: 0.0}
 
 def test_the_tables_goals_are_annex_es_formula():
     """Each of the 68 numbers is the formula's, to the table's 0.1 dB."""
-    at = np.array([exact(row[0]) for row in CLASS_1])
+    at = np.array([exact_frequency(row[0]) for row in CLASS_1])
     for column, curve in enumerate("AC", start=1):
         goals = [row[column] for row in CLASS_1]
         assert 10.0 * np.log10(weighting_power(curve, at)) == pytest.approx(goals, abs=0.0501)
@@ -113,7 +113,7 @@ def test_frequency_weighting_is_class_1(curve, nominal):
     """From 10 Hz to 20 kHz; the table is of 0.1 dB, and so is the meter."""
     _, a, c, above, below = next(row for row in CLASS_1 if row[0] == nominal)
     wanted = 100.0 + {"A": a, "C": c, "Z": 0.0}[curve]
-    error = steady_level(SoundLevelMeter(RATE, curve), exact(nominal), 100.0) - wanted
+    error = steady_level(SoundLevelMeter(RATE, curve), exact_frequency(nominal), 100.0) - wanted
     assert below < error < above
     assert abs(error) < 0.07
 
@@ -193,7 +193,7 @@ def test_overload_and_under_range_are_shown():
     assert reading.level < 90.0 and reading.overload
     assert SoundLevelMeter(RATE, "A", "F").read(tone(1000.0, 25.0, 1.0)).under_range
     silent = SoundLevelMeter(RATE).read(np.zeros(100))
-    assert silent.under_range and silent.level == silent.highest == SILENCE
+    assert silent.under_range and silent.level == silent.highest == SILENCE_DB
 
 
 def test_what_is_refused():
