@@ -18,7 +18,7 @@ from cam_rig.errors import LawError
 from cam_rig.units import FloatArray
 
 #: Largest gap or overlap of two circles that count as tangent, as a fraction of the sum of their
-#: radii. It is far above rounding and far below what can be made.
+#: radii. It is far above rounding and far below manufacturing tolerances.
 TANGENCY_RTOL = 1e-9
 
 
@@ -116,7 +116,7 @@ def _blend_line(before: Circle, after: Circle, _: float, name: str) -> StraightL
 def _blend_arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
     """Return the arc of a signed radius (m) that touches both circles.
 
-    Of the two arcs it is the one that turns the normal in the direction of the radius's sign.
+    Two arcs touch them. The result turns the normal in the direction of the radius's sign.
     """
     offset = after.centre - before.centre
     to_before, to_after, distance = radius - before.radius, radius - after.radius, abs(offset)

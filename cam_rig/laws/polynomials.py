@@ -189,16 +189,19 @@ def count_sign_changes(ordinates: Vector) -> int:
 
 
 def have_opposite_signs(a: float, b: float) -> bool:
-    """Return True if one is negative and one positive; their product could underflow."""
+    """Return True if one number is negative and the other positive.
+
+    The product of both could underflow.
+    """
     return bool((a < 0.0 < b) or (b < 0.0 < a))
 
 
 def find_crossing(ordinates: Vector, limit: float, last: bool) -> float:
-    """Return the first sign change in (0, 1) up to ``limit``, or the last; `NO_ROOT` without one.
+    """Return the first or the last sign change in (0, 1) up to ``limit``.
 
-    Invariant: each part of [0, 1] that is not on the stack has no sign change that counts, because
-    its ordinates have none (7), or its sign change is in ``result``. A zero that is touched without
-    crossing does not count.
+    The result is `NO_ROOT` without a sign change. Invariant: each part of [0, 1] that is not on the
+    stack does not contain a sign change that counts, because its ordinates do not change sign (7),
+    or its sign change is in ``result``. A zero that is touched without crossing does not count.
     """
     parts = np.zeros((MAX_DEPTH, len(ordinates)))
     starts, widths = np.zeros(MAX_DEPTH), np.zeros(MAX_DEPTH)
@@ -229,7 +232,10 @@ def find_crossing(ordinates: Vector, limit: float, last: bool) -> float:
 
 
 def halve(right: Vector, left: Vector) -> None:
-    """Replace a polynomial by its right half; write its left half to ``left`` (de Casteljau)."""
+    """Replace a polynomial by its right half, and write its left half to ``left``.
+
+    The algorithm is de Casteljau's.
+    """
     size = len(right)
     for order in range(size):
         left[order] = current = right[0]
