@@ -250,8 +250,8 @@ def arc_follower(cam: CamConfig) -> ArcFollower:
     eccentricity = getattr(cam.follower, "eccentricity", None)
     if kind != "flat" and eccentricity is not None and eccentricity.si != 0.0:
         raise LawError(
-            f"cam {cam.name!r}: arcs under a follower {eccentricity.si * 1e3:g} mm beside the "
-            "cam's centre; allowed: eccentricity 0"
+            f"cam {cam.name!r}: arcs under a follower of eccentricity "
+            f"{eccentricity.si * 1e3:g} mm; allowed: eccentricity 0"
         )
     return ArcFollower(kind == "flat", cam.follower.roller)
 

@@ -86,8 +86,8 @@ def close(specs: list[Circle | Blend]) -> Chain:
         before, after = specs[i - 1], specs[(i + 1) % len(specs)]
         if not (isinstance(before, Circle) and isinstance(after, Circle)) or before == after:
             raise LawError(
-                f"arcs[{i}]: has no centre and stands between parts that do not both have one; "
-                "allowed: two different arcs with centres beside it"
+                f"arcs[{i}]: has no centre, and its neighbours do not both have one; "
+                "allowed: two different arcs with centres next to it"
             )
         blend = _blend_line if spec.radius is None else _blend_arc
         parts.append(blend(before, after, spec.radius or 0.0, f"arcs[{i}]"))
@@ -105,7 +105,7 @@ def _blend_line(before: Circle, after: Circle, _: float, name: str) -> StraightL
     difference = before.radius - after.radius
     if abs(offset) <= abs(difference):
         raise LawError(
-            f"{name}: no straight line touches both its neighbours, one lies inside the other; "
+            f"{name}: no straight line touches both its neighbours, one is inside the other; "
             f"allowed: centres more than {abs(difference) * 1e3:g} mm apart, they are "
             f"{abs(offset) * 1e3:g} mm"
         )
@@ -122,7 +122,7 @@ def _blend_arc(before: Circle, after: Circle, radius: float, name: str) -> Circl
     to_before, to_after, distance = radius - before.radius, radius - after.radius, abs(offset)
     if abs(to_before - to_after) >= distance:
         raise LawError(
-            f"{name}: no arc touches both its neighbours, one lies inside the other; allowed: "
+            f"{name}: no arc touches both its neighbours, one is inside the other; allowed: "
             f"centres more than {abs(to_before - to_after) * 1e3:g} mm apart, they are "
             f"{distance * 1e3:g} mm"
         )

@@ -75,7 +75,7 @@ def _require_no_step(cam: CamConfig, where: str, gap: float) -> None:
     if abs(gap) > STEP_TOLERANCE * cam.lift.si:
         raise LawError(
             f"cam {cam.name!r}: {where} steps by {gap / cam.lift.si:.6g} of the lift; allowed: no "
-            "step, so let each segment begin where the one before it ends"
+            "step, so start each segment at the end level of the segment before it"
         )
 
 
@@ -173,8 +173,8 @@ def require_sprung(path: Path | str, cam: CamConfig) -> None:
     """
     if not cam.follower.sprung:
         raise ConfigError(
-            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: one that a closing "
-            "spring alone holds on the cam (the dynamic models know no second contact)"
+            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: a follower "
+            "that only a closing spring keeps on the cam (the dynamic models have one contact)"
         )
 
 

@@ -169,7 +169,7 @@ def smooth_table(segment: Table, cam: CamConfig) -> Smoothed:
     if abs(height - cam.lift.si) > limit:
         raise LawError(
             f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
-            f"rise by {height * 1e3:g} mm; allowed: the same, so write that"
+            f"rise by {height * 1e3:g} mm; allowed: the same, so set lift to that"
         )
     dwells = [Rest(dwell.start.si, dwell.span.si, dwell.level.si) for dwell in segment.dwells]
     angles, lifts = np.array(points.angles), np.array(points.lifts)

@@ -185,7 +185,7 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
     where = quantity.where
     if not where:
         if low is not None:
-            raise ConfigError(f"{name}: is taken at {text!r}; allowed: {name} alone")
+            raise ConfigError(f"{text!r}: {name} needs no speed or angle; allowed: {name} alone")
         return Term(quantity)
     if where == "event":
         number = float(low or "nan")
