@@ -27,7 +27,7 @@ NO_ROOT = -1.0
 
 
 def restrict(ordinates: Vector, size: int, first: float, last: float) -> Vector:
-    """Return the first ``size`` ordinates restricted to [first, last] ⊂ [0, 1], first < 1.
+    """Return the first ``size`` ordinates on [first, last] ⊂ [0, 1], first < 1.
 
     The algorithm is de Casteljau's.
     """
@@ -86,10 +86,10 @@ def integrate(ordinates: Vector, length: float, start: float) -> Vector:
 
 
 def horner(weighted: Vector, slopes: Vector, degree: int, u: float) -> tuple[float, float, float]:
-    """Return v, w and r: the value at u is v rⁿ and the derivative w rⁿ⁻¹, with n = ``degree``.
+    """Return v, w and r: the value at u is v rⁿ and the derivative w rⁿ⁻¹.
 
-    ``weighted`` and ``slopes`` are the weighted ordinates of both. Horner's rule is applied in
-    u/(1 − u), or in its inverse beyond the middle, so that no power grows.
+    n is ``degree``. ``weighted`` and ``slopes`` are the weighted ordinates of both. Horner's rule
+    is applied in u/(1 − u), or in its inverse beyond the middle, so that no power grows.
     """
     slope, remainder = 0.0, 1.0 - u
     if u < 0.5:
@@ -178,7 +178,10 @@ def find_single_root(ordinates: Vector) -> float:
 
 
 def count_sign_changes(ordinates: Vector) -> int:
-    """Return the number of sign changes, at least the number of roots in (0, 1), by (7)."""
+    """Return the number of sign changes of the ordinates.
+
+    By (7) it is at least the number of roots in (0, 1).
+    """
     changes, previous = 0, 0.0
     for value in ordinates:
         if value != 0.0:
@@ -263,10 +266,10 @@ def halve_at_root(parts: Matrix, top: int) -> bool:
 
 
 def find_fall(ordinates: Vector, rounding: float) -> float:
-    """Return the zero u ∈ [0, 1] after which a polynomial is below −``rounding``, or `NO_ROOT`.
+    """Return the zero u ∈ [0, 1] after which a polynomial is below −``rounding``.
 
-    It is 0 if the polynomial starts below −``rounding``, or if it starts below zero by less and
-    continues to fall.
+    The result is `NO_ROOT` without such a zero. It is 0 if the polynomial starts below
+    −``rounding``, or if it starts below zero by less and continues to fall.
     """
     lowest = ordinates[0]
     for value in ordinates:

@@ -73,9 +73,11 @@ def sample(
     Parameters
     ----------
     law : law of the cam
-    start, step : angle of the first sample, not reduced to one turn, and positive distance, rad
+    start : angle of the first sample, rad, not reduced to one turn
+    step : angle between two samples, rad, positive
     count : number of samples
-    weights, offsets : ``(k, 3)`` factors of s, s', s'', and ``(k,)`` constants
+    weights : ``(k, 3)`` factors of s, s', s''
+    offsets : ``(k,)`` constants that are added
     out : ``(k, count)`` array for the samples, contiguous along a row (None: a new array)
 
     Returns
