@@ -1,14 +1,14 @@
-"""Contact force to sound pressure: the constants of a rig, and what arrives at the microphone.
+"""Sound pressure of a rig: acoustic constants, and contact force to pressure.
 
-The pressure follows the rate of the contact force through a structure that cannot follow
-beyond its corner:
+The pressure follows the rate of the contact force through a structure that is a low-pass filter:
 
     p = gain · ω_c (F − q),    q̇ = ω_c (F − q)        (p ≈ gain · Ḟ below the corner)
 
-A landing is a force pulse of impulse J, half a sine of the time the follower's mass takes on
-its stem. It is far above the corner, so it radiates ∫p² dt = (gain ω_c J)² π²/(8 T_c) and leaves
-q higher by ω_c J: the impact needs no constant of its own. Background (motor, bearings) adds in
-energy, rising with speed. This is the energy accountancy of machinery noise (Richards).
+A landing is a force pulse of impulse J. Its shape is half a sine, and its duration T_c is that of
+the follower's mass on its stem. The pulse is far above the corner. It radiates ∫p² dt = (gain ω_c
+J)² π²/(8 T_c) and increases q by ω_c J, so the impact needs no constant of its own. The background
+of motor and bearings adds in energy and rises with the speed. This is the energy accountancy of
+machinery noise (Richards).
 """
 
 from __future__ import annotations
@@ -32,64 +32,74 @@ REFERENCE_PRESSURE = 20e-6
 
 
 def level_db(pressure: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """Level in dB re 20 µPa of an r.m.s. pressure in Pa."""
+    """Return the level in dB re 20 µPa of an r.m.s. pressure in Pa."""
     return np.asarray(20.0 * np.log10(np.asarray(pressure) / REFERENCE_PRESSURE))
 
 
 def pressure_pa(level: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """r.m.s. pressure in Pa of a level in dB re 20 µPa."""
+    """Return the r.m.s. pressure in Pa of a level in dB re 20 µPa."""
     return np.asarray(REFERENCE_PRESSURE * 10.0 ** (np.asarray(level) / 20.0))
 
 
 @dataclass(frozen=True)
 class RadiationParameters:
-    """The acoustic constants of a rig."""
+    """Acoustic constants of a rig."""
 
     gain: float  #: Pa·s/N, pressure per rate of contact force
     corner: float  #: Hz
     background: float  #: dB at the speed ``background_at`` (rad/s)
     background_at: float
     background_slope: float  #: dB per octave of speed
-    contact_time: float  #: s, duration of a landing's force pulse; 0 where nothing can land
-    background_corner: float  #: Hz, above which the background falls by 6 dB an octave
+    contact_time: float  #: s, duration of a landing's force pulse, 0 without landings
+    background_corner: float  #: Hz, above which the background falls by 6 dB per octave
 
     @classmethod
     def from_rig(cls, rig: RigConfig, *, lands: bool = True) -> RadiationParameters:
-        """Take the numbers of a rig file; a follower that never ``lands`` needs no stem."""
-        r = rig.need_radiation("the sound level")
+        """Return the constants of a rig file.
+
+        Parameters
+        ----------
+        rig : rig file with radiation
+        lands : False for a follower that never leaves the cam and needs no stem stiffness
+
+        Raises
+        ------
+        ConfigError : the rig file has no radiation, or no stem stiffness
+        """
+        radiation = rig.need_radiation("the sound level")
         if lands:
             rig.need("stem_stiffness", "the sound of a landing")
         follower = FollowerParameters.from_rig(rig)
         return cls(
-            gain=r.gain.si,
-            corner=r.corner.si,
-            background=r.background.si,
-            background_at=r.background_at.si,
-            background_slope=r.background_slope.si,
+            gain=radiation.gain.si,
+            corner=radiation.corner.si,
+            background=radiation.background.si,
+            background_at=radiation.background_at.si,
+            background_slope=radiation.background_slope.si,
             contact_time=follower.contact_time if follower.stem_stiffness else 0.0,
-            background_corner=r.background_corner.si,
+            background_corner=radiation.background_corner.si,
         )
 
     @property
     def corner_rate(self) -> float:
-        """ω_c in rad/s."""
+        """Angular corner frequency ω_c in rad/s."""
         return 2.0 * math.pi * self.corner
 
     def background_power(self, speed: float) -> float:
-        """Mean square background pressure, Pa², at a cam speed in rad/s."""
+        """Return the mean square background pressure (Pa²) at a cam speed in rad/s."""
         level = self.background + self.background_slope * math.log2(speed / self.background_at)
         return float(pressure_pa(level)) ** 2
 
     def landing_energy(self, impulse: FloatArray) -> FloatArray:
-        """∫p² dt in Pa²·s radiated by landings of these impulses (N·s)."""
+        """Return ∫p² dt in Pa²·s of landings with impulses in N·s."""
         if not impulse.any():
             return np.zeros_like(impulse)
         peak = self.gain * self.corner_rate * impulse
         return np.asarray(peak**2 * math.pi**2 / (8.0 * self.contact_time))
 
 
-#: Samples that `first_order` takes together, a power of two.
-BLOCK = 64
+#: Number of samples per block of `first_order`, a power of two.
+BLOCK_SIZE = 64
 
 
 def structure_response(
@@ -100,57 +110,65 @@ def structure_response(
     force: FloatArray,
     impulse: FloatArray,
 ) -> FloatArray:
-    """Structure q (N) at the samples, ``(n,)``: q̇ = ω_c (F − q), solved exactly between them.
+    """Return the structure's state q (N) at the samples, ``(n,)``.
 
-    ``start`` and ``previous`` are q and force (N) at the sample before the first. ``force`` (N) is
-    straight between samples; ``impulse`` (N·s) falls at a sample and lifts q by ω_c J.
+    The equation q̇ = ω_c (F − q) is solved exactly between samples.
+
+    Parameters
+    ----------
+    corner_rate : ω_c, rad/s
+    sample_rate : sample rate, Hz
+    start, previous : q and force at the sample before the first one, N
+    force : ``(n,)`` force, N, linear between samples
+    impulse : ``(n,)`` impulses at the samples, N·s. Each increases q by ω_c J.
     """
     x = corner_rate / sample_rate
     keep = math.exp(-x)
     ramp = -math.expm1(-x) / x
-    before, now = ramp - keep, 1.0 - ramp
+    previous_gain, gain = ramp - keep, 1.0 - ramp
     earlier = np.concatenate(([previous], force[:-1]))
-    drive = before * earlier + now * force + corner_rate * impulse
+    drive = previous_gain * earlier + gain * force + corner_rate * impulse
     return first_order(keep, drive, start)
 
 
 def first_order(keep: float, drive: FloatArray, start: float) -> FloatArray:
-    """The recursion y ← keep · y + drive from y = ``start`` on, ``(n,)``.
+    """Return the recursion y ← keep · y + drive from y = ``start``, ``(n,)``.
 
-    In blocks, all of which go forward together from rest, by doubling; each then gets what the one
-    before has left. As quick as scipy's filter, whose import takes half a second.
+    All blocks are computed together from rest, by doubling. The contribution of the previous block
+    is then added to each. This is as fast as scipy's filter, whose import takes half a second.
     """
-    blocks = np.zeros((-(-drive.size // BLOCK), BLOCK))
+    blocks = np.zeros((-(-drive.size // BLOCK_SIZE), BLOCK_SIZE))
     blocks.reshape(-1)[: drive.size] = drive
     steps = blocks.T.copy()
-    shift, kept = 1, keep
-    while shift < BLOCK:
-        steps[shift:] += kept * steps[:-shift]
-        shift, kept = 2 * shift, kept * kept
-    powers = np.array([keep**k for k in range(1, BLOCK + 1)])
-    left, whole = [start], float(powers[-1])
-    for own in steps[-1, :-1].tolist():
-        left.append(own + whole * left[-1])
+    shift, factor = 1, keep
+    while shift < BLOCK_SIZE:
+        steps[shift:] += factor * steps[:-shift]
+        shift, factor = 2 * shift, factor * factor
+    powers = np.array([keep**k for k in range(1, BLOCK_SIZE + 1)])
+    starts, decay = [start], float(powers[-1])
+    for end in steps[-1, :-1].tolist():
+        starts.append(end + decay * starts[-1])
     if drive.size:
-        steps += powers[:, None] * np.array(left)
+        steps += powers[:, None] * np.array(starts)
     return np.asarray(steps.T.reshape(-1)[: drive.size])
 
 
-# As samples, block by block. The force is straight between the samples of a block, so the pressure
-# can be had at any higher rate; a landing's pulse has its area kept exactly on the grid of samples.
+# Sound pressure as samples, block by block. The force is linear between the samples of a block, so
+# the pressure can be computed at any higher rate. The samples of a landing's pulse have its exact
+# area.
 
 
 @dataclass
 class Background:
-    """Gaussian noise of unit variance that falls by 6 dB an octave above its corner.
+    """Gaussian noise of unit variance that falls by 6 dB per octave above its corner.
 
-    A first-order recursion, x ← a x + √(1 − a²) n with a = e^(−2π corner/rate): its variance is 1
-    from the first sample on, at any rate.
+    It is the first-order recursion x ← a x + √(1 − a²) n with a = e^(−2π corner/rate). The variance
+    is 1 from the first sample on, at any rate.
     """
 
     corner: float  #: Hz
     rate: float  #: Hz
-    seed: int  #: the same seed, the same noise
+    seed: int  #: seed of the noise
     _last: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -158,7 +176,7 @@ class Background:
         self._last = float(self._generator.standard_normal())
 
     def samples(self, count: int) -> FloatArray:
-        """The next samples, ``(count,)``."""
+        """Return the next samples, ``(count,)``."""
         keep = math.exp(-2.0 * math.pi * self.corner / self.rate)
         fresh = self._generator.standard_normal(count)
         gain = math.sqrt(-math.expm1(2.0 * math.log(keep)))
@@ -167,19 +185,19 @@ class Background:
         return noise
 
 
-#: Hz, well above what a meter needs for class 1 up to 20 kHz.
+#: Lowest sample rate, Hz. It is well above the rate that class 1 up to 20 kHz needs.
 MIN_RATE = 96_000
-#: Seed of the background noise: a run repeats sample by sample.
+#: Seed of the background noise, so that a run is repeatable sample by sample.
 SEED = 1
 
 
 @dataclass
 class SoundSource:
-    """The structure, the landings and the background with their state."""
+    """Sound pressure of structure, landings and background, computed block by block."""
 
     parameters: RadiationParameters
     block_rate: int  #: Hz, of the force samples
-    #: Hz; the pressure comes at the smallest whole multiple of ``block_rate`` that reaches it
+    #: Hz. The rate of the pressure is the smallest multiple of ``block_rate`` that reaches it.
     least_rate: int = MIN_RATE
     seed: int = SEED  #: of the background noise
     _structure: float | None = field(default=None, init=False)
@@ -193,24 +211,31 @@ class SoundSource:
 
     @property
     def rate(self) -> int:
-        """Hz, of the pressure samples."""
+        """Sample rate of the pressure, Hz."""
         return self.block_rate * self.factor
 
     def pressure(self, force: FloatArray, impulse: FloatArray, speed: float) -> FloatArray:
-        """Sound pressure in Pa over one block, ``(n · factor,)``.
+        """Return the sound pressure in Pa over one block, ``(n · factor,)``.
 
-        ``force`` in N at the samples and ``impulse`` in N·s of the landings since the sample before
-        are ``(n,)``; ``speed`` (rad/s) is of the cam, for the background.
+        Parameters
+        ----------
+        force : ``(n,)`` contact force at the samples, N
+        impulse : ``(n,)`` impulse of the landings since the sample before, N·s
+        speed : cam speed, rad/s, which determines the background
+
+        Raises
+        ------
+        ValueError : the block is empty
         """
         if force.size == 0:
-            raise ValueError("a block must hold at least one sample")
+            raise ValueError("a block must contain at least one sample")
         p = self.parameters
         background = math.sqrt(p.background_power(speed))
         noise = background * self._background.samples(force.size * self.factor)
-        return noise + p.gain * p.corner_rate * self._radiating(force, impulse)
+        return noise + p.gain * p.corner_rate * self._structure_force(force, impulse)
 
-    def _radiating(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
-        """F − q with the pulses of landings, N."""
+    def _structure_force(self, force: FloatArray, impulse: FloatArray) -> FloatArray:
+        """Return F − q with the pulses of landings, N."""
         if self._structure is None:  # at rest under the first force
             self._structure = self._force = float(force[0])
         earlier = np.concatenate(([self._force], force[:-1]))
@@ -223,33 +248,36 @@ class SoundSource:
         return fine - structure + pulses
 
     def _pulses(self, impulse: FloatArray) -> FloatArray:
-        """Force pulses of the landings, N; what lasts longer than the block is kept."""
+        """Return the force pulses of the landings in this block, N.
+
+        The rest of a pulse that extends beyond the block is stored for the next block.
+        """
         count = impulse.size * self.factor
         out = np.zeros(count + self._tail.size)
         out[: self._tail.size] = self._tail
         for i in np.flatnonzero(impulse):
-            begin = (i + 1) * self.factor - 1
-            out[begin : begin + self._pulse.size] += impulse[i] * self._pulse
+            start = (i + 1) * self.factor - 1
+            out[start : start + self._pulse.size] += impulse[i] * self._pulse
         self._tail = out[count:]
         return out[:count]
 
 
 def _pulse(duration: float, rate: float) -> FloatArray:
-    """Half a sine of unit area as its mean over each sample interval, 1/s."""
+    """Return half a sine of unit area as means over the sample intervals, 1/s."""
     edges = np.arange(math.ceil(duration * rate) + 1) / rate
-    risen = 0.5 * (1.0 - np.cos(math.pi * np.minimum(edges / duration, 1.0)))
-    return np.asarray(rate * np.diff(risen))
+    integral = 0.5 * (1.0 - np.cos(math.pi * np.minimum(edges / duration, 1.0)))
+    return np.asarray(rate * np.diff(integral))
 
 
-# Contact force to r.m.s. sound pressure, by energy: what the microphone node publishes.
+# Contact force to r.m.s. sound pressure, by energy, as the microphone node publishes it.
 
 
 @dataclass(frozen=True)
 class MicrophoneState:
-    """The state of the structure from one block to the next."""
+    """State of the structure between two blocks."""
 
     structure: float  #: q, N
-    force: float  #: the last one, N
+    force: float  #: force at the last sample, N
 
 
 def rms_pressure(
@@ -260,13 +288,23 @@ def rms_pressure(
     sample_rate: float,
     speed: float,
 ) -> tuple[MicrophoneState, float]:
-    """State after, and r.m.s. sound pressure (Pa) over, one block at ``sample_rate`` (Hz).
+    """Return the state after one block and the r.m.s. sound pressure (Pa) over it.
 
-    ``force`` (N, straight between the samples), ``impulse`` (N·s) and ``speed`` (rad/s) as of
-    `SoundSource.pressure`; without a ``state`` the structure begins at rest under the force.
+    Parameters
+    ----------
+    parameters : acoustic constants
+    state : state after the previous block (None: at rest under the first force)
+    force : ``(n,)`` contact force, N, linear between samples
+    impulse : ``(n,)`` impulse of the landings since the sample before, N·s
+    sample_rate : sample rate, Hz
+    speed : cam speed, rad/s
+
+    Raises
+    ------
+    ValueError : the block is empty
     """
     if force.size == 0:
-        raise ValueError("a block must hold at least one sample")
+        raise ValueError("a block must contain at least one sample")
     start = state or MicrophoneState(structure=float(force[0]), force=float(force[0]))
     structure = structure_response(
         parameters.corner_rate, sample_rate, start.structure, start.force, force, impulse
@@ -278,16 +316,20 @@ def rms_pressure(
     return MicrophoneState(float(structure[-1]), float(force[-1])), math.sqrt(power)
 
 
-# The steady sound of a cam whose follower stays on it: exact, without samples or settling.
+# Steady sound of a cam whose follower stays on it: exact, without samples or transients.
 
-#: Gauss-Legendre nodes a sub-interval; each is short against the structure's time constant.
-NODES = 12
+#: Number of Gauss-Legendre nodes per sub-interval. A sub-interval is at most one time constant of
+#: the structure.
+GAUSS_NODES = 12
 
 
 def mean_square_rate(
     law: Law, follower: FollowerParameters, corner_rate: float, speed: float
 ) -> float:
-    """⟨(ω_c (F − q))²⟩ of a periodic turn at ``speed`` (rad/s), to rounding, in (N/s)²."""
+    """Return ⟨(ω_c (F − q))²⟩ in (N/s)² over a periodic turn at ``speed`` (rad/s).
+
+    It is exact to rounding for a follower that stays on the cam.
+    """
     require_smooth(law)
     forces = force_ordinates(law, follower, speed)
     matrix = np.array([[-corner_rate]])
@@ -298,17 +340,18 @@ def mean_square_rate(
     ]
     state = periodic_state(pieces)
     total = 0.0
-    for i, part in enumerate(pieces):
-        times, weights = _quadrature(part.duration, corner_rate)
-        force = bernstein.evaluate(forces[:, i], times / part.duration)
-        rate = corner_rate * (force - part.at(state, times)[0])
+    for i, solution in enumerate(pieces):
+        times, weights = _quadrature(solution.duration, corner_rate)
+        force = bernstein.evaluate(forces[:, i], times / solution.duration)
+        rate = corner_rate * (force - solution.at(state, times)[0])
         total += float(weights @ rate**2)
-        state = part.end(state)
+        state = solution.end(state)
     return total / float(durations.sum())
 
 
 def _quadrature(duration: float, rate: float) -> tuple[FloatArray, FloatArray]:
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    """Return Gauss-Legendre times (s) and weights (s) of a piece."""
+    nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
     count = max(4, int(np.ceil(rate * duration)))
     width = duration / count
     times = (np.arange(count)[:, None] + 0.5 * (nodes + 1.0)) * width
@@ -318,6 +361,9 @@ def _quadrature(duration: float, rate: float) -> tuple[FloatArray, FloatArray]:
 def steady_power(
     law: Law, follower: FollowerParameters, radiation: RadiationParameters, speed: float
 ) -> float:
-    """Mean square sound pressure (Pa²) of contact and background at ``speed`` (rad/s)."""
+    """Return the mean square sound pressure (Pa²) at ``speed`` (rad/s).
+
+    It contains contact and background, and assumes a follower that stays on the cam.
+    """
     rate = mean_square_rate(law, follower, radiation.corner_rate, speed)
     return radiation.background_power(speed) + radiation.gain**2 * rate

@@ -1,8 +1,8 @@
-"""A sound-level meter to IEC 61672-1, class 1: weightings A, C, Z and F, S, and its range.
+"""Sound-level meter of IEC 61672-1, class 1: weightings A, C, Z, F and S.
 
-It carries its state, so a signal reads the same however it is cut into blocks. A sample rate of
-more than 40 kHz is needed for all of class 1, which ends at 20 kHz; a lower one says how far it
-reaches (`class_1_up_to_hz`).
+The meter has a state, so the readings do not depend on the division of a signal into blocks. Class
+1 extends to 20 kHz and needs a sample rate of more than 40 kHz. The limit at a lower rate is
+`class_1_up_to_hz`.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from cam_rig.units import FloatArray
 
 #: Frequency weightings of the standard.
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
-#: Time weightings and their time constants, s.
+#: Time constants (s) of the time weightings.
 TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
 #: Range in dB of the paper's meter, a JTS-1357.
-RANGE = (30.0, 130.0)
-#: Silence reads as this level, dB.
-SILENCE = -200.0
+RANGE_DB = (30.0, 130.0)
+#: Reading of silence, dB.
+SILENCE_DB = -200.0
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What the meter shows for one block, in dB re 20 µPa."""
+    """Reading of the meter for one block, levels in dB re 20 µPa."""
 
-    #: The time-weighted sound level, energy-averaged over the block: in a steady sound of whole
-    #: turns that is its equivalent level, whichever cam angle a block ends at.
+    #: Time-weighted sound level, energy-averaged over the block. In a steady sound of whole turns
+    #: it is the equivalent level, independent of the cam angle at the end of the block.
     level: float
-    at_end: float  #: the time-weighted level at the block's end
-    highest: float  #: its maximum
-    equivalent: float  #: Leq over the block
-    overload: bool  #: the unweighted pressure went beyond a sine at the top of the range
-    under_range: bool  #: the level is below its bottom
+    at_end: float  #: time-weighted level at the end of the block
+    highest: float  #: maximum of the time-weighted level
+    equivalent: float  #: equivalent level over the block
+    overload: bool  #: True if the unweighted pressure exceeds a sine at the top of the range
+    under_range: bool  #: True if the level is below the bottom of the range
 
 
 @dataclass(frozen=True, eq=False)
 class MeterState:
-    """The whole state of a meter."""
+    """Complete state of a meter."""
 
     frequency_weighting: str
     time_weighting: str
-    filter: FloatArray  #: of the frequency weighting, ``(n, 2)``
-    power: float  #: of the time weighting, Pa²
-    energy: float  #: since it began, as all below, Pa²
+    filter: FloatArray  #: state of the frequency weighting, ``(n, 2)``
+    power: float  #: state of the time weighting, Pa²
+    energy: float  #: sum since the start of the meter, as the fields below, Pa²
     samples: int
     highest: float  #: dB
     overload: bool
@@ -58,32 +58,43 @@ class MeterState:
 
 @dataclass
 class SoundLevelMeter:
-    """Blocks of sound pressure in, readings out; a `ConfigError` for an unknown weighting."""
+    """Meter that converts blocks of sound pressure to readings.
+
+    Raises
+    ------
+    ConfigError : an unknown weighting
+    """
 
     rate: int  #: Hz, of the pressure samples
     frequency_weighting: str = "Z"  #: A, C or Z
     time_weighting: str = "F"  #: F (125 ms) or S (1 s)
-    span: tuple[float, float] = RANGE  #: range in dB; a level outside it is shown with a flag
+    span: tuple[float, float] = RANGE_DB  #: range in dB, a reading outside it has a flag
 
     def __post_init__(self) -> None:
-        _require("frequency_weighting", self.frequency_weighting, FREQUENCY_WEIGHTINGS)
-        _require("time_weighting", self.time_weighting, TIME_WEIGHTINGS)
+        _require_weighting("frequency_weighting", self.frequency_weighting, FREQUENCY_WEIGHTINGS)
+        _require_weighting("time_weighting", self.time_weighting, TIME_WEIGHTINGS)
         self._sections = weighting_filter(self.frequency_weighting, self.rate)
         self._keep = math.exp(-1.0 / (self.rate * TIME_WEIGHTINGS[self.time_weighting]))
         at_rest = np.zeros((len(self._sections), 2))
         self.state = MeterState(
-            self.frequency_weighting, self.time_weighting, at_rest, 0.0, 0.0, 0, SILENCE, False
+            self.frequency_weighting, self.time_weighting, at_rest, 0.0, 0.0, 0, SILENCE_DB, False
         )
 
     @property
     def quantity(self) -> str:
-        """What is read, as IEC 61672-1 writes it: LZF, LAS."""
+        """Symbol of the quantity in IEC 61672-1, such as LZF or LAS."""
         return f"L{self.frequency_weighting}{self.time_weighting}"
 
     def read(self, pressure: FloatArray) -> Reading:
-        """The reading for the next samples, ``(n,)`` in Pa; refused ones leave it as it was."""
+        """Return the reading for the next samples, ``(n,)`` in Pa.
+
+        Raises
+        ------
+        ValueError : the block is empty
+        RefusedError : a sample is not finite. The state of the meter is unchanged.
+        """
         if pressure.size == 0:
-            raise ValueError("a block must hold at least one sample")
+            raise ValueError("a block must contain at least one sample")
         _require_finite(pressure)
         weighted, filter_ = self._weighted(pressure)
         fresh = (1.0 - self._keep) * np.square(weighted)
@@ -113,66 +124,77 @@ class SoundLevelMeter:
 
     @property
     def equivalent(self) -> float:
-        """Leq over all samples so far (LAeq, LCeq, LZeq), dB."""
+        """Equivalent level over all samples (LAeq, LCeq, LZeq), dB."""
         return _level(self.state.energy / max(self.state.samples, 1))
 
     @property
     def highest(self) -> float:
-        """Highest time-weighted level so far (LAFmax and its like), dB."""
+        """Highest time-weighted level of all samples, such as LAFmax, dB."""
         return self.state.highest
 
     @property
     def overloaded(self) -> bool:
-        """Whether any block so far was an overload: it stays shown, as the standard asks."""
+        """True if a block was an overload. It is latched, as the standard requires."""
         return self.state.overload
 
     def _weighted(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The samples through the frequency weighting, and the filter's state then."""
+        """Return the frequency-weighted samples, and the state of the filter after them."""
         if self._sections.size == 0:
             return pressure, self.state.filter
-        from scipy.signal import sosfilt  # a second of imports, which only who weighs should pay
+        from scipy.signal import sosfilt  # imported here, because it takes a second
 
         weighted, filter_ = sosfilt(self._sections, pressure, zi=self.state.filter)
         return np.asarray(weighted), np.asarray(filter_)
 
 
 def _require_finite(pressure: FloatArray) -> None:
-    """Refuse a broken signal: it would read as silence, for ever after."""
-    good = np.isfinite(pressure)
-    if not good.all():
-        first = int(np.argmin(good))
+    """Raise RefusedError if a sample is not finite.
+
+    Such a sample would remain in the filters and read as silence from then on.
+    """
+    finite = np.isfinite(pressure)
+    if not finite.all():
+        first = int(np.argmin(finite))
         raise RefusedError(
             f"sound pressure: sample {first} of {pressure.size} is {pressure[first]} Pa; allowed: "
-            "finite numbers, so look at what the follower or the rig's radiation gives"
+            "finite numbers, so check the contact force and the radiation of the rig"
         )
 
 
-def _require(name: str, value: str, allowed: Iterable[str]) -> None:
-    """Refuse a weighting that the standard does not have."""
+def _require_weighting(name: str, value: str, allowed: Iterable[str]) -> None:
+    """Raise ConfigError if the standard does not define a weighting."""
     if value not in allowed:
         raise ConfigError(f"{name} is {value!r}; allowed: {', '.join(allowed)}")
 
 
 def _level(power: float) -> float:
-    """Level in dB of a mean square in Pa²; silence is `SILENCE`."""
+    """Return the level in dB of a mean square in Pa², at least `SILENCE_DB`."""
     ratio = power / REFERENCE_PRESSURE**2
-    return max(10.0 * math.log10(ratio), SILENCE) if ratio > 0.0 else SILENCE
+    return max(10.0 * math.log10(ratio), SILENCE_DB) if ratio > 0.0 else SILENCE_DB
 
 
-# Weightings A and C, digital. The analog poles are kept as they are (matched z), the zeros at 0 Hz
-# too; a few more zeros bring the magnitude to the analog one up to half the sample rate, which the
-# bilinear transform does not do: at 12 kHz it is 1.2 dB off at 4 kHz, this is 0.03 dB.
+# Digital weightings A and C. The analog poles and the zeros at 0 Hz are mapped directly (matched
+# z). A few more zeros fit the magnitude to the analog one up to half the sample rate. At a rate of
+# 12 kHz the error at 4 kHz is 0.03 dB, with the bilinear transform it is 1.2 dB.
 
-#: Corner frequencies f1 to f4 of annex E, Hz.
-F1, F2, F3, F4 = 20.598997, 107.65265, 737.86223, 12194.217
-#: Poles by their corners, and how many zeros there are at 0 Hz.
+#: Corner frequency f1 of annex E, Hz.
+F1 = 20.598997
+#: Corner frequency f2 of annex E, Hz.
+F2 = 107.65265
+#: Corner frequency f3 of annex E, Hz.
+F3 = 737.86223
+#: Corner frequency f4 of annex E, Hz.
+F4 = 12194.217
+#: Corner frequencies (Hz) of the poles of each weighting.
 POLES = {"A": (F1, F1, F2, F3, F4, F4), "C": (F1, F1, F4, F4)}
+#: Number of zeros at 0 Hz of each weighting.
 ZEROS = {"A": 4, "C": 2}
-#: Zeros that are fitted.
-FITTED = 6
-#: Where every weighting is 0 dB, Hz.
-REFERENCE = 1000.0
-#: Class 1 of table 3: nominal frequency (Hz), A and C (dB), acceptance limits above and below (dB).
+#: Number of zeros that are fitted to the analog magnitude.
+FITTED_ZEROS = 6
+#: Frequency at which every weighting is 0 dB, Hz.
+REFERENCE_FREQUENCY = 1000.0
+#: Class 1 of table 3: nominal frequency (Hz), goals of A and C (dB), upper and lower acceptance
+#: limit of the error (dB).
 CLASS_1 = (
     (10.0, -70.4, -14.3, 3.0, -math.inf),
     (12.5, -63.4, -11.2, 2.5, -math.inf),
@@ -211,67 +233,75 @@ CLASS_1 = (
 )
 
 
-def exact(nominal: float) -> float:
-    """The third-octave frequency, 10^(n/10) Hz, that has a nominal name."""
+def exact_frequency(nominal: float) -> float:
+    """Return the exact third-octave frequency, 10^(n/10) Hz, of a nominal frequency."""
     return float(10.0 ** (round(10.0 * math.log10(nominal)) / 10.0))
 
 
 def weighting_power(curve: str, frequency: FloatArray) -> FloatArray:
-    """|W|² of A, C or Z at frequencies in Hz, as annex E gives it; 1 at 1 kHz."""
+    """Return |W|² of A, C or Z at frequencies in Hz, 1 at 1 kHz.
+
+    References
+    ----------
+    Annex E of IEC 61672-1.
+    """
     if curve == "Z":
         return np.ones_like(frequency)
-    return np.asarray(_analog(curve, frequency) / _analog(curve, np.array(REFERENCE)))
+    return np.asarray(_analog(curve, frequency) / _analog(curve, np.array(REFERENCE_FREQUENCY)))
 
 
 def weighting_filter(curve: str, rate: int) -> FloatArray:
-    """Second-order sections ``(n, 6)`` of A, C or Z at ``rate`` Hz; none, ``(0, 6)``, for Z."""
+    """Return the second-order sections of A, C or Z at a rate in Hz, ``(n, 6)``.
+
+    Z has no section, ``(0, 6)``.
+    """
     if curve == "Z":
         return np.zeros((0, 6))
-    from scipy.signal import zpk2sos  # a second of imports, which only who listens should pay
+    from scipy.signal import zpk2sos  # imported here, because it takes a second
 
     zeros, poles = ZEROS[curve], np.exp(-2.0 * math.pi * np.array(POLES[curve]) / rate)
 
-    def left(x: FloatArray) -> FloatArray:
-        """What the fitted zeros must give, |·|² over x = cos ω."""
+    def zeros_power(x: FloatArray) -> FloatArray:
+        """Return the |·|² that the fitted zeros must give at x = cos ω."""
         below = np.prod([1.0 + p * p - 2.0 * p * x for p in poles], axis=0)
         above = (2.0 - 2.0 * x) ** zeros
         frequency = np.arccos(x) * rate / (2.0 * math.pi)
         return np.asarray(weighting_power(curve, frequency) * below / above)
 
-    wanted = Chebyshev.interpolate(left, FITTED)
-    x = wanted.roots().astype(complex)
-    pair = x + np.sqrt(x * x - 1.0)  # x = (z + 1/z) / 2: one of each pair is within the circle
-    fitted = np.where(np.abs(pair) > 1.0, 1.0 / pair, pair)
-    gain = math.sqrt(float(wanted(0.0)) / float(np.prod(np.abs(1j - fitted) ** 2)))
+    polynomial = Chebyshev.interpolate(zeros_power, FITTED_ZEROS)
+    x = polynomial.roots().astype(complex)
+    z = x + np.sqrt(x * x - 1.0)  # x = (z + 1/z)/2: one root of each pair is in the unit circle
+    fitted = np.where(np.abs(z) > 1.0, 1.0 / z, z)
+    gain = math.sqrt(float(polynomial(0.0)) / float(np.prod(np.abs(1j - fitted) ** 2)))
     return np.asarray(zpk2sos(np.append(fitted, np.ones(zeros)), poles, gain))
 
 
 def class_1_up_to_hz(rate: int) -> float:
-    """The nominal frequency (Hz) up to which A, C and Z are class 1 at a sample rate.
+    """Return the nominal frequency (Hz) up to which A, C and Z are class 1.
 
-    Every third-octave frequency up to it is below half the rate, and the response of the filters
-    there is within the acceptance limits of `CLASS_1`. 20 kHz is where the standard ends; 0 where
-    not even the lowest is met.
+    ``rate`` is the sample rate in Hz. Every third-octave frequency up to the result is below half
+    the rate, and the response of the filters there is within the limits of `CLASS_1`. The result is
+    at most 20 kHz, where the standard ends, and 0 if the lowest frequency is outside its limits.
     """
     from scipy.signal import sosfreqz
 
-    rows = [row for row in CLASS_1 if 2.0 * exact(row[0]) < rate]
-    at = np.array([exact(row[0]) for row in rows])
-    last = 0.0
+    rows = [row for row in CLASS_1 if 2.0 * exact_frequency(row[0]) < rate]
+    frequencies = np.array([exact_frequency(row[0]) for row in rows])
+    limit = 0.0
     errors = [
-        20.0 * np.log10(np.abs(sosfreqz(weighting_filter(curve, rate), at, fs=rate)[1]))
-        - 10.0 * np.log10(weighting_power(curve, at))
+        20.0 * np.log10(np.abs(sosfreqz(weighting_filter(curve, rate), frequencies, fs=rate)[1]))
+        - 10.0 * np.log10(weighting_power(curve, frequencies))
         for curve in POLES
     ]
-    for (nominal, _, _, above, below), *found in zip(rows, *errors, strict=True):
-        if not all(below <= error <= above for error in found):
+    for (nominal, _, _, above, below), *row_errors in zip(rows, *errors, strict=True):
+        if not all(below <= error <= above for error in row_errors):
             break
-        last = nominal
-    return last
+        limit = nominal
+    return limit
 
 
 def _analog(curve: str, frequency: FloatArray) -> FloatArray:
-    """|H|² of the analog filter but for its gain."""
+    """Return |H|² of the analog filter without its gain."""
     square = np.square(frequency)
     gain = np.square(square) / np.square((square + F1**2) * (square + F4**2))
     if curve == "A":
@@ -281,90 +311,105 @@ def _analog(curve: str, frequency: FloatArray) -> FloatArray:
 
 # Third-octave bands (IEC 61260-1): Butterworth filters of order 6, low bands at lower rates.
 
-#: n of the lowest and highest band, 10^(n/10) Hz: nominally 12.5 Hz and 16 kHz.
-BANDS = (11, 42)
-ORDER = 6
-#: Half the rate, over the highest band's mid frequency, at least.
-ROOM = 0.5 / 0.44
-#: A band is filtered at the lowest rate whose half is so many times its upper edge; a rate is not
-#: lowered by more than the other.
-HEADROOM, MAX_DECIMATION = 1.25, 500
-#: r.m.s. pressure (Pa) that silence counts as.
-LEAST = float(np.finfo(float).eps)
+#: Numbers n of the lowest and the highest band, 10^(n/10) Hz: nominally 12.5 Hz and 16 kHz.
+BAND_NUMBERS = (11, 42)
+#: Order of the band filters.
+BAND_ORDER = 6
+#: Smallest ratio of half the sample rate to the mid-band frequency of a band.
+MIN_RATE_RATIO = 0.5 / 0.44
+#: Smallest ratio of half the decimated rate to the upper edge of a band.
+HEADROOM = 1.25
+#: Largest factor by which the rate of a low band is decimated.
+MAX_DECIMATION = 500
+#: r.m.s. pressure (Pa) that replaces silence, so that the level is finite.
+MIN_PRESSURE = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Band levels."""
+    """Levels of third-octave bands."""
 
-    frequency: FloatArray  #: exact mid-band frequency, Hz
-    names: tuple[str, ...]  #: nominal
+    frequency: FloatArray  #: exact mid-band frequencies, Hz
+    names: tuple[str, ...]  #: nominal frequencies
     level_db: FloatArray  #: re 20 µPa
 
 
 def third_octaves(pressure: FloatArray, rate: int) -> Spectrum:
-    """Equivalent level in each third-octave band over the samples, ``(n,)`` in Pa.
+    """Return the equivalent level in each third-octave band over the samples.
 
-    The filters begin at rest, so the signal should last some periods of the lowest band's
-    width: two seconds for 12.5 Hz. Bands beyond the sample rate's half are left out.
+    The filters start at rest. The signal should therefore last some periods of the bandwidth of the
+    lowest band, which is two seconds for 12.5 Hz. Bands beyond half the sample rate are omitted.
+
+    Parameters
+    ----------
+    pressure : ``(n,)`` sound pressure, Pa
+    rate : sample rate, Hz
     """
-    numbers = np.arange(BANDS[0], BANDS[1] + 1)
-    numbers = numbers[10.0 ** (numbers / 10.0) * ROOM * 2.0 <= rate]
+    numbers = np.arange(BAND_NUMBERS[0], BAND_NUMBERS[1] + 1)
+    numbers = numbers[10.0 ** (numbers / 10.0) * MIN_RATE_RATIO * 2.0 <= rate]
     middle = 10.0 ** (numbers / 10.0)
     nominal = [CLASS_1[number - 10][0] for number in numbers]
     names = tuple(f"{hz / 1e3:g}k" if hz >= 1e3 else f"{hz:g}" for hz in nominal)
-    passed = np.array([_passed(pressure, rate, float(frequency)) for frequency in middle])
-    return Spectrum(middle, names, level_db(np.maximum(passed, LEAST)))
+    pressures = np.array([_band_rms(pressure, rate, float(frequency)) for frequency in middle])
+    return Spectrum(middle, names, level_db(np.maximum(pressures, MIN_PRESSURE)))
 
 
-def _passed(pressure: FloatArray, rate: int, middle: float) -> float:
-    """r.m.s. of the band about a frequency."""
+def _band_rms(pressure: FloatArray, rate: int, middle: float) -> float:
+    """Return the r.m.s. pressure (Pa) in the band at a mid-band frequency (Hz)."""
     from scipy.signal import butter, resample_poly, sosfilt
 
     edges = middle * 10.0 ** np.array([-0.05, 0.05])
     factor = min(max(int(rate / 2.0 / (HEADROOM * edges[1])), 1), MAX_DECIMATION)
     slower = resample_poly(pressure, 1, factor) if factor > 1 else pressure
-    sections = butter(ORDER, edges, "bandpass", fs=rate / factor, output="sos")
+    sections = butter(BAND_ORDER, edges, "bandpass", fs=rate / factor, output="sos")
     band = sosfilt(sections, slower)
     return float(np.linalg.norm(band)) / math.sqrt(band.size)
 
 
-# Measuring a recorded sound: every level a meter would have shown, and what a file needs.
+# Levels of a recorded sound, and its conversion to the samples of a file.
 
-#: The 16-bit samples of a sound file reach to this.
-FULL_SCALE = 32767
+#: Largest 16-bit sample of a sound file.
+MAX_SAMPLE = 32767
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a recorded sound measures."""
+    """Levels and flags of a recorded sound."""
 
-    levels: dict[str, float]  #: dB re 20 µPa by the standard's names, as LAeq and LAFmax
+    levels: dict[str, float]  #: dB re 20 µPa, by the standard's names such as LAeq and LAFmax
     bands: Spectrum
     peak_pa: float
     overload: bool
     under_range: bool
-    class_1_up_to_hz: float  #: nominal frequency up to which the levels are of class 1
+    class_1_up_to_hz: float  #: nominal frequency up to which the levels are class 1
 
 
 def measure(pressure: FloatArray, rate: int) -> Measurement:
-    """Measure samples ``(n,)`` in Pa."""
+    """Measure samples ``(n,)`` in Pa at a sample rate in Hz, with all weightings.
+
+    Raises
+    ------
+    RefusedError : a sample is not finite
+    """
     levels: dict[str, float] = {}
-    overload, lowest = False, np.inf
+    overload, margin = False, np.inf
     for weighting in FREQUENCY_WEIGHTINGS:
         for ballistics in TIME_WEIGHTINGS:
             meter = SoundLevelMeter(rate, weighting, ballistics)
             reading = meter.read(pressure)
             levels[f"L{weighting}eq"] = meter.equivalent
             levels[f"L{weighting}{ballistics}max"] = meter.highest
-            overload, lowest = meter.overloaded, min(lowest, reading.level - meter.span[0])
+            overload, margin = meter.overloaded, min(margin, reading.level - meter.span[0])
     peak = float(np.abs(pressure).max())
     spectrum, class_1 = third_octaves(pressure, rate), class_1_up_to_hz(rate)
-    return Measurement(levels, spectrum, peak, overload, lowest < 0.0, class_1)
+    return Measurement(levels, spectrum, peak, overload, margin < 0.0, class_1)
 
 
 def full_scale(peak: float) -> float:
-    """Pressure (Pa) of a sound file's largest number: the least 1, 2, 5 · 10ⁿ from ``peak`` on."""
+    """Return the pressure (Pa) of the largest number of a sound file.
+
+    It is the smallest of 1, 2, 5 · 10ⁿ that is not below ``peak``.
+    """
     if peak <= 0.0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(peak))
@@ -372,5 +417,5 @@ def full_scale(peak: float) -> float:
 
 
 def pcm(pressure: FloatArray, scale: float) -> bytes:
-    """16-bit little-endian samples, where ``scale`` (Pa) is the largest number."""
-    return np.round(pressure * (FULL_SCALE / scale)).astype("<i2").tobytes()
+    """Return 16-bit little-endian samples, with ``scale`` (Pa) as the largest number."""
+    return np.round(pressure * (MAX_SAMPLE / scale)).astype("<i2").tobytes()

@@ -1,8 +1,11 @@
-"""The law of a follower on a contour of tangent arcs, which join with one slope: s'' jumps.
+"""Laws of a follower on a contour of circular arcs, each tangent to the next.
 
-The lift of a roller's centre or a point is the polar radius of the arcs grown by the roller's
-radius, over the pitch circle. A flat face touches where the outward normal points along the
-follower, so its lift is ρ + Re(c·e^(−iθ)) − R_b: it skips what is not convex.
+The slope s' is continuous at the joints and s'' jumps.
+
+Roller or point: the lift of its centre is the polar radius of the arcs, offset outwards by the
+roller's radius, less the radius of the pitch circle. Flat face: it touches the contour where the
+outward normal points along the follower, so its lift is ρ + Re(c·e^(−iθ)) − R_b. A flat face
+bridges every part that is not convex.
 """
 
 from __future__ import annotations
@@ -16,20 +19,24 @@ import numpy as np
 
 from cam_rig.errors import LawError
 from cam_rig.laws.arcs import Arc, Blend, Chain, Circle, ConcaveFlankCam, Part, StraightLine, close
-from cam_rig.laws.bernstein import Pieces, joined, turned_to_zero
+from cam_rig.laws.bernstein import Pieces, joined, rotate_to_zero
 from cam_rig.laws.law import Law, extremes
 from cam_rig.laws.sampling import Curve, fit
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import ArcsByCentres, ArcsByRadii, ArcSpec, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
-#: The pitch point of a joint and the polar radius of its parts agree to this, relative.
-AGREE = 1e-9
+#: Relative tolerance of the polar radii of two parts at their joint. They differ by rounding
+#: only, unless the contour folds back on itself.
+JOINT_RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class ArcFollower:
-    """The follower on the arcs: ``flat``, or a roller of a radius in m, 0 for a point."""
+    """Follower on a contour of arcs.
+
+    ``flat`` is True for a flat face. ``roller_radius`` is in m, 0 for a point.
+    """
 
     flat: bool
     roller_radius: float
@@ -38,19 +45,50 @@ class ArcFollower:
 def arc_lift(
     chain: Chain, base_radius: float, follower: ArcFollower, angle: FloatArray
 ) -> FloatArray:
-    """The lift (m) above the base circle at cam angles ``(n,)`` in rad, straight from the arcs."""
+    """Compute the lift at cam angles directly from the arcs, without a polynomial.
+
+    Parameters
+    ----------
+    chain : closed contour, in m
+    base_radius : radius of the base circle, m
+    follower : follower on the contour
+    angle : ``(n,)`` cam angles, rad
+
+    Returns
+    -------
+    Lift above the base circle, ``(n,)``, m.
+
+    Raises
+    ------
+    LawError : the follower cannot stay on the contour
+    """
     angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
-    inside = angles[0] + (angle - angles[0]) % TURN
-    places = np.searchsorted(angles[1:-1], inside, side="right")
+    unwrapped = angles[0] + (angle - angles[0]) % TURN
+    indices = np.searchsorted(angles[1:-1], unwrapped, side="right")
     out = np.empty(angle.size)
-    for i in np.unique(places):
-        here = places == i
-        out[here] = _curve(chain.parts[i], base_radius, follower)(inside[here], 0)
+    for i in np.unique(indices):
+        selected = indices == i
+        out[selected] = _curve(chain.parts[i], base_radius, follower)(unwrapped[selected], 0)
     return out
 
 
 def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Pieces:
-    """The lift (m) above the base circle of ``base_radius`` (m), one whole turn from angle 0."""
+    """Compute the lift over one turn from cam angle 0, as Bernstein pieces.
+
+    Parameters
+    ----------
+    chain : closed contour, in m
+    base_radius : radius of the base circle, m
+    follower : follower on the contour
+
+    Returns
+    -------
+    Breakpoints from 0 to 2π rad, and the ordinates (m) of the lift above the base circle.
+
+    Raises
+    ------
+    LawError : the follower cannot stay on the contour
+    """
     angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
     breaks, columns = [angles[0]], []
     for i, part in enumerate(chain.parts):
@@ -59,32 +97,38 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
             breaks.append(stop)
             columns.append(np.array([part.radius - base_radius]))
             continue
-        steps, fitted = fit(_curve(part, base_radius, follower), start, stop)
-        breaks += steps[1:]
-        columns += fitted
-    return turned_to_zero((breaks, columns), TURN)
+        part_breaks, part_columns = fit(_curve(part, base_radius, follower), start, stop)
+        breaks += part_breaks[1:]
+        columns += part_columns
+    return rotate_to_zero((breaks, columns), TURN)
 
 
 def _curve(part: Part, base_radius: float, follower: ArcFollower) -> Curve:
-    """The lift above the base circle while the follower is on a part."""
-    reached: Curve
+    """Return the lift (m) above the base circle while the follower is on a part."""
+    position: Curve
     if follower.flat:
         assert isinstance(part, Circle)
-        zero, reached = base_radius - part.radius, partial(_reach, part.centre)
+        zero, position = base_radius - part.radius, partial(_project, part.centre)
     else:
         roller = follower.roller_radius
-        zero, reached = base_radius + roller, _polar_radius(part, roller)
-    return lambda angle, order: reached(angle, order) - (zero if order == 0 else 0.0)
+        zero, position = base_radius + roller, _polar_radius(part, roller)
+    return lambda angle, order: position(angle, order) - (zero if order == 0 else 0.0)
 
 
-def _reach(centre: complex, angle: FloatArray, order: int) -> FloatArray:
-    """How far a point is along the follower's direction, Re(c·e^(−iθ)), and its derivatives."""
-    turned = angle - cmath.phase(centre) + 0.5 * math.pi * order
-    return np.asarray(abs(centre) * np.cos(turned))
+def _project(centre: complex, angle: FloatArray, order: int) -> FloatArray:
+    """Return the coordinate of a point along the follower, or its derivative.
+
+    The coordinate is Re(c·e^(−iθ)).
+    """
+    phase = angle - cmath.phase(centre) + 0.5 * math.pi * order
+    return np.asarray(abs(centre) * np.cos(phase))
 
 
 def _flat_angles(chain: Chain) -> list[float]:
-    """Cam angles (rad) at which the face leaves each part, from where it meets the first."""
+    """Return the cam angles (rad) at which a flat face meets the next part.
+
+    The first angle is the start of the first part.
+    """
     for i, part in enumerate(chain.parts):
         if not (isinstance(part, Circle) and part.radius > 0.0):
             kind = "straight" if isinstance(part, StraightLine) else "concave"
@@ -92,11 +136,16 @@ def _flat_angles(chain: Chain) -> list[float]:
                 f"arcs[{i}]: is {kind}, which a flat face bridges; allowed under a flat "
                 "follower: convex arcs only"
             )
-    return _rising([cmath.phase(n) for n in chain.normals])
+    return _unwrap([cmath.phase(n) for n in chain.normals])
 
 
 def _pitch_angles(chain: Chain, roller: float) -> list[float]:
-    points = []  # where the follower's centre is as each part meets the next
+    """Return the cam angles (rad) at which the roller meets the next part.
+
+    The first angle is the start of the first part. At each joint the position of the roller's
+    centre must agree with the polar radii of both parts.
+    """
+    points = []  # centre of the roller at the end of each part
     for i, part in enumerate(chain.parts):
         if isinstance(part, Circle) and part.radius < 0.0 and part.radius + roller >= 0.0:
             raise LawError(
@@ -104,41 +153,46 @@ def _pitch_angles(chain: Chain, roller: float) -> list[float]:
                 f"{roller * 1e3:g} mm; allowed: a smaller roller"
             )
         circle = part if isinstance(part, Circle) else chain.parts[(i + 1) % len(chain.parts)]
-        assert isinstance(circle, Circle)  # a line stands between circles
+        assert isinstance(circle, Circle)  # a line lies between circles
         points.append(circle.centre + (circle.radius + roller) * chain.normals[i])
-    angles = _rising([cmath.phase(point) for point in points])
+    angles = _unwrap([cmath.phase(point) for point in points])
     for i, part in enumerate(chain.parts):
         with np.errstate(invalid="ignore"):
-            reached = _polar_radius(part, roller)(np.array([angles[i], angles[i + 1]]), 0)
+            radii = _polar_radius(part, roller)(np.array([angles[i], angles[i + 1]]), 0)
         expected = np.abs([points[i - 1], points[i]])
-        if not (np.abs(reached - expected) <= AGREE * expected).all():
-            raise _folds(i)
+        if not (np.abs(radii - expected) <= JOINT_RTOL * expected).all():
+            raise _fold_error(i)
     return angles
 
 
-def _rising(ends: list[float]) -> list[float]:
-    """The angles at which parts end, each after the one before; the first part's start first."""
+def _unwrap(ends: list[float]) -> list[float]:
+    """Unwrap the end angles (rad) of all parts so that they increase over one turn.
+
+    The result starts with the start of the first part.
+    """
     angles = [ends[-1]]
     for i, end in enumerate(ends):
         span = (end - angles[-1]) % TURN
         if not span > 0.0 or angles[-1] + span - angles[0] > TURN * (1.0 + 1e-9):
-            raise _folds(i)
+            raise _fold_error(i)
         angles.append(angles[-1] + span)
     angles[-1] = angles[0] + TURN
     if not angles[-1] > angles[-2]:
-        raise _folds(len(ends) - 1)
+        raise _fold_error(len(ends) - 1)
     return angles
 
 
-def _folds(i: int) -> LawError:
+def _fold_error(i: int) -> LawError:
+    """Return the error for a contour on which the cam angle does not increase."""
     return LawError(
         f"arcs[{i}]: the contour folds back on itself there, so no follower stays on it; "
-        "allowed: arcs in the order of the cam angle, clockwise from +y, seen from the cam's "
-        "centre one behind the other"
+        "allowed: arcs in the order of the cam angle, clockwise from +y, which do not overlap as "
+        "seen from the cam's centre"
     )
 
 
 def _polar_radius(part: Part, roller: float) -> Curve:
+    """Return the polar radius (m) of a part, offset outwards by the roller's radius."""
     if isinstance(part, StraightLine):
         return _secant(part.distance + roller, cmath.phase(part.normal))
     direction = cmath.phase(part.centre) if part.centre else 0.0
@@ -147,7 +201,7 @@ def _polar_radius(part: Part, roller: float) -> Curve:
 
 
 def _secant(distance: float, direction: float) -> Curve:
-    """Polar radius of a straight line, p/cos δ, and its derivatives."""
+    """Return the polar radius of a straight line, p/cos δ, with its derivatives."""
 
     def curve(angle: FloatArray, order: int) -> FloatArray:
         secant = distance / np.cos(angle - direction)
@@ -157,14 +211,20 @@ def _secant(distance: float, direction: float) -> Curve:
     return curve
 
 
-# The pieces of segments made of tangent arcs.
+# Pieces of the segments that are made of tangent arcs.
 
-#: Lift of a file and height of its own arcs may differ by this fraction.
-SAME_LIFT = 1e-6
+#: Largest difference between the lift of a cam file and that of its arcs, as a fraction of the
+#: lift. It allows lifts that are written with six digits.
+LIFT_RTOL = 1e-6
 
 
-def circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
-    """The circles of a tangent_arcs segment, on the pitch curve."""
+def concave_flank_cam(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
+    """Return the circles of a tangent_arcs segment, on the pitch curve.
+
+    Raises
+    ------
+    LawError : the follower has a flat face
+    """
     if arc_follower(cam).flat:
         raise LawError(
             f"cam {cam.name!r}: a flat face bridges the concave flanks of tangent_arcs; allowed: "
@@ -175,7 +235,12 @@ def circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
 
 
 def arc_follower(cam: CamConfig) -> ArcFollower:
-    """The follower on a cam of arcs."""
+    """Return the follower of a cam whose law is made of arcs.
+
+    Raises
+    ------
+    LawError : the follower is neither a roller, a point nor a flat face, or it is eccentric
+    """
     kind: str = cam.follower.type
     if kind not in ("roller", "point", "flat"):
         raise LawError(
@@ -185,27 +250,35 @@ def arc_follower(cam: CamConfig) -> ArcFollower:
     eccentricity = getattr(cam.follower, "eccentricity", None)
     if kind != "flat" and eccentricity is not None and eccentricity.si != 0.0:
         raise LawError(
-            f"cam {cam.name!r}: arcs under a follower {eccentricity.si * 1e3:g} mm beside the "
-            "cam's centre; allowed: eccentricity 0"
+            f"cam {cam.name!r}: arcs under a follower of eccentricity "
+            f"{eccentricity.si * 1e3:g} mm; allowed: eccentricity 0"
         )
     return ArcFollower(kind == "flat", cam.follower.roller)
 
 
 def tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
-    """Rising flank, nose, falling flank; the fall mirrors the rise bit for bit."""
-    shape = circles(segment, cam)
+    """Compute rising flank, nose and falling flank of a tangent_arcs segment.
+
+    The fall is the mirror image of the rise, bit for bit.
+    """
+    shape = concave_flank_cam(segment, cam)
     base, half, nose_half = shape.base_radius, shape.event_half_angle, shape.nose_half_angle
     flank, nose = shape.arcs()
-    at_flank, rising = fit(flank, -half, -nose_half)
-    at_nose, over = fit(nose, -nose_half, 0.0)
-    half_breaks = [x + half for x in at_flank] + [x + half for x in at_nose[1:]]
-    half_pieces = [piece - base for piece in rising + over]
+    flank_breaks, flank_pieces = fit(flank, -half, -nose_half)
+    nose_breaks, nose_pieces = fit(nose, -nose_half, 0.0)
+    half_breaks = [x + half for x in flank_breaks] + [x + half for x in nose_breaks[1:]]
+    half_pieces = [piece - base for piece in flank_pieces + nose_pieces]
     breaks = half_breaks + [2.0 * half - x for x in reversed(half_breaks[:-1])]
     return breaks, half_pieces + [piece[::-1].copy() for piece in reversed(half_pieces)]
 
 
 def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pieces:
-    """The law of a contour of arcs, by radii or by centres."""
+    """Compute the law of a contour given by radii or by centres.
+
+    Raises
+    ------
+    LawError : the contour does not exist, or its lift is not that of the cam file
+    """
     try:
         parts = _parts(segment, cam)
         pieces = arc_pieces(close(parts), cam.follower.base_radius.si, arc_follower(cam))
@@ -213,7 +286,7 @@ def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pie
         raise LawError(f"cam {cam.name!r}: {error}") from None
     breaks, columns = pieces
     low, high = extremes(Law(cam.name, np.array(breaks), joined(columns)), 0)
-    lift, limit = cam.lift.si, SAME_LIFT * cam.lift.si
+    lift, limit = cam.lift.si, LIFT_RTOL * cam.lift.si
     if abs(low.value) > limit or abs(high.value - lift) > limit:
         raise LawError(
             f"cam {cam.name!r}: its arcs lift from {low.value * 1e3:.9g} mm to "
@@ -224,13 +297,14 @@ def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pie
 
 
 def _parts(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> list[Circle | Blend]:
+    """Return the circles and blends of a segment, by the cam angle."""
     if isinstance(segment, ArcsByCentres):
         return [_part(arc) for arc in segment.arcs]
     base, nose = cam.follower.base_radius.si, segment.nose_radius.si
-    most = base + 0.5 * cam.lift.si
-    if nose >= most:
+    max_nose = base + 0.5 * cam.lift.si
+    if nose >= max_nose:
         raise LawError(
-            f"nose_radius: is {nose * 1e3:g} mm; allowed: below {most * 1e3:g} mm, base radius "
+            f"nose_radius: is {nose * 1e3:g} mm; allowed: below {max_nose * 1e3:g} mm, base radius "
             "and half the lift"
         )
     sign = -1.0 if segment.flank == "concave" else 1.0

@@ -1,10 +1,9 @@
-"""A contour of circular arcs and straight lines, each tangent to the next.
+"""Closed contours of circular arcs and straight lines, each tangent to the next.
 
-Points are complex numbers in the cam's frame, y + ix, so that the argument of a point is the
-cam angle at which a follower on the cam's centre line stands over it. A circle's radius is
-signed: positive where the contour is convex, negative where it is concave. With the outward
-normal n, the contour's points are c + ρn in both cases, and two circles touch where
-c₁ + ρ₁n = c₂ + ρ₂n.
+Points are complex numbers y + ix in the cam's frame. The argument of a point is therefore the cam
+angle at which a follower on the cam's centre line touches it. A circle's radius is signed: positive
+for a convex arc, negative for a concave one. With the outward unit normal n, the contour's points
+are c + ρn in both cases, and two circles are tangent if c₁ + ρ₁n = c₂ + ρ₂n.
 """
 
 from __future__ import annotations
@@ -18,13 +17,14 @@ import numpy as np
 from cam_rig.errors import LawError
 from cam_rig.units import FloatArray
 
-#: Two given circles touch when they miss by less than this fraction of their size.
-TOUCH = 1e-9
+#: Largest gap or overlap of two circles that count as tangent, as a fraction of the sum of their
+#: radii. It is far above rounding and far below manufacturing tolerances.
+TANGENCY_RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle of a contour: centre in the cam's frame (y + ix) and signed radius, m."""
+    """Circle of a contour: centre y + ix in the cam's frame and signed radius, m."""
 
     centre: complex
     radius: float
@@ -32,14 +32,17 @@ class Circle:
 
 @dataclass(frozen=True)
 class Blend:
-    """An arc of a signed radius (m), or a straight line (None), that joins its neighbours."""
+    """Arc of a signed radius (m), or straight line (None), that joins its neighbours."""
 
     radius: float | None
 
 
 @dataclass(frozen=True)
 class StraightLine:
-    """The straight line of all points z with Re(z·n*) = distance, n the outward unit normal."""
+    """Straight line of all points z with Re(z·n*) = ``distance`` (m).
+
+    ``normal`` is the outward unit normal n.
+    """
 
     normal: complex
     distance: float
@@ -50,14 +53,31 @@ Part = Circle | StraightLine
 
 @dataclass(frozen=True)
 class Chain:
-    """A closed contour: parts by the cam angle, outward unit normals where each meets the next."""
+    """Closed contour of circles and straight lines in the order of the cam angle.
+
+    ``normals[i]`` is the outward unit normal where part i ends and the next one starts.
+    """
 
     parts: tuple[Part, ...]
     normals: tuple[complex, ...]
 
 
 def close(specs: list[Circle | Blend]) -> Chain:
-    """Give every blend its place between its neighbours, and find where the parts touch."""
+    """Fit each blend between its neighbours and compute the normals at the joints.
+
+    Parameters
+    ----------
+    specs : circles and blends in the order of the cam angle, the last joined to the first
+
+    Returns
+    -------
+    The closed contour, with a circle or a straight line in place of each blend.
+
+    Raises
+    ------
+    LawError : a blend is not between two circles, or cannot touch both, or two adjacent circles are
+        not tangent
+    """
     parts: list[Part] = []
     for i, spec in enumerate(specs):
         if isinstance(spec, Circle):
@@ -66,87 +86,101 @@ def close(specs: list[Circle | Blend]) -> Chain:
         before, after = specs[i - 1], specs[(i + 1) % len(specs)]
         if not (isinstance(before, Circle) and isinstance(after, Circle)) or before == after:
             raise LawError(
-                f"arcs[{i}]: has no centre and stands between parts that do not both have one; "
-                "allowed: two different arcs with centres beside it"
+                f"arcs[{i}]: has no centre, and its neighbours do not both have one; "
+                "allowed: two different arcs with centres next to it"
             )
-        join = _line if spec.radius is None else _arc
-        parts.append(join(before, after, spec.radius or 0.0, f"arcs[{i}]"))
-    ends = [*parts[1:], parts[0]]
-    normals = [_touch(a, b, i) for i, (a, b) in enumerate(zip(parts, ends, strict=True))]
+        blend = _blend_line if spec.radius is None else _blend_arc
+        parts.append(blend(before, after, spec.radius or 0.0, f"arcs[{i}]"))
+    next_parts = [*parts[1:], parts[0]]
+    normals = [
+        _joint_normal(part, next_part, i)
+        for i, (part, next_part) in enumerate(zip(parts, next_parts, strict=True))
+    ]
     return Chain(tuple(parts), tuple(normals))
 
 
-def _line(before: Circle, after: Circle, _: float, name: str) -> StraightLine:
-    """The common outer tangent that leads from one circle to the other."""
-    apart = after.centre - before.centre
+def _blend_line(before: Circle, after: Circle, _: float, name: str) -> StraightLine:
+    """Return the common outer tangent that leads from one circle to the other."""
+    offset = after.centre - before.centre
     difference = before.radius - after.radius
-    if abs(apart) <= abs(difference):
+    if abs(offset) <= abs(difference):
         raise LawError(
-            f"{name}: no straight line touches both its neighbours, one lies inside the other; "
+            f"{name}: no straight line touches both its neighbours, one is inside the other; "
             f"allowed: centres more than {abs(difference) * 1e3:g} mm apart, they are "
-            f"{abs(apart) * 1e3:g} mm"
+            f"{abs(offset) * 1e3:g} mm"
         )
-    normal = cmath.rect(1.0, cmath.phase(apart) - math.acos(difference / abs(apart)))
+    normal = cmath.rect(1.0, cmath.phase(offset) - math.acos(difference / abs(offset)))
     return StraightLine(normal, (before.centre * normal.conjugate()).real + before.radius)
 
 
-def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
-    """The arc that touches both circles and turns the normal the way its sign says."""
-    apart = after.centre - before.centre
-    one, other, between = radius - before.radius, radius - after.radius, abs(apart)
-    if abs(one - other) >= between:
+def _blend_arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
+    """Return the arc of a signed radius (m) that touches both circles.
+
+    Two arcs touch them. The result turns the normal in the direction of the radius's sign.
+    """
+    offset = after.centre - before.centre
+    to_before, to_after, distance = radius - before.radius, radius - after.radius, abs(offset)
+    if abs(to_before - to_after) >= distance:
         raise LawError(
-            f"{name}: no arc touches both its neighbours, one lies inside the other; allowed: "
-            f"centres more than {abs(one - other) * 1e3:g} mm apart, they are "
-            f"{between * 1e3:g} mm"
+            f"{name}: no arc touches both its neighbours, one is inside the other; allowed: "
+            f"centres more than {abs(to_before - to_after) * 1e3:g} mm apart, they are "
+            f"{distance * 1e3:g} mm"
         )
     if radius < 0.0:
-        least = max(0.0, 0.5 * (between - before.radius - after.radius))
+        min_radius = max(0.0, 0.5 * (distance - before.radius - after.radius))
     else:
-        least = 0.5 * (between + before.radius + after.radius)
-    if not abs(radius) > least:
+        min_radius = 0.5 * (distance + before.radius + after.radius)
+    if not abs(radius) > min_radius:
         raise LawError(
             f"{name}: radius {radius * 1e3:g} mm is too small to touch both its neighbours; "
-            f"allowed: more than {least * 1e3:g} mm"
+            f"allowed: more than {min_radius * 1e3:g} mm"
         )
-    along = 0.5 * (one**2 - other**2 + between**2) / between
-    across = math.sqrt(max(0.0, one**2 - along**2))
+    along = 0.5 * (to_before**2 - to_after**2 + distance**2) / distance
+    across = math.sqrt(max(0.0, to_before**2 - along**2))
     for side in (across, -across):
-        circle = Circle(before.centre + apart / between * complex(along, side), radius)
-        turn = _normal(circle, after) / _normal(before, circle)
+        circle = Circle(before.centre + offset / distance * complex(along, side), radius)
+        turn = _tangent_normal(circle, after) / _tangent_normal(before, circle)
         if turn.imag * radius > 0.0:
             return circle
     raise LawError(f"{name}: its neighbours touch each other; leave it out")
 
 
-def _normal(one: Circle, other: Circle) -> complex:
-    """Outward unit normal where two circles touch: n = (c₂ − c₁)/(ρ₁ − ρ₂)."""
-    towards = (other.centre - one.centre) / (one.radius - other.radius)
-    return towards / abs(towards)
+def _tangent_normal(circle: Circle, following: Circle) -> complex:
+    """Return the outward unit normal where two circles touch.
+
+    It is n = (c₂ − c₁)/(ρ₁ − ρ₂), normalised.
+    """
+    direction = (following.centre - circle.centre) / (circle.radius - following.radius)
+    return direction / abs(direction)
 
 
-def _touch(one: Part, other: Part, i: int) -> complex:
-    if isinstance(one, StraightLine):
-        return one.normal
-    if isinstance(other, StraightLine):
-        return other.normal
-    apart, needed = abs(other.centre - one.centre), abs(one.radius - other.radius)
-    size = abs(one.radius) + abs(other.radius)
-    if needed == 0.0 or abs(apart - needed) > TOUCH * size:
+def _joint_normal(part: Part, following: Part, i: int) -> complex:
+    """Return the outward unit normal at the joint of part ``i`` and the next part."""
+    if isinstance(part, StraightLine):
+        return part.normal
+    if isinstance(following, StraightLine):
+        return following.normal
+    distance, needed = abs(following.centre - part.centre), abs(part.radius - following.radius)
+    size = abs(part.radius) + abs(following.radius)
+    if needed == 0.0 or abs(distance - needed) > TANGENCY_RTOL * size:
         raise LawError(
-            f"arcs[{i}] and the next do not touch: their centres are {apart * 1e3:.9g} mm apart, "
-            f"their radii need {needed * 1e3:.9g} mm; allowed: arcs that touch, so leave out the "
-            "centre of one and it is placed"
+            f"arcs[{i}] and the next do not touch: their centres are {distance * 1e3:.9g} mm "
+            f"apart, their radii need {needed * 1e3:.9g} mm; allowed: arcs that touch, so leave "
+            "out the centre of one and it is placed"
         )
-    return _normal(one, other)
+    return _tangent_normal(part, following)
 
 
-# The tangent-arc cam: base circle, concave flank and nose, each tangent to the next.
+# Tangent-arc cam: base circle, concave flank and nose, each tangent to the next.
 
 
 @dataclass(frozen=True)
 class Arc:
-    """One circular arc of a pitch curve; lengths in m, direction in rad."""
+    """Circular arc of a pitch curve: polar radius as a function of the cam angle.
+
+    ``distance`` (m) and ``direction`` (rad) locate the centre of its circle, and ``radius`` is in
+    m. ``concave`` is True for the side of the circle that faces the cam's centre.
+    """
 
     distance: float
     direction: float
@@ -154,7 +188,10 @@ class Arc:
     concave: bool
 
     def __call__(self, angle: FloatArray, order: int) -> FloatArray:
-        """Polar radius at cam angles (rad), or its derivative of order 1 to 3, m/rad^order."""
+        """Return the polar radius (m) at cam angles (rad), or a derivative of it.
+
+        ``order`` is 0 to 3, and the unit of the derivative is m/rad^order.
+        """
         delta = angle - self.direction
         sine, cosine = np.sin(delta), np.cos(delta)
         shift = self.distance * (cosine, -sine, -cosine, sine)[order]
@@ -173,10 +210,10 @@ class Arc:
 
 @dataclass(frozen=True)
 class ConcaveFlankCam:
-    """A symmetric cam of base circle, concave flanks and nose, given by its event angles.
+    """Symmetric cam of base circle, concave flanks and nose, by its event angles.
 
-    base_radius, lift : m, of the pitch curve
-    event_half_angle, nose_half_angle : rad, from the nose's middle to the flank's two ends
+    ``base_radius`` and ``lift`` are in m, of the pitch curve. ``event_half_angle`` and
+    ``nose_half_angle`` are in rad, from the middle of the nose to the two ends of a flank.
     """
 
     base_radius: float
@@ -185,9 +222,15 @@ class ConcaveFlankCam:
     nose_half_angle: float
 
     def radii(self) -> tuple[float, float]:
-        """Pitch radii (m) of flank and nose."""
-        # The joint is on the line of the two centres, in a given direction: with the cosine rule
-        # in the triangle of the three centres a quadratic in the flank's radius.
+        """Return the pitch radii (m) of flank and nose.
+
+        Raises
+        ------
+        LawError : no concave flank joins base circle and nose at these angles
+        """
+        # The joint lies on the line through the centres of flank and nose, in a given direction.
+        # The cosine rule in the triangle of the three centres gives a quadratic in the flank's
+        # radius.
         base, top = self.base_radius, self.base_radius + self.lift
         psi, alpha = self.event_half_angle, self.nose_half_angle
         a = base**2 + top**2 - 2.0 * base * top * np.cos(psi)
@@ -203,7 +246,7 @@ class ConcaveFlankCam:
             nose = float((a + b * flank) / (d + e * flank))
             if not 0.0 < nose < top:
                 continue
-            with np.errstate(invalid="ignore"):  # a follower could also come under an overhang
+            with np.errstate(invalid="ignore"):  # not a number under an overhang
                 before, after = (arc(np.array([-alpha]), 0)[0] for arc in self._arcs(flank, nose))
             if abs(after - before) < 1e-9 * base:
                 return flank, nose
@@ -214,7 +257,10 @@ class ConcaveFlankCam:
         )
 
     def arcs(self) -> tuple[Arc, Arc]:
-        """Flank (on the rising side, direction measured from the nose) and nose."""
+        """Return flank and nose as arcs.
+
+        The flank is that of the rising side. Directions are measured from the middle of the nose.
+        """
         return self._arcs(*self.radii())
 
     def _arcs(self, flank: float, nose: float) -> tuple[Arc, Arc]:

@@ -1,4 +1,4 @@
-"""Segments joined into one cam's law."""
+"""Laws of cam files: segments joined into one law, and sets of cams on a rig."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.errors import ConfigError, LawError
-from cam_rig.laws.arc_law import circles
+from cam_rig.laws.arc_law import concave_flank_cam
 from cam_rig.laws.arcs import ConcaveFlankCam
 from cam_rig.laws.bernstein import Pieces, joined
 from cam_rig.laws.law import Law
@@ -19,7 +19,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.segments import Bezier, BSpline, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
-#: A step between two segments smaller than this fraction of the lift is rounding.
+#: Largest step between two segments that counts as rounding, as a fraction of the lift.
 STEP_TOLERANCE = 1e-9
 #: Largest difference of the law's range from the lift of its file, as a fraction of the lift. The
 #: ordinates of a Bézier curve and the points of a table give the lift to 1 % only.
@@ -27,12 +27,20 @@ LIFT_TOLERANCE = 0.02
 
 
 def build_law(cam: CamConfig) -> Law:
-    """The law of a cam file.
+    """Build the law of a cam file.
+
+    Parameters
+    ----------
+    cam : validated cam file
+
+    Returns
+    -------
+    The law over one turn of the cam.
 
     Raises
     ------
-    LawError : the segments do not join, a segment's geometry does not exist, or the law does not
-        have the lift of the file
+    LawError : the segments do not join, the geometry of a segment does not exist, or the law does
+        not have the lift of the file
 
     Examples
     --------
@@ -41,14 +49,14 @@ def build_law(cam: CamConfig) -> Law:
     >>> round(law.lift, 6), float(law(0.0, 2))  # m, and m/rad² at cam angle 0
     (0.05, 0.0)
     """
-    own = [own_pieces(segment, cam) for segment in cam.segments]
-    breaks, columns, level = [0.0], [], _start_level(cam, own)
-    for i, (segment, pieces) in enumerate(zip(cam.segments, own, strict=True)):
-        steps, parts = pieces or _relative(segment, level, cam.lift.si)
-        _require_no_step(cam, f"segments[{i}]", float(parts[0][0]) - level)
-        breaks += [breaks[-1] + step for step in steps[1:]]
-        columns += parts
-        level = float(parts[-1][-1])
+    fixed_pieces = [own_pieces(segment, cam) for segment in cam.segments]
+    breaks, columns, level = [0.0], [], _start_level(cam, fixed_pieces)
+    for i, (segment, pieces) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
+        piece_breaks, piece_columns = pieces or _relative(segment, level, cam.lift.si)
+        _require_no_step(cam, f"segments[{i}]", float(piece_columns[0][0]) - level)
+        breaks += [breaks[-1] + x for x in piece_breaks[1:]]
+        columns += piece_columns
+        level = float(piece_columns[-1][-1])
     _require_no_step(cam, "the end of the turn", level - float(columns[0][0]))
     breaks[-1] = TURN
     law = Law(cam.name, np.array(breaks), joined(columns))
@@ -57,21 +65,25 @@ def build_law(cam: CamConfig) -> Law:
 
 
 def segment_angles(cam: CamConfig) -> list[float]:
-    """Cam angles (rad) at which the segments begin."""
+    """Return the cam angles (rad) at which the segments start."""
     spans = [segment.span.si for segment in cam.segments]
     return [sum(spans[:i]) for i in range(len(spans))]
 
 
 def _require_no_step(cam: CamConfig, where: str, gap: float) -> None:
+    """Raise LawError if the level changes by ``gap`` (m) at a joint."""
     if abs(gap) > STEP_TOLERANCE * cam.lift.si:
         raise LawError(
             f"cam {cam.name!r}: {where} steps by {gap / cam.lift.si:.6g} of the lift; allowed: no "
-            "step, so let each segment begin where the one before it ends"
+            "step, so start each segment at the end level of the segment before it"
         )
 
 
 def _require_declared_lift(cam: CamConfig, law: Law) -> None:
-    """Refuse a law whose range is not the lift of the file, as if a fall was forgotten."""
+    """Raise LawError if the range of the law is not the lift of the file.
+
+    A forgotten fall is the usual reason.
+    """
     declared = cam.lift.si
     if abs(law.lift - declared) <= LIFT_TOLERANCE * declared:
         return
@@ -85,9 +97,12 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     )
 
 
-def _start_level(cam: CamConfig, own: list[Pieces | None]) -> float:
-    """Level (m) at θ = 0: the one the last segment leaves the turn with."""
-    for segment, pieces in zip(reversed(cam.segments), reversed(own), strict=True):
+def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
+    """Return the level (m) at θ = 0.
+
+    It is the level at the end of the last segment, because the turn repeats.
+    """
+    for segment, pieces in zip(reversed(cam.segments), reversed(fixed_pieces), strict=True):
         if isinstance(segment, Rise):
             return segment.to * cam.lift.si
         if isinstance(segment, TangentArcs):
@@ -98,7 +113,7 @@ def _start_level(cam: CamConfig, own: list[Pieces | None]) -> float:
 
 
 def _relative(segment: Segment, level: float, lift: float) -> Pieces:
-    """A dwell or a named rise, from the level (m) reached so far."""
+    """Return the pieces of a dwell or of a named rise that starts at ``level`` (m)."""
     span = float(segment.span.si)
     if not isinstance(segment, Rise):
         return [0.0, span], [np.array([level])]
@@ -108,60 +123,80 @@ def _relative(segment: Segment, level: float, lift: float) -> Pieces:
 
 
 def arc_cam(cam: CamConfig) -> ConcaveFlankCam:
-    """The circles of a cam that has a segment of tangent arcs, on its pitch curve."""
+    """Return the circles of a cam with a segment of tangent arcs, on its pitch curve.
+
+    Raises
+    ------
+    LawError : the cam has no such segment
+    """
     for segment in cam.segments:
         if isinstance(segment, TangentArcs):
-            return circles(segment, cam)
+            return concave_flank_cam(segment, cam)
     raise LawError(f"cam {cam.name!r} has no tangent_arcs segment")
 
 
-# The control polygons of a cam's Bézier and B-spline segments.
+# Control polygons of the Bézier and B-spline segments of a cam.
 
 
 def control_polygons(cam: CamConfig) -> list[tuple[FloatArray, FloatArray]]:
-    """Cam angles (rad; Greville's of a B-spline) and ordinates (m), a pair a segment with any."""
-    found = []
+    """Return the control polygon of each Bézier and B-spline segment.
+
+    A polygon is a pair of cam angles (rad) and ordinates (m). The angles of a B-spline are its
+    Greville abscissae.
+    """
+    polygons = []
     for segment, start in zip(cam.segments, segment_angles(cam), strict=True):
         if isinstance(segment, Bezier | BSpline):
             ordinates = cam.lift.si * np.array(segment.ordinates.numbers)
-            found.append((start + segment.span.si * abscissae(segment), ordinates))
-    return found
+            polygons.append((start + segment.span.si * abscissae(segment), ordinates))
+    return polygons
 
 
 def abscissae(segment: Bezier | BSpline) -> FloatArray:
-    """Where the ordinates of a segment stand, from 0 to 1; Greville's of a B-spline."""
+    """Return the abscissae of a segment's ordinates, from 0 to 1.
+
+    Those of a B-spline are its Greville abscissae.
+    """
     if isinstance(segment, Bezier):
         return np.linspace(0.0, 1.0, len(segment.ordinates.numbers))
     knots = np.array(segment.knots.numbers)
     return np.asarray((greville(knots, segment.degree) - knots[0]) / (knots[-1] - knots[0]))
 
 
-# A cam file as a rig can use it: its law, and the refusal of a follower no model knows.
+# Cams on a rig: their laws, and the check that the dynamic models support their followers.
 
 
 def require_sprung(path: Path | str, cam: CamConfig) -> None:
-    """Refuse a cam whose follower the dynamic models do not know."""
+    """Raise ConfigError if the dynamic models do not support the follower of a cam.
+
+    ``path`` is named in the error.
+    """
     if not cam.follower.sprung:
         raise ConfigError(
-            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: one that a closing "
-            "spring alone holds on the cam (the dynamic models know no second contact)"
+            f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: a follower "
+            "that only a closing spring keeps on the cam (the dynamic models have one contact)"
         )
 
 
 def law_of(path: Path | str, cam: CamConfig) -> Law:
-    """The law of a cam, its errors with the name of its file."""
+    """Build the law of a cam, naming ``path`` in errors.
+
+    Raises
+    ------
+    LawError : as `build_law`
+    """
     try:
         return build_law(cam)
     except LawError as error:
         raise LawError(f"{path}: {error}") from None
 
 
-# Cams to compare on one rig: read and checked before anything runs.
+# Cams that are compared on one rig, all checked before any computation.
 
 
 @dataclass(frozen=True)
 class CamSet:
-    """Cams by name in order, their laws, and the rig they turn on."""
+    """Cams by name in order, their laws, and the rig that turns them."""
 
     cams: dict[str, CamConfig]
     laws: dict[str, Law]
@@ -169,7 +204,7 @@ class CamSet:
 
     @property
     def titles(self) -> dict[str, str]:
-        """What each cam is called."""
+        """Title of each cam, by its name."""
         return {name: cam.title for name, cam in self.cams.items()}
 
     @property
@@ -178,18 +213,33 @@ class CamSet:
         return [(self.cams[name], law) for name, law in self.laws.items()]
 
     def only(self, names: Iterable[str]) -> CamSet:
-        """The set of some of the cams."""
+        """Return the set with only the named cams."""
         laws = {name: self.laws[name] for name in names}
         return CamSet({name: self.cams[name] for name in laws}, laws, self.rig)
 
 
 def cam_set(cams: Iterable[tuple[Path | str, CamConfig]], rig: RigConfig) -> CamSet:
-    """Cams, each with the file or the name that an error tells, on a rig."""
-    found: dict[str, CamConfig] = {}
+    """Build the laws of cams for one rig.
+
+    Parameters
+    ----------
+    cams : pairs of the file or name that errors report, and the cam
+    rig : rig that turns the cams
+
+    Returns
+    -------
+    The set of the cams, in order.
+
+    Raises
+    ------
+    ConfigError : two cams have the same name, or a follower is not supported
+    LawError : as `build_law`
+    """
+    named: dict[str, CamConfig] = {}
     laws = {}
     for path, cam in cams:
-        if cam.name in found:
+        if cam.name in named:
             raise ConfigError(f"{path}: cam {cam.name!r} is named twice; allowed: each once")
         require_sprung(path, cam)
-        found[cam.name], laws[cam.name] = cam, law_of(path, cam)
-    return CamSet(found, laws, rig)
+        named[cam.name], laws[cam.name] = cam, law_of(path, cam)
+    return CamSet(named, laws, rig)

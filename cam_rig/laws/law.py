@@ -1,4 +1,4 @@
-"""The one type every displacement law becomes: a periodic Bernstein piecewise polynomial."""
+"""Law of a cam: a periodic piecewise polynomial in Bernstein form."""
 
 from __future__ import annotations
 
@@ -19,56 +19,59 @@ from cam_rig.units import TURN, FloatArray
 if TYPE_CHECKING:
     from scipy.interpolate import BPoly
 
-# Largest and smallest value of a derivative over the turn, from roots, not from samples.
+# Smallest and largest value of a derivative over the turn, from roots instead of samples.
 
-#: Of values that differ by less than this fraction of the largest ordinate the first is taken.
+#: Largest difference of values that count as equal, as a fraction of the largest ordinate.
 TIE = 1e-12
-#: Largest cam angle, rad, either way: beyond it less than four digits of the phase are left.
+#: Largest absolute cam angle, rad. Beyond it fewer than four digits of the phase remain.
 MAX_ANGLE = 1e12
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A value of a derivative (m/rad^order) and the cam angle (rad) where it is reached."""
+    """Value of a derivative (m/rad^order) and the cam angle (rad) at which it occurs."""
 
     value: float
     angle: float
 
 
 def extremes(law: Law, order: int) -> tuple[Extreme, Extreme]:
-    """Smallest and largest value of a derivative: at ends of pieces, or roots of the next one."""
-    here = law.derivative_ordinates(order)
+    """Return the smallest and the largest value of a derivative over the turn.
+
+    They are at an end of a piece or at a root of the next derivative, the first of equal values.
+    """
+    ordinates = law.derivative_ordinates(order)
     slope = law.derivative_ordinates(order + 1)
-    low = high = Extreme(float(here[0, 0]), 0.0)
-    tie = TIE * float(np.abs(here).max())
+    low = high = Extreme(float(ordinates[0, 0]), 0.0)
+    tie = TIE * float(np.abs(ordinates).max())
     for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
-        at = np.array([0.0, *bernstein.crossings(slope[:, i]), 1.0])
-        values = bernstein.evaluate(here[:, i], at)
-        worst, best = int(np.argmin(values)), int(np.argmax(values))
-        if values[worst] < low.value - tie:
-            low = Extreme(float(values[worst]), float(start + span * at[worst]))
-        if values[best] > high.value + tie:
-            high = Extreme(float(values[best]), float(start + span * at[best]))
+        u = np.array([0.0, *bernstein.crossings(slope[:, i]), 1.0])
+        values = bernstein.evaluate(ordinates[:, i], u)
+        lowest, highest = int(np.argmin(values)), int(np.argmax(values))
+        if values[lowest] < low.value - tie:
+            low = Extreme(float(values[lowest]), float(start + span * u[lowest]))
+        if values[highest] > high.value + tie:
+            high = Extreme(float(values[highest]), float(start + span * u[highest]))
     return low, high
 
 
 def peak(law: Law, order: int) -> Extreme:
-    """The extreme of largest magnitude, with its sign."""
+    """Return the extreme of a derivative with the largest magnitude, with its sign."""
     low, high = extremes(law, order)
     return low if -low.value > high.value else high
 
 
-#: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
-#: it is rounding.
-VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
+#: Smallest jump of s' that is not rounding, as a fraction of the lift per rad.
+VELOCITY_JUMP = 1e-9
+#: Rounding of a jump of s', as a fraction of the slopes in the two adjacent pieces.
+SLOPE_ROUNDING = 1e-12
+
+#: Number of angles of a piece that are evaluated together: a block fits in the cache of a core.
+ANGLES_PER_BLOCK = 1024
 
 
-#: Angles of a piece whose basis is reckoned in one go: more would not stay in a core's memory.
-TOGETHER = 1024
-
-
-class Known(NamedTuple):
-    """What of a law is known better than its ordinates of s tell: see `Law.substitute`."""
+class KnownMotion(NamedTuple):
+    """Properties of a law that are not derived from s, see `Law.substitute`."""
 
     motion: FloatArray
     lift: float
@@ -77,15 +80,15 @@ class Known(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Law:
-    """Follower displacement s(θ) over one turn of the cam, repeated for every turn.
+    """Displacement s(θ) of the follower over one turn of the cam, repeated each turn.
 
     Parameters
     ----------
-    name : the cam's name
+    name : name of the cam
     breaks : ``(n + 1,)`` cam angles in rad, from 0 to 2π
-    ordinates : ``(p + 1, n)`` Bernstein ordinates in m, one column a piece
-    repeats : whether the turn's end joins its start
-    known : what is not to be derived from the ordinates; None derives all
+    ordinates : ``(p + 1, n)`` Bernstein ordinates in m, one column per piece
+    repeats : True if the end of the turn joins its start
+    known : properties that are not derived from the ordinates (None: all are derived)
 
     Raises
     ------
@@ -107,12 +110,15 @@ class Law:
     breaks: FloatArray
     ordinates: FloatArray
     repeats: bool = True
-    known: Known | None = None
+    known: KnownMotion | None = None
 
     def __post_init__(self) -> None:
-        for field, kind, words in (("name", str, "a text"), ("known", Known | None, "None")):
+        for field, kind, text in (
+            ("name", str, "a text"),
+            ("known", KnownMotion | None, "None"),
+        ):
             if not isinstance(value := getattr(self, field), kind):
-                raise ArgumentTypeError(f"law: {field} is {type(value).__name__}; allowed: {words}")
+                raise ArgumentTypeError(f"law: {field} is {type(value).__name__}; allowed: {text}")
         try:
             breaks = np.array(self.breaks, dtype=np.float64)
             ordinates = np.array(self.ordinates, dtype=np.float64)
@@ -137,18 +143,18 @@ class Law:
             object.__setattr__(self, field, array)
 
     def __repr__(self) -> str:
-        """Name, size and lift."""
+        """Return name, size and lift in one line."""
         pieces, lift = self.spans.size, float(np.ptp(self.ordinates))
         size = f"{pieces} piece{'s' * (pieces > 1)} of degree {self.degree}"
         return f"Law({self.name!r}: {size}, ordinates over {lift:.4g})"
 
     @classmethod
     def from_bpoly(cls, bpoly: BPoly, name: str = "bpoly") -> Law:
-        """The law of scipy's Bernstein polynomials over one turn, 0 to 2π rad, in m.
+        """Return the law of scipy's polynomials, in m over one turn from 0 to 2π rad.
 
         Raises
         ------
-        LawError : breakpoints that are no turn, or values that are no real numbers
+        LawError : the breakpoints do not span one turn, or the ordinates are not real
 
         Examples
         --------
@@ -168,7 +174,7 @@ class Law:
         return cls(name, bpoly.x, bpoly.c)
 
     def to_bpoly(self) -> BPoly:
-        """The same as scipy's Bernstein polynomials, periodic: values, roots, integrals there.
+        """Return the law as scipy's periodic Bernstein polynomials.
 
         Examples
         --------
@@ -181,11 +187,11 @@ class Law:
         return BPoly(self.ordinates.copy(), self.breaks.copy(), extrapolate="periodic")
 
     def derivative(self, order: int = 1) -> Law:
-        """The derivative in the cam angle as a law of its own, in m/rad^order; right limits.
+        """Return a derivative in the cam angle as a law, m/rad^order, right limits.
 
         Raises
         ------
-        LawError : an order that is none
+        LawError : the order is not 0, 1, 2, …
 
         Examples
         --------
@@ -193,104 +199,107 @@ class Law:
         >>> round(float(law.derivative()(1.0) * np.pi), 9)
         0.02
         """
-        times = self._order(order)
-        ordinates = self._of_order(times) if times else self.ordinates
-        return Law(f"{self.name}{chr(0x2032) * times}", self.breaks, ordinates, self.repeats)
+        order = self._order(order)
+        ordinates = self._ordinates_of(order) if order else self.ordinates
+        return Law(f"{self.name}{chr(0x2032) * order}", self.breaks, ordinates, self.repeats)
 
     @property
     def degree(self) -> int:
-        """Degree p common to all pieces."""
+        """Degree p, the same for all pieces."""
         return int(self.ordinates.shape[0] - 1)
 
     @cached_property
     def spans(self) -> FloatArray:
-        """``(n,)`` span of each piece, rad."""
+        """Span of each piece in rad, ``(n,)``."""
         return np.diff(self.breaks)
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
-        """Displacement (m), or its derivative (m/rad^order), at angles in rad; right limits."""
-        order, at = self._order(order), self._angles(angle)
-        ordinates = self._of_order(order)[None]
-        return np.asarray(self._evaluate(ordinates, at.ravel())[0].reshape(at.shape))
+        """Return the displacement (m) or a derivative (m/rad^order) at angles in rad.
+
+        The values at joints are right limits.
+        """
+        order, angles = self._order(order), self._angles(angle)
+        ordinates = self._ordinates_of(order)[None]
+        return np.asarray(self._evaluate(ordinates, angles.ravel())[0].reshape(angles.shape))
 
     def _order(self, order: int) -> int:
-        """The order of a derivative, at most the one from which on all are zero."""
+        """Return the order as an integer, at most the first one whose derivative is zero."""
         if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
             raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
         return min(int(order), self.degree + 1)
 
     def _angles(self, angle: FloatArray | float) -> FloatArray:
         try:
-            at = np.asarray(angle, dtype=np.float64)
+            angles = np.asarray(angle, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
             raise LawError(
-                f"law {self.name!r}: the angle is no number a float holds, nor an array of them "
-                f"({type(angle).__name__}); allowed: finite angles in rad"
+                f"law {self.name!r}: the angle is not a number that a float can represent, nor "
+                f"an array of them ({type(angle).__name__}); allowed: finite angles in rad"
             ) from None
-        within = np.abs(at) <= MAX_ANGLE
+        within = np.abs(angles) <= MAX_ANGLE
         if not within.all():
-            place = tuple(np.argwhere(~within)[0].tolist())
-            where = f"[{', '.join(map(str, place))}]" if place else ""
+            index = tuple(np.argwhere(~within)[0].tolist())
+            position = f"[{', '.join(map(str, index))}]" if index else ""
             raise LawError(
-                f"law {self.name!r}: angle{where} is {at[place]}; allowed: finite angles in rad, "
-                f"at most {MAX_ANGLE:g} either way"
+                f"law {self.name!r}: angle{position} is {angles[index]}; allowed: finite angles in "
+                f"rad, at most {MAX_ANGLE:g} either way"
             )
-        return at
+        return angles
 
     def motion_at(self, angle: FloatArray) -> FloatArray:
-        """Rows s, s' and s'' at cam angles ``(n,)`` in rad, ``(3, n)``; right limits at joints."""
+        """Return s, s' and s'' at cam angles ``(n,)`` in rad, ``(3, n)``, right limits."""
         return self._evaluate(self.motion, angle)
 
     def _evaluate(self, ordinates: FloatArray, angle: FloatArray) -> FloatArray:
-        """``(k, len(angle))`` of ordinates ``(k, p + 1, n)``."""
+        """Return the values of ordinates ``(k, p + 1, n)``, ``(k, len(angle))``."""
         inside = angle - np.floor(angle / TURN) * TURN
         pieces = np.searchsorted(self.breaks[1:-1], inside, side="right")
         out = np.empty((ordinates.shape[0], inside.size))
         for i in np.flatnonzero(np.bincount(pieces)):
-            every = np.flatnonzero(pieces == i)
-            for begin in range(0, every.size, TOGETHER):
-                here = every[begin : begin + TOGETHER]
-                u = (inside[here] - self.breaks[i]) / self.spans[i]
-                out[:, here] = ordinates[:, :, i] @ bernstein.basis(self.degree, u).T
+            selected = np.flatnonzero(pieces == i)
+            for start in range(0, selected.size, ANGLES_PER_BLOCK):
+                block = selected[start : start + ANGLES_PER_BLOCK]
+                u = (inside[block] - self.breaks[i]) / self.spans[i]
+                out[:, block] = ordinates[:, :, i] @ bernstein.basis(self.degree, u).T
         return out
 
     def at(self, angle: float) -> tuple[float, float, float]:
-        """S (m), s' (m/rad), s'' (m/rad²) at one cam angle (rad), right limits, in plain floats."""
+        """Return s (m), s' (m/rad) and s'' (m/rad²) at one angle in rad, right limits."""
         inside = angle - math.floor(angle / TURN) * TURN
         piece = self.piece(inside)
         u = (inside - self.joints[piece]) / float(self.spans[piece])
-        if piece not in self._scalars:
-            self._scalars[piece] = [bernstein.scalar(row[:, piece]) for row in self.motion]
-        s, slope, curvature = self._scalars[piece]
+        if piece not in self._piece_functions:
+            self._piece_functions[piece] = [bernstein.scalar(row[:, piece]) for row in self.motion]
+        s, slope, curvature = self._piece_functions[piece]
         return s(u), slope(u), curvature(u)
 
     def __getstate__(self) -> dict[str, Any]:
-        # Functions cannot be sent to another process, which makes them anew.
-        return {name: value for name, value in vars(self).items() if name != "_scalars"}
+        # Functions cannot be sent to another process. They are created again there.
+        return {name: value for name, value in vars(self).items() if name != "_piece_functions"}
 
     @cached_property
-    def _scalars(self) -> dict[int, list[Callable[[float], float]]]:
-        return {}  # s, s' and s'' of a piece as functions of u ∈ [0, 1]
+    def _piece_functions(self) -> dict[int, list[Callable[[float], float]]]:
+        return {}  # s, s' and s'' of a piece, as functions of u ∈ [0, 1]
 
     def piece(self, inside: float) -> int:
-        """Index of the piece that holds an angle of the first turn, rad."""
+        """Return the index of the piece at an angle of the first turn, rad."""
         return min(max(bisect_right(self.joints, inside) - 1, 0), self.spans.size - 1)
 
     @cached_property
     def joints(self) -> list[float]:
-        """`breaks` as plain floats."""
+        """`breaks` as Python floats."""
         return [float(angle) for angle in self.breaks]
 
     @cached_property
     def largest_curvatures(self) -> FloatArray:
-        """``(n,)`` what |s''| (m/rad²) does not exceed in each piece."""
+        """Upper bound of |s''| (m/rad²) in each piece, ``(n,)``."""
         return np.asarray(np.abs(self.motion[2]).max(axis=0))
 
-    def _of_order(self, order: int) -> FloatArray:
+    def _ordinates_of(self, order: int) -> FloatArray:
         return self.motion[order] if order < 3 else self.derivative_ordinates(order)
 
     def derivative_ordinates(self, order: int) -> FloatArray:
-        """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""
+        """Return the ordinates of a derivative in θ, ``(p + 1, n)``, degree p as of s."""
         ordinates = self.ordinates
         for _ in range(order):
             ordinates = bernstein.derivative(ordinates) / self.spans
@@ -298,7 +307,7 @@ class Law:
 
     @cached_property
     def motion(self) -> FloatArray:
-        """``(3, p + 1, n)``: ordinates of s, s', s'' of every piece, one degree for all."""
+        """Ordinates of s, s' and s'' of every piece, ``(3, p + 1, n)``."""
         if self.known is not None:
             return self.known.motion
         stack = np.stack([self.derivative_ordinates(order) for order in range(3)])
@@ -307,7 +316,10 @@ class Law:
 
     @cached_property
     def taylor(self) -> FloatArray:
-        """``(n, p + 1, p + 1)``: [i] takes basis values at u to the series s^(r)(u)/r! in u."""
+        """Matrices that map basis values at u to Taylor coefficients of s in u.
+
+        The shape is ``(n, p + 1, p + 1)``, and coefficient r is s^(r)(u)/r!.
+        """
         series = bernstein.taylor(self.ordinates)
         series.setflags(write=False)
         return series
@@ -319,43 +331,48 @@ class Law:
             return self.known.lift
         extremes = low, high = [float(self.ordinates[0].min()), float(self.ordinates[0].max())]
         beyond = (self.ordinates.min(axis=0) < low) | (self.ordinates.max(axis=0) > high)
-        for i in np.flatnonzero(beyond).tolist():  # no piece is beyond its ordinates
-            at = np.array(bernstein.crossings(bernstein.derivative(self.ordinates[:, i])))
-            extremes.extend(bernstein.evaluate(self.ordinates[:, i], at).tolist())
+        for i in np.flatnonzero(beyond).tolist():  # a piece is between its extreme ordinates
+            roots = np.array(bernstein.crossings(bernstein.derivative(self.ordinates[:, i])))
+            extremes.extend(bernstein.evaluate(self.ordinates[:, i], roots).tolist())
         return max(extremes) - min(extremes)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float]:
-        """What |s| (m), |s'| (m/rad) and |s''| (m/rad²) do not exceed: their largest ordinates."""
+        """Upper bounds of |s| (m), |s'| (m/rad) and |s''| (m/rad²)."""
         s, slope, curvature = np.abs(self.motion).max(axis=(1, 2)).tolist()
         return s, slope, curvature
 
     def substitute(
         self, breaks: FloatArray, motion: FloatArray, velocity_jumps: dict[int, float]
     ) -> Law:
-        """A law that is not repeated, of s, s', s'' ``(3, p + 1, n)`` known each on its own.
+        """Return a law that does not repeat, from separate ordinates of s, s' and s''.
 
-        Where pieces are short, differences of s would lose the digits of s''. The lift, by which
-        is told what is small, is this law's; ``velocity_jumps`` (m/rad) go by the piece they begin.
+        In short pieces, differences of s would lose the digits of s''. ``motion`` is ``(3, p + 1,
+        m)``. ``velocity_jumps`` (m/rad) are by the index of the piece that follows them. The new
+        law has the lift of this law, because tolerances are relative to it.
         """
         motion.setflags(write=False)
-        known = Known(motion, self.lift, velocity_jumps)
+        known = KnownMotion(motion, self.lift, velocity_jumps)
         return Law(self.name, breaks, motion[0], repeats=False, known=known)
 
     def jumps(self, order: int) -> FloatArray:
-        """``(n,)`` right minus left limit of the derivative at the start of each piece."""
-        first, last = self._of_order(order)[[0, -1]]
+        """Return right minus left limits of a derivative at the piece starts, ``(n,)``."""
+        first, last = self._ordinates_of(order)[[0, -1]]
         before = last[-1:] if self.repeats else first[:1]
         return np.asarray(first - np.append(before, last[:-1]))
 
     @cached_property
     def velocity_jumps(self) -> dict[int, float]:
-        """What s' gains (m/rad) where it jumps, in order, by the piece that begins there."""
+        """Changes of s' (m/rad) at its jumps, in order.
+
+        The keys are the indices of the pieces that follow the jumps.
+        """
         if self.known is not None:
             return self.known.velocity_jumps
         jumps = self.jumps(1)
         over = np.abs(jumps)
-        if over.max() <= VELOCITY_JUMP * float(np.ptp(self.ordinates[0])):  # the lift is no less
+        # The lift is at least the range of the ordinates at the joints.
+        if over.max() <= VELOCITY_JUMP * float(np.ptp(self.ordinates[0])):
             return {}
         slopes = np.abs(self.motion[1]).max(axis=0)
         over -= SLOPE_ROUNDING * np.maximum(slopes, np.roll(slopes, 1))
@@ -363,27 +380,29 @@ class Law:
 
     @cached_property
     def largest_step(self) -> float:
-        """Largest step of s at a joint, m: rounding, for a cam without a cliff."""
+        """Largest step of s at a joint in m, caused by rounding if the cam has no cliff."""
         return float(np.abs(self.jumps(0)).max())
 
 
-# How smoothly a law's pieces join: the class C0 to C4 at each joint.
+# Smoothness of the joints: the class C0 to C4 of each.
 
-#: Classes are told apart up to this one; what is smoother counts as it.
+#: Highest class. A smoother joint counts as this class.
 SMOOTHEST = 4
-#: A jump below this fraction of the derivative's peak in the pieces that meet counts as 0.
+#: Largest jump that counts as 0, as a fraction of the derivative's peak in the adjacent pieces.
 TOLERANCE = 1e-6
-#: Rounding of a derivative at a piece's end, in units of eps·level·(2p/span)^order.
-ROUNDINGS = 16.0
+#: Rounding of a derivative at the end of a piece, in units of eps·level·(2p/span)^order.
+LEVEL_ROUNDINGS = 16.0
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Where two pieces of a law meet.
+    """Joint of two pieces of a law.
 
+    Parameters
+    ----------
     angle : cam angle, rad
-    continuity : highest derivative that goes on without a jump, 4 at most, −1 for a step
-    jump : right minus left limit of the next derivative, m/rad^(continuity + 1); 0 at C4
+    continuity : highest derivative without a jump, at most 4, −1 at a step of s
+    jump : right minus left limit of the next derivative, m/rad^(continuity + 1), 0 at C4
     """
 
     angle: float
@@ -392,36 +411,37 @@ class Joint:
 
 
 def joints(law: Law) -> tuple[Joint, ...]:
-    """Every joint of the law with its class, in order from cam angle 0."""
+    """Return every joint of the law with its class, in order from cam angle 0."""
     jumps = np.stack([law.jumps(order) for order in range(SMOOTHEST + 1)])
     broken = np.abs(jumps) > np.stack([_limits(law, order) for order in range(SMOOTHEST + 1)])
     first = np.where(broken.any(axis=0), np.argmax(broken, axis=0), SMOOTHEST + 1)
     sizes = np.vstack([jumps, np.zeros(law.spans.size)])[first, np.arange(law.spans.size)]
-    found = zip(law.breaks[:-1].tolist(), (first - 1).tolist(), sizes.tolist(), strict=True)
-    return tuple(Joint(*one) for one in found)
+    rows = zip(law.breaks[:-1].tolist(), (first - 1).tolist(), sizes.tolist(), strict=True)
+    return tuple(Joint(*row) for row in rows)
 
 
 def continuity(law: Law) -> int:
-    """The class of the whole law: that of its roughest joint."""
+    """Return the class of the law, which is that of its roughest joint."""
     return min(joint.continuity for joint in joints(law))
 
 
 def _limits(law: Law, order: int) -> FloatArray:
-    """``(n,)`` jump (m/rad^order) at the start of each piece that still counts as 0.
+    """Return the jump (m/rad^order) at each joint that still counts as 0, ``(n,)``.
 
-    A part of the derivative's peak in the two pieces, for others may be far sharper; of s over the
-    turn. Or what rounding of levels makes of it, in short pieces of high degree and in dwells.
+    It is relative to the peak of the derivative in the two adjacent pieces, because other pieces
+    may be far sharper, or to the peak of s over the turn. In short pieces of high degree and in
+    dwells it is the rounding of the level.
     """
     level = float(np.abs(law.ordinates).max())
     if order == 0:
         return np.full(law.spans.size, TOLERANCE * level)
     peaks = np.abs(law.derivative_ordinates(order)).max(axis=0)
-    noise = ROUNDINGS * np.finfo(float).eps * level * (2.0 * law.degree / law.spans) ** order
+    noise = LEVEL_ROUNDINGS * np.finfo(float).eps * level * (2.0 * law.degree / law.spans) ** order
     limits = np.maximum(TOLERANCE * peaks, noise)
     return np.asarray(np.maximum(limits, np.roll(limits, 1)))
 
 
 def continuity_in_words(law: Law) -> str:
-    """The class of a law's roughest joint."""
-    found = continuity(law)
-    return f"C{found}" if found < SMOOTHEST else f"C{SMOOTHEST} or smoother"
+    """Return the class of a law as text, such as "C3"."""
+    order = continuity(law)
+    return f"C{order}" if order < SMOOTHEST else f"C{SMOOTHEST} or smoother"

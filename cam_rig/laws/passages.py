@@ -1,4 +1,4 @@
-"""Cam angles at which a law passes given heights, from the roots of its polynomials."""
+"""Cam angles at which a law passes heights, from the roots of its polynomials."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from cam_rig.laws import bernstein
 from cam_rig.laws.law import Law, extremes
 from cam_rig.units import TURN
 
-#: Heights that are listed, as fractions of the lift.
+#: Default heights, as fractions of the lift.
 LEVELS = (0.01, 0.50, 0.99)
-#: A joint within this fraction of the lift of a height is on it, as rounding moves it so far.
+#: Largest distance of a joint from a height that counts as rounding, as a fraction of the lift.
 JOINT_TOLERANCE = 1e-12
-#: Roots within this angle (rad) are one: a root at a joint is found on both of its sides.
+#: Largest distance (rad) of roots that are the same, because both pieces at a joint contain it.
 SAME_ANGLE = 1e-7
 #: Angle (rad) before and after a root at which the law must be on different sides of the height.
 SIDE_ANGLE = 1e-5
@@ -25,8 +25,8 @@ SIDE_ANGLE = 1e-5
 class Passage:
     """Passage of a law through a height.
 
-    `level` is the height above the lowest lift as a fraction of the cam's lift, `angle` the cam
-    angle in rad. `rising` is True if the lift grows there.
+    `level` is the height above the lowest lift as a fraction of the cam's lift, and `angle` is the
+    cam angle in rad. `rising` is True if the lift increases there.
     """
 
     level: float
@@ -35,7 +35,7 @@ class Passage:
 
 
 def passages(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[Passage, ...]:
-    """Return every passage of one turn through `levels` of `lift` (m), by rising cam angle."""
+    """Return every passage of one turn through `levels` of `lift` (m), by cam angle."""
     low = extremes(law, 0)[0].value
     result = []
     for level in levels:

@@ -27,7 +27,7 @@ NO_ROOT = -1.0
 
 
 def restrict(ordinates: Vector, size: int, first: float, last: float) -> Vector:
-    """Return the first ``size`` ordinates restricted to [first, last] ⊂ [0, 1], first < 1.
+    """Return the first ``size`` ordinates on [first, last] ⊂ [0, 1], first < 1.
 
     The algorithm is de Casteljau's.
     """
@@ -86,10 +86,10 @@ def integrate(ordinates: Vector, length: float, start: float) -> Vector:
 
 
 def horner(weighted: Vector, slopes: Vector, degree: int, u: float) -> tuple[float, float, float]:
-    """Return v, w and r: the value at u is v rⁿ and the derivative w rⁿ⁻¹, with n = ``degree``.
+    """Return v, w and r: the value at u is v rⁿ and the derivative w rⁿ⁻¹.
 
-    ``weighted`` and ``slopes`` are the weighted ordinates of both. Horner's rule is applied in
-    u/(1 − u), or in its inverse beyond the middle, so that no power grows.
+    n is ``degree``. ``weighted`` and ``slopes`` are the weighted ordinates of both. Horner's rule
+    is applied in u/(1 − u), or in its inverse beyond the middle, so that no power grows.
     """
     slope, remainder = 0.0, 1.0 - u
     if u < 0.5:
@@ -178,7 +178,10 @@ def find_single_root(ordinates: Vector) -> float:
 
 
 def count_sign_changes(ordinates: Vector) -> int:
-    """Return the number of sign changes, at least the number of roots in (0, 1), by (7)."""
+    """Return the number of sign changes of the ordinates.
+
+    By (7) it is at least the number of roots in (0, 1).
+    """
     changes, previous = 0, 0.0
     for value in ordinates:
         if value != 0.0:
@@ -189,16 +192,19 @@ def count_sign_changes(ordinates: Vector) -> int:
 
 
 def have_opposite_signs(a: float, b: float) -> bool:
-    """Return True if one is negative and one positive; their product could underflow."""
+    """Return True if one number is negative and the other positive.
+
+    The product of both could underflow.
+    """
     return bool((a < 0.0 < b) or (b < 0.0 < a))
 
 
 def find_crossing(ordinates: Vector, limit: float, last: bool) -> float:
-    """Return the first sign change in (0, 1) up to ``limit``, or the last; `NO_ROOT` without one.
+    """Return the first or the last sign change in (0, 1) up to ``limit``.
 
-    Invariant: each part of [0, 1] that is not on the stack has no sign change that counts, because
-    its ordinates have none (7), or its sign change is in ``result``. A zero that is touched without
-    crossing does not count.
+    The result is `NO_ROOT` without a sign change. Invariant: each part of [0, 1] that is not on the
+    stack does not contain a sign change that counts, because its ordinates do not change sign (7),
+    or its sign change is in ``result``. A zero that is touched without crossing does not count.
     """
     parts = np.zeros((MAX_DEPTH, len(ordinates)))
     starts, widths = np.zeros(MAX_DEPTH), np.zeros(MAX_DEPTH)
@@ -229,7 +235,10 @@ def find_crossing(ordinates: Vector, limit: float, last: bool) -> float:
 
 
 def halve(right: Vector, left: Vector) -> None:
-    """Replace a polynomial by its right half; write its left half to ``left`` (de Casteljau)."""
+    """Replace a polynomial by its right half, and write its left half to ``left``.
+
+    The algorithm is de Casteljau's.
+    """
     size = len(right)
     for order in range(size):
         left[order] = current = right[0]
@@ -257,10 +266,10 @@ def halve_at_root(parts: Matrix, top: int) -> bool:
 
 
 def find_fall(ordinates: Vector, rounding: float) -> float:
-    """Return the zero u ∈ [0, 1] after which a polynomial is below −``rounding``, or `NO_ROOT`.
+    """Return the zero u ∈ [0, 1] after which a polynomial is below −``rounding``.
 
-    It is 0 if the polynomial starts below −``rounding``, or if it starts below zero by less and
-    continues to fall.
+    The result is `NO_ROOT` without such a zero. It is 0 if the polynomial starts below
+    −``rounding``, or if it starts below zero by less and continues to fall.
     """
     lowest = ordinates[0]
     for value in ordinates:

@@ -1,8 +1,8 @@
-"""Uniform sampling of a law along a turning cam, as matrix products.
+"""Uniform samples of a law on a turning cam, and polynomial fits of curves.
 
-A run of samples inside one piece is cut into chunks of equal length. About the middle of a
-chunk the polynomial is written as its (finite, exact) Taylor series; one product with the
-fixed matrix of powers then gives all samples of all chunks. No Python loop touches a sample.
+A run of samples inside one piece is divided into chunks of equal length. In each chunk the
+polynomial is written as its finite, exact Taylor series about the middle. One product with a fixed
+matrix of powers then gives all samples of all chunks, without a Python loop over samples.
 """
 
 from __future__ import annotations
@@ -23,31 +23,38 @@ from cam_rig.laws.bernstein import Pieces
 from cam_rig.laws.law import Law
 from cam_rig.units import TURN, FloatArray
 
-#: Samples in a chunk: long ones, of which there are fewer to prepare, where a piece has many.
-CHUNKS = (256, 64)
-#: A chunk may cover this fraction of its piece: beyond it the series would lose digits, ...
-WIDEST_CHUNK = 0.125
-#: ... and there must be so many in a run to pay.
+#: Numbers of samples per chunk that are tried. Long chunks need fewer preparations.
+CHUNK_SIZES = (256, 64)
+#: Largest fraction of a piece that a chunk covers. The series of a longer chunk loses digits.
+MAX_CHUNK_FRACTION = 0.125
+#: Smallest number of chunks of a run for which chunks are faster.
 MIN_CHUNKS = 2
-#: Runs without chunks that are reckoned in one go, of turns one after another.
-TOGETHER = 4
-#: What this part of a row's size is not worth a power of a chunk's series.
-NEGLIGIBLE = 2.0**-56
-#: Runs that begin within this part of a piece of each other begin alike: rounding of many turns.
-SAME_START = 2.0**-46
-#: A sample this near a joint or an event, in parts of the time between two, is at it. Rounding,
-#: which differs with where an interval begins, would else choose the side, and with it the force.
+#: Number of runs without chunks that are evaluated together, from successive turns.
+RUNS_PER_BLOCK = 4
+#: Largest relative size of the powers that are omitted from the series of a chunk.
+POWER_RTOL = 2.0**-56
+#: Largest difference of the starts (u) of equal runs: the rounding of many turns.
+START_ATOL = 2.0**-46
+#: Distance of a sample from a joint or an event, as a fraction of the sampling interval, up to
+#: which the sample is at it. Without this tolerance, rounding, which depends on the start of an
+#: interval, would select the side of the joint and with it the force.
 AT_SAMPLE = 1e-6
 
 
-def samples_before(place: float) -> int:
-    """How many of the samples 0, 1, 2, … come before a place among them; one at it does not."""
-    return max(0, math.ceil(place - AT_SAMPLE))
+def samples_before(index: float) -> int:
+    """Return the number of samples 0, 1, 2, … before a fractional index.
+
+    A sample at the index does not count.
+    """
+    return max(0, math.ceil(index - AT_SAMPLE))
 
 
 @lru_cache(maxsize=64)
 def chunk_powers(degree: int, chunk: int) -> FloatArray:
-    """``(degree + 1, chunk)`` powers of the local abscissa of so many samples in [-1, 1]."""
+    """Return the powers of the local abscissa in [-1, 1] at ``chunk`` samples.
+
+    The shape is ``(degree + 1, chunk)``.
+    """
     x = np.linspace(-1.0, 1.0, chunk)
     return np.asarray(x[None, :] ** np.arange(degree + 1)[:, None])
 
@@ -61,45 +68,59 @@ def sample(
     offsets: FloatArray,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """``(k, count)`` combinations of s, s', s'' at the angles ``start + j·step`` (rad).
+    """Compute combinations of s, s', s'' at the angles ``start + j·step`` (rad).
 
-    start, step : the angle is unwrapped, the step positive
-    weights, offsets : ``(k, 3)`` of s, s', s'' and ``(k,)``, row by row
-    out : where to write the samples, each row without gaps; None for a new array
+    Parameters
+    ----------
+    law : law of the cam
+    start : angle of the first sample, rad, not reduced to one turn
+    step : angle between two samples, rad, positive
+    count : number of samples
+    weights : ``(k, 3)`` factors of s, s', s''
+    offsets : ``(k,)`` constants that are added
+    out : ``(k, count)`` array for the samples, contiguous along a row (None: a new array)
+
+    Returns
+    -------
+    Samples, ``(k, count)``.
     """
     out = np.empty((weights.shape[0], count)) if out is None else out
     turn = math.floor(start / TURN)
     piece = int(np.searchsorted(law.breaks, start - turn * TURN, side="right")) - 1
-    begin = 0
+    first = 0
     runs_of: dict[tuple[int, int], list[SampleRun]] = {}
-    while begin < count:
+    while first < count:
         index = piece % law.spans.size
         low = law.joints[index] + (turn + piece // law.spans.size) * TURN
         span = float(law.spans[index])
-        end = min(count, max(begin, samples_before((low + span - start) / step)))
-        if end > begin:
-            run = SampleRun.of(begin, end, (start + begin * step - low) / span, step / span)
+        end = min(count, max(first, samples_before((low + span - start) / step)))
+        if end > first:
+            run = SampleRun.of(first, end, (start + first * step - low) / span, step / span)
             runs_of.setdefault((index, run.chunk), []).append(run)
-        begin = end
+        first = end
         piece += 1
     for (index, chunk), runs in runs_of.items():
         if not chunk:
-            _fill_each(runs, law.degree, weights @ law.motion[:, :, index], offsets, out)
+            _fill_without_chunks(runs, law.degree, weights @ law.motion[:, :, index], offsets, out)
             continue
         series = _piece_series(law, index, runs[0].width, chunk, weights.tobytes())
-        trains = repeated(runs)
-        terms = series.at([train[0] for train in trains])
+        groups = repeated(runs)
+        terms = series.at([group[0] for group in groups])
         terms[:, :, 0] += offsets[:, None]
-        at = 0
-        for train in trains:
-            chunks = train[0].chunks
-            fill_in_chunks(train, terms[:, None, at : at + chunks], series.powers[None], out)
-            at += chunks
+        i = 0
+        for group in groups:
+            chunks = group[0].chunks
+            fill_in_chunks(group, terms[:, None, i : i + chunks], series.powers[None], out)
+            i += chunks
     return out
 
 
 class SampleRun(NamedTuple):
-    """Samples in one piece: at u = ``first``, ``width`` apart; chunk 0: chunks do not pay."""
+    """Run of samples in one piece, at u = ``first`` and ``width`` apart.
+
+    ``begin`` and ``end`` are sample indices. ``chunk`` is the number of samples per chunk, 0
+    without chunks.
+    """
 
     begin: int
     end: int
@@ -109,46 +130,52 @@ class SampleRun(NamedTuple):
 
     @classmethod
     def of(cls, begin: int, end: int, first: float, width: float) -> SampleRun:
-        """With the longest chunks that lose no digits."""
-        most = min((end - begin) / MIN_CHUNKS, WIDEST_CHUNK / width)
-        chunk = next((chunk for chunk in CHUNKS if chunk <= most), 0)
+        """Return the run with the longest chunks that lose no digits."""
+        max_chunk = min((end - begin) / MIN_CHUNKS, MAX_CHUNK_FRACTION / width)
+        chunk = next((chunk for chunk in CHUNK_SIZES if chunk <= max_chunk), 0)
         return cls(begin, end, first, width, chunk)
 
     @property
     def length(self) -> int:
-        """How many they are."""
+        """Number of samples."""
         return self.end - self.begin
 
     @property
     def chunks(self) -> int:
-        """How many chunks; the last may be too long."""
+        """Number of chunks. The last chunk may extend beyond the run."""
         return -(-self.length // self.chunk)
 
     def at(self) -> FloatArray:
-        """U of each sample."""
+        """Return u of each sample, ``(length,)``."""
         return self.first + self.width * np.arange(self.length, dtype=np.float64)
 
 
 def repeated(runs: list[SampleRun]) -> list[list[SampleRun]]:
-    """Runs of one piece in order, those together that are the same, as turns are, evenly apart."""
-    found: list[list[SampleRun]] = []
+    """Group the equal and evenly spaced runs of one piece, as of successive turns.
+
+    The runs are in order, and so are the groups.
+    """
+    groups: list[list[SampleRun]] = []
     for run in runs:
-        train = found[-1] if found else [run]
-        same = run.length == train[0].length and abs(run.first - train[0].first) < SAME_START
-        apart = train[-1].begin - train[-2].begin if len(train) > 1 else run.begin - train[0].begin
-        if found and same and run.begin - train[-1].begin == apart:
-            train.append(run)
+        group = groups[-1] if groups else [run]
+        same = run.length == group[0].length and abs(run.first - group[0].first) < START_ATOL
+        gap = group[-1].begin - group[-2].begin if len(group) > 1 else run.begin - group[0].begin
+        if groups and same and run.begin - group[-1].begin == gap:
+            group.append(run)
         else:
-            found.append([run])
-    return found
+            groups.append([run])
+    return groups
 
 
 @dataclass(frozen=True, eq=False)
 class ChunkSeries:
-    """What takes basis values at a chunk's middle to the series of k polynomials about it.
+    """Map from basis values at the middle of a chunk to k Taylor series.
 
-    table : ``(k, p + 1, q)`` with no more powers q than change a last digit
-    powers : ``(q, chunk)`` of the local abscissa at the chunk's samples, ``width`` u apart
+    Parameters
+    ----------
+    table : ``(k, p + 1, q)`` map, with only the q powers that change a digit
+    powers : ``(q, chunk)`` powers of the local abscissa at the samples of a chunk
+    width : distance of two samples in u
     """
 
     table: FloatArray
@@ -157,70 +184,77 @@ class ChunkSeries:
 
     @classmethod
     def of(cls, taylor: FloatArray, width: float, chunk: int) -> ChunkSeries:
-        """The series of polynomials with the Taylor maps ``(k, p + 1, p + 1)``."""
+        """Return the series of polynomials with the Taylor maps ``(k, p + 1, p + 1)``."""
         scaled = taylor * (0.5 * width * (chunk - 1)) ** np.arange(taylor.shape[2])
-        sizes = np.abs(scaled).max(axis=1)  # a basis is an average: no coefficient is larger
-        needed = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1] > NEGLIGIBLE * sizes[:, :1]
+        sizes = np.abs(scaled).max(axis=1)  # a basis averages: no coefficient is larger
+        needed = np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1] > POWER_RTOL * sizes[:, :1]
         count = max(1, int(np.max(np.count_nonzero(needed, axis=1))))
         table = np.ascontiguousarray(scaled[:, :, :count])
         return cls(table, chunk_powers(count - 1, chunk), width)
 
     def at(self, runs: list[SampleRun]) -> FloatArray:
-        """The series of all chunks of these runs, ``(k, chunks, q)``."""
+        """Return the series of all chunks of the runs, ``(k, chunks, q)``."""
         counts = np.array([run.chunks for run in runs])
-        inner = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        chunk_index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         firsts = np.repeat([run.first for run in runs], counts)
         chunk = self.powers.shape[1]
-        middles = firsts + self.width * (chunk * inner + 0.5 * (chunk - 1))
-        at = bernstein.basis(self.table.shape[1] - 1, middles)
-        return np.asarray(np.matmul(at, self.table))
+        middles = firsts + self.width * (chunk * chunk_index + 0.5 * (chunk - 1))
+        basis_values = bernstein.basis(self.table.shape[1] - 1, middles)
+        return np.asarray(np.matmul(basis_values, self.table))
 
 
-def _fill_each(
+def _fill_without_chunks(
     runs: list[SampleRun], degree: int, rows: FloatArray, offsets: FloatArray, out: FloatArray
 ) -> None:
-    """Write the samples of runs of one piece, sample by sample, of ordinates ``(k, p + 1)``."""
-    for begin in range(0, len(runs), TOGETHER):
-        some = runs[begin : begin + TOGETHER]
-        found = rows @ bernstein.basis(degree, np.concatenate([run.at() for run in some])).T
-        found += offsets[:, None]
-        at = 0
-        for run in some:
-            out[:, run.begin : run.end] = found[:, at : at + run.length]
-            at += run.length
+    """Write the samples of runs of one piece into ``out`` without chunks.
+
+    ``rows`` are ordinates, ``(k, p + 1)``.
+    """
+    for start in range(0, len(runs), RUNS_PER_BLOCK):
+        block = runs[start : start + RUNS_PER_BLOCK]
+        samples = rows @ bernstein.basis(degree, np.concatenate([run.at() for run in block])).T
+        samples += offsets[:, None]
+        column = 0
+        for run in block:
+            out[:, run.begin : run.end] = samples[:, column : column + run.length]
+            column += run.length
 
 
 def fill_in_chunks(
     runs: list[SampleRun], terms: FloatArray, over: FloatArray, out: FloatArray
 ) -> None:
-    """Write the samples of runs as `repeated` gives them into ``out`` ``(k, count)``.
+    """Write the samples of a group of runs from `repeated` into ``out``.
 
-    They are ``terms`` ``(k, runs or 1, chunks, q)`` times ``over`` ``(k or 1, q, chunk)``.
+    The shape of ``out`` is ``(k, count)``. The samples are the products of ``terms``, ``(k, runs or
+    1, chunks, q)``, and ``over``, ``(k or 1, q, chunk)``.
     """
     first, chunk = runs[0], runs[0].chunk
-    full, left = divmod(first.length, chunk)
-    last = first.end - left
+    full, remainder = divmod(first.length, chunk)
+    last = first.end - remainder
     if len(runs) == 1:
         terms = terms[:, 0]
         np.matmul(terms[:, :full], over, out=out[:, first.begin : last].reshape(-1, full, chunk))
-        if left:
-            out[:, last : first.end] = np.matmul(terms[:, full:], over)[:, 0, :left]
+        if remainder:
+            out[:, last : first.end] = np.matmul(terms[:, full:], over)[:, 0, :remainder]
         return
-    apart, size = (runs[-1].begin - first.begin) // (len(runs) - 1), out.itemsize
-    # Row by row: where numpy cannot tell that nothing overlaps it works elsewhere and copies.
+    spacing, size = (runs[-1].begin - first.begin) // (len(runs) - 1), out.itemsize
+    # Row by row: if numpy cannot determine that nothing overlaps, it computes in a temporary array.
     for row, term, matrix in zip(out, terms, itertools.cycle(over), strict=False):
-        shape, strides = (len(runs), full, chunk), (apart * size, chunk * size, size)
+        shape, strides = (len(runs), full, chunk), (spacing * size, chunk * size, size)
         body = as_strided(row[first.begin :], shape, strides)
         np.matmul(term[:, :full], matrix, out=body[: len(term)])
-        body[len(term) :] = body[0]  # where all runs are one
-        if left:
-            rest = as_strided(row[last:], (len(runs), left), (apart * size, size))
-            rest[:] = (term[:, full] @ matrix)[:, :left]
+        body[len(term) :] = body[0]  # if all runs are equal
+        if remainder:
+            tail = as_strided(row[last:], (len(runs), remainder), (spacing * size, size))
+            tail[:] = (term[:, full] @ matrix)[:, :remainder]
 
 
 @lru_cache(maxsize=1024)
 def _piece_series(law: Law, index: int, width: float, chunk: int, weights: bytes) -> ChunkSeries:
-    """The series of rows of s, s', s'' in a piece; ``weights`` are those of `sample`."""
+    """Return the series of combinations of s, s', s'' in a piece.
+
+    ``weights`` are the bytes of the weights of `sample`.
+    """
     series = np.zeros((3, *law.taylor.shape[1:]))
     series[0] = law.taylor[index]
     order = np.arange(1, law.degree + 1) / law.spans[index]
@@ -230,50 +264,71 @@ def _piece_series(law: Law, index: int, width: float, chunk: int, weights: bytes
     return ChunkSeries.of(taylor, width, chunk)
 
 
-# Analytic curves turned into Bernstein pieces with derivatives as good as the values.
+# Bernstein pieces of analytic curves, whose derivatives are as accurate as the values.
 
-#: Degree of the interpolant of the third derivative; the curve itself has three more.
+#: Degree of the interpolant of the third derivative. The degree of the curve is higher by 3.
 THIRD_DEGREE = 22
-#: Relative tail of the third derivative's Chebyshev series that is accepted ...
-TAIL = 1e-13
-#: ... or what the tail may add to the curve itself, relative: rounding of the formula.
-ROUNDING = 1e-17
-#: Pieces are not made shorter than this fraction of the curve.
-SHORTEST = 1e-5
+#: Largest relative tail of the Chebyshev series of the third derivative that is accepted.
+TAIL_RTOL = 1e-13
+#: Largest contribution of that tail to the curve, relative, that is always accepted. It is the
+#: rounding of the formula.
+CURVE_RTOL = 1e-17
+#: Shortest piece, as a fraction of the curve.
+MIN_PIECE_FRACTION = 1e-5
+#: Function of abscissae ``(n,)`` and an order, which returns that derivative, ``(n,)``.
 Curve = Callable[[FloatArray, int], FloatArray]
-#: A curve on the stretch from its first to its second abscissa.
+#: Start, end, and the curve between them.
 Section = tuple[float, float, Curve]
 
 
 @lru_cache(maxsize=4)
 def _nodes(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Chebyshev nodes on [0, 1] and the Bernstein collocation matrix there."""
+    """Return Chebyshev nodes on [0, 1], and the Bernstein collocation matrix at them."""
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
     return nodes, bernstein.basis(degree, nodes)
 
 
 def fit(
-    curve: Curve, start: float, stop: float, degree: int = THIRD_DEGREE, accepted_tail: float = TAIL
+    curve: Curve,
+    start: float,
+    stop: float,
+    degree: int = THIRD_DEGREE,
+    accepted_tail: float = TAIL_RTOL,
 ) -> Pieces:
-    """Bernstein pieces of ``curve(x, order)``, order 0 to 3, on [start, stop].
+    """Fit Bernstein pieces to a curve on [start, stop].
 
-    The third derivative is interpolated, and integrated from exact values at the piece's start:
-    differencing an interpolant of s would lose six digits of it. A piece is halved until the
-    Chebyshev tail of this derivative is accepted. Where pieces come out short against a period of
-    the stem, a lower degree of it keeps the vibration's polynomial solution small.
+    The third derivative is interpolated, and integrated from exact values at the start of the
+    piece. Differences of an interpolant of s would lose six digits of the third derivative. A piece
+    is halved until the Chebyshev tail of the third derivative is accepted.
+
+    Parameters
+    ----------
+    curve : function of abscissae and order, which returns the derivative of order 0 to 3
+    start, stop : interval
+    degree : degree of the third derivative. If pieces are short compared with a period of the
+        stem, a lower degree keeps the polynomial solution of the vibration small.
+    accepted_tail : relative tail of the Chebyshev series that is accepted
+
+    Returns
+    -------
+    Breakpoints and ordinates.
+
+    Raises
+    ------
+    LawError : the third derivative is not smooth
     """
-    breaks, pieces, todo = [start], [], [(start, stop)]
-    while todo:
-        a, b = todo.pop()
+    breaks, pieces, intervals = [start], [], [(start, stop)]
+    while intervals:
+        a, b = intervals.pop()
         third = _third_derivative(curve, a, b, degree, accepted_tail)
         if third is None:
-            if b - a < SHORTEST * (stop - start):
+            if b - a < MIN_PIECE_FRACTION * (stop - start):
                 raise LawError(
                     f"the curve turns too sharply at {a:.6g} to be followed; allowed: a third "
-                    f"derivative that is smooth over {SHORTEST:g} of its span"
+                    f"derivative that is smooth over {MIN_PIECE_FRACTION:g} of its span"
                 )
-            mid = 0.5 * (a + b)
-            todo += [(mid, b), (a, mid)]
+            middle = 0.5 * (a + b)
+            intervals += [(middle, b), (a, middle)]
             continue
         ordinates = third
         for order in (2, 1, 0):
@@ -285,23 +340,26 @@ def fit(
 
 
 def fit_sections(sections: list[Section]) -> Pieces:
-    """Bernstein pieces of curves that follow one another; raises as ``fit``."""
+    """Fit Bernstein pieces to consecutive curves, as `fit`."""
     breaks, pieces = [sections[0][0]], []
     for start, stop, curve in sections:
-        steps, fitted = fit(curve, start, stop)
-        breaks += steps[1:]
-        pieces += fitted
+        section_breaks, section_pieces = fit(curve, start, stop)
+        breaks += section_breaks[1:]
+        pieces += section_pieces
     return breaks, pieces
 
 
 def _third_derivative(
     curve: Curve, a: float, b: float, degree: int, accepted_tail: float
 ) -> FloatArray | None:
-    """Ordinates of the third derivative on [a, b], or None when the degree does not do."""
+    """Return the ordinates of the third derivative on [a, b].
+
+    The result is None if the degree is too low.
+    """
     nodes, collocation = _nodes(degree)
     values = curve(a + (b - a) * nodes, 3)
     series = np.polynomial.chebyshev.chebfit(2.0 * nodes - 1.0, values, degree)
     tail = np.abs(series[-2:]).max()
     size = float(np.abs(curve(np.array([a, b]), 0)).max())
-    accepted = max(accepted_tail * np.abs(series).max(), ROUNDING * size / (b - a) ** 3)
+    accepted = max(accepted_tail * np.abs(series).max(), CURVE_RTOL * size / (b - a) ** 3)
     return np.asarray(np.linalg.solve(collocation, values)) if tail <= accepted else None

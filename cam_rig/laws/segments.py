@@ -1,4 +1,4 @@
-"""The pieces of each kind of segment that sets its own level."""
+"""Bernstein pieces of the segments of a cam, and the rises known by a name."""
 
 from __future__ import annotations
 
@@ -22,29 +22,41 @@ from cam_rig.schema import segments as kinds
 from cam_rig.schema.segment_base import Table
 from cam_rig.units import TURN, FloatArray
 
-# The polynomial through conditions on values and derivatives (eq. 2.1, worked example c).
+# Polynomial that meets conditions on values and derivatives.
 
 
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
-    """Bernstein ordinates through m conditions: derivative ``order`` at u in [0, 1] is value."""
-    # in exact fractions: the system is badly conditioned in any basis, and of at most 21 rows
-    at = [Fraction(x) for x in u]
-    rows = [_row(len(at) - 1, x, r) for x, r in zip(at, order, strict=True)]
+    """Return the Bernstein ordinates of the polynomial that meets m conditions.
+
+    Condition i is that the derivative ``order[i]`` at ``u[i]`` in [0, 1] is ``value[i]``. The
+    degree is m − 1.
+
+    Raises
+    ------
+    LawError : the conditions do not determine a polynomial
+
+    References
+    ----------
+    Equation 2.1 of the profile thesis, worked example c.
+    """
+    # Exact fractions, because the system is badly conditioned in any basis. It has at most 21 rows.
+    points = [Fraction(x) for x in u]
+    rows = [_condition_row(len(points) - 1, x, r) for x, r in zip(points, order, strict=True)]
     for row, x in zip(rows, value, strict=True):
         row.append(Fraction(x))
     try:
-        return np.array([float(x) for x in _solve(rows)])
+        return np.array([float(x) for x in _solve_exactly(rows)])
     except ZeroDivisionError:
-        shown = ", ".join(f"({x:g}, {r})" for x, r in zip(u, order, strict=True))
+        conditions = ", ".join(f"({x:g}, {r})" for x, r in zip(u, order, strict=True))
         raise LawError(
-            f"no single polynomial of degree {len(at) - 1} meets the conditions (u, order) "
-            f"{shown}; allowed: a set that fixes it, so give the lower orders where a higher one "
-            "is given"
+            f"no single polynomial of degree {len(points) - 1} meets the conditions (u, order) "
+            f"{conditions}; allowed: conditions that determine it, so give the lower orders where "
+            "a higher one is given"
         ) from None
 
 
-def _row(degree: int, u: Fraction, order: int) -> list[Fraction]:
-    """Derivative of order r of each Bernstein polynomial at u, in fractions."""
+def _condition_row(degree: int, u: Fraction, order: int) -> list[Fraction]:
+    """Return the derivative of each Bernstein polynomial at u, as fractions."""
     row = [Fraction(0)] * (degree + 1)
     lower = degree - order
     values = [comb(lower, i) * u**i * (1 - u) ** (lower - i) for i in range(lower + 1)]
@@ -55,8 +67,11 @@ def _row(degree: int, u: Fraction, order: int) -> list[Fraction]:
     return row
 
 
-def _solve(rows: list[list[Fraction]]) -> list[Fraction]:
-    """Gauss-Jordan elimination; ZeroDivisionError when the system is singular."""
+def _solve_exactly(rows: list[list[Fraction]]) -> list[Fraction]:
+    """Solve linear equations by Gauss-Jordan elimination.
+
+    Raises ZeroDivisionError if the system is singular.
+    """
     n = len(rows)
     for i in range(n):
         pivot = next((k for k in range(i, n) if rows[k][i] != 0), i)
@@ -70,34 +85,43 @@ def _solve(rows: list[list[Fraction]]) -> list[Fraction]:
     return [row[-1] for row in rows]
 
 
-# The trigonometric polynomial over a whole turn (eq. 2.2).
+# Trigonometric polynomial over a whole turn.
 
 
 def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
-    """s(θ) = c₀ + Σ cᵢ cos iθ + sᵢ sin iθ, i from 1, θ in rad, with its derivatives."""
+    """Return s(θ) = c₀ + Σ cᵢ cos iθ + sᵢ sin iθ with its derivatives.
+
+    i starts at 1, θ is in rad, and ``mean`` is c₀ (equation 2.2 of the profile thesis).
+    """
     waves = max(len(cosine), len(sine))
     harmonic = np.arange(1, waves + 1, dtype=np.float64)
     c = np.pad(np.array(cosine, dtype=np.float64), (0, waves - len(cosine)))
     s = np.pad(np.array(sine, dtype=np.float64), (0, waves - len(sine)))
 
     def curve(angle: FloatArray, order: int) -> FloatArray:
-        # the r-th derivative turns (cos, sin) by r quarters: exact, no phase to round
+        # The r-th derivative rotates (cos, sin) by r quarter turns: exact, without a rounded phase.
         for_cosine, for_sine = [(c, s), (s, -c), (-c, -s), (-s, c)][order % 4]
-        turned = angle[:, None] * harmonic
+        phase = angle[:, None] * harmonic
         scale = harmonic**order
-        waves_sum = np.cos(turned) @ (for_cosine * scale) + np.sin(turned) @ (for_sine * scale)
+        waves_sum = np.cos(phase) @ (for_cosine * scale) + np.sin(phase) @ (for_sine * scale)
         return np.asarray(waves_sum + (mean if order == 0 else 0.0))
 
     return curve
 
 
-#: Lift of a file and height of its own points may differ by this fraction, and by so many
-#: tolerances: the errors of the highest and of the lowest point.
-SAME_LIFT, SAME_LIFT_TOLERANCES = 1e-2, 8.0
+#: Largest difference between the lift of a cam file and the height of its points, as a fraction of
+#: that height ...
+SAME_LIFT = 1e-2
+#: ... plus this number of smoothing tolerances, for the errors of the highest and the lowest point.
+SAME_LIFT_TOLERANCES = 8.0
 
 
 def own_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
-    """Pieces from the segment's start (rad, m); None where it goes on from the level before."""
+    """Return the pieces (rad, m) of a segment that sets its level.
+
+    The pieces start at angle 0. The result is None for a dwell or a named rise, which continue from
+    the level before them.
+    """
     lift, span = cam.lift.si, segment.span.si
     pieces: Pieces | None = None
     match segment:
@@ -126,21 +150,26 @@ def own_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
         case kinds.ArcsByRadii() | kinds.ArcsByCentres():
             pieces = whole_turn_arcs(segment, cam)
         case Table():
-            pieces = smoothed(segment, cam).pieces
+            pieces = smooth_table(segment, cam).pieces
         case _:
             assert isinstance(segment, kinds.Dwell | kinds.Rise)
     return pieces
 
 
-def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
-    """The spline through a table's points, and how far from them it is."""
+def smooth_table(segment: Table, cam: CamConfig) -> Smoothed:
+    """Return the spline through the points of a table, and its distance from them.
+
+    Raises
+    ------
+    LawError : the lift of the cam is not that of the points, or the spline cannot be computed
+    """
     points = segment.file
     height = max(points.lifts) - min(points.lifts)
     limit = SAME_LIFT * height + SAME_LIFT_TOLERANCES * segment.tolerance.si
     if abs(height - cam.lift.si) > limit:
         raise LawError(
             f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
-            f"rise by {height * 1e3:g} mm; allowed: the same, so write that"
+            f"rise by {height * 1e3:g} mm; allowed: the same, so set lift to that"
         )
     dwells = [Rest(dwell.start.si, dwell.span.si, dwell.level.si) for dwell in segment.dwells]
     angles, lifts = np.array(points.angles), np.array(points.lifts)
@@ -151,106 +180,123 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
         raise LawError(f"cam {cam.name!r}: {points.file}: {error}") from None
 
 
-# Rises from 0 to 1 over u ∈ [0, 1] that are one Bézier curve, by their ordinates.
+# Ordinates of the rises from 0 to 1 over u ∈ [0, 1] that are one Bézier curve.
 
 
 def full_rise(degree: int) -> FloatArray:
-    """Ordinates {0…0, 1…1}, half each, of odd degree: C^((degree − 1)/2), eq. 3.1-3.3."""
+    """Return the ordinates {0…0, 1…1}, half each, of an odd degree.
+
+    The rise joins dwells with class C^((degree − 1)/2) (eq. 3.1-3.3).
+    """
     return np.repeat([0.0, 1.0], (degree + 1) // 2)
 
 
 def half_rise_start(degree: int) -> FloatArray:
-    """From rest to constant velocity 2, of even degree: C^(degree / 2) (eq. 3.4-3.6)."""
+    """Return the ordinates from rest to constant velocity 2, of an even degree.
+
+    The rise joins its neighbours with class C^(degree/2) (eq. 3.4-3.6).
+    """
     half = degree // 2
     return np.concatenate([np.zeros(half), np.linspace(0.0, 1.0, half + 1)])
 
 
 def half_rise_end(degree: int) -> FloatArray:
-    """From constant velocity 2 to rest, of even degree (eq. 3.7-3.9)."""
+    """Return the ordinates from constant velocity 2 to rest, of an even degree.
+
+    It is the point reflection of `half_rise_start` (eq. 3.7-3.9).
+    """
     return np.asarray(1.0 - half_rise_start(degree)[::-1])
 
 
-# The two industrial standards: modified sine and modified trapezoid.
+# Analytic rises, with the two industrial standards: modified sine and modified trapezoid.
 
 
 def simple_harmonic(u: FloatArray, order: int) -> FloatArray:
-    """The rise or its derivative in u, order 0 to 3."""
+    """Return the rise ½(1 − cos πu) or its derivative in u of order 1 to 3."""
     if order == 0:
-        return np.asarray(np.sin(0.5 * np.pi * u) ** 2)  # the same, without cancellation near 0
+        return np.asarray(np.sin(0.5 * np.pi * u) ** 2)  # without cancellation near 0
     half = 0.5 * np.pi**order * (-1.0 if order == 3 else 1.0)
     return np.asarray(half * (np.cos if order == 2 else np.sin)(np.pi * u))
 
 
 def cycloidal(u: FloatArray, order: int) -> FloatArray:
-    """The rise or its derivative in u, order 0 to 3."""
+    """Return the rise u − sin(2πu)/2π or its derivative in u of order 1 to 3."""
     turn = 2.0 * np.pi * u
     sine, cosine = np.sin(turn), np.cos(turn)
     level, slope = u - sine / (2.0 * np.pi), 1.0 - cosine
     return np.asarray((level, slope, 2.0 * np.pi * sine, 4.0 * np.pi**2 * cosine)[order])
 
 
+#: π, for the formulas below.
 PI = np.pi
+#: Common factor of the modified sine.
 SINE = 1.0 / (PI + 4.0)
+#: Common factor of the modified trapezoid.
 TRAPEZOID = 1.0 / (PI + 2.0)
-#: Lift, slope and curvature of the modified trapezoid at u = 1/8, where the sine ends.
-AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
-#: Slope at u = 3/8, where the constant acceleration ends; with its lift the curve meets (½, ½).
-SLOPE_AT_THREE = TRAPEZOID * (2.0 + 2.0 * PI)
+#: Lift, slope and curvature of the modified trapezoid at u = 1/8, the end of the first sine.
+MOTION_AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
+#: Slope of the modified trapezoid at u = 3/8, the end of the constant acceleration. With the lift
+#: there, the curve passes through (½, ½).
+MIDDLE_SLOPE = TRAPEZOID * (2.0 + 2.0 * PI)
 
 
 def _wave(constant: float, slope: float, size: float, frequency: float, phase: float) -> Curve:
-    """Constant + slope·u − size·sin(frequency·u + phase), with its derivatives."""
+    """Return constant + slope·u − size·sin(frequency·u + phase) with its derivatives."""
 
     def curve(u: FloatArray, order: int) -> FloatArray:
-        turned = size * frequency**order * np.sin(frequency * u + phase + 0.5 * PI * order)
+        sine = size * frequency**order * np.sin(frequency * u + phase + 0.5 * PI * order)
         line = (constant + slope * u, np.full_like(u, slope))
-        return np.asarray((line[order] if order < 2 else 0.0) - turned)
+        return np.asarray((line[order] if order < 2 else 0.0) - sine)
 
     return curve
 
 
 def _constant_acceleration(u: FloatArray, order: int) -> FloatArray:
-    lift, slope, curvature = AT_EIGHTH
+    """Return the parabola of the modified trapezoid from u = 1/8 to 3/8."""
+    lift, slope, curvature = MOTION_AT_EIGHTH
     v = u - 0.125
     terms = (lift + slope * v + 0.5 * curvature * v**2, slope + curvature * v, curvature + 0.0 * v)
     return np.asarray(terms[order] if order < 3 else 0.0 * v)
 
 
-def _turned(curve: Curve, u: FloatArray, order: int) -> FloatArray:
-    """The rise's second half, 1 − s(1 − u)."""
+def _mirror_rise(curve: Curve, u: FloatArray, order: int) -> FloatArray:
+    """Return the second half of a rise, 1 − s(1 − u), or its derivative."""
     value = curve(1.0 - u, order)
     return np.asarray(1.0 - value if order == 0 else value * (-1.0) ** (order + 1))
 
 
-def _whole(first: list[Section], middle: Section) -> list[Section]:
-    last = [(1.0 - b, 1.0 - a, partial(_turned, curve)) for a, b, curve in reversed(first)]
+def _complete_rise(first: list[Section], middle: Section) -> list[Section]:
+    """Return all sections of a rise from those before its middle section."""
+    last = [(1.0 - b, 1.0 - a, partial(_mirror_rise, curve)) for a, b, curve in reversed(first)]
     return [*first, middle, *last]
 
 
 #: s = (πu − sin(4πu)/4)/(π + 4) to 1/8, then (2 + πu − 9/4·sin((4πu + π)/3))/(π + 4) to 7/8.
-MODIFIED_SINE = _whole(
+MODIFIED_SINE = _complete_rise(
     [(0.0, 0.125, _wave(0.0, PI * SINE, 0.25 * SINE, 4.0 * PI, 0.0))],
     (0.125, 0.875, _wave(2.0 * SINE, PI * SINE, 2.25 * SINE, 4.0 * PI / 3.0, PI / 3.0)),
 )
-#: s = (2u − sin(4πu)/2π)/(π + 2) to 1/8, a parabola to 3/8, then again a sine to 5/8.
-_SIZE = 0.5 * TRAPEZOID / PI
-MODIFIED_TRAPEZOID = _whole(
+#: Amplitude of the sines of the modified trapezoid.
+_TRAPEZOID_SINE = 0.5 * TRAPEZOID / PI
+#: s = (2u − sin(4πu)/2π)/(π + 2) to 1/8, a parabola to 3/8, then another sine to 5/8.
+MODIFIED_TRAPEZOID = _complete_rise(
     [
-        (0.0, 0.125, _wave(0.0, 2.0 * TRAPEZOID, _SIZE, 4.0 * PI, 0.0)),
+        (0.0, 0.125, _wave(0.0, 2.0 * TRAPEZOID, _TRAPEZOID_SINE, 4.0 * PI, 0.0)),
         (0.125, 0.375, _constant_acceleration),
     ],
-    (0.375, 0.625, _wave(0.5 - 0.5 * SLOPE_AT_THREE, SLOPE_AT_THREE, -_SIZE, 4.0 * PI, 0.0)),
+    (0.375, 0.625, _wave(0.5 - 0.5 * MIDDLE_SLOPE, MIDDLE_SLOPE, -_TRAPEZOID_SINE, 4.0 * PI, 0.0)),
 )
 
 
-# The rises known by a name: one unit rise each, and where it comes from.
+# Rises that are known by a name, with their sources.
 
 
 @dataclass(frozen=True)
 class NamedRise:
-    """A rise from 0 to 1 over u ∈ [0, 1]: Bernstein ordinates, or analytic sections.
+    """Rise from 0 to 1 over u ∈ [0, 1]: Bernstein ordinates, or analytic sections.
 
-    slopes : of what it joins before and after, 0 for a dwell; equations 3.x are the laws thesis's
+    ``slopes`` are those of the neighbours before and after it, 0 for a dwell. Equations 3.x in
+    ``source`` are those of the laws thesis.
     """
 
     source: str
@@ -258,7 +304,7 @@ class NamedRise:
     slopes: tuple[float, float] = (0.0, 0.0)
 
 
-#: Every name that a cam file may give, `RiseName`, with its rise.
+#: Rises by their names in cam files, `RiseName`.
 NAMED_RISES: dict[str, NamedRise] = {
     "constant_velocity": NamedRise("worked example a", np.array([0.0, 1.0])),
     "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
@@ -281,32 +327,43 @@ NAMED_RISES: dict[str, NamedRise] = {
 
 @lru_cache(maxsize=len(NAMED_RISES))
 def unit_rise(name: str) -> Pieces:
-    """Bernstein pieces of the rise of that name, over u from 0 to 1."""
+    """Return the Bernstein pieces of a named rise, over u from 0 to 1."""
     shape = NAMED_RISES[name].shape
     return fit_sections(shape) if isinstance(shape, list) else ([0.0, 1.0], [shape])
 
 
-# One rise up and down over any event angle.
+# Law with one rise and an equal fall over any event angle.
 
-#: A dwell narrower than this (rad) is left out.
+#: Narrowest dwell (rad). A narrower one is omitted.
 MIN_DWELL = 1e-9
 
 
 def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None = None) -> Law:
-    """Half a low dwell, rise, high dwell, fall, half a low dwell; of a lift in m.
+    """Return a law with one named rise and an equal fall.
 
-    event, high_dwell : rad, of rise and fall alike, at most π; by default as long as the low dwell
+    The turn is half a low dwell, rise, high dwell, fall, half a low dwell.
+
+    Parameters
+    ----------
+    rise : name of the rise
+    event : span of rise and fall, rad, at most π
+    lift : lift, m
+    high_dwell : span of the high dwell, rad (None: that of the low dwell)
+
+    Returns
+    -------
+    The law over one turn.
     """
-    steps, columns = unit_rise(rise)
+    rise_breaks, columns = unit_rise(rise)
     high = math.pi - event if high_dwell is None else high_dwell
     low = TURN - 2.0 * event - high
     breaks, pieces = [0.0], []
-    for height, base, before in ((lift, 0.0, 0.5 * low), (-lift, lift, high)):
-        if before > MIN_DWELL:
-            breaks.append(breaks[-1] + before)
+    for height, base, dwell in ((lift, 0.0, 0.5 * low), (-lift, lift, high)):
+        if dwell > MIN_DWELL:
+            breaks.append(breaks[-1] + dwell)
             pieces.append(np.array([base]))
         start = breaks[-1]
-        breaks += [start + event * u for u in steps[1:]]
+        breaks += [start + event * u for u in rise_breaks[1:]]
         pieces += [base + height * column for column in columns]
     if low > MIN_DWELL:
         breaks.append(TURN)

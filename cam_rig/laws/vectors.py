@@ -24,7 +24,7 @@ PASCAL = np.array([[float(math.comb(n, i)) for i in range(96)] for n in range(96
 
 
 def index_at(ascending: Vector, value: float) -> int:
-    """Return the index of the last number that is not larger than a value; at least 0."""
+    """Return the index of the last number that is not larger than a value, at least 0."""
     low, high = 0, len(ascending)
     while high - low > 1:
         middle = (low + high) // 2
@@ -47,7 +47,7 @@ def binomials(degree: int) -> Vector:
 
 
 def without_refcount(table: T) -> T:
-    """Return the table; compiled code does not count references to its arrays.
+    """Return the table. Compiled code does not count references to its arrays.
 
     Counting takes a third of the time. The caller of a kernel keeps the table alive.
     """

@@ -1,7 +1,7 @@
-"""Every quantity, once: designs, campaigns and Python read this table.
+"""Table of all quantities, shared by designs, campaigns and the Python API.
 
-A name has one meaning: with ``_rigid`` it is of one rigid mass that stays on the cam, so a limit
-that a design keeps is kept in a campaign of the same cam.
+A name has one meaning everywhere. A name with ``_rigid`` belongs to one rigid mass that stays on
+the cam, so a limit that a design keeps is also kept in a campaign of the same cam.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from cam_rig.quantities.terms import ANGLE_UNITS, SPEED_UNITS, LawQuantity, Sens
 from cam_rig.units import TURN
 
 _LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
-_FORCE, _LEVEL = {"N": 1.0, "kN": 1e3}, {"dB": 1.0}
+_FORCE = {"N": 1.0, "kN": 1e3}
+_LEVEL = {"dB": 1.0}
 _TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
-_MOST: tuple[Sense, ...] = ("<=",)
-_LEAST: tuple[Sense, ...] = (">=",)
+_UPPER: tuple[Sense, ...] = ("<=",)
+_LOWER: tuple[Sense, ...] = (">=",)
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
-#: Of each derivative of s in turn the name, the title, the unit's end, and its units.
+#: Derivatives of s by order: name, title, end of the unit, and units with their factors.
 _DERIVATIVES = tuple(
     (name, title, over, {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6})
     for name, title, over in (
@@ -33,42 +34,42 @@ _DERIVATIVES = tuple(
     )
 )
 
-_jump = partial(LawQuantity, unit="rpm", units=SPEED_UNITS, senses=_LEAST, campaign=True)
+_jump = partial(LawQuantity, unit="rpm", units=SPEED_UNITS, senses=_LOWER, campaign=True)
 _at_speed = partial(LawQuantity, where="rpm")
 _of_run = partial(_at_speed, campaign=True, of_run=True)
 
-#: Goals and limits of designs, some of which a campaign measures too.
+#: Goals and limits of designs. A campaign measures some of them, too.
 _DESIGNED = (
     _jump("jump_speed", "jump speed from rest",
-          value=lambda one, *_: values.jump(one, follower_of(one.rig), FROM_REST)),
+          value=lambda subject, *_: values.jump(subject, follower_of(subject.rig), FROM_REST)),
     _jump("jump_speed_steady", "jump speed in steady state",
-          value=lambda one, *_: values.jump(one, follower_of(one.rig), None)),
+          value=lambda subject, *_: values.jump(subject, follower_of(subject.rig), None)),
     _jump("jump_speed_rigid", "jump speed of one rigid mass", rigid=True,
-          value=lambda one, *_: values.jump(one, one.rigid, None)),
+          value=lambda subject, *_: values.jump(subject, subject.rigid, None)),
     _at_speed("residual_vibration", "residual vibration of the end mass, one event", "um", _LENGTH,
-              values.residual, senses=_MOST),
+              values.residual, senses=_UPPER),
     *(
         LawQuantity(f"peak_{name}", f"peak |{title}|", f"mm{over}", units, values.peak_of(order),
-                    senses=_MOST, order=order)
+                    senses=_UPPER, order=order)
         for order, (name, title, over, units) in enumerate(_DERIVATIVES, 1)
     ),
     LawQuantity("rms_acceleration", "r.m.s. of s″", "mm/rad^2", _DERIVATIVES[1][3],
-                values.rms_acceleration, senses=_MOST),
+                values.rms_acceleration, senses=_UPPER),
     _at_speed("peak_contact_force_rigid", "peak contact force of one rigid mass", "N", _FORCE,
-              lambda one, term, _: max(most for _, most in values.forces(one, term)),
-              senses=_MOST, campaign=True),
+              lambda subject, term, _: max(high for _, high in values.forces(subject, term)),
+              senses=_UPPER, campaign=True),
     _at_speed("least_contact_force_rigid", "least contact force of one rigid mass", "N", _FORCE,
-              lambda one, term, _: min(least for least, _ in values.forces(one, term)),
-              senses=_LEAST, signed=True, campaign=True),
-    _at_speed("shaft_torque", "peak |shaft torque|", "N*m", _TORQUE, values.torque, senses=_MOST),
+              lambda subject, term, _: min(low for low, _ in values.forces(subject, term)),
+              senses=_LOWER, signed=True, campaign=True),
+    _at_speed("shaft_torque", "peak |shaft torque|", "N*m", _TORQUE, values.torque, senses=_UPPER),
     _at_speed("sound_level_rigid", "sound level of one rigid mass", "dB", _LEVEL,
-              values.rigid_level, senses=_MOST, signed=True),
+              values.rigid_level, senses=_UPPER, signed=True),
     _at_speed("sound_level_with_jumps", "sound level with landings, mean power over speeds", "dB",
-              _LEVEL, values.level_with_jumps, senses=_MOST, signed=True),
+              _LEVEL, values.level_with_jumps, senses=_UPPER, signed=True),
     LawQuantity("pressure_angle", "pressure angle", "deg", ANGLE_UNITS, values.pressure_angle,
-                senses=_MOST, below=0.25 * TURN),
+                senses=_UPPER, below=0.25 * TURN),
     LawQuantity("radius_of_curvature", "least radius of curvature", "mm", _LENGTH,
-                values.least_radius, senses=_LEAST),
+                values.least_radius, senses=_LOWER),
     LawQuantity("event_angle", "span of event", "deg", ANGLE_UNITS, values.span, "event", _BOTH,
                 goal=False, below=TURN),
     *(
@@ -80,7 +81,7 @@ _DESIGNED = (
     ),
 )  # fmt: skip
 
-#: What campaigns alone measure: of settled runs of the scene's model, and of whole turns.
+#: Quantities of campaigns only: of steady runs of the scene's model, and of whole turns.
 _MEASURED = (
     _at_speed("residual_vibration_steady",
               "residual vibration of one mass on its stem in steady state", "um", _LENGTH,
@@ -95,12 +96,12 @@ _MEASURED = (
     _at_speed("twist", "twist, peak to peak", "rad", ANGLE_UNITS, values.twist, campaign=True),
 )  # fmt: skip
 
-#: Every quantity by its name.
-QUANTITIES: Mapping[str, LawQuantity] = {one.name: one for one in (*_DESIGNED, *_MEASURED)}
-#: What a design may have as a goal or a limit.
-DESIGNED = {name: one for name, one in QUANTITIES.items() if one.senses}
-#: What moves in each model of a scene, as titles say it.
-MOVES = {
+#: All quantities by name.
+QUANTITIES: Mapping[str, LawQuantity] = {q.name: q for q in (*_DESIGNED, *_MEASURED)}
+#: Quantities that can be a goal or a limit of a design.
+DESIGNED = {name: q for name, q in QUANTITIES.items() if q.senses}
+#: Moving parts of each model of a scene, as titles name them.
+MOVING_PARTS = {
     "kinetostatic": "one rigid mass held on the cam",
     "one_mass": "one rigid mass free to leave the cam",
     "elastic_stem": "a mass on its stem held on the cam",
@@ -111,10 +112,13 @@ MOVES = {
 
 @cache
 def measured_in(model: str) -> Mapping[str, LawQuantity]:
-    """What a campaign measures whose scene has a model, which titles name; limited on any side."""
-    found = {}
-    for one in QUANTITIES.values():
-        if one.campaign:
-            title = f"{one.title} of {MOVES[model]}" if one.of_run else one.title
-            found[one.name] = replace(one, title=title, senses=_BOTH)
-    return MappingProxyType(found)
+    """Return the quantities that a campaign can measure in a scene with a model.
+
+    Titles name the model, and limits are allowed on both sides.
+    """
+    quantities = {}
+    for quantity in QUANTITIES.values():
+        if quantity.campaign:
+            title = quantity.title + (f" of {MOVING_PARTS[model]}" if quantity.of_run else "")
+            quantities[quantity.name] = replace(quantity, title=title, senses=_BOTH)
+    return MappingProxyType(quantities)

@@ -1,9 +1,9 @@
-"""What a scene's model does at one speed for ever: its forces, level and lift-offs once settled.
+"""Steady turns of a scene's model at one speed: forces, sound level and lift-offs.
 
-While contact is kept the periodic state is one linear solve, and the least and the largest force
-are found between the samples too. Where the follower lifts off it is turned from rest until a turn
-changes nothing any more; where none does, the turns after `MAX_FORCE_TURNS` are measured, and it is
-said.
+While contact is kept, the periodic state is one linear solve, and the smallest and the largest
+force are found between samples, too. A follower that lifts off is turned from rest until a turn no
+longer changes its state. If it does not become steady, the turns after `MAX_FORCE_TURNS` are
+measured and reported as unsettled.
 """
 
 from __future__ import annotations
@@ -40,17 +40,23 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import Settling, simulate, step_levels, turned_ticks
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Samples (Hz) where none is asked for; and of a tick at most, little more than a core's memory.
-FEWEST, MOST_SAMPLES = 1, 1 << 15
-#: The contact force's row in the outputs of a mass on its stem.
-FORCE = 3
+#: Sample rate (Hz) of turns that are not measured.
+SETTLING_RATE = 1
+#: Largest number of samples of a tick, little more than fits in the cache of a core.
+MAX_TICK_SAMPLES = 1 << 15
+#: Row of the contact force in the outputs of a mass on its stem.
+FORCE_ROW = 3
 
 
 @dataclass(frozen=True)
 class SteadyStart:
-    """A follower at θ = 0, None for one put down on the cam; whether its turns repeat from there.
+    """State of a follower at θ = 0 from which its turns repeat.
 
-    ``forces`` (N) are the least and the largest of a turn, where they are known exactly.
+    Parameters
+    ----------
+    state : state of the follower (None: put down on the cam at rest)
+    settled : False if the turns do not repeat
+    forces : smallest and largest contact force of a turn, N, if they are known exactly
     """
 
     state: FollowerState | None = None
@@ -59,7 +65,7 @@ class SteadyStart:
 
 
 def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
-    """A scene whose program holds one speed (rad/s)."""
+    """Return the scene with a program of one speed (rad/s)."""
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
     program = scene.program.model_copy(update={"speeds": speeds})
     data = scene.model_copy(update={"program": program}).model_dump(exclude_none=True)
@@ -67,17 +73,23 @@ def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
 
 
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:
-    """The settled turns of a scene's one cam at its one speed (rad/s), and whether they repeat."""
-    start = _start(law, rig, scene, speed)
+    """Measure the steady turns of a scene's only cam at a speed (rad/s).
+
+    Returns
+    -------
+    The row of the measured turns, and True if they repeat.
+    """
+    start = _steady_start(law, rig, scene, speed)
     return _row(law, rig, scene, start), start.settled
 
 
 def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> SpeedRow:
+    """Measure the turns that start from a steady state."""
     laws = {scene.cams[0]: law}
     loaded = LoadedScene(scene, rig, {}, laws)
     settle = scene.program.settle_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
-    if rig.radiation is None:  # no sound, so no level
+    if rig.radiation is None:  # no sound level
         for tick in turned_ticks(loaded, start.state, _long_ticks(scene)):
             rows.take(tick)
         row = rows.rows({})[0]
@@ -92,70 +104,93 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
 def settled_turn(
     law: Law, rig: RigConfig, scene: SceneConfig, speed: float, samples: int
 ) -> tuple[Block, SpeedRow, bool]:
-    """As `steady_row`, with one turn of so many samples, within one, before."""
-    start, interval = _start(law, rig, scene, speed), _one_turn(speed)
+    """Return one steady turn in addition to the results of `steady_row`.
+
+    Returns
+    -------
+    A turn of ``samples`` samples, to within one, the row of the measured turns, and True if they
+    repeat.
+    """
+    start, interval = _steady_start(law, rig, scene, speed), _one_turn(speed)
     model, rate = MODELS[scene.model], max(1, round(samples / interval.duration))
     _, block = model.advance(law, model.parameters(rig), start.state, interval, rate)
     return block, _row(law, rig, scene, start), start.settled
 
 
 def _one_turn(speed: float) -> Interval:
-    """A turn at a speed (rad/s), of whole nanoseconds."""
+    """Return the interval of one turn at a speed (rad/s), in whole nanoseconds."""
     turn = round(TURN / speed * NS)
     return Interval(0, turn, 0.0, TURN / turn * NS)
 
 
 def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
-    """The cam's states, few at each speed: where it begins, is settled, and within long times."""
-    settling, longest = Settling(scene.program.settle_turns.si), MOST_SAMPLES / scene.sample_rate.si
+    """Yield the states of the cam that start the fewest and longest ticks.
+
+    A tick starts where a speed starts, where it becomes steady, and after `MAX_TICK_SAMPLES`
+    samples.
+    """
+    settling = Settling(scene.program.settle_turns.si)
+    max_duration = MAX_TICK_SAMPLES / scene.sample_rate.si
     last, settled = None, False
     for state in cam_states(scene):
         before, settled = settled, settling.is_over(state, steady=True)
         same = last is not None and (last.speed, before) == (state.speed, settled)
-        if last is None or not same or state.time_ns - last.time_ns > longest * NS:
+        if last is None or not same or state.time_ns - last.time_ns > max_duration * NS:
             yield state
             last = state
 
 
-def _start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
+def _steady_start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
+    """Return the steady start of a scene's model at a speed (rad/s)."""
     model, parameters = scene.model, MODELS[scene.model].parameters(rig)
     if model == "torsional":
-        return _twisted(law, rig, speed)
+        return _steady_shaft(law, rig, speed)
     if isinstance(parameters, TwoMassParameters):
         response, output = contact_response(law, parameters, speed), force_output(parameters)
-        return _in_contact(response, output, 0) or _turned(law, rig, scene, speed)
+        return _in_contact(response, output, 0) or _settle_from_rest(law, rig, scene, speed)
     if model == "elastic_stem":
         response = elastic_stem.response(law, parameters, speed)
-        found = _in_contact(response, elastic_stem.outputs(parameters), FORCE, holds=True)
-        return found or SteadyStart(vibrating(response.periodic()))
+        outputs = elastic_stem.outputs(parameters)
+        start = _in_contact(response, outputs, FORCE_ROW, never_leaves=True)
+        return start or SteadyStart(vibrating(response.periodic()))
     forces = force_extremes(law, parameters, speed)
     if model == "kinetostatic" or (forces[0] > 0.0 and not law.velocity_jumps):
         return SteadyStart(forces=forces)
-    return _turned(law, rig, scene, speed)
+    return _settle_from_rest(law, rig, scene, speed)
 
 
 def vibrating(inner: FloatArray) -> FollowerState:
-    """A follower on the cam at θ = 0 with a model's own numbers there, as its vibration."""
+    """Return a follower on the cam at θ = 0 with a model's internal state.
+
+    ``inner`` is the vibration, in the order of the model's numbers.
+    """
     return FollowerState(0.0, 0.0, 0.0, in_contact=True, inner=tuple(inner.tolist()))
 
 
 def _in_contact(
-    response: LinearResponse, outputs: Outputs, row: int, holds: bool = False
+    response: LinearResponse, outputs: Outputs, row: int, never_leaves: bool = False
 ) -> SteadyStart | None:
-    """The periodic state; None where contact is lost, or the force cannot be told exactly."""
-    pull = Outputs(-outputs.state, -outputs.law, -outputs.constant)
-    run, opposite = (ModalRun.of(response, one, None, row) for one in (outputs, pull))
+    """Return the periodic state of a model in contact.
+
+    The result is None if contact is lost, unless the model ``never_leaves``, or if the extremes of
+    the force cannot be computed exactly.
+    """
+    negated = Outputs(-outputs.state, -outputs.law, -outputs.constant)
+    run, negated_run = (ModalRun.of(response, output, None, row) for output in (outputs, negated))
     if response.law.velocity_jumps or not run.is_resolved(response.speed):
         return None
-    least = run.min_output(response.speed)
-    if least <= 0.0 and not holds:
+    min_force = run.min_output(response.speed)
+    if min_force <= 0.0 and not never_leaves:
         return None
-    largest = -opposite.min_output(response.speed)
-    return SteadyStart(vibrating(response.periodic()), forces=(least, largest))
+    max_force = -negated_run.min_output(response.speed)
+    return SteadyStart(vibrating(response.periodic()), forces=(min_force, max_force))
 
 
-def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
-    """A shaft in its steady state; one whose flywheel has an inertia begins there by itself."""
+def _steady_shaft(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
+    """Return the steady start of a twisting shaft.
+
+    With a flywheel inertia the model itself starts in its steady state.
+    """
     shaft = shaft_of(rig)
     if shaft.flywheel_inertia is not None:
         return SteadyStart()
@@ -163,44 +198,57 @@ def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
     return SteadyStart(vibrating(np.array([start.twist, start.twist_rate])))
 
 
-def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
-    """A follower turned from rest until no turn to come changes it, or `MAX_FORCE_TURNS`."""
+def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
+    """Turn a follower from rest until no further turn changes it.
+
+    After `MAX_FORCE_TURNS` turns the start is returned as unsettled.
+    """
     model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
     turn = _one_turn(speed)
-    # from 1 ns on: what is turned to settle is sampled nowhere
+    # Start at 1 ns, so that these turns contain no sample.
     interval = replace(turn, start_ns=1, stop_ns=turn.stop_ns + 1)
     state: FollowerState | None = None
     before, change = None, math.inf
     for _ in range(MAX_FORCE_TURNS):
-        end, _block = model.advance(law, parameters, state, interval, FEWEST)
+        end, _block = model.advance(law, parameters, state, interval, SETTLING_RATE)
         state = replace(end, cam_angle=None, cam_speed=None, pending_impulse=0.0)
-        here = _numbers(state, scale)
-        last, change = change, _away(here, before)
+        current = _scaled_state(state, scale)
+        last, change = change, _difference(current, before)
         if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < FORCE_RTOL):
-            return SteadyStart(state)  # what is left of a geometric series
-        before = here
+            return SteadyStart(state)  # remainder of a geometric series
+        before = current
     return SteadyStart(state, settled=False)
 
 
 def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:
-    """A place (m) and a velocity (m/s) that stand for the whole contact force in the stem."""
+    """Return a displacement (m) and a velocity (m/s) as scales of a state.
+
+    They correspond to the whole contact force in the stem.
+    """
     p = FollowerParameters.from_rig(rig)
     force = float(force_weights(p, speed) @ np.array(law.bounds)) + p.preload
     stiffness = p.stem_stiffness or p.spring_stiffness  # a rigid mass on the cam has no stem
-    place = force / stiffness
-    return place, place * math.sqrt(stiffness / p.mass)
+    displacement = force / stiffness
+    return displacement, displacement * math.sqrt(stiffness / p.mass)
 
 
-def _numbers(state: FollowerState, scale: tuple[float, float]) -> FloatArray:
-    """A state as parts of the force: on the cam its vibration alone; places and rates in turn."""
-    own = () if state.in_contact else (state.displacement, state.velocity)
-    numbers = np.array([*own, *state.inner])
+def _scaled_state(state: FollowerState, scale: tuple[float, float]) -> FloatArray:
+    """Return a state relative to its scales.
+
+    On the cam it is the vibration only. Displacements and velocities alternate, and the last number
+    is 1 in contact and 0 in flight.
+    """
+    flight = () if state.in_contact else (state.displacement, state.velocity)
+    numbers = np.array([*flight, *state.inner])
     return np.append(numbers / np.resize(scale, numbers.size), float(state.in_contact))
 
 
-def _away(here: FloatArray, before: FloatArray | None) -> float:
-    """By how much two states differ; infinite where one is on the cam and the other flies."""
-    if before is None or before.size != here.size or here[-1] != before[-1]:
+def _difference(current: FloatArray, before: FloatArray | None) -> float:
+    """Return the largest difference of two states.
+
+    It is infinite if only one of them is in contact.
+    """
+    if before is None or before.size != current.size or current[-1] != before[-1]:
         return math.inf
-    return float(np.abs(here - before).max())
+    return float(np.abs(current - before).max())

@@ -1,6 +1,7 @@
-"""A quantity of a law on a rig, where it is taken, and limits on it, as people write them.
+"""Text form of quantities, their speeds or angles, and limits on them.
 
-``peak_acceleration<=start``, ``lift@90deg>=30mm``, ``residual_vibration@200-400rpm<=1um``.
+Examples are ``peak_acceleration<=start``, ``lift@90deg>=30mm`` and
+``residual_vibration@200-400rpm<=1um``.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from cam_rig.quantities.values import Subject
 
 Sense = Literal["<=", ">="]
+#: Units of a speed and their factors to rad/s.
 SPEED_UNITS = {"rpm": RPM, "rad/s": 1.0}
+#: Units of an angle and their factors to rad.
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
-#: The limit that a quantity's own value of the start law sets.
+#: Limit that is the value of the start law.
 START = "start"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
@@ -30,27 +33,36 @@ _TERM = re.compile(
 
 _LIMIT = re.compile(r"(?P<term>[^<>=]+?)\s*(?P<sense><=|>=|≤|≥)\s*(?P<value>.+)")
 _VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
-#: Units as they are typeset.
+#: Characters of units as tables print them.
 _TYPESET = str.maketrans({"*": "·", "^": ""}) | str.maketrans("23", "²³")
 
 
 def sign_of(sense: Sense) -> float:
-    """1 where less keeps a limit, or is better; −1 where more is."""
+    """Return 1 if smaller values are better or keep a limit, −1 if larger values do."""
     return 1.0 if sense == "<=" else -1.0
 
 
 @dataclass(frozen=True, eq=False)
 class LawQuantity:
-    """A quantity of a law on a rig.
+    """Quantity of a law on a rig.
 
-    ``title`` has the model that it is of; ``unit`` is that of tables, each of ``units`` goes to SI
-    (dB of a level). ``value`` is of a subject, SI: over a range of angles or speeds the one that a
-    limit of that sense is about. ``where`` it is taken: a speed or an angle, a range of them, an
-    event's number, or nothing. A design can keep limits of ``senses``, and minimises a ``goal``
-    where ``<=`` is among them, else maximises. ``signed`` ones may be below zero, or zero; a limit
-    is less than ``below`` (SI); ``order`` is of the derivative of s that it is of. A ``campaign``
-    may measure it, over ``ranges`` of speeds too; ``rigid`` is a jump speed of one rigid mass,
-    which no resonance changes; ``of_run`` of a run of the scene's model, which its title names.
+    Parameters
+    ----------
+    name, title : key, and title with the model to which the quantity belongs
+    unit : unit in tables, a key of ``units``
+    units : accepted units and their factors to SI (dB for a level)
+    value : function that returns the value (SI) of a subject at a term. For a range of angles or
+        speeds it is the value that decides a limit of the given sense.
+    where : domain of its term: a speed, an angle, the number of an event, or none (empty)
+    senses : limits that a design can keep
+    goal : True if a design can minimise it, or maximise it if ``<=`` is not among ``senses``
+    signed : True if limits may be zero or negative
+    below : upper bound of its limits (SI), not included
+    order : order of the derivative of s to which it belongs
+    campaign : True if a campaign can measure it
+    rigid : True for a jump speed of one rigid mass, which no resonance changes
+    of_run : True if it belongs to a run of the scene's model, which its title names
+    ranges : True if a campaign can measure it over a range of speeds
     """
 
     name: str
@@ -71,23 +83,27 @@ class LawQuantity:
 
     @property
     def factor(self) -> float:
-        """One of ``unit`` in SI."""
+        """Factor of ``unit`` to SI."""
         return self.units[self.unit]
 
     @property
     def typeset(self) -> str:
-        """``unit`` as a table shows it."""
+        """``unit`` as tables print it."""
         return {"deg": "°", "um": "µm"}.get(self.unit, self.unit.translate(_TYPESET))
 
     @property
     def si(self) -> str:
-        """The unit of its numbers."""
+        """SI unit of its values."""
         return next(unit for unit, factor in self.units.items() if factor == 1.0)
 
 
 @dataclass(frozen=True)
 class Term:
-    """A quantity and where it is taken: angles (rad), speeds (rad/s), or an event's number."""
+    """Quantity and the domain in which it is taken.
+
+    ``low`` and ``high`` are angles (rad) or speeds (rad/s), equal for a single one. Both are the
+    number of an event, or NaN without a domain.
+    """
 
     quantity: LawQuantity
     low: float = math.nan
@@ -95,41 +111,44 @@ class Term:
 
     @property
     def name(self) -> str:
-        """The quantity's."""
+        """Key of the quantity."""
         return self.quantity.name
 
     @property
     def event(self) -> int:
-        """The number of its event, from 1."""
+        """Number of its event, from 1."""
         return int(self.low)
 
     @property
     def words(self) -> str:
-        """As a table says it."""
+        """Text for tables, such as "lift at 90°"."""
         title, where = self.quantity.title, self.quantity.where
         if where in ("", "event"):
             return f"{title} {self.event}" if where else title
         low, high = self._ends(".6g")
-        at = low if low == high else f"{low} to {high}"
-        return f"{title} at {at}{' rpm' if where == 'rpm' else '°'}"
+        domain = low if low == high else f"{low} to {high}"
+        return f"{title} at {domain}{' rpm' if where == 'rpm' else '°'}"
 
     @property
     def key(self) -> str:
-        """As it is asked for."""
+        """Text that `parse_term` reads, such as ``lift@90deg``."""
         where = self.quantity.where
         if where in ("", "event"):
             return f"{self.name}@{self.event}" if where else self.name
         low, high = self._ends(".12g")
         return f"{self.name}@{low}{'' if low == high else f'-{high}'}{where}"
 
-    def _ends(self, shown: str) -> tuple[str, str]:
+    def _ends(self, style: str) -> tuple[str, str]:
         factor = (SPEED_UNITS | ANGLE_UNITS)[self.quantity.where]
-        return f"{self.low / factor:{shown}}", f"{self.high / factor:{shown}}"
+        return f"{self.low / factor:{style}}", f"{self.high / factor:{style}}"
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit on a quantity; ``value`` in SI, None is that of the start law."""
+    """Limit on a quantity.
+
+    ``value`` is in SI. None is the value of the start law.
+    """
 
     term: Term
     sense: Sense
@@ -137,7 +156,7 @@ class Limit:
 
     @property
     def words(self) -> str:
-        """As a table says it."""
+        """Text for tables, such as "lift at 90° ≥ 30 mm"."""
         quantity, value = self.term.quantity, "the start's"
         if self.value is not None:
             value = f"{self.value / quantity.factor:.4g} {quantity.unit}".rstrip()
@@ -145,7 +164,17 @@ class Limit:
 
 
 def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
-    """A quantity among those known, such as ``residual_vibration@200-400rpm``."""
+    """Parse a quantity with its domain, such as ``residual_vibration@200-400rpm``.
+
+    Parameters
+    ----------
+    text : text of the term
+    known : allowed quantities by name
+
+    Raises
+    ------
+    ConfigError : the quantity is not allowed, or its domain is missing or invalid
+    """
     match, text = _TERM.fullmatch(text.strip()), text.strip()
     name = match["name"] if match else text
     if match is None or name not in known:
@@ -156,7 +185,7 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
     where = quantity.where
     if not where:
         if low is not None:
-            raise ConfigError(f"{name}: is taken at {text!r}; allowed: {name} alone")
+            raise ConfigError(f"{text!r}: {name} needs no speed or angle; allowed: {name} alone")
         return Term(quantity)
     if where == "event":
         number = float(low or "nan")
@@ -167,7 +196,7 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
         needed = f"a speed or a range of speeds, such as {name}@200-400rpm"
         if where == "deg":
             needed = f"an angle or a range, such as {name}@90deg"
-        raise ConfigError(f"{name}: is not said at what; needed: {needed}")
+        raise ConfigError(f"{name}: has no speed or angle; needed: {needed}")
     units, unit = SPEED_UNITS if where == "rpm" else ANGLE_UNITS, match["unit"] or where
     if unit not in units:
         raise ConfigError(f"{text!r}: unit is {unit!r}; allowed: {', '.join(units)}")
@@ -181,7 +210,17 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
 
 
 def parse_limit(text: str, known: Mapping[str, LawQuantity]) -> Limit:
-    """A limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``."""
+    """Parse a limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``.
+
+    Parameters
+    ----------
+    text : text of the limit
+    known : allowed quantities by name
+
+    Raises
+    ------
+    ConfigError : the term, the sense, the value or its unit is not allowed
+    """
     match = _LIMIT.fullmatch(text.strip())
     if match is None:
         raise ConfigError(
@@ -205,9 +244,9 @@ def parse_limit(text: str, known: Mapping[str, LawQuantity]) -> Limit:
             f"limit {text!r}: value is {match['value'].strip()!r}; allowed: a number with one of "
             f"{', '.join(quantity.units)}, or start"
         )
-    found = float(value["number"]) * quantity.units[unit]
-    if not (quantity.signed or 0.0 < found < quantity.below):
+    si_value = float(value["number"]) * quantity.units[unit]
+    if not (quantity.signed or 0.0 < si_value < quantity.below):
         below = quantity.below / quantity.factor
-        most = "" if math.isinf(below) else f" and below {below:g}"
-        raise ConfigError(f"limit {text!r}: allowed: a value above 0{most}")
-    return Limit(term, sense, found)
+        bound = "" if math.isinf(below) else f" and below {below:g}"
+        raise ConfigError(f"limit {text!r}: allowed: a value above 0{bound}")
+    return Limit(term, sense, si_value)

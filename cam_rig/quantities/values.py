@@ -1,4 +1,4 @@
-"""What a law on a rig comes to by each quantity, exactly, whatever law it is."""
+"""Values of all quantities of a law on a rig, exact for every law."""
 
 from __future__ import annotations
 
@@ -33,23 +33,34 @@ from cam_rig.simulation.by_speed import SpeedRow
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Speeds of a range, at which its level or its largest vibration is taken; with landings fewer, as
-#: a turn of each is simulated.
-SPEEDS, SPEEDS_WITH_JUMPS = 41, 13
-#: Gauss points of a cell of a piece, and the phase (rad) of the vibration in it at most.
-GAUSS, CELL_PHASE = 12, 2.0
-#: Peaks that are looked at are no farther below what is allowed, on the grid.
+#: Number of speeds of a range at which a level or the largest vibration is computed.
+SPEEDS = 41
+#: Number of speeds of a range with landings. It is smaller, because a turn of each is simulated.
+SPEEDS_WITH_LANDINGS = 13
+#: Number of Gauss points of a cell of a piece.
+GAUSS_POINTS = 12
+#: Largest phase (rad) of the vibration in a cell.
+MAX_CELL_PHASE = 2.0
+#: Largest relative distance of a value on the grid below the maximum, or below a limit, at which
+#: its peak is computed.
 MISSED = 0.01
-#: Speeds a beat: the largest between two of them is missed by 0.4 % at most; and of a range, most.
-A_BEAT, MAX_SPEEDS = 32, 4096
+#: Number of speeds per beat. The largest amplitude between two of them is higher by at most 0.4 %.
+SPEEDS_PER_BEAT = 32
+#: Largest number of speeds of a range.
+MAX_SPEEDS = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A law on a rig; its cam says what the follower is, ``events`` what lies between the dwells.
+    """Law on a rig, whose quantities are computed.
 
-    These have start and span (rad); ``scene`` is how it is run where a quantity is of a run.
-    ``nominal`` is the law without errors of its profile, which leave no dwell at rest.
+    Parameters
+    ----------
+    law, rig : law and rig
+    cam : cam file with the follower
+    events : start and span (rad) of the events between the dwells
+    scene : scene for the quantities of a run
+    nominal : law without the errors of its profile, which leave no dwell at rest
     """
 
     law: Law
@@ -62,49 +73,52 @@ class Subject:
 
     @cached_property
     def rigid(self) -> FollowerParameters:
-        """The follower as one rigid mass."""
+        """Follower as one rigid mass."""
         return FollowerParameters.from_rig(self.rig)
 
     def run(self, speed: float) -> SpeedRow:
-        """The settled turns at one speed (rad/s), run once for all quantities of them."""
-        assert self.scene is not None  # of quantities of a run
+        """Return the steady turns at a speed (rad/s), computed once for all quantities."""
+        assert self.scene is not None  # set for quantities of a run
         if speed not in self._runs:
             scene = scene_at(self.scene, speed)
             self._runs[speed] = steady_row(self.law, self.rig, scene, speed)
         return self._runs[speed][0]
 
     def unsettled(self, term: Term) -> str:
-        """Of which turns a quantity of a run is that never settles; empty for any other."""
+        """Return a note on a quantity of a run that is not steady, empty for others."""
         if self.scene is None or not term.quantity.of_run or self._runs[term.low][1]:
             return ""
         program = self.scene.program
-        kept = program.turns.si - program.settle_turns.si
+        measured = program.turns.si - program.settle_turns.si
         return (
             f"at {term.low / RPM:.6g} rpm not settled to {FORCE_RTOL:g} in {MAX_FORCE_TURNS} "
-            f"turns, so it is of the {kept:g} turns after them"
+            f"turns, so the {measured:g} turns after them are measured"
         )
 
 
-def jump(one: Subject, follower: AnyFollower, duration: float | None) -> float:
-    """Jump speed (rad/s) of a run from rest (s), or in steady state; 0 or ∞ where there is none."""
-    if one.law.velocity_jumps:  # where the velocity jumps down the follower lifts off
+def jump(subject: Subject, follower: AnyFollower, duration: float | None) -> float:
+    """Return the jump speed (rad/s) of a run from rest of ``duration`` s.
+
+    ``duration`` is None for the steady state. The result is 0 or ∞ if there is no jump speed.
+    """
+    if subject.law.velocity_jumps:  # the follower lifts off where the velocity jumps down
         return 0.0
     try:
-        return find_jump(one.law, follower, duration).speed
-    except NoJumpSpeedError as none:
-        return none.speed
+        return find_jump(subject.law, follower, duration).speed
+    except NoJumpSpeedError as error:
+        return error.speed
 
 
 def peak_of(order: int) -> Callable[..., float]:
-    """The largest of a derivative of either sign."""
-    return lambda one, *_: abs(peak(one.law, order).value)
+    """Return a function of the largest magnitude of a derivative."""
+    return lambda subject, *_: abs(peak(subject.law, order).value)
 
 
 def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
-    """A derivative's largest, or least, over a range of angles."""
+    """Return a function of a derivative's maximum (``<=``) or minimum over angles."""
 
-    def value(one: Subject, term: Term, sense: Sense) -> float:
-        law = one.law
+    def value(subject: Subject, term: Term, sense: Sense) -> float:
+        law = subject.law
         inside = law.breaks[(law.breaks > term.low) & (law.breaks < term.high)]
         values = law(np.append(inside, np.linspace(term.low, term.high, 4097)), order)
         return float(values.max() if sense == "<=" else values.min())
@@ -112,42 +126,48 @@ def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
     return value
 
 
-def rms_acceleration(one: Subject, *_: object) -> float:
-    """Of s'' over the turn, by Gauss points, m/rad²."""
-    law = one.law
+def rms_acceleration(subject: Subject, *_: object) -> float:
+    """Compute the r.m.s. of s'' over the turn in m/rad², by Gauss points."""
+    law = subject.law
     points, weights = np.polynomial.legendre.leggauss(law.degree + 1)
     table = bernstein.basis(law.degree, 0.5 * (points + 1.0))
     squares = (table @ law.derivative_ordinates(2)) ** 2
     return math.sqrt(float((0.5 * weights @ squares) @ law.spans) / TURN)
 
 
-def forces(one: Subject, term: Term) -> list[tuple[float, float]]:
-    """Least and largest contact force (N) of one rigid mass at the ends of a range of speeds."""
-    return [force_extremes(one.law, one.rigid, speed) for speed in {term.low, term.high}]
+def forces(subject: Subject, term: Term) -> list[tuple[float, float]]:
+    """Return the extreme contact forces (N) of one rigid mass at both end speeds."""
+    return [force_extremes(subject.law, subject.rigid, speed) for speed in {term.low, term.high}]
 
 
-def span(one: Subject, term: Term, _: Sense) -> float:
-    """Of an event, rad."""
-    if term.event > len(one.events):
-        count = len(one.events)
-        raise ConfigError(f"{term.key}: {one.cam.name!r} has {count} events; allowed: 1 to that")
-    return one.events[term.event - 1][1]
+def span(subject: Subject, term: Term, _: Sense) -> float:
+    """Return the span of an event, rad."""
+    if term.event > len(subject.events):
+        count = len(subject.events)
+        name = subject.cam.name
+        raise ConfigError(f"{term.key}: cam {name!r} has {count} events; allowed: 1 to {count}")
+    return subject.events[term.event - 1][1]
 
 
-def twist(one: Subject, term: Term, _: Sense) -> float:
-    """Of the shaft in steady state, peak to peak, rad."""
-    return float(np.ptp(steady_twist(one.law, shaft_of(one.rig), term.low)[1]))
+def twist(subject: Subject, term: Term, _: Sense) -> float:
+    """Compute the twist of the shaft in steady state, peak to peak, rad."""
+    return float(np.ptp(steady_twist(subject.law, shaft_of(subject.rig), term.low)[1]))
 
 
-# Residual vibration: the end mass vibrates about its static place, η̈ + 2ζω η̇ + ω² η = d₁ ṡ + d₂ s̈.
+# Residual vibration η of the end mass about its static position.
 
 
 @dataclass(frozen=True)
 class VibrationMode:
-    """One mode in contact: λ (1/s, of positive imaginary part), its drive by ṡ and s̈, its force.
+    """Mode of a follower in contact: η̈ + 2ζω η̇ + ω² η = d₁ ṡ + d₂ s̈.
 
-    ``drive`` is d₁ (1/s) and d₂. To the contact force η and η̇ add ``state`` (N/m, N·s/m), s, ṡ and
-    s̈ ``motion``, and ``constant`` (N) is there always.
+    Parameters
+    ----------
+    rate : eigenvalue λ, 1/s, with positive imaginary part
+    drive : d₁ (1/s) and d₂
+    state : contact force per η (N/m) and η̇ (N·s/m)
+    motion : contact force per s (N/m), ṡ (N·s/m) and s̈ (kg)
+    constant : contact force at rest, N
     """
 
     rate: complex
@@ -158,20 +178,29 @@ class VibrationMode:
 
     @property
     def shown(self) -> complex:
-        """What an amplitude adds to the contact force, half of it."""
+        """Complex contact force per amplitude, N/m: an amplitude a adds 2 Re(shown · a)."""
         return self.state[0] + self.state[1] * self.rate
 
     @classmethod
     def of(cls, p: TwoMassParameters | FollowerParameters) -> VibrationMode:
-        """Of two masses, or of one on its elastic stem (eq. 5 of the paper)."""
+        """Return the mode of two masses, or of one mass on its elastic stem.
+
+        Raises
+        ------
+        ConfigError : the stem does not vibrate, because its damping is too large
+
+        References
+        ----------
+        Equation 5 of the paper.
+        """
         if isinstance(p, TwoMassParameters):
             mass, stiffness = p.end_mass, p.stiffness
             damping, share, roller = p.stem_damping + p.damping, p.share, p.roller_mass
-            stem, stem_damping, pressed = p.stem_stiffness, p.stem_damping, p.share
+            stem, stem_damping, preload_share = p.stem_stiffness, p.stem_damping, p.share
         else:
             mass, stiffness = p.mass, p.spring_stiffness + p.stem
             damping, share, roller = p.damping, p.stem / stiffness, 0.0
-            stem, stem_damping, pressed = p.stem, 0.0, 1.0
+            stem, stem_damping, preload_share = p.stem, 0.0, 1.0
         half = 0.5 * damping / mass
         square = stiffness / mass - half**2
         if square <= 0.0:
@@ -179,208 +208,237 @@ class VibrationMode:
                 f"the stem does not vibrate: its damping is {damping:g} N·s/m; allowed for a "
                 f"residual vibration: below {2.0 * math.sqrt(stiffness * mass):.4g} N·s/m"
             )
-        left = p.spring_stiffness / stiffness
+        spring_share = p.spring_stiffness / stiffness
         return cls(
             rate=complex(-half, math.sqrt(square)),
             drive=((stem_damping - damping * share) / mass, -share),
             state=(-stem, -stem_damping),
-            motion=(stem * left, stem_damping * left, roller),
-            constant=p.preload * pressed,
+            motion=(stem * spring_share, stem_damping * spring_share, roller),
+            constant=p.preload * preload_share,
         )
 
 
 def speeds_of(mode: VibrationMode, longest: float, low: float, high: float) -> FloatArray:
-    """Speeds (rad/s) of a range, falling and even in 1/Ω, so many a beat of an event (rad)."""
+    """Return the speeds (rad/s) at which vibration over a range is computed.
+
+    They are in falling order and equally spaced in 1/Ω, with `SPEEDS_PER_BEAT` per beat of the
+    longest event (rad).
+    """
     if low == high:
         return np.array([low])
     beats = longest * mode.rate.imag * (1.0 / low - 1.0 / high) / TURN
-    count = min(MAX_SPEEDS, max(8, math.ceil(beats * A_BEAT)))
+    count = min(MAX_SPEEDS, max(8, math.ceil(beats * SPEEDS_PER_BEAT)))
     return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, count + 1))
 
 
 def minima(values: FloatArray) -> NDArray[np.bool_]:
-    """Which values are no higher than their neighbours."""
+    """Return the mask of values that are not larger than their neighbours."""
     padded = np.pad(values, 1, constant_values=np.inf)
     return (values <= padded[:-2]) & (values <= padded[2:])
 
 
 def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
-    """Speeds (rad/s) of a curve's peaks, even in 1/Ω: of parabolas of its squares, or ends."""
-    at = np.flatnonzero(minima(-amplitudes) & (amplitudes > above))
-    inner = (at > 0) & (at < amplitudes.size - 1)
-    below, here, beyond = (amplitudes[(at[inner] + k)] ** 2 for k in (-1, 0, 1))
-    curved = 2.0 * here - below - beyond
+    """Return the speeds (rad/s) of the peaks of a curve that is equally spaced in 1/Ω.
+
+    A peak is the vertex of a parabola through three squares, or an end. Peaks up to ``above`` are
+    omitted.
+    """
+    index = np.flatnonzero(minima(-amplitudes) & (amplitudes > above))
+    inner = (index > 0) & (index < amplitudes.size - 1)
+    below, middle, beyond = (amplitudes[(index[inner] + k)] ** 2 for k in (-1, 0, 1))
+    curved = 2.0 * middle - below - beyond
     shift = np.divide(0.5 * (beyond - below), curved, out=np.zeros(curved.size), where=curved > 0.0)
-    found = 1.0 / speeds[at]
-    found[inner] += shift * (1.0 / speeds[at[inner] + 1] - found[inner])
-    return np.asarray(1.0 / found)
+    inverse = 1.0 / speeds[index]
+    inverse[inner] += shift * (1.0 / speeds[index[inner] + 1] - inverse[inner])
+    return np.asarray(1.0 / inverse)
 
 
 def mode_of(rig: RigConfig) -> VibrationMode:
-    """The mode in which the follower vibrates on its stem."""
+    """Return the mode in which the follower of a rig vibrates on its stem."""
     rig.need("stem_stiffness", "a goal or limit of vibration")
     return VibrationMode.of(follower_of(rig))
 
 
-def residual(one: Subject, term: Term, _: Sense) -> float:
-    """The largest amplitude (m) that an event alone leaves, at any speed of a range."""
-    mode, highest = mode_of(one.rig), []
-    speeds = speeds_of(mode, max(span for _, span in one.events), term.low, term.high)
-    for start, length in one.events:
+def residual(subject: Subject, term: Term, _: Sense) -> float:
+    """Compute the largest amplitude (m) after one event, over a range of speeds."""
+    mode, highest = mode_of(subject.rig), []
+    speeds = speeds_of(mode, max(span for _, span in subject.events), term.low, term.high)
+    for start, length in subject.events:
         ends = start, start + length
-        found = left_by(mode, one.law, *ends, speeds)
-        for speed in peaks(speeds, found, float(found.max()) * (1.0 - MISSED)):
-            highest.append(float(left_by(mode, one.law, *ends, np.array([speed]))[0]))
+        amplitudes = amplitude_after(mode, subject.law, *ends, speeds)
+        for speed in peaks(speeds, amplitudes, float(amplitudes.max()) * (1.0 - MISSED)):
+            highest.append(float(amplitude_after(mode, subject.law, *ends, np.array([speed]))[0]))
     return max(highest)
 
 
-def left_by(
+def amplitude_after(
     mode: VibrationMode, law: Law, start: float, end: float, speeds: FloatArray
 ) -> FloatArray:
-    """Amplitude (m) that a law leaves between two angles (rad) from rest, at speeds (rad/s)."""
+    """Compute the amplitudes (m) after a law from rest between two angles (rad)."""
     edges = law.breaks[(law.breaks > start) & (law.breaks < end)]
     edges = np.array([start, *edges, end])
-    most = CELL_PHASE * float(speeds.min()) / mode.rate.imag
-    cut = [np.linspace(a, b, 2 + int((b - a) / most))[:-1] for a, b in pairwise(edges)]
+    max_cell = MAX_CELL_PHASE * float(speeds.min()) / mode.rate.imag
+    cut = [np.linspace(a, b, 2 + int((b - a) / max_cell))[:-1] for a, b in pairwise(edges)]
     edges = np.append(np.concatenate(cut), end)
-    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     width = np.diff(edges)[:, None]
     angles = (edges[:-1, None] + 0.5 * width * (points + 1.0)).ravel()
     share = (0.5 * width * weights).ravel()
     _, slope, curvature = law.motion_at(angles) * share
-    found = np.empty(speeds.size)
+    amplitudes = np.empty(speeds.size)
     for i, speed in enumerate(speeds.tolist()):
-        fading = np.exp(mode.rate / speed * (end - angles))
-        total = (mode.drive[0] * slope + mode.drive[1] * speed * curvature) @ fading
-        found[i] = abs(total) / mode.rate.imag
-    return found
+        decay = np.exp(mode.rate / speed * (end - angles))
+        total = (mode.drive[0] * slope + mode.drive[1] * speed * curvature) @ decay
+        amplitudes[i] = abs(total) / mode.rate.imag
+    return amplitudes
 
 
-def steady_residual(one: Subject, term: Term, _: Sense) -> float:
-    """The largest free vibration (m) in the low dwell of a mass on its stem, in steady state."""
+def steady_residual(subject: Subject, term: Term, _: Sense) -> float:
+    """Compute the largest free vibration (m) of a mass on its stem in the low dwell."""
     count = 1 if term.low == term.high else SPEEDS
     speeds = np.linspace(term.low, term.high, count)
-    follower = FollowerParameters.on_stem(one.rig, f"the measure {term.name}")
-    window = low_dwell(one.nominal or one.law)
-    return float(residual_vibration(one.law, follower, speeds, window).max())
+    follower = FollowerParameters.on_stem(subject.rig, f"the measure {term.name}")
+    window = low_dwell(subject.nominal or subject.law)
+    return float(residual_vibration(subject.law, follower, speeds, window).max())
 
 
 def in_row(name: str) -> Callable[[Subject, Term, Sense], float]:
-    """A number of the settled turns at a speed."""
-    return lambda one, term, _: float(getattr(one.run(term.low), name))
+    """Return a function of a number of the steady turns at a speed."""
+    return lambda subject, term, _: float(getattr(subject.run(term.low), name))
 
 
-def run_level(one: Subject, term: Term, _: Sense) -> float:
-    """Of the settled turns at a speed."""
-    one.rig.need_radiation(f"the measure {term.name}")
-    level = one.run(term.low).level_db
+def run_level(subject: Subject, term: Term, _: Sense) -> float:
+    """Return the sound level (dB) of the steady turns at a speed."""
+    subject.rig.need_radiation(f"the measure {term.name}")
+    level = subject.run(term.low).level_db
     if level is None:
         raise DynamicsError(f"{term.key}: no settled turn to measure")
     return level
 
 
-def rigid_level(one: Subject, term: Term, _: Sense) -> float:
-    """Of the mean power over a range of speeds, of a mass that stays on the cam."""
-    radiation = RadiationParameters.from_rig(one.rig, lands=False)
+def rigid_level(subject: Subject, term: Term, _: Sense) -> float:
+    """Compute the level (dB) of the mean power over speeds, without landings."""
+    radiation = RadiationParameters.from_rig(subject.rig, lands=False)
     rates = [
-        mean_square_rate(one.law, one.rigid, radiation.corner_rate, speed)
+        mean_square_rate(subject.law, subject.rigid, radiation.corner_rate, speed)
         for speed in np.linspace(term.low, term.high, SPEEDS).tolist()
     ]
-    return level_of(one.rig, term, math.sqrt(float(np.mean(rates))))
+    return level_of(subject.rig, term, math.sqrt(float(np.mean(rates))))
 
 
 def _background(radiation: RadiationParameters, term: Term) -> float:
+    """Return the mean background power (Pa²) over a range of speeds."""
     speeds = np.linspace(term.low, term.high, SPEEDS)
     return float(np.mean([radiation.background_power(speed) for speed in speeds.tolist()]))
 
 
 def level_of(rig: RigConfig, term: Term, rate: float) -> float:
-    """The level (dB) of a mean square rate's root (N/s), with the background."""
+    """Return the level (dB) of an r.m.s. rate of force (N/s), with the background."""
     radiation = RadiationParameters.from_rig(rig, lands=False)
     power = _background(radiation, term) + (radiation.gain * rate) ** 2
     return float(level_db(np.array([math.sqrt(power)]))[0])
 
 
 def rate_of(rig: RigConfig, term: Term, level: float) -> float:
-    """The other way; not above zero where the background alone is as loud."""
+    """Return the r.m.s. rate of force (N/s) of a level (dB).
+
+    It is the inverse of `level_of`, and not above zero if the background alone has that level.
+    """
     radiation = RadiationParameters.from_rig(rig, lands=False)
     power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
     return math.copysign(math.sqrt(abs(power)), power) / radiation.gain
 
 
-def level_with_jumps(one: Subject, term: Term, *_: object) -> float:
-    """Of the mean power over a range of speeds, settled turns of one mass, with landings."""
-    count = 1 if term.low == term.high else SPEEDS_WITH_JUMPS
+def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
+    """Compute the level (dB) of the mean power over speeds, with landings."""
+    count = 1 if term.low == term.high else SPEEDS_WITH_LANDINGS
     speeds = np.linspace(term.low, term.high, count)
-    turns = settled_turns(one.law, "one_mass", one.rigid, speeds)
-    levels = Acoustics(RadiationParameters.from_rig(one.rig)).levels(turns)
+    turns = settled_turns(subject.law, "one_mass", subject.rigid, speeds)
+    levels = Acoustics(RadiationParameters.from_rig(subject.rig)).levels(turns)
     power = float(np.mean(10.0 ** (0.1 * (levels - levels.max()))))
     return float(levels.max() + 10.0 * np.log10(power))
 
 
-# What depends on s, s', s'' at one cam angle: torque and contour.
+# Quantities that depend on s, s', s'' at one cam angle: torque and contour.
 
-#: A quantity's branches ``(b, ...)`` of motions of one shape: the greatest is the worst.
+#: Function that returns the branches ``(b, ...)`` of a quantity. The greatest is its value.
 Branches = Callable[[Motion], FloatArray]
-#: Samples of a piece, at least, and of a turn; local maxima that are no lower than this part of
-#: the greatest are found to rounding.
-SAMPLES, SAMPLES_OF_TURN, NEARLY = 65, 4096, 0.02
+#: Smallest number of samples of a piece.
+SAMPLES = 65
+#: Number of samples of a turn.
+SAMPLES_PER_TURN = 4096
+#: Largest relative distance of a local maximum from the greatest one at which it is computed to
+#: rounding.
+MAXIMUM_RTOL = 0.02
 
 
-def pressure_angle(one: Subject, *_: object) -> float:
-    """The largest on any disc, rad."""
-    return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in _scans(one))
+def pressure_angle(subject: Subject, *_: object) -> float:
+    """Compute the largest pressure angle on any disc, rad."""
+    scans = _scans(subject)
+    return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in scans)
 
 
-def least_radius(one: Subject, *_: object) -> float:
-    """Of curvature on any disc where it is convex, m."""
-    return min(float(sharpest_convex(scan).value) for scan in _scans(one))
+def least_radius(subject: Subject, *_: object) -> float:
+    """Compute the smallest convex radius of curvature on any disc, m."""
+    return min(float(sharpest_convex(scan).value) for scan in _scans(subject))
 
 
-def _scans(one: Subject) -> list[Scan]:
-    return [Scan(one.law, plate.element) for plate in discs(one.cam.follower, one.law)]
+def _scans(subject: Subject) -> list[Scan]:
+    """Return a scan of each disc of the cam."""
+    return [Scan(subject.law, plate.element) for plate in discs(subject.cam.follower, subject.law)]
 
 
-def torque(one: Subject, term: Term, _: Sense) -> float:
-    """The largest of either sign of one rigid mass at any speed of a range, N·m."""
-    return max(value for value, _ in maxima(one.law, torques(one.rigid, term)))
+def torque(subject: Subject, term: Term, _: Sense) -> float:
+    """Compute the largest magnitude of the torque (N·m) over a range of speeds."""
+    return max(value for value, _ in maxima(subject.law, torques(subject.rigid, term)))
 
 
 def torques(p: FollowerParameters, term: Term) -> Branches:
-    """±(k s + c Ω s' + m Ω² s'' + F₀) s' (eq. 8) at two speeds, and where it turns."""
+    """Return the branches of the torque (N·m) of one rigid mass.
+
+    They are ±(k s + c Ω s' + m Ω² s'' + F₀) s' (eq. 8 of the paper) at both ends of the range of
+    speeds, and at the speed of the extreme between them.
+    """
     low, high = term.low, term.high
 
     def at(motion: Motion, speed: FloatArray) -> FloatArray:
+        """Return the torque (N·m) at a speed (rad/s)."""
         force = p.spring_stiffness * motion.s + p.preload
         force = force + (p.damping * motion.slope + p.mass * speed * motion.curvature) * speed
         return np.asarray(force * motion.slope)
 
     def branches(motion: Motion) -> FloatArray:
-        found = [at(motion, np.full(motion.s.shape, speed)) for speed in dict.fromkeys((low, high))]
+        speeds = dict.fromkeys((low, high))
+        results = [at(motion, np.full(motion.s.shape, speed)) for speed in speeds]
         if low < high:
             with np.errstate(divide="ignore", invalid="ignore"):
-                turns = -0.5 * p.damping * motion.slope / (p.mass * motion.curvature)
-            found.append(at(motion, np.clip(np.where(np.isnan(turns), low, turns), low, high)))
-        return np.concatenate([found, np.negative(found)])
+                extreme = -0.5 * p.damping * motion.slope / (p.mass * motion.curvature)
+            extreme = np.where(np.isnan(extreme), low, extreme)
+            results.append(at(motion, np.clip(extreme, low, high)))
+        return np.concatenate([results, np.negative(results)])
 
     return branches
 
 
 def maxima(law: Law, branches: Branches) -> list[tuple[float, float]]:
-    """Greatest value of all branches and angle (rad) of each piece near the turn's; ∞ for NaN."""
-    count = max(SAMPLES, min(512, SAMPLES_OF_TURN // law.spans.size))
+    """Return the greatest value of all branches in each piece, with its angle (rad).
+
+    Only pieces whose maximum is close to that of the turn are returned. The result is ∞ if a value
+    is not a number.
+    """
+    count = max(SAMPLES, min(512, SAMPLES_PER_TURN // law.spans.size))
     u = np.linspace(0.0, 1.0, count)
     values = branches(Motion.on_pieces(law, u)).max(axis=0)
     if not np.isfinite(values).all():
         return [(np.inf, 0.0)]
     best = values.max(axis=0)
-    near = best >= best.max() - NEARLY * abs(best.max())
-    found = []
-    for piece in np.flatnonzero(near).tolist():
+    selected = best >= best.max() - MAXIMUM_RTOL * abs(best.max())
+    result = []
+    for piece in np.flatnonzero(selected).tolist():
 
-        def curve(at: FloatArray, piece: int = piece) -> FloatArray:
-            return np.asarray(branches(Motion.on_piece(law, piece, at)).max(axis=0))
+        def curve(position: FloatArray, piece: int = piece) -> FloatArray:
+            return np.asarray(branches(Motion.on_piece(law, piece, position)).max(axis=0))
 
-        at, value = zoom(curve, float(u[values[:, piece].argmax()]), float(u[1]))
-        found.append((value, float(law.breaks[piece] + at * law.spans[piece])))
-    return found
+        position, value = zoom(curve, float(u[values[:, piece].argmax()]), float(u[1]))
+        result.append((value, float(law.breaks[piece] + position * law.spans[piece])))
+    return result

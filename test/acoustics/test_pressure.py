@@ -1,4 +1,4 @@
-"""Contact force to sound pressure: radiation, energy, samples, and the exact steady sound."""
+"""Contact force to sound pressure: radiation, energy, samples, exact steady sound."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from cam_rig import acoustics
 from cam_rig.acoustics import MicrophoneState, SoundSource, level_db, pressure_pa, rms_pressure
-from cam_rig.acoustics.pressure import BLOCK, Background, first_order, mean_square_rate
+from cam_rig.acoustics.pressure import BLOCK_SIZE, Background, first_order, mean_square_rate
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.laws import bernstein
 from cam_rig.units import RPM, TURN, rms
@@ -20,7 +20,7 @@ RATE, SPEED = 4000, 30.0
 
 @pytest.fixture
 def silent(radiation):
-    """Without background (−400 dB)."""
+    """Return radiation without background (−400 dB)."""
     return dataclasses.replace(radiation, background=-400.0)
 
 
@@ -29,26 +29,31 @@ def random():
     return np.random.default_rng(11)
 
 
-# Levels, and the constants of a rig.
+# Levels, and constants of a rig.
 
 
-def test_reference_values():
-    """20 µPa is 0 dB; 94 dB, the calibrator's level, is 1.0024 Pa; ten times more is 20 dB."""
+def test_levels_have_their_reference_values():
+    """20 µPa is 0 dB, and 94 dB, the level of a calibrator, is 1.0024 Pa.
+
+    A tenfold pressure is 20 dB higher.
+    """
     np.testing.assert_allclose(level_db(np.array([20e-6, 2e-4])), [0.0, 20.0], rtol=1e-14)
     assert pressure_pa(np.array([0.0, 94.0])) == pytest.approx([20e-6, 1.0024], abs=5e-5)
     levels = np.linspace(-50.0, 200.0, 60)
     assert level_db(pressure_pa(levels)) == pytest.approx(levels, abs=1e-12)
 
 
-def test_constants_of_a_rig(rig, follower, radiation):
-    """In SI; the background is the given one at its speed, and one slope higher an octave on."""
-    # Twice the impulse of a landing, four times the energy; no impulse, none.
-    found, at = acoustics.RadiationParameters.from_rig(rig), radiation.background_at
+def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
+    """The constants are in SI, and the background rises by its slope per octave.
+
+    Twice the impulse of a landing has four times the energy.
+    """
+    constants, base = acoustics.RadiationParameters.from_rig(rig), radiation.background_at
     for key in ("gain", "corner", "background_at"):
-        assert getattr(found, key) == getattr(rig.radiation, key).si
-    assert found.contact_time == pytest.approx(follower.contact_time, rel=1e-15)
+        assert getattr(constants, key) == getattr(rig.radiation, key).si
+    assert constants.contact_time == pytest.approx(follower.contact_time, rel=1e-15)
     low, high = (
-        float(level_db(math.sqrt(radiation.background_power(speed)))) for speed in (at, 2 * at)
+        float(level_db(math.sqrt(radiation.background_power(speed)))) for speed in (base, 2 * base)
     )
     assert low == pytest.approx(radiation.background, abs=1e-12)
     assert high - low == pytest.approx(radiation.background_slope, abs=1e-12)
@@ -59,9 +64,9 @@ def test_constants_of_a_rig(rig, follower, radiation):
 
 @pytest.mark.parametrize("share", [1e-2, 1e-4])
 def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
-    """∫p² dt of a half-sine pulse of impulse J, from the structure's closed-form response."""
-    # While the pulse lasts it tends to (gain ω_c J)² π²/(8 T_c) as ω_c T_c → 0; the structure, left
-    # at ω_c J, then adds gain² ω_c³ J²/2, which the microphone hears through q.
+    """The energy of a half-sine pulse agrees with a closed-form response."""
+    # During the pulse the energy tends to (gain ω_c J)² π²/(8 T_c) as ω_c T_c → 0. The structure
+    # ends at ω_c J and then adds gain² ω_c³ J²/2, which the microphone receives through q.
     time, impulse = radiation.contact_time, 2.0
     rate, nu = share / time, math.pi / time
     low = dataclasses.replace(radiation, corner=rate / (2.0 * math.pi))
@@ -81,30 +86,30 @@ def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
 
 
 def test_the_low_pass_is_the_recursion():
-    """One sample after the other, from what was before the first; cut anywhere it is the same."""
-    # The power that takes a block's end to the next one's is rounded once a block, as long as the
-    # low pass remembers.
+    """The blocks agree with the recursion, and with any division of the samples."""
+    # The factor from the end of a block to the next one is rounded once per block, within the
+    # memory of the low-pass filter.
     decays = (0.0, 1e-5, 0.01, 0.6, 30.0, 800.0)
-    for count in (0, 1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3000):
+    for count in (0, 1, 2, BLOCK_SIZE - 1, BLOCK_SIZE, BLOCK_SIZE + 1, 3000):
         drive = np.random.default_rng(count).normal(size=count)
         for decay in decays:
             keep = math.exp(-decay)
-            wanted = lfilter([1.0], [1.0, -keep], drive, zi=[keep * 1.3])[0]
-            remembered = min(count, 1.0 / max(decay, 1e-9)) / BLOCK
-            limit = (1e-14 + 2.0**-53 * remembered) * np.abs(wanted).max(initial=1.0)
-            found = first_order(keep, drive, 1.3)
-            np.testing.assert_allclose(found, wanted, rtol=0.0, atol=limit)
+            expected = lfilter([1.0], [1.0, -keep], drive, zi=[keep * 1.3])[0]
+            remembered = min(count, 1.0 / max(decay, 1e-9)) / BLOCK_SIZE
+            limit = (1e-14 + 2.0**-53 * remembered) * np.abs(expected).max(initial=1.0)
+            result = first_order(keep, drive, 1.3)
+            np.testing.assert_allclose(result, expected, rtol=0.0, atol=limit)
     whole = first_order(0.99, drive, -0.5)
     first = first_order(0.99, drive[:333], -0.5)
     rest = first_order(0.99, drive[333:], float(first[-1]))
     np.testing.assert_allclose(np.concatenate([first, rest]), whole, rtol=0.0, atol=1e-13)
 
 
-# By energy: r.m.s. pressure block by block.
+# R.m.s. pressure by energy, block by block.
 
 
-def heard_structure(radiation, ordinates, rate, seconds=0.5):
-    """Structure at the end of a polynomial force, and the exact one."""
+def structure_after_force(radiation, ordinates, rate, seconds=0.5):
+    """Return the structure after a polynomial force, and the exact one."""
     force = bernstein.evaluate(ordinates, np.linspace(0.0, 1.0, int(seconds * rate) + 1))
     state, _ = rms_pressure(radiation, None, force, np.zeros_like(force), rate, SPEED)
     w = radiation.corner_rate
@@ -112,21 +117,24 @@ def heard_structure(radiation, ordinates, rate, seconds=0.5):
     return state.structure, float(exact[0])
 
 
-def test_the_structure_under_a_force(silent, random):
-    """Straight in time it is the exact propagator's, to rounding."""
-    # Curved, the error is that of the chord: four times less at twice the rate.
-    heard, exact = heard_structure(silent, np.array([3.0, -40.0]), RATE)
-    assert heard == pytest.approx(exact, rel=1e-12)
+def test_the_structure_is_exact_under_a_linear_force(silent, random):
+    """Under a linear force the structure is that of the exact propagator, to rounding."""
+    # Under a curved force the error is that of the chord: a quarter at twice the rate.
+    result, exact = structure_after_force(silent, np.array([3.0, -40.0]), RATE)
+    assert result == pytest.approx(exact, rel=1e-12)
     curved = 100.0 * random.normal(size=6)
     coarse, fine = (
-        abs(np.subtract(*heard_structure(silent, curved, rate))) for rate in (RATE, 2 * RATE)
+        abs(np.subtract(*structure_after_force(silent, curved, rate))) for rate in (RATE, 2 * RATE)
     )
     assert coarse < 1e-3  # of forces of 100 N
     assert coarse / fine == pytest.approx(4.0, rel=0.02)
 
 
-def test_ramps_and_rest(radiation, silent, random):
-    """Below the corner the pressure is gain · Ḟ: a ramp of 500 N/s, once settled."""
+def test_pressure_of_ramps_and_of_rest(radiation, silent, random):
+    """A ramp of 500 N/s has the pressure gain · Ḟ after its transient.
+
+    At rest the pressure is that of the background.
+    """
     t, none = np.arange(2 * RATE) / RATE, np.zeros(RATE)
     state, _ = rms_pressure(silent, None, 500.0 * t[:RATE], none, RATE, SPEED)
     _, pressure = rms_pressure(silent, state, 500.0 * t[RATE:], none, RATE, SPEED)
@@ -141,8 +149,8 @@ def test_ramps_and_rest(radiation, silent, random):
     assert twice == pytest.approx(2.0 * once, rel=1e-12)
 
 
-def test_two_blocks_hold_the_energy_of_one(radiation, random):
-    """Σ p² n over two blocks is p² n over both: nothing depends on the block's length."""
+def test_two_blocks_have_the_energy_of_one(radiation, random):
+    """The energy of two blocks is that of one, so the block length has no effect."""
     force = np.cumsum(random.normal(size=1000))
     impulse = np.where(random.random(1000) < 0.01, 0.3, 0.0)
     whole_state, whole = rms_pressure(radiation, None, force, impulse, RATE, SPEED)
@@ -155,15 +163,15 @@ def test_two_blocks_hold_the_energy_of_one(radiation, random):
         assert state.structure == pytest.approx(whole_state.structure, rel=1e-12)
 
 
-def test_one_landing(silent):
-    """A landing alone: the pulse's energy, and the tail of the structure it leaves behind."""
+def test_a_landing_radiates_pulse_and_decay(silent):
+    """A landing radiates the energy of its pulse and of the decay after it."""
     impulse, none, w = np.zeros(RATE), np.zeros(RATE), silent.corner_rate
     impulse[10] = 1.5
     state, pressure = rms_pressure(silent, MicrophoneState(0.0, 0.0), none, impulse, RATE, SPEED)
     pulse = float(silent.landing_energy(np.array([1.5]))[0])
     tail = silent.gain**2 * (w * w * 1.5) ** 2 / RATE / -np.expm1(-2.0 * w / RATE)
     assert pressure**2 * RATE / RATE == pytest.approx(pulse + tail, rel=1e-9)
-    # in the limit of a high sample rate the tail is gain² ω_c³ J²/2, less by ω_c/rate
+    # In the limit of a high sample rate the tail is gain² ω_c³ J²/2, with an error of ω_c/rate.
     assert tail == pytest.approx(silent.gain**2 * w**3 * 1.5**2 / 2, rel=2 * w / RATE)
     assert state.structure == pytest.approx(w * 1.5 * np.exp(-w * (RATE - 11) / RATE), rel=1e-9)
 
@@ -176,20 +184,20 @@ def test_empty_blocks_are_refused(radiation):
         SoundSource(radiation, RATE).pressure(none, none, SPEED)
 
 
-# As samples: what arrives at the microphone.
+# Sound pressure as samples.
 
 FAST = 12_000
 
 
 def smooth_force(seconds):
-    """A force of some tens of N with harmonics up to 60 Hz."""
+    """Return a force of some tens of N with harmonics up to 60 Hz."""
     t = np.arange(round(seconds * FAST)) / FAST
     return sum(30.0 / n * np.cos(2.0 * np.pi * 5.0 * n * t + n) for n in range(1, 13))
 
 
-def test_samples_hold_the_energy_of_the_account(silent):
-    """Without background, LZeq of the samples is the level of `rms_pressure`, to 1e-3 dB."""
-    # The force is straight between samples, so a higher rate only fills in.
+def test_samples_have_the_energy_of_rms_pressure(silent):
+    """Without background LZeq of the samples is that of `rms_pressure`, to 1e-3 dB."""
+    # The force is linear between samples, so a higher rate only interpolates.
     force, none = smooth_force(1.0), np.zeros(FAST)
     _, account = rms_pressure(silent, None, force, none, FAST, SPEED)
     source = SoundSource(silent, FAST)
@@ -199,8 +207,8 @@ def test_samples_hold_the_energy_of_the_account(silent):
     np.testing.assert_allclose(fine[source.factor - 1 :: source.factor], coarse, atol=1e-12)
 
 
-def test_pressure_is_at_the_listening_rate(silent):
-    """The smallest whole multiple of the block's rate from 96 kHz on, and never less than it."""
+def test_the_rate_is_a_multiple_from_96_khz_on(silent):
+    """The rate is the smallest multiple of the block rate from 96 kHz on."""
     rates = {1000: 96_000, 12_000: 96_000, 44_100: 132_300, 96_000: 96_000, 200_000: 200_000}
     for block_rate, rate in rates.items():
         source, block = SoundSource(silent, block_rate), np.zeros(10)
@@ -209,7 +217,7 @@ def test_pressure_is_at_the_listening_rate(silent):
 
 
 def test_a_landing_keeps_area_and_energy(silent):
-    """∫p dt of a pulse is gain ω_c J at any contact time, shorter than a sample or longer."""
+    """∫p dt of a pulse is gain ω_c J, also if the pulse is shorter than a sample."""
     # ∫p² of the sampled half sine is that of `landing_energy`, within 1 % (0.2 ms at 96 kHz).
     impulse, none = np.zeros(200), np.zeros(200)
     impulse[[3, 60]] = 1.5, 0.5
@@ -225,8 +233,8 @@ def test_a_landing_keeps_area_and_energy(silent):
 
 
 @pytest.mark.parametrize("size", [1, 3, 250, 999])
-def test_blocks_do_not_matter(radiation, random, size):
-    """Cut anywhere, even within a landing's pulse, the samples are the same: state is carried."""
+def test_samples_do_not_depend_on_blocks(radiation, random, size):
+    """Any division into blocks gives the same samples, even within a landing's pulse."""
     force = smooth_force(1000 / FAST)
     impulse = np.where(random.random(1000) < 0.02, 0.4, 0.0)
     whole = SoundSource(radiation, FAST).pressure(force, impulse, SPEED)
@@ -236,37 +244,40 @@ def test_blocks_do_not_matter(radiation, random, size):
     np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-9, atol=1e-12)
 
 
-def test_background(radiation):
-    """At rest it is heard, at the level of the speed, 3.2 dB higher an octave on."""
+def test_the_background_has_its_level_and_seed(radiation):
+    """At rest the background has the level of the speed, and depends on the seed."""
     source, still = SoundSource(radiation, FAST), np.full(2 * FAST, 100.0)
     for speed in (radiation.background_at, 2.0 * radiation.background_at):
-        heard = float(level_db(rms(source.pressure(still, 0.0 * still, speed))))
-        wanted = float(level_db(np.sqrt(radiation.background_power(speed))))
-        assert heard == pytest.approx(wanted, abs=0.2)
+        level = float(level_db(rms(source.pressure(still, 0.0 * still, speed))))
+        expected = float(level_db(np.sqrt(radiation.background_power(speed))))
+        assert level == pytest.approx(expected, abs=0.2)
     still = np.zeros(100)
-    one, same, other = (
+    first, same, other = (
         SoundSource(radiation, FAST, seed=seed).pressure(still, still, SPEED) for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(one, same)
-    assert not np.allclose(one, other)
+    np.testing.assert_array_equal(first, same)
+    assert not np.allclose(first, other)
 
 
 def test_background_spectrum():
-    """Unit variance at any rate, and 6 dB an octave less above the corner."""
+    """The background has unit variance at any rate.
+
+    Above the corner it falls by 6 dB per octave.
+    """
     for rate in (48_000, 96_000):
         noise = Background(500.0, rate, seed=4).samples(5 * rate)
         assert float(np.var(noise)) == pytest.approx(1.0, rel=0.03)
         spectrum = acoustics.third_octaves(noise, rate)
         level = dict(zip(spectrum.names, spectrum.level_db, strict=True))
         assert level["100"] - level["50"] == pytest.approx(3.0, abs=0.7)  # white: 3 dB an octave
-        assert level["8k"] - level["4k"] == pytest.approx(-3.0, abs=0.5)  # 3 dB less 6
+        assert level["8k"] - level["4k"] == pytest.approx(-3.0, abs=0.5)  # 3 dB − 6 dB
 
 
-# The exact steady sound: against Parseval's theorem, and against simulation.
+# Exact steady sound, compared with Parseval's theorem.
 
 
 def parseval(law, p, corner_rate, speed, points=2**17):
-    """Σ |iω ω_c/(ω_c + iω) F(ω)|² over the harmonics of the force."""
+    """Return Σ |iω ω_c/(ω_c + iω) F(ω)|² over the harmonics of the force."""
     s, ds, dds = (law(np.arange(points) * TURN / points, k) for k in range(3))
     force = p.mass * speed**2 * dds + p.damping * speed * ds + p.spring_stiffness * s
     omega = 1j * speed * np.arange(points // 2 + 1)
@@ -278,9 +289,9 @@ def parseval(law, p, corner_rate, speed, points=2**17):
 @pytest.mark.parametrize("name", ["bezier15", "poly345", "poly4567", "cycloidal"])
 @pytest.mark.parametrize("corner", [1.0, 20.0, 1000.0])
 @pytest.mark.parametrize("rpm", [200.0, 400.0])
-def test_against_parseval(laws, follower, name, corner, rpm):
-    """Mean square of Ḟ behind the corner: time domain equals frequency domain."""
-    # 1e-8: harmonics of a force that is continuous fall as n⁻², with the filter's as n⁻⁴ and more.
+def test_mean_square_agrees_with_parseval(laws, follower, name, corner, rpm):
+    """The mean square of the filtered Ḟ is equal in time and frequency domain."""
+    # 1e-8: harmonics of a continuous force fall as n⁻², and behind the filter as n⁻⁴ or faster.
     rate, speed = 2.0 * np.pi * corner, rpm * RPM
     exact = mean_square_rate(laws[name], follower, rate, speed)
     assert exact == pytest.approx(parseval(laws[name], follower, rate, speed), rel=1e-8)

@@ -1,4 +1,4 @@
-"""The meter and its filters against IEC 61672-1 and 61260-1, and what a recorded sound measures."""
+"""Sound-level meter against IEC 61672-1 and 61260-1, and levels of recorded sound."""
 
 import numpy as np
 import pytest
@@ -8,10 +8,10 @@ from cam_rig.acoustics import SoundLevelMeter, level_db, pressure_pa, third_octa
 from cam_rig.acoustics.sound_level_meter import (
     CLASS_1,
     POLES,
-    SILENCE,
+    SILENCE_DB,
     ZEROS,
     class_1_up_to_hz,
-    exact,
+    exact_frequency,
     full_scale,
     measure,
     pcm,
@@ -23,26 +23,30 @@ from cam_rig.units import rms
 
 RATE, LOW_RATE = 96_000, 48_000
 
-# The digital weightings against annex E and table 3, at any rate.
+# Digital weightings, compared with annex E and table 3 at any rate.
 
 RATES = [8000, 11_025, 12_000, 16_000, 22_050, 32_000, 44_100, 48_000, 96_000, 192_000, 10**6]
 RATES += np.random.default_rng(1).integers(8000, 10**6, 5).tolist()
-#: Up to which frequency the filters are class 1.
+#: Frequencies (Hz) up to which the filters are class 1, by sample rate.
 REACH = {96_000: 20e3, 48_000: 20e3, 44_100: 20e3, 40_000: 20e3, 32_000: 16e3, 12_000: 5e3}
 REACH |= {8000: 4e3, 1000: 400.0, 100: 40.0, 19: 0.0}
 
 
-def test_the_tables_goals_are_annex_es_formula():
-    """Each of the 68 numbers is the formula's, to the table's 0.1 dB."""
-    at = np.array([exact(row[0]) for row in CLASS_1])
+def test_goals_of_the_table_are_those_of_annex_e():
+    """Each of the 68 goals is that of the formula, to the table's 0.1 dB."""
+    frequencies = np.array([exact_frequency(row[0]) for row in CLASS_1])
     for column, curve in enumerate("AC", start=1):
         goals = [row[column] for row in CLASS_1]
-        assert 10.0 * np.log10(weighting_power(curve, at)) == pytest.approx(goals, abs=0.0501)
+        levels = 10.0 * np.log10(weighting_power(curve, frequencies))
+        assert levels == pytest.approx(goals, abs=0.0501)
     assert weighting_power("Z", np.array([3.0, 20_000.0])).tolist() == [1.0, 1.0]
 
 
 def test_the_response_is_the_analog_one():
-    """To 0.07 dB up to nine tenths of half the rate or of 20 kHz, and to 0.55 dB at the end."""
+    """The error is at most 0.07 dB up to 0.9 of half the rate or of 20 kHz.
+
+    Up to the end it is at most 0.55 dB.
+    """
     for i, rate in enumerate(RATES):
         curve, top = "AC"[i % 2], min(rate / 2.0, 20_000.0)
         sections = weighting_filter(curve, rate)
@@ -51,15 +55,18 @@ def test_the_response_is_the_analog_one():
             (np.linspace(0.9 * top, top, 50), 0.55),
         ):
             response = np.abs(sosfreqz(sections, frequency, fs=rate)[1])
-            wanted = 10.0 * np.log10(weighting_power(curve, frequency))
-            assert np.abs(20.0 * np.log10(response) - wanted).max() < limit
+            expected = 10.0 * np.log10(weighting_power(curve, frequency))
+            assert np.abs(20.0 * np.log10(response) - expected).max() < limit
         poles = [np.roots(section[3:]) for section in sections]
         assert max(np.abs(pair).max(initial=0.0) for pair in poles) < 1.0
 
 
-def test_how_far_class_1_reaches(monkeypatch):
-    """To the last third-octave frequency below half the rate; the standard ends at 20 kHz."""
-    # The bilinear transform at 12 kHz is class 1 up to 3.15 kHz alone, and is told so.
+def test_class_1_reaches_half_the_rate_or_20_khz(monkeypatch):
+    """Class 1 reaches the last third-octave frequency below half the rate.
+
+    The standard ends at 20 kHz.
+    """
+    # The bilinear transform at 12 kHz is class 1 only up to 3.15 kHz, and is reported as such.
     assert {rate: class_1_up_to_hz(rate) for rate in REACH} == REACH
 
     def bilinear(curve, rate):
@@ -73,9 +80,10 @@ def test_how_far_class_1_reaches(monkeypatch):
     assert class_1_up_to_hz(12_000) == 3150.0
 
 
-# The meter on tones and bursts.
+# Readings of tones and bursts.
 
-#: Duration in ms of a 4 kHz burst; LAFmax and LASmax less the steady level, LAE less it (table 4).
+#: Duration (ms) of a 4 kHz burst, and LAFmax, LASmax and LAE relative to the steady level (table
+#: 4 of the standard).
 BURSTS = [
     (1000, 0.0, -2.0, 0.0),
     (500, -0.1, -4.1, -3.0),
@@ -98,7 +106,7 @@ def tone(frequency, level, seconds, rate=RATE):
 
 
 def steady_level(meter, frequency, level):
-    """Leq of a tone once the filters have forgotten its start."""
+    """Return Leq of a tone after the transient of the filters."""
     seconds = max(0.2, 20.0 / frequency)
     for _ in range(2):
         whole = np.ceil(seconds * frequency) / frequency
@@ -110,17 +118,17 @@ def steady_level(meter, frequency, level):
 @pytest.mark.parametrize("curve", ["A", "C", "Z"])
 @pytest.mark.parametrize("nominal", [row[0] for row in CLASS_1])
 def test_frequency_weighting_is_class_1(curve, nominal):
-    """From 10 Hz to 20 kHz; the table is of 0.1 dB, and so is the meter."""
+    """Weightings are class 1 from 10 Hz to 20 kHz, with an error below 0.07 dB."""
     _, a, c, above, below = next(row for row in CLASS_1 if row[0] == nominal)
-    wanted = 100.0 + {"A": a, "C": c, "Z": 0.0}[curve]
-    error = steady_level(SoundLevelMeter(RATE, curve), exact(nominal), 100.0) - wanted
+    expected = 100.0 + {"A": a, "C": c, "Z": 0.0}[curve]
+    error = steady_level(SoundLevelMeter(RATE, curve), exact_frequency(nominal), 100.0) - expected
     assert below < error < above
     assert abs(error) < 0.07
 
 
-def test_calibrator_and_range():
-    """94 dB at 1 kHz, the calibrator's tone, reads 94.0 dB in every weighting."""
-    # A tone reads as what it is from the bottom to the top of 30-130 dB, without a flag.
+def test_a_calibrator_reads_its_level():
+    """The tone of a calibrator, 94 dB at 1 kHz, reads 94.0 dB in every weighting."""
+    # From 30 to 130 dB a tone reads its level without a flag.
     for curve, level in (("A", 94.0), ("C", 94.0), ("Z", 94.0), ("A", 30.5), ("A", 129.5)):
         meter = SoundLevelMeter(RATE, curve, "F")
         reading = meter.read(tone(1000.0, level, 1.5))
@@ -129,32 +137,32 @@ def test_calibrator_and_range():
         assert not (reading.overload or reading.under_range)
 
 
-def test_tone_bursts():
-    """Maxima and sound exposure of 4 kHz bursts are the standard's, to the table's 0.1 dB."""
+def test_tone_bursts_agree_with_the_standard():
+    """Maxima and sound exposure of 4 kHz bursts agree with the standard's 0.1 dB."""
     reference = steady_level(SoundLevelMeter(RATE, "A"), 4000.0, 100.0)
     for milliseconds, fast, slow, exposure in BURSTS:
         burst = tone(4000.0, 100.0, milliseconds / 1000.0)
         signal = np.concatenate([burst, np.zeros(RATE // 2)])
-        for ballistics, wanted in (("F", fast), ("S", slow)):
+        for ballistics, expected in (("F", fast), ("S", slow)):
             meter = SoundLevelMeter(RATE, "A", ballistics)
             meter.read(signal)
-            if wanted is not None:
-                assert meter.highest - reference == pytest.approx(wanted, abs=0.15)
+            if expected is not None:
+                assert meter.highest - reference == pytest.approx(expected, abs=0.15)
             exposed = meter.equivalent + 10.0 * np.log10(signal.size / RATE)
             assert exposed - reference == pytest.approx(exposure, abs=0.15)
 
 
-def test_decay():
-    """After a 4 kHz tone stops the level falls at the rate the standard allows (dB/s)."""
-    for ballistics, least, most in (("F", 25.0, 43.5), ("S", 3.4, 5.3)):
+def test_the_decay_rate_is_within_the_standard():
+    """After a 4 kHz tone the level falls at a rate that the standard allows (dB/s)."""
+    for ballistics, min_rate, max_rate in (("F", 25.0, 43.5), ("S", 3.4, 5.3)):
         meter = SoundLevelMeter(RATE, "A", ballistics)
         meter.read(tone(4000.0, 100.0, 1.0))
-        begin = meter.read(np.zeros(RATE // 10)).at_end
-        assert least <= begin - meter.read(np.zeros(RATE)).at_end <= most
+        start = meter.read(np.zeros(RATE // 10)).at_end
+        assert min_rate <= start - meter.read(np.zeros(RATE)).at_end <= max_rate
 
 
-def test_blocks_do_not_matter():
-    """Cut into blocks of any size, a signal gives the same readings to rounding."""
+def test_readings_do_not_depend_on_blocks():
+    """Any division of a signal into blocks gives the same readings, to rounding."""
     # The Leq in Z is the level of the r.m.s. pressure.
     signal = np.random.default_rng(3).normal(size=8000)
     for curve, ballistics in (("A", "F"), ("C", "S"), ("Z", "F")):
@@ -164,25 +172,28 @@ def test_blocks_do_not_matter():
             cut = SoundLevelMeter(RATE, curve, ballistics)
             for block in np.split(signal, range(size, signal.size, size)):
                 last = cut.read(block)
-            found = (last.at_end, cut.equivalent, cut.highest)
-            assert found == pytest.approx((at_end, whole.equivalent, whole.highest), abs=1e-9)
+            result = (last.at_end, cut.equivalent, cut.highest)
+            assert result == pytest.approx((at_end, whole.equivalent, whole.highest), abs=1e-9)
     assert whole.equivalent == pytest.approx(float(level_db(rms(signal))), abs=1e-9)
 
 
 def test_level_of_a_steady_sound_is_its_equivalent_level():
-    """Pulses once a block: the averaged Fast level comes to Leq, whatever the phase of its end."""
+    """With a pulse per block, the averaged Fast level is Leq at any phase of the end."""
     meter, block = SoundLevelMeter(RATE, "Z", "F"), np.zeros(RATE // 5)
     block[: RATE // 100] = 1.0
     for _ in range(15):
         reading = meter.read(block)
     assert reading.level == pytest.approx(reading.equivalent, abs=1e-3)
-    assert reading.highest - reading.at_end > 3.0  # what a reading at one angle would hide
+    assert reading.highest - reading.at_end > 3.0  # a reading at one angle would hide it
 
 
 def test_overload_and_under_range_are_shown():
-    """A sine 0.1 dB beyond 130 dB is an overload, one 0.1 dB below is none; the mark stays."""
-    # The A weighting cannot hide a 20 Hz overload, which comes before it in the instrument. Below
-    # 30 dB the number is marked; silence is a number too, not an error.
+    """A sine 0.1 dB above 130 dB is an overload, and one 0.1 dB below is not.
+
+    The flag is latched.
+    """
+    # The A weighting cannot hide a 20 Hz overload, which is detected before it. Below 30 dB a flag
+    # is set. Silence has a level and is not an error.
     meter = SoundLevelMeter(RATE, "A", "F")
     assert not meter.read(tone(1000.0, 129.9, 0.1)).overload
     assert not meter.overloaded
@@ -193,73 +204,84 @@ def test_overload_and_under_range_are_shown():
     assert reading.level < 90.0 and reading.overload
     assert SoundLevelMeter(RATE, "A", "F").read(tone(1000.0, 25.0, 1.0)).under_range
     silent = SoundLevelMeter(RATE).read(np.zeros(100))
-    assert silent.under_range and silent.level == silent.highest == SILENCE
+    assert silent.under_range and silent.level == silent.highest == SILENCE_DB
 
 
-def test_what_is_refused():
-    """The standard has no other weightings, and the error lists those it has; no empty block."""
-    # A sample that is no number is no silence: the meter reads on as if it had not come.
-    for arguments, words in (
+def test_invalid_weightings_and_samples_are_refused():
+    """Unknown weightings, empty blocks and non-finite samples are refused.
+
+    The error lists the weightings of the standard.
+    """
+    # A refused block does not change the state of the meter.
+    for arguments, message in (
         (("B", "F"), "frequency_weighting is 'B'; allowed: A, C, Z"),
         (("A", "I"), "time_weighting is 'I'; allowed: F, S"),
     ):
-        with pytest.raises(ConfigError, match=words):
+        with pytest.raises(ConfigError, match=message):
             SoundLevelMeter(RATE, *arguments)
     with pytest.raises(ValueError, match="at least one sample"):
         SoundLevelMeter(RATE).read(np.zeros(0))
-    good, words = np.sin(np.arange(4800) * 0.1), r"sample 7 of 4800 is -?(nan|inf) Pa; allowed: fin"
+    valid = np.sin(np.arange(4800) * 0.1)
+    message = r"sample 7 of 4800 is -?(nan|inf) Pa; allowed: finite"
     for broken in (float("nan"), float("inf"), -float("inf")):
-        bad = good.copy()
-        bad[7] = broken
+        invalid = valid.copy()
+        invalid[7] = broken
         meter, other = SoundLevelMeter(LOW_RATE), SoundLevelMeter(LOW_RATE)
-        with pytest.raises(RefusedError, match=words):
-            meter.read(bad)
-        assert meter.read(good) == other.read(good)
+        with pytest.raises(RefusedError, match=message):
+            meter.read(invalid)
+        assert meter.read(valid) == other.read(valid)
         with pytest.raises(RefusedError):
-            measure(bad, LOW_RATE)
+            measure(invalid, LOW_RATE)
 
 
-# What a recorded sound measures, and how it becomes numbers of a file.
+# Levels of a recorded sound, and samples of a file.
 
 
 def test_levels_of_a_tone():
-    """90 dB at 1 kHz: Leq and maxima in every weighting, and the band; no flag."""
-    heard = measure(tone(1000.0, 90.0, 2.0, LOW_RATE), LOW_RATE)
+    """90 dB at 1 kHz is Leq and maximum in every weighting, and the level of its band."""
+    measured = measure(tone(1000.0, 90.0, 2.0, LOW_RATE), LOW_RATE)
     for name in ("LAeq", "LCeq", "LZeq", "LAFmax", "LCFmax", "LZFmax"):
-        assert heard.levels[name] == pytest.approx(90.0, abs=0.05)
-    assert heard.levels["LASmax"] == pytest.approx(90.0 + 10.0 * np.log10(1 - np.exp(-2)), abs=0.1)
-    assert heard.bands.level_db[heard.bands.names.index("1k")] == pytest.approx(90.0, abs=0.1)
-    assert heard.peak_pa == pytest.approx(np.sqrt(2.0) * float(pressure_pa(90.0)), rel=1e-3)
-    assert not heard.overload and not heard.under_range
-    assert heard.class_1_up_to_hz == 20_000.0
+        assert measured.levels[name] == pytest.approx(90.0, abs=0.05)
+    slow = 90.0 + 10.0 * np.log10(1 - np.exp(-2))
+    assert measured.levels["LASmax"] == pytest.approx(slow, abs=0.1)
+    assert measured.bands.level_db[measured.bands.names.index("1k")] == pytest.approx(90.0, abs=0.1)
+    assert measured.peak_pa == pytest.approx(np.sqrt(2.0) * float(pressure_pa(90.0)), rel=1e-3)
+    assert not measured.overload and not measured.under_range
+    assert measured.class_1_up_to_hz == 20_000.0
     wave = tone(1000.0, 90.0, 0.5, LOW_RATE)
     assert measure(wave * 200.0, LOW_RATE).overload and measure(wave * 1e-4, LOW_RATE).under_range
 
 
-def test_numbers_of_a_file():
-    """Full scale is 1, 2 or 5 times a power of ten, never below the peak."""
-    # ±scale are the largest numbers, in between in proportion, little-endian.
+def test_samples_of_a_file_are_scaled_to_full_scale():
+    """Full scale is 1, 2 or 5 times a power of ten, and not below the peak."""
+    # Samples are proportional to the pressure, ±scale is the largest number, little-endian.
     scales = {0.9: 1.0, 1.0: 1.0, 1.1: 2.0, 3.0: 5.0, 60.0: 100.0, 0.0: 1.0}
     assert [full_scale(peak) for peak in scales] == pytest.approx([*scales.values()], rel=1e-12)
     samples = np.frombuffer(pcm(np.array([2.0, -2.0, 0.0, 1.0]), 2.0), dtype="<i2")
     np.testing.assert_array_equal(samples, [32767, -32767, 0, 16384])
 
 
-def test_bands():
-    """32 bands from 12.5 Hz to 16 kHz, mid-band frequencies 10^(n/10); at 1 kHz up to 400 Hz."""
-    # White noise: each band holds its share of the bandwidth, and together nearly all.
+def test_bands_have_their_frequencies_and_levels():
+    """There are 32 bands from 12.5 Hz to 16 kHz, with mid-band frequencies 10^(n/10).
+
+    At a rate of 1 kHz the last band is 400 Hz.
+    """
+    # In white noise each band has a power proportional to its bandwidth.
     spectrum = third_octaves(np.random.default_rng(8).normal(size=10 * LOW_RATE), LOW_RATE)
     assert (spectrum.names[0], spectrum.names[-1]) == ("12.5", "16k")
     np.testing.assert_allclose(spectrum.frequency, 10.0 ** (np.arange(11, 43) / 10.0), rtol=1e-3)
     width = spectrum.frequency * (10.0**0.05 - 10.0**-0.05)
-    wanted = 10.0 * np.log10(width / (LOW_RATE / 2.0) / 4e-10)
-    np.testing.assert_allclose(spectrum.level_db[12:], wanted[12:], atol=0.6)
+    expected = 10.0 * np.log10(width / (LOW_RATE / 2.0) / 4e-10)
+    np.testing.assert_allclose(spectrum.level_db[12:], expected[12:], atol=0.6)
     assert third_octaves(np.ones(2000), 1000).names[-1] == "400"
 
 
 @pytest.mark.parametrize("number", [15, 39])
 def test_a_tone_is_in_its_band(number):
-    """A tone at mid-band reads its level to 0.1 dB there, the neighbours are 17 dB lower."""
+    """A tone at mid-band has its level to 0.1 dB there.
+
+    The neighbouring bands are 17 dB lower.
+    """
     frequency, band = 10.0 ** (number / 10.0), number - 11
     level = third_octaves(tone(frequency, 90.0, 8.0, LOW_RATE), LOW_RATE).level_db
     assert level[band] == pytest.approx(90.0, abs=0.1)

@@ -168,7 +168,7 @@ def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
 
 GOAL = """    LawQuantity(
         "mean_acceleration", "root of the mean of s″²", "mm/rad^2", _DERIVATIVES[1][3],
-        values.rms_acceleration, senses=_MOST,
+        values.rms_acceleration, senses=_UPPER,
     ),
 """
 

@@ -1,4 +1,4 @@
-"""Cams of tangent arcs: circles that touch, and the law of a follower measured on the contour."""
+"""Cams of tangent arcs: contours, and laws of followers measured on the contour."""
 
 import cmath
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ FOLLOWERS = {
     "point": ArcFollower(False, 0.0),
     "flat": ArcFollower(True, 0.0),
 }
-RIDES = [(flank, kind) for flank in FLANKS for kind in ("roller", "point")] + [("convex", "flat")]
+CASES = [(flank, kind) for flank in FLANKS for kind in ("roller", "point")] + [("convex", "flat")]
 
 
 def chain_of(flank):
@@ -36,11 +36,14 @@ def law_of(chain, follower):
     return Law("arcs", np.array(breaks), joined(columns))
 
 
-# The contour: every part touches the next, and blends find their place.
+# Contours: every part touches the next, and blends fit between their neighbours.
 
 
-def test_blends():
-    """An arc of the radius asked for; the contour turns as its sign says; equal ones mirror."""
+def test_blends_touch_their_neighbours():
+    """Blends have the requested radius and touch both neighbours.
+
+    The sign of the radius turns the normal, and equal blends are mirror images.
+    """
     chain = close([BASE_CIRCLE, Blend(0.08), NOSE_CIRCLE, Blend(-0.06)])
     assert [part.radius for part in chain.parts] == pytest.approx([BASE, 0.08, NOSE, -0.06])
     turns = [chain.normals[i] / chain.normals[i - 1] for i in range(1, 4)]
@@ -54,57 +57,63 @@ def test_blends():
 
 
 def test_impossible_contours_are_refused():
-    """The error names the arc, the number, the limit and the way out."""
-    near, line = Circle(0.001 + 0j, 0.012), Blend(None)
-    for specs, words in (
+    """The error names the arc, the number, the limit and the remedy."""
+    inner, line = Circle(0.001 + 0j, 0.012), Blend(None)
+    for specs, message in (
         ([BASE_CIRCLE, Blend(0.029), NOSE_CIRCLE, line], r"\[1\]: radius 29 mm is too .* 30 mm"),
         ([BASE_CIRCLE, Blend(-0.001), Circle(-0.05 + 0j, 0.001), line], "more than 12 mm"),
-        ([BASE_CIRCLE, line, near, line], "one lies inside the other"),
-        ([BASE_CIRCLE, Blend(0.08), near, line], "one lies inside the other"),
-        ([BASE_CIRCLE, Blend(0.08), Blend(0.09), NOSE_CIRCLE], r"arcs\[1\]: has no centre and st"),
+        ([BASE_CIRCLE, line, inner, line], "one is inside the other"),
+        ([BASE_CIRCLE, Blend(0.08), inner, line], "one is inside the other"),
+        (
+            [BASE_CIRCLE, Blend(0.08), Blend(0.09), NOSE_CIRCLE],
+            r"arcs\[1\]: has no centre, and its",
+        ),
         ([BASE_CIRCLE, Blend(0.08)], "two different arcs with centres"),
         ([BASE_CIRCLE, NOSE_CIRCLE], r"arcs\[0\] and the next do not touch: .* 23 mm .* 13 mm"),
     ):
-        with pytest.raises(LawError, match=words) as refused:
+        with pytest.raises(LawError, match=message) as refused:
             close(specs)
         assert "allowed: " in str(refused.value)
 
 
-# The law of a roller, a point and a flat face on the arcs.
+# Laws of a roller, a point and a flat face on the arcs.
 
 
 def contour(chain, points=20_001):
-    """Points of the parts, as complex numbers y + ix, made from the arcs alone."""
-    found = []
+    """Return points y + ix of the parts, computed from the arcs alone."""
+    curves = []
     for i, part in enumerate(chain.parts):
         start, stop = chain.normals[i - 1], chain.normals[i]
         if isinstance(part, StraightLine):
             before, after = chain.parts[i - 1], chain.parts[(i + 1) % 4]
             ends = before.centre + before.radius * start, after.centre + after.radius * stop
-            found.append(np.linspace(*ends, points))
+            curves.append(np.linspace(*ends, points))
             continue
         turn = np.angle(stop / start)
         if part.centre == 0:
             turn %= TURN  # the base circle is the long way round
-        found.append(part.centre + part.radius * start * np.exp(1j * np.linspace(0, turn, points)))
-    return np.concatenate(found)
+        curves.append(part.centre + part.radius * start * np.exp(1j * np.linspace(0, turn, points)))
+    return np.concatenate(curves)
 
 
-@pytest.mark.parametrize(("flank", "kind"), RIDES)
+@pytest.mark.parametrize(("flank", "kind"), CASES)
 def test_follower_on_the_finished_contour_is_at_s(flank, kind):
-    """Put the follower on the arcs, turn the cam, read where it is: C1, as fig. 1 of the paper."""
+    """A follower that is placed on the arcs of the turned cam is at s(θ).
+
+    The class is C1, as in fig. 1 of the paper.
+    """
     chain, follower = chain_of(FLANKS[flank]), FOLLOWERS[kind]
     law, points = law_of(chain, follower), contour(chain)
     assert continuity(law) == 1
     assert law.largest_step < 1e-16
     assert law.lift == pytest.approx(LIFT, rel=1e-13)
     for angle in np.linspace(0.0, TURN, 37):
-        turned = points * np.exp(-1j * angle)  # the follower stands on the real axis
+        turned = points * np.exp(-1j * angle)  # the follower is on the real axis
         if follower.flat:
             reached = turned.real.max() - BASE
         elif follower.roller_radius:
-            near = np.abs(turned.imag) < follower.roller_radius
-            top = turned[near].real + np.sqrt(follower.roller_radius**2 - turned[near].imag ** 2)
+            below = np.abs(turned.imag) < follower.roller_radius
+            top = turned[below].real + np.sqrt(follower.roller_radius**2 - turned[below].imag ** 2)
             reached = top.max() - BASE - follower.roller_radius
         else:
             upper = turned[turned.real > 0]
@@ -113,8 +122,11 @@ def test_follower_on_the_finished_contour_is_at_s(flank, kind):
         assert float(law(angle)) == pytest.approx(reached, abs=1e-9)
 
 
-def test_what_no_follower_goes_over():
-    """A face bridges what is not convex; a large roller, an overhang, arcs the other way round."""
+def test_contours_that_a_follower_cannot_follow_are_refused():
+    """Flat faces on concave arcs and large rollers are refused.
+
+    So are overhangs and arcs in the reverse order.
+    """
     for flank in ("straight", "concave"):
         with pytest.raises(LawError, match=rf"arcs\[1\]: is {flank}, which a flat face bridges"):
             arc_pieces(chain_of(FLANKS[flank]), BASE, FOLLOWERS["flat"])
@@ -127,20 +139,20 @@ def test_what_no_follower_goes_over():
             arc_pieces(chain, BASE, FOLLOWERS["point"])
 
 
-def test_what_may_ride_on_arcs():
-    """The polar radius is the lift only on the centre line; a flat face is the same beside it."""
+def test_only_some_followers_are_allowed_on_arcs():
+    """Rollers and points must be on the centre line. A flat face may be eccentric."""
 
-    def asked(**follower):
+    def ride(**follower):
         follower = SimpleNamespace(roller=0.0, **follower)
         return arc_follower(SimpleNamespace(name="made", follower=follower))
 
-    centre, beside = (SimpleNamespace(si=place) for place in (0.0, 0.01))
-    assert asked(type="flat") == asked(type="flat", eccentricity=beside) == ArcFollower(True, 0.0)
-    assert asked(type="point", eccentricity=centre) == ArcFollower(False, 0.0)
+    centre, eccentric = (SimpleNamespace(si=x) for x in (0.0, 0.01))
+    assert ride(type="flat") == ride(type="flat", eccentricity=eccentric) == ArcFollower(True, 0.0)
+    assert ride(type="point", eccentricity=centre) == ArcFollower(False, 0.0)
     with pytest.raises(LawError, match="'oscillating_roller'; allowed: roller, point, flat"):
-        asked(type="oscillating_roller")
-    with pytest.raises(LawError, match="10 mm beside"):
-        asked(type="roller", eccentricity=beside)
+        ride(type="oscillating_roller")
+    with pytest.raises(LawError, match="eccentricity 10 mm"):
+        ride(type="roller", eccentricity=eccentric)
 
 
 # Cam files of arcs.
@@ -160,19 +172,22 @@ def test_shipped_pitch_curve_lies_on_its_arcs(cams, laws):
     np.testing.assert_allclose(laws["arcs_convex"].ordinates, other.ordinates, rtol=0, atol=1e-17)
 
 
-def test_radii_and_lifts_that_are_no_cam_are_refused(make_cam):
-    """Nose too large, flank too small, arcs of another lift, and a nose that no arcs join."""
+def test_invalid_radii_and_lifts_are_refused(make_cam):
+    """A large nose, a small flank and arcs of another lift are refused.
+
+    So is a nose that no arc joins.
+    """
     radii = {"law": "arcs_by_radii", "span": 360, "flank": "convex"}
-    for flank, nose, words in (
+    for flank, nose, message in (
         (0.2, 0.05, r"nose_radius: is 50 mm; allowed: below 45 mm"),
         (0.03, 0.012, r"arcs\[1\]: radius 30 mm is too small"),
     ):
         segment = radii | {"flank_radius": flank, "nose_radius": nose}
-        with pytest.raises(LawError, match=f"'made': {words}"):
+        with pytest.raises(LawError, match=f"'made': {message}"):
             build_law(make_cam(segment, lift=0.01, roller_radius=0.008))
 
     circles = {"radius": 0.04, "x": 0, "y": 0}, {"radius": 0.02, "x": 0, "y": -0.03}
-    first, second = ({key: assumed(x, "m") for key, x in one.items()} for one in circles)
+    first, second = ({key: assumed(x, "m") for key, x in circle.items()} for circle in circles)
     arcs = [first, {}, second, {}]
     segment = {"law": "arcs_by_centres", "span": 360, "arcs": arcs}
     assert build_law(make_cam(segment, lift=0.01)).lift == pytest.approx(0.01, rel=1e-12)
@@ -183,9 +198,9 @@ def test_radii_and_lifts_that_are_no_cam_are_refused(make_cam):
             ConcaveFlankCam(PITCH, LIFT, HALF, np.radians(nose_half)).radii()
 
 
-# The tangent-arc cam with concave flanks, given by its event angles.
+# Tangent-arc cam with concave flanks, given by its event angles.
 
-PITCH = 0.04  # m, of the base circle
+PITCH = 0.04  # m, radius of the base circle on the pitch curve
 HALF, NOSE_HALF = np.radians(58.0), np.radians(39.0)
 
 
@@ -200,8 +215,8 @@ def arc_law(make_cam):
     return build_law(make_cam(dwell(122), event, dwell(122), lift=LIFT))
 
 
-def test_law_of_event_angles_is_that_of_its_circles(geometry, arc_law):
-    """Flank and nose close to a chain, so they touch; the joint stands at the nose's angle."""
+def test_tangent_arcs_have_the_law_of_their_circles(geometry, arc_law):
+    """Flank and nose form a closed contour, and its law is that of the segment."""
     flank, nose = (
         Circle(-cmath.rect(arc.distance, arc.direction), arc.radius * (-1.0) ** arc.concave)
         for arc in geometry.arcs()
@@ -217,8 +232,11 @@ def test_law_of_event_angles_is_that_of_its_circles(geometry, arc_law):
     assert np.angle(joint) % TURN == pytest.approx(np.pi - NOSE_HALF, abs=1e-12)
 
 
-def test_joints_and_mirror(geometry, arc_law):
-    """r' goes on; r'' jumps by R_b(R_b + ρ)/ρ at the base; the fall is the rise, bit for bit."""
+def test_acceleration_jumps_at_joints_and_the_fall_mirrors_the_rise(geometry, arc_law):
+    """r' is continuous and r'' jumps by R_b(R_b + ρ)/ρ at the base circle.
+
+    The fall mirrors the rise bit for bit.
+    """
     flank, _ = geometry.arcs()
     assert np.abs(arc_law.jumps(0)).max() < 1e-15
     assert np.abs(arc_law.jumps(1)).max() < 1e-13

@@ -1,4 +1,4 @@
-"""The list of laws, and their curves: their own derivatives, with both limits where they jump."""
+"""Catalogue of laws: curves and figures, joined segments, and conversion to scipy."""
 
 import math
 from typing import get_args
@@ -20,16 +20,17 @@ from cam_rig.units import TURN
 from ..conftest import dwell, rise
 
 
-def test_every_law_of_a_file_is_listed():
+def test_the_catalogue_lists_every_law_of_a_cam_file():
     models = get_args(get_args(Segment)[0])
     tags = {tag for model in models for tag in get_args(model.model_fields["law"].annotation)}
     assert tags == {*catalogue.free_laws(), *NAMED_RISES}
 
 
 def test_every_rise_is_in_one_family():
-    found = catalogue.families()
-    assert sorted(name for one in found.values() for name in one.rises) == sorted(NAMED_RISES)
-    slopes = {key: {NAMED_RISES[n].slopes for n in family.rises} for key, family in found.items()}
+    families = catalogue.families()
+    rises = {key: family.rises for key, family in families.items()}
+    assert sorted(name for names in rises.values() for name in names) == sorted(NAMED_RISES)
+    slopes = {key: {NAMED_RISES[n].slopes for n in names} for key, names in rises.items()}
     full = {(0.0, 0.0)}
     assert slopes == {
         "polynomial": full,
@@ -39,20 +40,23 @@ def test_every_rise_is_in_one_family():
     }
 
 
-def test_curves_of_each_rise():
-    """From 0 to 1 with its slopes and peaks; each curve is by Simpson that of the one above."""
+def test_curves_of_a_rise_have_its_slopes_and_peaks():
+    """Curves run from 0 to 1 and have the slopes and peaks of the rise.
+
+    By Simpson's rule each curve is the integral of the next one.
+    """
     u = np.linspace(0.0, 1.0, 4001)
-    for name, known_rise in NAMED_RISES.items():
-        curves, known = catalogue.rise_curves(name), catalogue.figures(name)
+    for name, named_rise in NAMED_RISES.items():
+        curves, expected = catalogue.rise_curves(name), catalogue.figures(name)
         assert curves.x[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-15)
         assert curves.motion[0, [0, -1]] == pytest.approx((0.0, 1.0), abs=1e-14)
-        if known.continuity >= 1:
+        if expected.continuity >= 1:
             assert curves.infinite == ()
-            assert curves.motion[1, [0, -1]] == pytest.approx(known_rise.slopes, abs=1e-11)
+            assert curves.motion[1, [0, -1]] == pytest.approx(named_rise.slopes, abs=1e-11)
         else:
-            gained = [jump for _, jump in curves.infinite]
-            assert gained == pytest.approx([1.0 - known_rise.slopes[0], known_rise.slopes[1] - 1.0])
-        peaks = (known.peak_velocity, known.peak_acceleration, known.peak_jerk)
+            jumps = [jump for _, jump in curves.infinite]
+            assert jumps == pytest.approx([1.0 - named_rise.slopes[0], named_rise.slopes[1] - 1.0])
+        peaks = (expected.peak_velocity, expected.peak_acceleration, expected.peak_jerk)
         assert np.abs(curves.motion[1:]).max(axis=1) == pytest.approx(peaks, rel=1e-3, abs=1e-9)
         motion = catalogue.rise_values(name, u)
         for order in (0, 1, 2):
@@ -63,8 +67,11 @@ def test_curves_of_each_rise():
             assert np.median(off) < 1e-9
 
 
-def test_a_cams_curves_are_its_law(laws):
-    """Off the joints the law's derivatives; s'' of constant velocity is infinite at four."""
+def test_curves_of_a_cam_are_its_law(laws):
+    """Off the joints the curves are the derivatives of the law.
+
+    s'' of a constant-velocity cam is infinite at four angles.
+    """
     for cam in ("poly345", "bezier15", "tm21"):
         curves = catalogue.cam_curves(cam, laws[cam])
         assert (curves.x[0], curves.x[-1]) == pytest.approx((0.0, 360.0))
@@ -77,8 +84,8 @@ def test_a_cams_curves_are_its_law(laws):
     curves = catalogue.cam_curves("velocity", laws["worked_example_constant_velocity"])
     assert [x for x, _ in curves.infinite] == pytest.approx([0.0, 90.0, 180.0, 270.0])
     slope = 0.0254 / (np.pi / 2.0)
-    gained = [jump for _, jump in curves.infinite]
-    assert gained == pytest.approx([slope, slope, -slope, -slope], rel=1e-9)
+    jumps = [jump for _, jump in curves.infinite]
+    assert jumps == pytest.approx([slope, slope, -slope, -slope], rel=1e-9)
 
 
 def test_cams_of_several_units_are_drawn_in_mm(cams):
@@ -87,11 +94,11 @@ def test_cams_of_several_units_are_drawn_in_mm(cams):
     assert catalogue.common_unit([inch, metre]) == ("mm", 1e-3)
 
 
-# The figures: every law is there, is its own derivative, and keeps its style.
+# Figures: every law is in them, with its derivatives and its style.
 
 
 def test_a_figure_of_all_families_has_every_rise_once():
-    """3-4-5 is the Bézier curve of degree 5, 4-5-6-7 that of degree 7: drawn as one."""
+    """Equal rises are one curve: 3-4-5 and Bézier 5, 4-5-6-7 and Bézier 7."""
     figure = rises_figure(catalogue.families().values())
     assert len(figure.axes) == len(catalogue.ORDERS) * len(catalogue.families())
     legends = filter(None, (axes.get_legend() for axes in figure.axes))
@@ -117,7 +124,7 @@ def test_the_lines_of_a_rise_are_its_derivatives_in_its_own_style():
 
 
 def test_cams_are_drawn_in_mm(cams, laws):
-    """s to s''' over the turn; an arrow wherever a velocity jumps."""
+    """The panels are s to s''' over the turn, with an arrow at each velocity jump."""
     names = ("worked_example_quintic", "worked_example_constant_velocity")
     figure = cams_figure([(cams[name], laws[name]) for name in names])
     labels = [axes.get_ylabel().partition("[")[2] for axes in figure.axes]
@@ -128,15 +135,18 @@ def test_cams_are_drawn_in_mm(cams, laws):
     assert [len(axes.texts) for axes in figure.axes] == [0, 0, 4, 0]
 
 
-# -- segments joined into a law: levels carried on, steps refused, known values of shipped cams
+# Segments joined into a law, with known values of shipped cams.
 
 
 def bezier(span, *ordinates):
     return {"law": "bezier", "span": span, "ordinates": list(ordinates)}
 
 
-def test_levels_are_carried_on(make_cam):
-    """A dwell rests where the rise before it ended; fractions are of the lift; the turn closes."""
+def test_segments_continue_from_the_level_before_them(make_cam):
+    """A dwell stays at the level of the rise before it, and the turn closes.
+
+    Levels are fractions of the lift.
+    """
     law = build_law(make_cam(rise(90, 0.25), dwell(90), rise(90, 1), rise(90, 0), lift=0.2))
     assert law(np.radians([135.0, 270.0])) == pytest.approx([0.05, 0.2], rel=1e-15)
     assert float(law(0.0)) == 0.0
@@ -150,8 +160,11 @@ def test_levels_are_carried_on(make_cam):
 
 
 def test_a_law_without_the_lift_of_its_file_is_refused(make_cam):
-    """A forgotten fall, and a fall that ends half-way, name both lifts and the first segment."""
-    for segments, words in (
+    """The error names both lifts and the level at which the first segment starts.
+
+    The reason is a missing fall, or a fall that ends half-way.
+    """
+    for segments, message in (
         ((rise(300, 1), dwell(60)), "starts at 1, the end level of segments.1.: .* by 0 mm, lift"),
         ((dwell(90), rise(90, 1), rise(180, 0.5)), "starts at 0.5, .* rises by 25 mm, lift is 50"),
         (
@@ -159,72 +172,84 @@ def test_a_law_without_the_lift_of_its_file_is_refused(make_cam):
             "made': the law rises by 25 mm, lift is 50 mm; allowed: the same",
         ),
     ):
-        with pytest.raises(LawError, match=words):
+        with pytest.raises(LawError, match=message):
             build_law(make_cam(*segments))
 
 
-def test_spans_and_degrees(make_cam):
-    """Joints stand where the spans sum up to, the last at 2π exactly; one degree holds them all."""
+def test_joints_are_at_the_sums_of_the_spans(make_cam):
+    """Joints are at the sums of the spans, the last one at exactly 2π.
+
+    All pieces have the same degree.
+    """
     law = build_law(make_cam(dwell(30), rise(100, 1, "poly4567"), dwell(130), rise(100, 0)))
     np.testing.assert_allclose(law.breaks, np.radians([0, 30, 130, 260, 360]), rtol=1e-15)
     assert law.breaks[-1] == TURN
     alone = build_law(make_cam(rise(180, 1), rise(180, 0)))
-    beside = build_law(make_cam(rise(180, 1), rise(180, 0, "poly4567")))
+    mixed = build_law(make_cam(rise(180, 1), rise(180, 0, "poly4567")))
     angles = np.linspace(0.0, np.pi, 101)
-    assert (alone.degree, beside.degree) == (5, 7)
-    np.testing.assert_allclose(beside(angles), alone(angles), rtol=0, atol=1e-16)
+    assert (alone.degree, mixed.degree) == (5, 7)
+    np.testing.assert_allclose(mixed(angles), alone(angles), rtol=0, atol=1e-16)
 
 
 def test_a_step_is_refused(make_cam):
-    """The error names cam, place and height."""
+    """The error names the cam, the segment and the height of the step."""
     arcs = {"law": "tangent_arcs", "span": 180, "nose_span": 130}
-    for segments, where in (
+    for segments, message in (
         ([dwell(180), bezier(180, 0.5, 0, 0)], r"segments\[1\]"),
         ([bezier(360, 0, 0, 1)], r"steps by -1 of the lift"),
         ([rise(180, 1), arcs], r"segments\[1\] steps by -1 of"),
     ):
-        with pytest.raises(LawError, match=rf"'steppy'.*{where}.*allowed: no step"):
+        with pytest.raises(LawError, match=rf"'steppy'.*{message}.*allowed: no step"):
             build_law(make_cam(*segments, name="steppy"))
 
 
-def test_the_ripple_of_bezier15(cams, laws):
-    """Its high dwell is a ripple: 1.0059766 of the lift, Σ C(15,i) bᵢ / 2¹⁵, between two maxima."""
+def test_bezier15_has_a_ripple_in_its_high_dwell(cams, laws):
+    """The high dwell of Bézier 15 is a ripple between two maxima.
+
+    At its middle it is Σ C(15,i) bᵢ / 2¹⁵ = 1.0059766 of the lift.
+    """
     numbers, law = cams["bezier15"].segments[0].ordinates.numbers, laws["bezier15"]
     exact = sum(math.comb(15, i) * b for i, b in enumerate(numbers)) / 2**15
     assert exact == pytest.approx(1.0059766, abs=5e-8)
     assert float(law(math.pi)) / cams["bezier15"].lift.si == pytest.approx(exact, rel=1e-14)
-    places = bernstein.crossings(bernstein.derivative(law.ordinates[:, 0]))
+    extrema = bernstein.crossings(bernstein.derivative(law.ordinates[:, 0]))
     first = 0.43092834426506570  # root of the derivative in 40 digits
-    assert places == pytest.approx([first, 0.5, 1.0 - first], abs=1e-12)
+    assert extrema == pytest.approx([first, 0.5, 1.0 - first], abs=1e-12)
 
 
 def test_lift_is_the_largest_displacement(cams, laws):
-    """The config's lift, for Bézier 15 with its overshoot of 0.896 %; of a table its points'."""
+    """The lift is that of the file, for a table that of its points.
+
+    Bézier 15 exceeds it by 0.896 %.
+    """
     for name, law in laws.items():
         overshoot = 1.0089649 if name == "bezier15" else 1.0
         tolerance = 2e-3 if cams[name].files else 5e-8
         assert law.lift == pytest.approx(overshoot * cams[name].lift.si, rel=tolerance)
 
 
-# -- a law as scipy's Bernstein polynomials and back; its derivative as a law -----------------
+# Conversion to scipy's Bernstein polynomials and back, and derivatives as laws.
 
 
-def test_the_way_there_and_back_is_exact(laws):
-    """Ordinates and breakpoints bit for bit; scipy's values to rounding, beyond the turn too."""
+def test_conversion_to_scipy_and_back_is_exact(laws):
+    """Ordinates and breakpoints are equal bit for bit.
+
+    Values are equal to rounding, also beyond the turn.
+    """
     angle = np.random.default_rng(1).uniform(-10.0, 20.0, 500)
     for law in laws.values():
         bpoly = law.to_bpoly()
-        again = cam_rig.Law.from_bpoly(bpoly, law.name)
-        assert again.name == law.name
-        assert np.array_equal(again.breaks, law.breaks)
-        assert np.array_equal(again.ordinates, law.ordinates)
+        converted = cam_rig.Law.from_bpoly(bpoly, law.name)
+        assert converted.name == law.name
+        assert np.array_equal(converted.breaks, law.breaks)
+        assert np.array_equal(converted.ordinates, law.ordinates)
         scale = np.abs(law.ordinates).max()
         steepest = law.bounds[1] + scale
         np.testing.assert_allclose(bpoly(angle), law(angle), rtol=0, atol=1e-13 * steepest)
 
 
 def test_the_derivative_is_a_law(laws):
-    """Of any order; also of the derivative that scipy makes."""
+    """Derivatives of every order agree with the law and with scipy."""
     angle = np.linspace(0.0, 6.28, 400)
     for law in laws.values():
         for order in (1, 2, 3):
@@ -236,7 +261,7 @@ def test_the_derivative_is_a_law(laws):
         assert law.derivative(0).name == law.name
 
 
-def test_what_is_no_law_for_scipy():
+def test_invalid_scipy_polynomials_are_refused():
     turn = [0.0, np.pi, 2.0 * np.pi]
     with pytest.raises(TypeError, match=r"bpoly: is .* allowed: a scipy.interpolate.BPoly"):
         cam_rig.Law.from_bpoly([[0.0]])
@@ -248,7 +273,7 @@ def test_what_is_no_law_for_scipy():
         cam_rig.Law.from_bpoly(BPoly(np.ones((2, 2, 3)), turn))
 
 
-def test_its_repr_is_one_short_line_and_its_plot_has_four_panels(laws):
+def test_the_repr_is_one_short_line_and_the_plot_has_four_panels(laws):
     for law in laws.values():
         assert len(repr(law)) < 120 and "\n" not in repr(law)
     assert len(cam_rig.plot_law(law).axes) >= 4

@@ -1,4 +1,4 @@
-"""The Law type: periodic, its extremes and its class at each joint, and strict about its arrays."""
+"""The type Law: periodicity, extremes, classes of joints, and validation."""
 
 import math
 
@@ -15,8 +15,8 @@ from ..conftest import dwell, rise
 
 ANGLES = np.linspace(0.0, TURN, 1237, endpoint=False) + 1e-3
 EPS = np.finfo(float).eps
-#: Class of each shipped cam's roughest joint. Four ordinates of zero make Bézier 15 begin and end
-#: C³; it is symmetric, so the fourth derivative agrees as well.
+#: Class of the roughest joint of each shipped cam. With four ordinates of zero at each end Bézier
+#: 15 is C³ at θ = 0. It is symmetric, so the fourth derivative is continuous as well.
 CLASSES = {
     0: "worked_example_constant_velocity",
     1: "arcs_centres arcs_convex arcs_straight tm21 worked_example_harmonic",
@@ -24,7 +24,7 @@ CLASSES = {
     3: "b_spline bezier_segments poly4567",
     4: "bezier15 half_rises measured trigonometric",
 }
-#: Shipped cams that rise as they fall, about the middle of the low dwell.
+#: Shipped cams that are symmetric about the middle of the low dwell.
 SYMMETRIC = {
     *("poly345", "poly4567", "cycloidal", "bezier15", "tm21", "arcs_convex", "arcs_straight"),
     *("b_spline", "bezier_segments", "half_rises", "modified_sine", "modified_trapezoid"),
@@ -33,12 +33,12 @@ SYMMETRIC = {
 
 
 def size(law, order):
-    """Largest value of a derivative, the scale its rounding is measured by."""
+    """Return the largest value of a derivative, to which its rounding is relative."""
     return float(np.abs(law.derivative_ordinates(order)).max())
 
 
-def test_periodic_and_symmetric(followed):
-    """s(θ + 2π) = s(θ), s(−θ) = s(θ); to the rounding of the angle times the slope."""
+def test_laws_are_periodic_and_symmetric(followed):
+    """s(θ + 2π) = s(θ) and s(−θ) = s(θ), to rounding of the angle times the slope."""
     for name, law in followed.items():
         tolerance = 50.0 * EPS * (size(law, 0) + TURN * size(law, 1))
         np.testing.assert_allclose(law(ANGLES + TURN), law(ANGLES), rtol=0, atol=tolerance)
@@ -47,8 +47,8 @@ def test_periodic_and_symmetric(followed):
             np.testing.assert_allclose(law(TURN - ANGLES), law(ANGLES), rtol=0, atol=tolerance)
 
 
-def test_derivatives_against_differences(followed):
-    """Each is the central difference of the one before it, away from joints."""
+def test_derivatives_are_central_differences(followed):
+    """Each derivative is the central difference of the one before it, off the joints."""
     h = 1e-5
     for law in followed.values():
         inside = ANGLES[np.abs(ANGLES[:, None] - law.breaks).min(axis=1) >= 2 * h]
@@ -60,16 +60,16 @@ def test_derivatives_against_differences(followed):
         assert not any(law(inside, order).any() for order in (law.degree + 1, 50, 10**9))
 
 
-def test_classes_of_shipped_laws(laws):
-    """Smooth to the order its family promises and no further."""
+def test_shipped_laws_have_the_class_of_their_family(laws):
+    """Each shipped law has exactly the class of its family."""
     for promised, names in CLASSES.items():
         for name in names.split():
             assert continuity(laws[name]) == promised, name
 
 
 def test_extremes_bound_all_samples_and_are_reached(followed):
-    """The roots miss nothing of 20 000 samples, and the law has the values at their angles."""
-    angles, hair = np.linspace(0.0, TURN, 20_001), np.array([-1e-9, 0.0, 1e-9])
+    """The extremes bound 20 000 samples, and the law has their values at their angles."""
+    angles, offsets = np.linspace(0.0, TURN, 20_001), np.array([-1e-9, 0.0, 1e-9])
     for law in followed.values():
         for order in range(4):
             ends, values = extremes(law, order), law(angles, order)
@@ -78,14 +78,17 @@ def test_extremes_bound_all_samples_and_are_reached(followed):
             if order == 0:
                 assert 1.0 - 1e-6 < np.ptp(values) / law.lift <= 1.0 + 1e-14
             for end in ends if order < 3 else ():
-                away = np.abs(law(end.angle + hair, order) - end.value).min()
-                assert away <= 1e-6 * size(law, order)
+                error = np.abs(law(end.angle + offsets, order) - end.value).min()
+                assert error <= 1e-6 * size(law, order)
             if order < 3:
                 np.testing.assert_array_equal(law.motion[order], law.derivative_ordinates(order))
 
 
-def test_peaks(make_cam):
-    """Simple harmonic over 180° twice: s' is h/2·sin θ, s'' h/2·cos θ; of a jump both sides."""
+def test_extremes_of_simple_harmonic_and_of_jumps(make_cam):
+    """Simple harmonic over 180° twice has s' = h/2·sin θ and s'' = h/2·cos θ.
+
+    At a jump both limits count.
+    """
     law = build_law(make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic")))
     low, high = extremes(law, 1)
     assert (low.value, high.value) == pytest.approx((-0.025, 0.025), rel=1e-13)
@@ -107,30 +110,33 @@ def test_arrays_are_frozen_copies():
         law.ordinates[0] = 1.0
 
 
-def test_what_is_no_law_no_angle_and_no_order_is_refused(laws):
-    """By the law's name and the place; no NaN goes through, and no warning of numpy's."""
-    good, two = [0.0, 1.0, TURN], np.zeros((4, 2))
-    for breaks, ordinates, words in (
-        (good, np.zeros((4, 3)), "n pieces need n \\+ 1 breakpoints"),
-        (good, np.zeros(3), "do not fit"),
-        (good, np.full((4, 2), np.nan), "must be finite"),
+def test_invalid_arrays_angles_and_orders_are_refused(laws):
+    """The error names the law and the index of the number.
+
+    No NaN is accepted, and numpy does not warn.
+    """
+    valid, two = [0.0, 1.0, TURN], np.zeros((4, 2))
+    for breaks, ordinates, message in (
+        (valid, np.zeros((4, 3)), "n pieces need n \\+ 1 breakpoints"),
+        (valid, np.zeros(3), "do not fit"),
+        (valid, np.full((4, 2), np.nan), "must be finite"),
         ([0.0, np.inf, TURN], two, "must be finite"),
         ([0.0, 1.0, 6.0], two, "rise from 0 to 2π, got .*6"),
         ([0.0, 0.0, TURN], two, "rise from 0 to 2π"),
         ([0.1, 1.0, TURN], two, "rise from 0 to 2π, got .*0\\.1"),
     ):
-        with pytest.raises(LawError, match=f"'crooked'.*{words}"):
+        with pytest.raises(LawError, match=f"'crooked'.*{message}"):
             Law("crooked", breaks, ordinates)
-    for angle, words in (
+    for angle, message in (
         (math.nan, "angle is nan"),
         ([0.0, 1.0, math.nan], r"angle\[2\] is nan"),
         ([[0.0, math.inf], [0.0, 0.0]], r"angle\[0, 1\] is inf"),
         (None, "angle is nan"),
         (-1e17, "angle is -1e\\+17"),
-        (10**400, r"no number a float holds.*\(int\)"),
-        ("a turn", r"no number a float holds.*\(str\)"),
+        (10**400, r"not a number that a float can represent.*\(int\)"),
+        ("a turn", r"not a number that a float can represent.*\(str\)"),
     ):
-        with pytest.raises(LawError, match=f"{words}.*allowed: finite angles in rad"):
+        with pytest.raises(LawError, match=f"{message}.*allowed: finite angles in rad"):
             laws["poly345"](angle)
     for order in (-1, 0.5, math.nan, math.inf, None, "1"):
         with pytest.raises(LawError, match="allowed: 0, 1, 2"):
@@ -138,7 +144,7 @@ def test_what_is_no_law_no_angle_and_no_order_is_refused(laws):
 
 
 def test_a_jump_of_one_derivative_is_found(laws):
-    """t^r/r! at a joint jumps by one in the r-th derivative; a mere cut is smooth."""
+    """t^r/r! at a joint jumps by 1 in the r-th derivative, and a split is smooth."""
     breaks, degree = np.array([0.0, np.pi, TURN]), 6
     for order in range(5):
         powers = np.zeros((degree + 1, 2))
@@ -153,21 +159,24 @@ def test_a_jump_of_one_derivative_is_found(laws):
 
 
 def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
-    """A rise over 1°, whose derivatives are a million times the others', changes no class."""
-    for law, own in (("cycloidal", 2), ("poly4567", 3)):
+    """A rise over 1° does not change the class of other joints.
+
+    Its derivatives are a million times those of the others.
+    """
+    for law, order in (("cycloidal", 2), ("poly4567", 3)):
         sharp = (dwell(30), rise(1, 0.9, law), dwell(29), rise(120, 0, law))
-        found = joints(build_law(make_cam(dwell(60), rise(120, 1, law), *sharp)))
-        classes = {round(np.degrees(joint.angle), 6): joint.continuity for joint in found}
+        all_joints = joints(build_law(make_cam(dwell(60), rise(120, 1, law), *sharp)))
+        classes = {round(np.degrees(joint.angle), 6): joint.continuity for joint in all_joints}
         ends = (0.0, 60.0, 180.0, 210.0, 211.0, 240.0)
-        assert [classes.pop(angle) for angle in ends] == 6 * [own]
+        assert [classes.pop(angle) for angle in ends] == 6 * [order]
         assert set(classes.values()) <= {SMOOTHEST}
-    beside = (rise(120, 1), dwell(30), dwell(0.5), rise(120, 0), dwell(89.5))
-    found = joints(build_law(make_cam(*beside)))
-    assert [joint.continuity for joint in found] == [2, 2, SMOOTHEST, 2, 2]
+    segments = (rise(120, 1), dwell(30), dwell(0.5), rise(120, 0), dwell(89.5))
+    all_joints = joints(build_law(make_cam(*segments)))
+    assert [joint.continuity for joint in all_joints] == [2, 2, SMOOTHEST, 2, 2]
 
 
 def test_the_turns_end_joins_its_start(make_cam):
-    """At θ = 0 the last piece meets the first: the slope's jump there is in m/rad."""
+    """At θ = 0 the last piece meets the first, and the slope jumps in m/rad."""
     law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 2, 0]}))
     (joint,) = joints(law)
     assert (joint.angle, joint.continuity) == (0.0, 0)

@@ -1,4 +1,4 @@
-"""The rises known by a name and the trigonometric law: formulas, peaks, and how they join."""
+"""Named rises, trigonometric laws, polynomials and B-splines: values and classes."""
 
 import math
 from typing import get_args
@@ -20,7 +20,7 @@ from cam_rig.units import TURN
 
 from ..conftest import dwell, rise
 
-#: Coefficients of u, u², … as eq. 3.1-3.9 print them, misprints corrected.
+#: Coefficients of u, u², … of eq. 3.1-3.9, with corrected misprints.
 PRINTED = {
     "bezier5": [0, 0, 10, -15, 6],
     "bezier7": [0, 0, 0, 35, -84, 70, -20],
@@ -35,7 +35,7 @@ PRINTED = {
 }
 PRINTED |= {"poly345": PRINTED["bezier5"], "poly4567": PRINTED["bezier7"]}
 PI = math.pi
-#: Peak velocity, acceleration, jerk in closed form, and the class; science.md §1.
+#: Peak velocity, acceleration and jerk in closed form, and the class (science.md §1).
 KNOWN = {
     "constant_velocity": (1.0, 0.0, 0.0, 0),
     "simple_harmonic": (PI / 2, PI**2 / 2, PI**3 / 2, 1),
@@ -44,7 +44,7 @@ KNOWN = {
     "modified_trapezoid": (2.0, 8 * PI / (PI + 2), 32 * PI**2 / (PI + 2), 2),
     "poly345": (1.875, 10 / math.sqrt(3), 60.0, 2),
     "poly4567": (2.1875, 84 * math.sqrt(5) / 25, 52.5, 3),
-    "bezier9": (315 / 128, 9.371976218494108, 78.75, 4),  # the middle one by sampling
+    "bezier9": (315 / 128, 9.371976218494108, 78.75, 4),  # the peak acceleration by sampling
     **{f"bezier4_{half}": (2.0, 3.0, 12.0, 2) for half in ("start", "end")},
     **{f"bezier6_{half}": (2.0, 3.75, 20 / math.sqrt(3), 3) for half in ("start", "end")},
     **{f"bezier8_{half}": (2.0, 4.375, 168 / math.sqrt(125), 4) for half in ("start", "end")},
@@ -52,25 +52,25 @@ KNOWN = {
 KNOWN |= {"bezier5": KNOWN["poly345"], "bezier7": KNOWN["poly4567"]}
 
 
-def taylor(function, at):
-    """Value and three derivatives at a number, of 40 digits."""
+def taylor(function, u):
+    """Return the value and three derivatives at a number, with 40 digits."""
     with mp.workdps(40):
-        row = mp.taylor(function, mp.mpf(at), 3)
+        row = mp.taylor(function, mp.mpf(u), 3)
         return [float(a * factorial) for a, factorial in zip(row, (1, 1, 2, 6), strict=True)]
 
 
-def test_figures():
-    """Peaks per unit rise and unit span are the closed forms, the class that of the family."""
+def test_peaks_and_classes_are_the_closed_forms():
+    """Peaks per unit lift and span are the closed forms, the class is the family's."""
     assert set(get_args(RiseName)) == set(NAMED_RISES) == set(KNOWN)
-    for name, known in KNOWN.items():
-        found = figures(name)
-        peaks = (found.peak_velocity, found.peak_acceleration, found.peak_jerk)
-        np.testing.assert_allclose(peaks, known[:3], rtol=5e-13, atol=1e-13)
-        assert found.continuity == known[3]
+    for name, expected in KNOWN.items():
+        result = figures(name)
+        peaks = (result.peak_velocity, result.peak_acceleration, result.peak_jerk)
+        np.testing.assert_allclose(peaks, expected[:3], rtol=5e-13, atol=1e-13)
+        assert result.continuity == expected[3]
 
 
 def test_bezier_rises_are_the_printed_polynomials():
-    """Ordinates of eq. 3.1-3.9 give the curve of the printed powers of u, of their degree."""
+    """The ordinates give the polynomials that eq. 3.1-3.9 print, with their degree."""
     u = np.linspace(0.0, 1.0, 33)
     for name, printed in PRINTED.items():
         _, (ordinates,) = unit_rise(name)
@@ -94,7 +94,10 @@ def modified_sine(u):
 
 
 def modified_trapezoid(u):
-    """The handbooks' formulas; the second half by s(u) = 1 − s(1 − u)."""
+    """Return the handbooks' formula.
+
+    The second half is s(u) = 1 − s(1 − u).
+    """
     if u > mp.mpf(1) / 2:
         return 1 - modified_trapezoid(1 - u)
     k, v = 1 / (2 + mp.pi), u - mp.mpf(1) / 8
@@ -110,8 +113,11 @@ def cycloidal(u):
 
 
 @pytest.mark.parametrize("formula", [simple_harmonic, cycloidal, modified_sine, modified_trapezoid])
-def test_fit_against_forty_digits(formula):
-    """Value to 1e-14 and third derivative to 1e-11 of their peaks, off the sections' joints."""
+def test_analytic_rises_agree_with_forty_digits(formula):
+    """Values agree to 1e-14 of their peak, third derivatives to 1e-11.
+
+    Joints of the sections are not evaluated.
+    """
     breaks, columns = unit_rise(formula.__name__)
     u, errors, sizes = np.linspace(0.03, 0.97, 5), [], []
     for start, stop, column in zip(breaks[:-1], breaks[1:], columns, strict=True):
@@ -126,7 +132,10 @@ def test_fit_against_forty_digits(formula):
 
 
 def test_halves_meet_at_one_slope(make_cam):
-    """A start and an end half of equal span meet with velocity 2h/β: C4 for degree 8."""
+    """A start half and an end half of equal span meet with velocity 2h/β.
+
+    They are C4 for degree 8.
+    """
     for degree, expected in ((4, 2), (6, 3), (8, 4)):
         start, end = f"bezier{degree}_start", f"bezier{degree}_end"
         up, down = ((rise(60, 0.5, start), rise(60, level, end)) for level in (1, 0))
@@ -137,13 +146,16 @@ def test_halves_meet_at_one_slope(make_cam):
         assert law(np.radians(60.0), 1) == pytest.approx(0.05 / np.radians(60.0), rel=1e-14)
 
 
-# Trigonometric polynomials: the fit is the sum of waves, all around.
+# Trigonometric polynomials: the fit is the sum of harmonics over the whole turn.
 
 COSINE, SINE, MEAN, LIFT = [-0.47, 0.06, 0, 0.02], [0.12, -0.03, 0.01], 0.5, 0.05
 
 
-def test_trigonometric_law_against_fifty_digits(make_cam):
-    """Value and derivatives of eq. 2.2, relative to their peaks; no joint is seen at C4."""
+def test_a_trigonometric_law_agrees_with_fifty_digits(make_cam):
+    """Values and derivatives are those of eq. 2.2, relative to their peaks.
+
+    Every joint is C4.
+    """
     segment = {"law": "trigonometric", "span": 360, "mean": MEAN, "cosine": COSINE, "sine": SINE}
     wavy, angles = build_law(make_cam(segment, lift=LIFT)), np.linspace(0.0, TURN, 49)
     assert {joint.continuity for joint in joints(wavy)} == {SMOOTHEST}
@@ -162,8 +174,8 @@ def test_trigonometric_law_against_fifty_digits(make_cam):
         np.testing.assert_allclose(wavy(angles, order), expected, rtol=0, atol=limit)
 
 
-def test_fifty_harmonics(make_cam):
-    """The highest harmonic allowed is followed: its slope is 50 times its size."""
+def test_the_fiftieth_harmonic_is_accurate(make_cam):
+    """The highest harmonic has 50 times its amplitude as slope."""
     cosine = [0.0] * 49 + [0.5]
     law = build_law(make_cam({"law": "trigonometric", "span": 360, "mean": 0.5, "cosine": cosine}))
     assert law.lift == pytest.approx(LIFT, rel=1e-12)
@@ -171,16 +183,16 @@ def test_fifty_harmonics(make_cam):
     assert abs(peak(law, 3).value) == pytest.approx(0.5 * 50**3 * LIFT, rel=1e-10)
 
 
-# -- polynomials through conditions, the worked example's printed numbers, and B-splines ------
+# Polynomials that meet conditions.
 
 
 INCH = 0.0254
 
 
-def test_meets_its_conditions():
-    """Values, slopes and curvatures at random places: all met, of degree m − 1.
+def test_a_polynomial_meets_its_conditions():
+    """A polynomial of degree m − 1 meets random values, slopes and curvatures.
 
-    Conditions that leave orders out also fix a polynomial: s(0), s''(½) and s(1).
+    Conditions that omit orders can also determine a polynomial: s(0), s''(½) and s(1).
     """
     ordinates = polynomial_through([0.0, 0.5, 1.0], [0, 2, 0], [0.0, -2.0, 0.0])
     np.testing.assert_allclose(ordinates, [0.0, 0.5, 0.0], rtol=0, atol=1e-16)  # u − u²
@@ -190,26 +202,29 @@ def test_meets_its_conditions():
         value = rng.normal(size=12)
         ordinates = polynomial_through(u.tolist(), order, value.tolist())
         assert ordinates.size == 12
-        for at, r, wanted in zip(u, order, value, strict=True):
+        for x, r, expected in zip(u, order, value, strict=True):
             derived = ordinates
             for _ in range(r):
                 derived = bernstein.derivative(derived)
-            found = bernstein.evaluate(derived, np.array([at]))[0]
-            assert found == pytest.approx(wanted, abs=1e-13 * np.abs(derived).max())
+            result = bernstein.evaluate(derived, np.array([x]))[0]
+            assert result == pytest.approx(expected, abs=1e-13 * np.abs(derived).max())
 
 
-def test_conditions_that_fix_nothing_are_refused(make_cam):
-    """The slope in the middle of a parabola; no level at all. In a cam the error says which."""
+def test_conditions_without_a_solution_are_refused(make_cam):
+    """The middle slope of a parabola and two slopes do not determine a polynomial.
+
+    In a cam the error names the cam.
+    """
     for u, order in (([0.0, 0.5, 1.0], [0, 1, 0]), ([0.0, 1.0], [1, 1])):
-        words = rf"no single polynomial of degree.*\({u[0]:g}, {order[0]}\)"
-        with pytest.raises(LawError, match=words):
+        message = rf"no single polynomial of degree.*\({u[0]:g}, {order[0]}\)"
+        with pytest.raises(LawError, match=message):
             polynomial_through(u, order, [0.0] * len(u))
     segment = {"law": "polynomial", "span": 360, "at": [0, 360], "order": [1, 1], "value": [0, 0]}
     with pytest.raises(LawError, match="cam 'made': no single polynomial"):
         build_law(make_cam(segment))
 
 
-# The worked example with its printed numbers.
+# Worked example with its printed numbers.
 
 QUINTIC = Polynomial([-31, 120, -180, 130, -45, 6])
 BETA = np.pi / 2
@@ -227,7 +242,10 @@ SCHEMES = {
 
 
 def test_worked_example_is_its_formulas(laws, cams):
-    """S, V, A, J of the rise in inches and rad; lift 1 in at the edge, 0.0254 m inside."""
+    """S, V, A, J of the rise agree with the formulas in inches and rad.
+
+    The lift is 1 in in the file and 0.0254 m in the law.
+    """
     x, degrees = np.linspace(1.0, 2.0, 41)[1:-1], np.array([0, 45, 89, 180, 225, 270])
     for scheme, formula in SCHEMES.items():
         name = f"worked_example_{scheme}"
@@ -235,14 +253,14 @@ def test_worked_example_is_its_formulas(laws, cams):
         assert (cams[name].lift.raw, cams[name].lift.unit) == (1, "in")
         assert law.lift == pytest.approx(INCH, rel=1e-15)
         for order, expected in enumerate(formula(x)):
-            found = law(BETA * x, order) / INCH
-            np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+            result = law(BETA * x, order) / INCH
+            np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11)
         levels = law(np.radians(degrees)) / INCH
         np.testing.assert_allclose(levels, [0, 0, 0, 1, 1, 1], rtol=0, atol=1e-15)
         assert law.largest_step < 1e-15
 
 
-# B-splines as Bézier pieces: the thesis's basis, its abscissae, and continuity at knots.
+# B-splines as Bézier pieces: basis of the thesis, abscissae, and continuity at knots.
 
 DEGREE = 3
 KNOTS = np.array([0, 0, 0, 1, 2.5, 2.5, 4, 4, 4], dtype=float)  # ends and 2.5 repeated
@@ -252,12 +270,15 @@ ORDINATES = np.array([0, 0.1, 0.7, 0.9, 0.4, 0.2, 0.25])
 def value(u, ordinates=ORDINATES):
     breaks, columns = pieces(KNOTS, ordinates, DEGREE)
     i = min(np.searchsorted(breaks, u, side="right") - 1, len(columns) - 1)
-    at = np.array([(u - breaks[i]) / (breaks[i + 1] - breaks[i])])
-    return bernstein.evaluate(columns[i], at)[0]
+    local = np.array([(u - breaks[i]) / (breaks[i + 1] - breaks[i])])
+    return bernstein.evaluate(columns[i], local)[0]
 
 
-def test_values_are_the_recursion():
-    """The Bézier pieces are the sum of the basis functions of eq. 2.10, through both ends."""
+def test_b_spline_pieces_have_the_values_of_the_recursion():
+    """The Bézier pieces are the sum of the basis functions of eq. 2.10.
+
+    The curve passes through both end ordinates.
+    """
     spline = BSpline([KNOTS[0], *KNOTS, KNOTS[-1]], ORDINATES, DEGREE)
     for u in (0.0, 0.3, 1.0, 1.7, 2.5, 3.1, 3.999):
         assert value(u) == pytest.approx(spline(u), abs=3e-16)
@@ -266,7 +287,7 @@ def test_values_are_the_recursion():
 
 
 def test_greville_abscissae():
-    """ξᵢ = mean of n knots: a straight line through (ξᵢ, ξᵢ) is itself (linear precision)."""
+    """ξᵢ is the mean of n knots, and a straight line through (ξᵢ, ξᵢ) is itself."""
     abscissae = greville(KNOTS, DEGREE)
     np.testing.assert_allclose(abscissae[[0, 1, -1]], [0, 1 / 3, 4], rtol=1e-15)
     for u in (0.2, 1.3, 2.7, 3.9):
@@ -274,7 +295,10 @@ def test_greville_abscissae():
 
 
 def test_b_splines_of_a_cam(make_cam):
-    """C^(n − r) at a knot of multiplicity r, C^(n − 1) at a simple one; one piece is a Bézier."""
+    """The class is C^(n − r) at a knot of multiplicity r.
+
+    A B-spline of one piece is a Bézier curve.
+    """
 
     def spline(degree, knots, ordinates):
         rest = {"degree": degree, "knots": knots, "ordinates": ordinates}
@@ -285,5 +309,5 @@ def test_b_splines_of_a_cam(make_cam):
     assert [joint.continuity for joint in joints(law)] == [1, 2, 1]
     ordinates = [0, 0, 0.7, 2.32, 0.46, 0, 0]
     bezier = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": ordinates}))
-    one = spline(6, [0] * 6 + [1] * 6, ordinates)
-    np.testing.assert_array_equal(one.ordinates, bezier.ordinates)
+    single = spline(6, [0] * 6 + [1] * 6, ordinates)
+    np.testing.assert_array_equal(single.ordinates, bezier.ordinates)

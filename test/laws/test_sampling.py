@@ -1,4 +1,4 @@
-"""Uniform sampling of a cam is evaluation of its law; the Bernstein form keeps its digits."""
+"""Uniform samples of a cam equal evaluations of its law, also at high degrees."""
 
 import math
 
@@ -18,35 +18,38 @@ from cam_rig.units import TURN
 
 EPS = float(np.finfo(float).eps)
 IDENTITY, NO_OFFSET = np.eye(3), np.zeros(3)
-#: Rounding errors a sample may have, in units of eps·size. Evaluating s'' from ordinates costs
-#: the degree squared.
+#: Largest rounding error of a sample, in units of eps·size. Evaluating s'' from ordinates
+#: multiplies rounding by the degree squared.
 ERRORS = 500.0
 #: Start, step and count of samples.
 RUNS = (
     (0.0, 1e-3, 20_000),  # three turns, chunks
     (0.0, 8.7e-4, 1),
     (123.456, 8.7e-4, 10_000),
-    (1000 * TURN + 1.0, 1e-3, 10_000),  # a thousand turns on
+    (1000 * TURN + 1.0, 1e-3, 10_000),  # after a thousand turns
     (-5.0, 0.01, 2000),  # through θ = 0
     (1.0, 1e-9, 5000),  # tiny steps, one piece
-    (0.3, 0.9, 300),  # a few samples a turn
-    (0.0, 100.0, 500),  # many turns a step
+    (0.3, 0.9, 300),  # a few samples per turn
+    (0.0, 100.0, 500),  # many turns per step
     (0.0, TURN / 360, 720),  # samples on the joints
     (float(np.nextafter(TURN, 0.0)), 1e-3, 500),
-    # turns of a whole number of samples are made together
+    # turns with a whole number of samples are computed together
     *((0.0, TURN / per_turn, round(5.3 * per_turn)) for per_turn in (7200, 7200.5, 4096, 2777.7)),
 )
 
 
 def assert_is_the_law(law, start, step, count):
-    """Samples equal the law's, but for rounding of values and of angle times slope."""
+    """Check that samples equal the law.
+
+    The tolerance is the rounding of values, and of the angle times the slope.
+    """
     rows = sample(law, start, step, count, IDENTITY, NO_OFFSET)
     angle = start + step * np.arange(count)
     blur = 4.0 * EPS * (np.abs(angle).max() + TURN)
     reduced = angle - np.floor(angle / TURN) * TURN
     after = np.searchsorted(law.breaks[1:-1], reduced) + 1
-    away = np.minimum(reduced - law.breaks[after - 1], law.breaks[after] - reduced)
-    inside = away > blur + AT_SAMPLE * step  # at a joint `Law.__call__` may meet either side
+    distance = np.minimum(reduced - law.breaks[after - 1], law.breaks[after] - reduced)
+    inside = distance > blur + AT_SAMPLE * step  # at a joint `Law.__call__` may meet either side
     for order in range(3):
         size, slope = (np.abs(law.derivative_ordinates(k)).max() for k in (order, order + 1))
         expected, limit = law(angle[inside], order), ERRORS * EPS * size + blur * slope
@@ -54,7 +57,7 @@ def assert_is_the_law(law, start, step, count):
 
 
 def test_samples_are_the_law(followed):
-    """Every run on some laws, every law with two runs."""
+    """Each law has two runs, and all runs are used."""
     for i, law in enumerate(followed.values()):
         for run in RUNS[i % 7 :: 7]:
             assert_is_the_law(law, *run)
@@ -70,8 +73,11 @@ def test_any_samples_are_the_law(laws, start, exponent, count, name):
     assert_is_the_law(laws[name], start, 10.0**exponent, count)
 
 
-def test_parts_weights_and_offsets(followed):
-    """Rows are the asked combinations of s, s', s'' plus constants; a run in two parts is one."""
+def test_samples_are_weighted_combinations_plus_offsets(followed):
+    """Rows are the weighted combinations of s, s', s'' plus constants.
+
+    A run in two parts equals the whole run.
+    """
     weights, offsets = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]]), np.array([7.0, -1.0])
     for law in followed.values():
         plain = sample(law, 0.2, 1e-3, 3000, IDENTITY, NO_OFFSET)
@@ -85,39 +91,42 @@ def test_parts_weights_and_offsets(followed):
         assert sample(law, 1.0, 0.1, 0, IDENTITY, NO_OFFSET).shape == (3, 0)
 
 
-def test_a_sample_at_a_joint_is_what_begins_there(laws):
-    """Rounding of the first angle does not choose the side: s'' is the right limit."""
+def test_a_sample_at_a_joint_is_the_right_limit(laws):
+    """At a joint s'' is the right limit, whatever the rounding of the first angle."""
     law, step = laws["tm21"], TURN / 3600
-    for away in (-4, -1, 0, 1, 4):
+    for ulps in (-4, -1, 0, 1, 4):
         for joint in law.breaks[1:-1]:
             start = joint - 1700 * step
-            start += away * math.ulp(start)
+            start += ulps * math.ulp(start)
             rows = sample(law, start, step, 2000, IDENTITY, NO_OFFSET)
             assert rows[2, 1700] == pytest.approx(law(joint + 1e-9, 2), rel=1e-6, abs=1e-9)
 
 
-def test_turns_alike_are_found():
-    """Where a turn is a whole number of samples its turns are one, else they are not."""
+def test_equal_turns_are_grouped():
+    """Equal turns are grouped if a turn has a whole number of samples, and only then."""
 
-    def runs(apart, away):
-        return [SampleRun.of(i * apart, i * apart + 1000, i * away, 1e-3) for i in range(4)]
+    def runs(spacing, shift):
+        return [SampleRun.of(i * spacing, i * spacing + 1000, i * shift, 1e-3) for i in range(4)]
 
-    assert [len(train) for train in repeated(runs(4096, 0.0))] == [4]
-    assert [len(train) for train in repeated(runs(4096, 1e-15))] == [4]
-    assert [len(train) for train in repeated(runs(4096, 1e-13))] == [1] * 4
+    assert [len(group) for group in repeated(runs(4096, 0.0))] == [4]
+    assert [len(group) for group in repeated(runs(4096, 1e-15))] == [4]
+    assert [len(group) for group in repeated(runs(4096, 1e-13))] == [1] * 4
     uneven = [*runs(4096, 0.0), SampleRun.of(20_000, 21_000, 0.0, 1e-3)]
-    assert [len(train) for train in repeated(uneven)] == [4, 1]
+    assert [len(group) for group in repeated(uneven)] == [4, 1]
 
 
-def test_samples_go_where_they_are_asked(laws):
-    """Rows of a larger block get what a new array would; its other rows stay as they are."""
+def test_samples_are_written_into_the_given_rows(laws):
+    """Rows of a larger array receive the samples of a new array.
+
+    Its other rows are unchanged.
+    """
     for name in ("tm21", "bezier15"):
         for step in (8.7e-4, TURN / 7200):
-            asked = laws[name], 0.3, step, 20_000, IDENTITY, NO_OFFSET
+            arguments = laws[name], 0.3, step, 20_000, IDENTITY, NO_OFFSET
             block = np.full((6, 20_000), 7.0)
-            found = sample(*asked, block[2:5])
-            np.testing.assert_array_equal(block[2:5], sample(*asked))
-            assert np.shares_memory(found, block)
+            result = sample(*arguments, block[2:5])
+            np.testing.assert_array_equal(block[2:5], sample(*arguments))
+            assert np.shares_memory(result, block)
             assert (block[[0, 1, 5]] == 7.0).all()
 
 
@@ -128,32 +137,35 @@ DEGREES = (15, 30, 60)
 
 
 def law_of(degree):
-    """One curve for rise, dwell and fall as Bézier 15 is: rest at the ends, 50 mm between."""
+    """Return one curve for rise, dwell and fall, similar to Bézier 15.
+
+    It is at rest at the ends and has a lift of about 50 mm.
+    """
     inner = np.random.default_rng(degree).uniform(0.2, 1.5, degree - 7)
     ordinates = 0.05 * np.concatenate([np.zeros(4), inner, np.zeros(4)])
     return Law(f"bezier{degree}", np.array([0.0, TURN]), ordinates[:, None])
 
 
 @pytest.mark.parametrize("degree", DEGREES)
-def test_derivatives_and_samples_of_a_law(degree):
-    """Differences of ordinates, and chunks about their middles, are within 1e-13 of 60 digits."""
+def test_derivatives_and_samples_are_accurate_at_high_degree(degree):
+    """Derivatives and samples agree with 60 digits to 1e-13."""
     law, count = law_of(degree), 20_000
     sampled = sample(law, 0.0, TURN / count, count, IDENTITY, NO_OFFSET)[:, ::200]
     with mp.workdps(60):
         series = powers(law.ordinates[:, 0].tolist())
         for order in range(3):
-            wanted = np.array([float(polynomial(series, mp.mpf(float(u)))) for u in U[:-1]])
-            wanted, series = wanted / TURN**order, [i * a for i, a in enumerate(series)][1:]
-            limit = 1e-13 * np.abs(wanted).max()
-            for got in (law(U[:-1] * TURN, order), sampled[order]):
-                np.testing.assert_allclose(got, wanted, rtol=0, atol=limit)
+            expected = np.array([float(polynomial(series, mp.mpf(float(u)))) for u in U[:-1]])
+            expected, series = expected / TURN**order, [i * a for i, a in enumerate(series)][1:]
+            limit = 1e-13 * np.abs(expected).max()
+            for result in (law(U[:-1] * TURN, order), sampled[order]):
+                np.testing.assert_allclose(result, expected, rtol=0, atol=limit)
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("rpm", [3.0, 300.0, 3000.0])
 @pytest.mark.parametrize("degree", DEGREES)
-def test_the_response_to_a_law(degree, rpm, monkeypatch):
-    """Residual vibration stays exact to 1e-13 from slow to fast, whatever the degree."""
+def test_residual_vibration_is_exact_at_high_degree(degree, rpm, monkeypatch):
+    """Residual vibration is exact to 1e-13 at low and high speed and any degree."""
     monkeypatch.setattr(exact_solution, "DIGITS", 140)
     speed = rpm * np.pi / 30.0
     times = output_times(speed, 1, 25)

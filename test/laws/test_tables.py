@@ -1,4 +1,4 @@
-"""A law through points: splines within a tolerance, exact dwells, and the scatter of readings."""
+"""Laws through points: smoothing splines, exact dwells, scatter of readings."""
 
 import numpy as np
 import pytest
@@ -8,9 +8,9 @@ from scipy.optimize import least_squares
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law, spline
-from cam_rig.laws.bernstein import joined, turned_to_zero
+from cam_rig.laws.bernstein import joined, rotate_to_zero
 from cam_rig.laws.law import SMOOTHEST, continuity
-from cam_rig.laws.segments import smoothed
+from cam_rig.laws.segments import smooth_table
 from cam_rig.units import TURN, rms
 
 FINE = np.linspace(0.0, TURN, 1000, endpoint=False)
@@ -24,23 +24,26 @@ def noise(count, scale=1.0, seed=0):
     return np.random.default_rng(seed).normal(scale=scale, size=count)
 
 
-def law_of(found):
-    breaks, columns = found.pieces
+def law_of(smoothed):
+    breaks, columns = smoothed.pieces
     return Law("table", np.array(breaks), joined(columns))
 
 
 def wave(angle):
-    """A smooth periodic lift of 10 mm."""
+    """Return a smooth periodic lift of 10 mm."""
     return 0.005 * (1.0 - np.cos(angle)) + 0.0004 * np.sin(3.0 * angle)
 
 
 def test_zero_tolerance_goes_through_every_point():
-    """An interpolating quintic: at the points to rounding, between them to h⁶, and closed."""
+    """An interpolating quintic passes through the points and is closed.
+
+    Between the points its error is of order h⁶.
+    """
     for start in (0.0, 0.02):
         angles = start + turn(72)
-        found = spline.smooth(angles, wave(angles), 0.0)
-        assert found.largest < 1e-16
-        law = law_of(found)
+        smoothed = spline.smooth(angles, wave(angles), 0.0)
+        assert smoothed.largest < 1e-16
+        law = law_of(smoothed)
         assert np.abs(law(FINE) - wave(FINE)).max() < 3.0**6 * (TURN / 72) ** 6 * 0.0004
         assert continuity(law) == SMOOTHEST
     angles = np.linspace(0.0, TURN, 73)
@@ -50,36 +53,42 @@ def test_zero_tolerance_goes_through_every_point():
 
 
 def test_smoothing_stays_within_the_tolerance():
-    """The r.m.s. distance is the tolerance (within FITPACK's 0.1 %): no more, and used up."""
+    """The r.m.s. distance equals the tolerance, within FITPACK's 0.1 %."""
     for tolerance in (2e-6, 2e-5, 2e-4):
-        found = spline.smooth(turn(120), wave(turn(120)) + noise(120, tolerance, 3), tolerance)
-        assert 0.99 * tolerance <= found.rms <= 1.001 * tolerance
-        assert continuity(law_of(found)) == SMOOTHEST
+        smoothed = spline.smooth(turn(120), wave(turn(120)) + noise(120, tolerance, 3), tolerance)
+        assert 0.99 * tolerance <= smoothed.rms <= 1.001 * tolerance
+        assert continuity(law_of(smoothed)) == SMOOTHEST
 
 
 def test_shipped_table_follows_its_points(cams, laws):
-    """The r.m.s. distance of measured.csv is the file's tolerance; no point is off by 4 of them."""
+    """The r.m.s. distance of measured.csv is the tolerance of the file.
+
+    No point is farther than four tolerances.
+    """
     cam = cams["measured"]
     segment = cam.segments[0]
-    found, tolerance = smoothed(segment, cam), segment.tolerance.si
-    assert tolerance * 0.99 <= found.rms <= 1.001 * tolerance
-    assert found.largest < 4.0 * tolerance
-    away = laws["measured"](np.array(segment.file.angles)) - segment.file.lifts
-    assert rms(away) == pytest.approx(found.rms, rel=1e-9)
+    smoothed, tolerance = smooth_table(segment, cam), segment.tolerance.si
+    assert tolerance * 0.99 <= smoothed.rms <= 1.001 * tolerance
+    assert smoothed.largest < 4.0 * tolerance
+    errors = laws["measured"](np.array(segment.file.angles)) - segment.file.lifts
+    assert rms(errors) == pytest.approx(smoothed.rms, rel=1e-9)
     wrong = cam.model_copy(update={"lift": cam.lift.model_copy(update={"assumed": 12})})
     with pytest.raises(LawError, match=r"lift is 12 mm, the points of measured.csv rise by 10"):
         build_law(wrong)
 
 
-def test_turned_to_zero():
-    """Pieces that begin anywhere become one from 0, cut once more, but at a breakpoint."""
+def test_pieces_are_rotated_to_zero():
+    """Pieces that start at any angle are rotated to start at 0.
+
+    A piece that contains 0 is split, unless 0 is a breakpoint.
+    """
     column = np.array([0.0, 1.0, 4.0, 9.0])
-    breaks, columns = turned_to_zero(([-1.0, 2.0, TURN - 1.0], [column, column[::-1]]), TURN)
+    breaks, columns = rotate_to_zero(([-1.0, 2.0, TURN - 1.0], [column, column[::-1]]), TURN)
     assert breaks == pytest.approx([0.0, 2.0, TURN - 1.0, TURN])
     cut = joined(columns)
     assert cut[-1, -1] == pytest.approx(cut[0, 0], rel=1e-15)
     column = np.array([0.0, 1.0])
-    breaks, columns = turned_to_zero(([-2.0, 0.0, TURN - 2.0], [column, column[::-1]]), TURN)
+    breaks, columns = rotate_to_zero(([-2.0, 0.0, TURN - 2.0], [column, column[::-1]]), TURN)
     assert breaks == pytest.approx([0.0, TURN - 2.0, TURN])
     assert len(columns) == 2
     angles = 0.013 + turn(40)
@@ -88,7 +97,7 @@ def test_turned_to_zero():
         assert abs(law.jumps(order)[0]) < 1e-8 * np.abs(law.derivative_ordinates(order)).max()
 
 
-# Dwells: exact where the cam rests, C2 where it leaves, no noise.
+# Dwells: exact, joined with C2, without noise.
 
 DWELLS = [
     spline.Rest(np.radians(160), np.radians(40), 0.012),
@@ -97,7 +106,10 @@ DWELLS = [
 
 
 def readings(laws, count, scale, seed=0):
-    """Of the shipped cam `flat`: cycloidal over 120°, dwells of 40° and 80°."""
+    """Return readings of the shipped cam `flat`.
+
+    It is cycloidal over 120°, with dwells of 40° and 80°.
+    """
     return turn(count), laws["flat"](turn(count)) + noise(count, scale, seed)
 
 
@@ -116,42 +128,52 @@ def test_dwells_are_exact_and_joined_at_c2(laws):
 
 
 def test_the_distance_is_the_tolerance(laws):
-    """Between dwells, the ordinates that they hold allowed for; nowhere more than that."""
+    """Between dwells the r.m.s. distance is the tolerance.
+
+    It is corrected for the ordinates that the dwells fix.
+    """
     angles, lifts = readings(laws, 360, 5e-6)
-    found = spline.smooth(angles, lifts, 6e-6, DWELLS)
-    away = np.abs(law_of(found)(angles) - lifts)
-    rests = np.any([(angles - d.start) % TURN <= d.span for d in DWELLS], axis=0)
+    smoothed = spline.smooth(angles, lifts, 6e-6, DWELLS)
+    errors = np.abs(law_of(smoothed)(angles) - lifts)
+    in_dwell = np.any([(angles - d.start) % TURN <= d.span for d in DWELLS], axis=0)
     event = (angles > np.radians(200.1)) & (angles < DWELLS[1].start - 1e-9)
-    bound = 6e-6 * np.sqrt(1.0 + 2.0 * spline.HELD / np.count_nonzero(event))
-    assert rms(away[event]) == pytest.approx(bound, rel=1e-6)
-    assert found.rms == pytest.approx(rms(away), rel=1e-9)
-    assert found.largest == pytest.approx(away.max(), rel=1e-9)
-    assert rms(away[rests]) < 6e-6
+    bound = 6e-6 * np.sqrt(1.0 + 2.0 * spline.FIXED_ORDINATES / np.count_nonzero(event))
+    assert rms(errors[event]) == pytest.approx(bound, rel=1e-6)
+    assert smoothed.rms == pytest.approx(rms(errors), rel=1e-9)
+    assert smoothed.largest == pytest.approx(errors.max(), rel=1e-9)
+    assert rms(errors[in_dwell]) < 6e-6
 
 
-def test_it_is_the_same_as_scipys_least_squares(laws):
-    """Where no smoothing is left to do: scipy's optimum of the same likelihood, same ordinates."""
+def test_ordinates_are_those_of_scipys_least_squares(laws):
+    """Without smoothing the ordinates are those of scipy's least squares."""
     angles, lifts = readings(laws, 180, 2e-6)
-    begin, end = DWELLS[0].start + DWELLS[0].span, DWELLS[1].start
-    inside = (angles > begin) & (angles < end)
+    start, end = DWELLS[0].start + DWELLS[0].span, DWELLS[1].start
+    inside = (angles > start) & (angles < end)
     x, y = angles[inside], lifts[inside]
-    inner = np.linspace(begin, end, spline.INTERVALS[4] + 1)[1:-1]
-    knots = np.concatenate([[begin] * (spline.DEGREE + 1), inner, [end] * (spline.DEGREE + 1)])
+    inner = np.linspace(start, end, spline.INTERVAL_COUNTS[4] + 1)[1:-1]
+    knots = np.concatenate([[start] * (spline.DEGREE + 1), inner, [end] * (spline.DEGREE + 1)])
 
-    def away(free):
-        ordinates = np.concatenate([[0.012] * spline.HELD, free, [0.0] * spline.HELD])
+    def errors(free):
+        ordinates = np.concatenate(
+            [[0.012] * spline.FIXED_ORDINATES, free, [0.0] * spline.FIXED_ORDINATES]
+        )
         return BSpline(knots, ordinates, spline.DEGREE)(x) - y
 
-    first = np.linspace(0.012, 0.0, knots.size - spline.DEGREE - 1 - 2 * spline.HELD)
-    fitted = least_squares(away, first, xtol=1e-15, ftol=1e-15)
-    # a tolerance that these intervals reach by a hair and no fewer do
-    bound = rms(fitted.fun) * (1.0 + 1e-9) / np.sqrt(1.0 + 2.0 * spline.HELD / x.size)
-    ours = spline._event(x, y, (begin, end), (0.012, 0.0), bound)
-    assert ours.c[spline.HELD : -spline.HELD] == pytest.approx(fitted.x, abs=1e-8)
+    first = np.linspace(0.012, 0.0, knots.size - spline.DEGREE - 1 - 2 * spline.FIXED_ORDINATES)
+    fitted = least_squares(errors, first, xtol=1e-15, ftol=1e-15)
+    # a tolerance that these intervals just reach, and fewer do not
+    bound = rms(fitted.fun) * (1.0 + 1e-9) / np.sqrt(1.0 + 2.0 * spline.FIXED_ORDINATES / x.size)
+    ours = spline._fit_event(x, y, (start, end), (0.012, 0.0), bound)
+    assert ours.c[spline.FIXED_ORDINATES : -spline.FIXED_ORDINATES] == pytest.approx(
+        fitted.x, abs=1e-8
+    )
 
 
-def test_gaps_events_and_single_dwells(laws):
-    """Readings over the event alone will do; an event without any is the 3-4-5 polynomial."""
+def test_gaps_in_readings_are_allowed(laws):
+    """Readings of the event alone are sufficient.
+
+    An event without readings is the 3-4-5 polynomial.
+    """
     angles, lifts = readings(laws, 360, 2e-6)
     read = (angles > np.radians(35)) & (angles < np.radians(325))
     law = law_of(spline.smooth(angles[read], lifts[read], 2.2e-6, DWELLS))
@@ -159,49 +181,58 @@ def test_gaps_events_and_single_dwells(laws):
     dwell = low_dwell(law_of(spline.smooth(angles, lifts, 2.2e-6, DWELLS[1:])))
     assert dwell.dwell
     assert np.degrees([dwell.start, dwell.span]) == pytest.approx([320.0, 80.0])
-    rests = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(3.0, 2.0, 0.01)]
+    dwells = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(3.0, 2.0, 0.01)]
     angles = np.concatenate([np.linspace(0.1, 1.9, 8), np.linspace(3.1, 4.9, 8)])
-    law = law_of(spline.smooth(angles, np.where(angles < 2.5, 0.0, 0.01), 1e-6, rests))
+    law = law_of(spline.smooth(angles, np.where(angles < 2.5, 0.0, 0.01), 1e-6, dwells))
     u = np.linspace(0.01, 0.99, 9)
     assert law(2.0 + u) == pytest.approx(0.01 * (10 * u**3 - 15 * u**4 + 6 * u**5), abs=1e-15)
 
 
-def test_a_tolerance_that_no_spline_reaches():
-    """Two readings of one place, a hundredth of a degree and 1 mm apart: no even knots do both."""
-    rests = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(4.0, 2.0, 0.0)]
+def test_a_tolerance_that_no_spline_reaches_is_refused():
+    """Readings 0.01° and 1 mm apart cannot be reached with equal intervals."""
+    dwells = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(4.0, 2.0, 0.0)]
     angles = np.array([0.5, 1.0, 1.5, 3.0, 3.0002, 3.0004, 3.0006, 4.5, 5.0, 5.5])
     lifts = np.array([0.0, 0.0, 0.0, 0.001, 0.002, 0.0, 0.001, 0.0, 0.0, 0.0])
-    words = r"no spline comes within 1e-05 mm r\.m\.s\. of the 4 points"
-    with pytest.raises(LawError, match=words):
-        spline.smooth(angles, lifts, 1e-8, rests)
+    message = r"no spline comes within 1e-05 mm r\.m\.s\. of the 4 points"
+    with pytest.raises(LawError, match=message):
+        spline.smooth(angles, lifts, 1e-8, dwells)
 
 
-# Scatter of readings: found within its error, blind to smooth laws, and a limit to tolerances.
+# Scatter of readings: its accuracy, and the limit that it sets to tolerances.
 
 
 @pytest.mark.parametrize("count", [72, 360, 2000])
-def test_scatter_of_noise_is_its_standard_deviation(count):
-    """Over 60 seeds: the mean within 3 of its errors, the spread is what scatter_error says."""
-    found = [spline.scatter(turn(count), noise(count, seed=seed)) for seed in range(60)]
+def test_the_scatter_of_noise_is_its_standard_deviation(count):
+    """Over 60 seeds the mean is within three standard errors.
+
+    The spread is that of scatter_error.
+    """
+    scatters = [spline.scatter(turn(count), noise(count, seed=seed)) for seed in range(60)]
     error = spline.scatter_error(count)
-    assert np.mean(found) == pytest.approx(1.0, abs=3.0 * error / np.sqrt(60) + 0.03)
-    assert np.std(found) == pytest.approx(error, rel=0.35)
+    assert np.mean(scatters) == pytest.approx(1.0, abs=3.0 * error / np.sqrt(60) + 0.03)
+    assert np.std(scatters) == pytest.approx(error, rel=0.35)
 
 
-def test_a_cams_own_shape_is_no_scatter(laws):
-    """2 µm of noise are found on laws of all kinds; none on a polynomial of degree 5."""
+def test_the_shape_of_a_cam_is_not_scatter(laws):
+    """Noise of 2 µm is estimated on laws of all kinds.
+
+    A polynomial of degree 5 has no scatter.
+    """
     for name in ("poly345", "cycloidal", "arcs_convex", "bezier15", "tm21"):
         for count in (180, 360):
             angles = 0.01 + np.linspace(0.0, 6.27, count, endpoint=False)
-            found = spline.scatter(angles, laws[name](angles) + noise(count, 2e-6, count))
-            assert abs(found - 2e-6) < 3.0 * spline.scatter_error(count) * 2e-6
+            scatter = spline.scatter(angles, laws[name](angles) + noise(count, 2e-6, count))
+            assert abs(scatter - 2e-6) < 3.0 * spline.scatter_error(count) * 2e-6
     angles = np.sort(np.random.default_rng(4).uniform(0.0, 6.0, 40))
     lifts = np.polynomial.Polynomial([1.0, -2.0, 0.3, 0.7, -0.1, 0.02])(angles)
     assert spline.scatter(angles, lifts) < 1e-9
 
 
-def test_what_tells_nothing_of_scatter():
-    """A gauge on one division; seven readings, of one difference; one off by 0.4 mm among 2 µm."""
+def test_scatter_ignores_constant_readings_and_outliers():
+    """Constant readings, and seven readings, have scatter 0.
+
+    An outlier has no effect.
+    """
     assert spline.scatter(turn(100), np.zeros(100)) == 0.0
     assert spline.scatter(np.arange(7.0) / 2.0, np.arange(7.0) ** 7) == 0.0
     lifts = noise(360, 2e-6, 1)
@@ -211,17 +242,22 @@ def test_what_tells_nothing_of_scatter():
 
 
 def test_a_tolerance_below_the_scatter_is_refused(cams, laws):
-    """With both numbers; the limit follows the standard error: 0.4 of it for 27 readings."""
+    """The error contains the tolerance and the scatter.
+
+    The limit depends on the number of readings, and is 0.4 of the scatter for 27.
+    """
     angles = turn(360)
     lifts = laws["cycloidal"](angles) + noise(360, 2e-6, 2)
     message = r"tolerance is 0\.0005 mm, the points scatter by 0\.002.* mm, so the spline would"
     with pytest.raises(LawError, match=message):
         spline.require_above_scatter(angles, lifts, 0.5e-6)
     spline.require_above_scatter(angles, lifts, 0.0)
-    least = spline.least_tolerance(spline.scatter(angles, lifts), 360)
-    spline.require_above_scatter(angles, lifts, least)
+    min_tolerance = spline.least_tolerance(spline.scatter(angles, lifts), 360)
+    spline.require_above_scatter(angles, lifts, min_tolerance)
     assert spline.least_tolerance(1.0, 27) == 0.4
-    assert spline.least_tolerance(1.0, 10**8) == pytest.approx(1.0, abs=spline.SURE * 2e-4)
+    assert spline.least_tolerance(1.0, 10**8) == pytest.approx(
+        1.0, abs=spline.MAX_ERRORS_BELOW * 2e-4
+    )
     table = cams["measured"].segments[0]
     points = table.file.model_copy(update={"angles": tuple(angles), "lifts": tuple(lifts)})
     tolerance = table.tolerance.model_copy(update={"assumed": 0.0005})

@@ -43,7 +43,7 @@ def test_a_cam_of_the_library_is_mounted_on_request(cams):
     [
         ("nonsense", "nonsense"),
         ("../rigs/tm21", "allowed"),
-        ("conjugate", "allowed on a rig: one that a closing spring alone holds"),
+        ("conjugate", "allowed on a rig: a follower that only a closing spring keeps"),
     ],
 )
 def test_a_refused_request_leaves_the_mounted_cam(cams, cam, words):

@@ -1,4 +1,4 @@
-"""Goals and limits as people write them."""
+"""Text form of goals and limits."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from cam_rig.units import RPM
         ("event_angle@2<=120deg", math.radians(120.0)),
     ],
 )
-def test_a_limit_is_read_in_its_unit(text: str, value: float) -> None:
-    """The number becomes SI."""
+def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
+    """The number is converted to SI, and the key of the term parses to the term."""
     limit = parse_limit(text, DESIGNED)
     assert limit.value == pytest.approx(value, rel=1e-12)
-    again = f"{limit.term.key}{limit.sense}{limit.value!r}"
-    assert parse_term(again.split(limit.sense, maxsplit=1)[0], DESIGNED) == limit.term
+    key = f"{limit.term.key}{limit.sense}{limit.value!r}"
+    assert parse_term(key.split(limit.sense, maxsplit=1)[0], DESIGNED) == limit.term
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("peak_acceleration", "allowed: quantity<=value"),
         ("peak_acceleration<=fast", "value is 'fast'"),
@@ -54,25 +54,31 @@ def test_a_limit_is_read_in_its_unit(text: str, value: float) -> None:
         ("", "allowed: quantity"),
     ],
 )
-def test_a_limit_that_is_none_is_refused_in_one_line(text: str, words: str) -> None:
-    """It says what was written and what is allowed."""
-    with pytest.raises(ConfigError, match=words) as caught:
+def test_an_invalid_limit_is_refused_in_one_line(text: str, message: str) -> None:
+    """The error contains the text and the allowed form."""
+    with pytest.raises(ConfigError, match=message) as caught:
         parse_limit(text, DESIGNED)
     assert "\n" not in str(caught.value)
 
 
-def test_a_goal_is_one() -> None:
-    """Two goals or a limit are refused; none, and the other way round: the command's test."""
+def test_a_design_has_exactly_one_goal() -> None:
+    """Two goals, or a limit as a goal, are refused.
+
+    The test of the command covers a missing goal and the reverse case.
+    """
     with pytest.raises(ConfigError, match="is a limit, not a goal"):
         parse_goal("lift@90deg")
     with pytest.raises(ConfigError, match="needed: one"):
         DesignRequest.of(minimise="peak_jerk", maximise="jump_speed")
 
 
-def test_a_name_is_one_quantity_in_designs_and_campaigns() -> None:
-    """The same number of the same law; a campaign limits it on either side, and names its model."""
+def test_a_name_is_the_same_quantity_in_designs_and_campaigns() -> None:
+    """A name has the same value function in designs and campaigns.
+
+    A campaign limits it on both sides, and its title names the model.
+    """
     for model in ("one_mass", "two_mass"):
-        for name, one in measured_in(model).items():
-            assert one.value is QUANTITIES[name].value
-            assert one.senses == ("<=", ">=")
+        for name, quantity in measured_in(model).items():
+            assert quantity.value is QUANTITIES[name].value
+            assert quantity.senses == ("<=", ">=")
     assert measured_in("two_mass")["sound_level"].title == "sound level of two masses"

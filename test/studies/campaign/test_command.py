@@ -102,7 +102,7 @@ BAD = (
     (wavy({"values": [0]}), "is 0 deg; allowed: 0.1 to 360 deg"),
     (wavy({"normal": 1, "mean": 500}), "is 500 deg; allowed: 0.1 to 360 deg"),
     ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
-    ({"measures": ["sound_level"], "limits": []}, "not said at what"),
+    ({"measures": ["sound_level"], "limits": []}, "has no speed or angle"),
     ({"measures": ["residual_vibration@300rpm"], "limits": []}, "'residual_vibration_steady'"),
     ({"measures": ["jump_speed", "jump_speed"], "limits": []}, "stands twice"),
     ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
