@@ -58,7 +58,7 @@ def test_what_cannot_be_measured():
         return 0.1 + 0.001 * np.exp(1j * at)
 
     for element in (GuidedCentre(0.005, 0.0, 0.0), GuidedCentre(0.0, 0.0, 0.0)):
-        with pytest.raises(ProfileError, match=r"passes the contour by at \d+(\.\d+)?°; allowed: "):
+        with pytest.raises(ProfileError, match=r"misses the contour at \d+(\.\d+)?°; allowed: "):
             measure.rest(element, aside, ANGLES)
     words = "contour has 3 different points; allowed: at least 8"
     with pytest.raises(ProfileError, match=re.escape(words)):
@@ -102,7 +102,7 @@ def test_contours_are_in_order_and_whole(followed, cams):
             for contour in contours(cams[name].follower, law, count):
                 closed = np.append(contour.points, contour.points[:, :1], axis=1)
                 for points in (contour.points, closed, contour.points[:, ::-1]):
-                    assert measure.doubts(points, True) == []
+                    assert measure.contour_warnings(points, True) == []
 
 
 def test_points_that_are_no_whole_contour():
@@ -110,13 +110,13 @@ def test_points_that_are_no_whole_contour():
     angle = np.radians(np.arange(360.0))
     points = 0.040 * np.array([np.cos(angle), np.sin(angle)])
     shuffled = np.random.default_rng(1).permutation(points, axis=1)
-    (crossing,) = measure.doubts(shuffled, False)
+    (crossing,) = measure.contour_warnings(shuffled, False)
     assert "crosses itself" in crossing
-    (sparse,) = measure.doubts(points[:, ::30], True)
+    (sparse,) = measure.contour_warnings(points[:, ::30], True)
     assert "12 points" in sparse
     words = "points 200 and 1 are 78.9 mm apart, the others 0.6981 mm (median)"
-    assert words in measure.doubts(points[:, :200], True)[0]
-    (gap,) = measure.doubts(np.delete(points, np.arange(10, 25), axis=1), True)
+    assert words in measure.contour_warnings(points[:, :200], True)[0]
+    (gap,) = measure.contour_warnings(np.delete(points, np.arange(10, 25), axis=1), True)
     assert "points 10 and 11 are" in gap
 
 
@@ -138,7 +138,7 @@ def test_a_second_cam_cut_for_another_rocker_shows():
         first = contours(right.cam.follower, right.law, measure.POINTS)[0]
         second = contours(cut.cam.follower, cut.law, measure.POINTS)[1]
         curves = measure.closed_curve(first.points), measure.closed_curve(second.points)
-        found = measure.backlash(measure.pair(right.discs), curves, turn_angles(36))
+        found = measure.backlash(measure.both_elements(right.discs), curves, turn_angles(36))
         np.testing.assert_allclose(found, -0.075 * np.radians(wrong), rtol=0, atol=NONE)
     made = make("roller")
     with pytest.raises(ProfileError, match="moves both ways"):

@@ -242,7 +242,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     from cam_rig.profile.contact import turn_angles
     from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, doubts, rest
+    from cam_rig.profile.measure import closed_curve, contour_warnings, rest
     from cam_rig.profile.read_dxf import read_dxf
 
     assert request.source is not None
@@ -251,8 +251,9 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         file = read_dxf(request.source, request.placement, request.layer, len(plates))
     else:
         file = read_contour_table(request.source, request.placement)
-    for doubt in (doubt for points in file.curves for doubt in doubts(points, file.are_points)):
-        say(f"warning: {request.source}: {doubt}")
+    for points in file.curves:
+        for warning in contour_warnings(points, file.are_points):
+            say(f"warning: {request.source}: {warning}")
     if len(file.curves) != len(plates):
         raise OutputError(
             f"{request.source}: has {len(file.curves)} closed curves; allowed: {len(plates)}, one "

@@ -53,7 +53,7 @@ class ProfileResult(Result):
             Column("cam", hidden=True),
             Column("check", of="check.title"),
             Column("value", of="check.value", cell=lambda row: row.check.shown(row.check.value)),
-            Column("angle", "°", ".1f", "at", "check.place"),
+            Column("angle", "°", ".1f", "at", "check.angle_in_turn"),
             Column("relation", of="check.relation", doc="of value to limit", hidden=True),
             Column(
                 "limit", heading="allowed", of="check.limit", cell=lambda row: row.check.allowed
