@@ -203,9 +203,8 @@ def zoom(curve: Curve, middle: float, width: float) -> tuple[float, float]:
 
 
 def _samples(pieces: int) -> FloatArray:
-    return np.linspace(
-        0.0, 1.0, min(MAX_PIECE_SAMPLES, max(MIN_PIECE_SAMPLES, TURN_SAMPLES // pieces))
-    )
+    count = max(MIN_PIECE_SAMPLES, TURN_SAMPLES // pieces)
+    return np.linspace(0.0, 1.0, min(MAX_PIECE_SAMPLES, count))
 
 
 @lru_cache(maxsize=4)

@@ -92,8 +92,7 @@ def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
     ProfileError
         The path of the follower does not meet the contour at one of the cam angles.
     """
-    at = turn_angles(COARSE_POINTS)
-    outline = curve(at)
+    outline = curve(turn_angles(COARSE_POINTS))
     position = np.empty(angle.size)
     for start in range(0, angle.size, BLOCK):
         turn = np.exp(1j * angle[start : start + BLOCK])[:, None]
@@ -211,7 +210,7 @@ def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:
 # Backlash of a frame or a rocker that a cam moves both ways.
 
 #: Points of a finished contour.
-POINTS = 3600
+CONTOUR_POINTS = 3600
 #: Cam angles at which both elements rest on their contours.
 READINGS = 360
 
@@ -223,9 +222,7 @@ def backlash(
 
     It is negative if the follower does not fit between them.
     """
-    low, high = (
-        rest(element, curve, angle) for element, curve in zip(elements, curves, strict=True)
-    )
+    low, high = (rest(*pair, angle) for pair in zip(elements, curves, strict=True))
     return high - low
 
 
@@ -242,9 +239,10 @@ def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
 def closure(follower: Follower, law: Law) -> FloatArray:
     """Return the backlash (m) over the turn, shape ``(360,)``.
 
-    It is computed at `READINGS` cam angles, on contours that are splines through `POINTS` points.
+    It is computed at `READINGS` cam angles. The contours are splines through `CONTOUR_POINTS`
+    points.
     """
-    cam_contours = contours(follower, law, POINTS)
+    cam_contours = contours(follower, law, CONTOUR_POINTS)
     curves = [closed_curve(contour.points) for contour in cam_contours]
     elements = both_elements(tuple(contour.disc for contour in cam_contours))
     return backlash(elements, (curves[0], curves[-1]), turn_angles(READINGS))

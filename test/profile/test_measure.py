@@ -135,8 +135,8 @@ def test_a_second_cam_cut_for_another_rocker_shows():
     """For an angle between the arms wrong by δ the backlash is −arm δ at every angle."""
     for wrong in (-0.01, 0.02):
         right, cut = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, wrong))
-        first = contours(right.cam.follower, right.law, measure.POINTS)[0]
-        second = contours(cut.cam.follower, cut.law, measure.POINTS)[1]
+        first = contours(right.cam.follower, right.law, measure.CONTOUR_POINTS)[0]
+        second = contours(cut.cam.follower, cut.law, measure.CONTOUR_POINTS)[1]
         curves = measure.closed_curve(first.points), measure.closed_curve(second.points)
         found = measure.backlash(measure.both_elements(right.discs), curves, turn_angles(36))
         np.testing.assert_allclose(found, -0.075 * np.radians(wrong), rtol=0, atol=NONE)

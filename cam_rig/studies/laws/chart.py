@@ -24,9 +24,9 @@ HEIGHT = 85.0
 #: Height of the labels of y above their marks, as a fraction of a chart's height.
 RAISED = 0.07
 #: Free space for half of the last label, as a fraction of a chart's width.
-RIGHT = 0.08
+LABELS_RIGHT = 0.08
 #: Free space for the labels below a chart, as a fraction of its height.
-BELOW = 0.19
+LABELS_BELOW = 0.19
 #: Marks of a turn.
 DEGREES = {float(degrees): f"{degrees}°" for degrees in range(0, 361, 90)}
 #: Free space above the highest and below the lowest value, as a fraction of their difference.
@@ -58,7 +58,12 @@ def save_laws(
     names = [title_of(titles, curve.name) for curve in curves]
     charts = [_axes(curves, order) for order in ORDERS]
     views = [
-        axes.view(entity(order), f"{CHARTS[order].capitalize()} [{units[order]}]", RIGHT, BELOW)
+        axes.view(
+            entity(order),
+            f"{CHARTS[order].capitalize()} [{units[order]}]",
+            LABELS_RIGHT,
+            LABELS_BELOW,
+        )
         for order, axes in enumerate(charts)
     ]
     grid = rrb.Grid(*views, grid_columns=2)
@@ -74,11 +79,8 @@ def save_laws(
                 if order == 0:  # the label is on the curve
                     label_point = points[[round((i + 1) / (len(curves) + 1) * (len(points) - 1))]]
                     style: dict[str, Any] = {"colors": colour, "radii": -2.0, "show_labels": True}
-                    stream.log(
-                        f"{curve_path}/name",
-                        rr.Points2D(label_point, labels=[names[i]], **style),
-                        static=True,
-                    )
+                    label = rr.Points2D(label_point, labels=[names[i]], **style)
+                    stream.log(f"{curve_path}/name", label, static=True)
 
 
 def entity(order: int) -> str:

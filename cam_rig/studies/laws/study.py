@@ -55,7 +55,7 @@ RISE_COLUMNS = (
     ),
 )
 #: Caption of a table of rises.
-PEAKS_CAPTION = "Peaks for unit rise and unit span"
+CAPTION = "Peaks for unit rise and unit span"
 
 
 def _rise_rows(names: Iterable[str]) -> list[RiseRow]:
@@ -95,7 +95,7 @@ class LawsResult(Result):
         if self.free:
             free = catalogue.free_laws().items()
             rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
-        return [self.table("laws", PEAKS_CAPTION, rows)]
+        return [self.table("laws", CAPTION, rows)]
 
 
 def _curve(key: str) -> Callable[[Any], Any]:
@@ -149,10 +149,7 @@ class RisesResult(Result):
 
     def tables(self) -> list[Records]:
         """Return `curves`, and `laws` with one row per rise."""
-        return [
-            self.array_table("curves"),
-            self.table("laws", PEAKS_CAPTION, _rise_rows(self.names)),
-        ]
+        return [self.array_table("curves"), self.table("laws", CAPTION, _rise_rows(self.names))]
 
 
 def _by_order(motion: FloatArray) -> dict[str, FloatArray]:
@@ -288,11 +285,7 @@ class CamLawsResult(Result):
         "joints": (
             Column("cam"),
             Column("angle", "°", of="joint.angle", doc="cam angle"),
-            Column(
-                "continuity",
-                of="joint.continuity",
-                doc="continuity class, below that of smooth joints",
-            ),
+            Column("continuity", of="joint.continuity", doc="class, below that of smooth joints"),
         ),
         "heights": (
             Column("cam"),
@@ -465,15 +458,15 @@ def list_laws(family: str | None = None) -> LawsResult:
     >>> table.law.tolist()[:2]
     ['poly345', 'poly4567']
     """
-    all_families = families()
+    by_name = families()
     if family is None:
-        return LawsResult(tuple(all_families.values()), free=True)
-    if family not in all_families:
-        hint = did_you_mean(family, all_families)
+        return LawsResult(tuple(by_name.values()), free=True)
+    if family not in by_name:
+        hint = did_you_mean(family, by_name)
         raise ConfigError(
-            f"--family {family!r}: no such family{hint}; allowed: {', '.join(all_families)}"
+            f"--family {family!r}: no such family{hint}; allowed: {', '.join(by_name)}"
         )
-    return LawsResult((all_families[family],), free=False)
+    return LawsResult((by_name[family],), free=False)
 
 
 def _are_rises(names: Sequence[str], rises: bool) -> bool:

@@ -109,10 +109,7 @@ class Request:
             )
         if self.source is not None:
             if drawing or self.pitch or self.cutter is not None:
-                raise ConfigError(
-                    "--from cannot be combined with --plot, --pitch or --cutter; allowed: "
-                    "--out FILE.csv for the law"
-                )
+                raise ConfigError("--from cannot be combined with --plot, --pitch or --cutter")
             _check_suffix(self.source, READABLE)
         if self.out is not None:
             _check_suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
@@ -216,7 +213,7 @@ class MeasuredContour:
     error: FloatArray
 
     @property
-    def max_error_index(self) -> int:
+    def worst_index(self) -> int:
         """Index of the largest error."""
         return int(np.argmax(np.abs(self.error)))
 
@@ -236,12 +233,10 @@ class MeasuredResult(Result):
                 "largest_error",
                 "µm",
                 "+.3g",
-                of=lambda contour: float(contour.error[contour.max_error_index]),
+                of=lambda contour: float(contour.error[contour.worst_index]),
                 doc="largest error of the lift, compared with the law of the cam",
             ),
-            Column(
-                "at", "°", "g", of=lambda contour: float(contour.angle[contour.max_error_index])
-            ),
+            Column("at", "°", "g", of=lambda contour: float(contour.angle[contour.worst_index])),
             Column("rms_error", "µm", ".3g", "r.m.s. error", lambda contour: rms(contour.error)),
             Column("source", hidden=True, doc="name of the file"),
         )

@@ -102,11 +102,11 @@ def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArr
 
 
 #: Colours of the first and the second disc.
-DISC_COLOURS = tuple(map(web, DISCS))
+COLOURS = tuple(map(web, DISCS))
 #: Line styles of the discs, which distinguish them without colour.
-DISC_DASHES = ("-", (0, (5, 2)))
+DASHES = ("-", (0, (5, 2)))
 #: Hatches of the discs.
-DISC_HATCHES = ("", "///")
+HATCHES = ("", "///")
 #: Colour of the follower's positions.
 FOLLOWER_COLOUR = "0.62"
 #: Colour of the follower's first position.
@@ -178,9 +178,7 @@ def contour_figure(contour: CamContour, positions: int = POSITIONS) -> Figure:
 
 def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], count: int) -> None:
     """Draw the graphical method: the follower moves around the stationary cam."""
-    for contour, colour, dash, hatch in zip(
-        discs, DISC_COLOURS, DISC_DASHES, DISC_HATCHES, strict=False
-    ):
+    for contour, colour, dash, hatch in zip(discs, COLOURS, DASHES, HATCHES, strict=False):
         _follower(axes, contour, law, count)
         name = f"contour, {contour.disc.name} cam" if contour.disc.name else "contour"
         outline = _closed(contour.points)
@@ -207,8 +205,8 @@ def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     """Draw the positions of the follower, the first in bold."""
     element, opposite = contour.disc.element, contour.disc.opposite
     around = positions(element, law, turn_angles(count))
-    rest = [strip for strips in around[1:] for strip in strips]
-    axes.add_collection(LineCollection(rest, colors=FOLLOWER_COLOUR, linewidths=0.6))
+    others = [strip for strips in around[1:] for strip in strips]
+    axes.add_collection(LineCollection(others, colors=FOLLOWER_COLOUR, linewidths=0.6))
     first = list(around[0])
     if opposite is not None:
         first += positions(opposite, law, np.zeros(1))[0]
@@ -243,15 +241,16 @@ def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
 def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
     """Draw the radius of curvature with its limit and its least convex value."""
     size = max(float(np.hypot(*contour.points).max()) for contour in discs) * MM
-    for contour, colour, dash in zip(discs, DISC_COLOURS, DISC_DASHES, strict=False):
+    max_radius = MAX_RADIUS_RATIO * size
+    for contour, colour, dash in zip(discs, COLOURS, DASHES, strict=False):
         radius = contour.radius * MM
-        shown = np.where(np.abs(radius) < MAX_RADIUS_RATIO * size, radius, np.nan)
+        drawn = np.where(np.abs(radius) < max_radius, radius, np.nan)
         name = f"{contour.disc.name}: " if contour.disc.name else ""
         degrees = np.degrees(contour.angle)
         sharpest = sharpest_convex(Scan(law, contour.disc.element))
         smallest = typeset_number(sharpest.value * MM, ".4g")
         number = f"$ρ_{{min}}$ = {smallest} mm at {_degrees(sharpest):.4g}°"
-        axes.plot(degrees, shown, color=colour, ls=dash, label=f"{name}{number}")
+        axes.plot(degrees, drawn, color=colour, ls=dash, label=f"{name}{number}")
         axes.plot(_degrees(sharpest), sharpest.value * MM, "o", color=colour, clip_on=False)
         _flats(axes, degrees, np.isinf(radius), colour)
     required = cam.follower.least_curvature_radius
@@ -260,10 +259,8 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
     axes.axhspan(-roller if hollow else -size, least, color=web(LIMIT), alpha=0.25, lw=0.0)
     axes.axhline(least, color=web(LIMIT), label="limit: undercut, least radius")
     axes.set(ylabel="radius of curvature ρ [mm]")
-    off = any(
-        np.isfinite(c.radius[np.abs(c.radius) * MM >= MAX_RADIUS_RATIO * size]).any() for c in discs
-    )
-    beyond = f"\nbeyond {MAX_RADIUS_RATIO * size:.3g} mm not drawn" if off else ""
+    is_cut = any(np.isfinite(c.radius[np.abs(c.radius) * MM >= max_radius]).any() for c in discs)
+    beyond = f"\nbeyond {max_radius:.3g} mm not drawn" if is_cut else ""
     axes.set_title(f"positive where convex{beyond}")
     turn_axis(axes)
     _stages(axes, law, named=False)
@@ -277,7 +274,7 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
 
 def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Check]) -> None:
     """Draw the pressure angle with its limit and its greatest value."""
-    for contour, colour, dash in zip(discs, DISC_COLOURS, DISC_DASHES, strict=False):
+    for contour, colour, dash in zip(discs, COLOURS, DASHES, strict=False):
         degrees = np.degrees(contour.pressure)
         steepest = Scan(law, contour.disc.element).greatest(lambda touch: np.abs(touch.pressure))
         label = f"$|α|_{{max}}$ = {np.degrees(steepest.value):.4g}° at {_degrees(steepest):.4g}°"
@@ -323,16 +320,10 @@ def _flats(axes: Axes, degrees: np.ndarray, flat: np.ndarray, colour: str) -> No
         _note(axes, float(ends.mean()), FLAT_LINE_HEIGHT - 0.02, "flat:\nρ = ∞", "top")
 
 
-def _note(axes: Axes, degrees: float, height: float, text: str, side: str) -> None:
+def _note(axes: Axes, x: float, height: float, text: str, side: str) -> None:
     """Write a centred text at a cam angle in degrees."""
     axes.text(
-        degrees,
-        height,
-        text,
-        ha="center",
-        va=side,
-        color="0.3",
-        transform=axes.get_xaxis_transform(),
+        x, height, text, ha="center", va=side, color="0.3", transform=axes.get_xaxis_transform()
     )
 
 

@@ -36,13 +36,7 @@ NO_VALUE = "–"
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
     """Return the column of the value nearest to its limit among the checks of a name."""
     return Column(
-        key,
-        unit,
-        ".4g",
-        heading,
-        lambda checked: checked.worst(name),
-        missing=NO_VALUE,
-        doc=f"worst {name}",
+        key, unit, ".4g", heading, lambda c: c.worst(name), missing=NO_VALUE, doc=f"worst {name}"
     )
 
 
@@ -78,10 +72,7 @@ class ProfileResult(Result):
             Column("value", of="check.value", cell=lambda row: row.check.shown(row.check.value)),
             Column("angle", "°", ".1f", "at", "check.angle_in_turn"),
             Column(
-                "relation",
-                of="check.relation",
-                doc="required relation of the value to the limit",
-                hidden=True,
+                "relation", of="check.relation", doc="required relation to the limit", hidden=True
             ),
             Column(
                 "limit", heading="allowed", of="check.limit", cell=lambda row: row.check.allowed
@@ -111,17 +102,12 @@ class ProfileResult(Result):
             Column(
                 "failed",
                 heading="checks",
-                of=lambda checked: len(checked.failed),
-                cell=lambda checked: (
-                    f"{len(checked.failed)} fail" if checked.failed else f"{len(checked.checks)} ok"
-                ),
+                of=lambda c: len(c.failed),
+                cell=lambda c: f"{len(c.failed)} fail" if c.failed else f"{len(c.checks)} ok",
                 doc="number of failed checks",
             ),
             Column(
-                "cannot_be_made",
-                of="cam.cannot_be_made",
-                doc="reason in the cam's file",
-                hidden=True,
+                "cannot_be_made", of="cam.cannot_be_made", doc="reason in its file", hidden=True
             ),
         ),
     }
@@ -138,7 +124,7 @@ class ProfileResult(Result):
         It is 0 for a cam that is drawn.
         """
         counted = [c for c in self.cams if not (self.expected and c.cam.cannot_be_made)]
-        return int(not self.drawn and any(checked.failed for checked in counted))
+        return int(not self.drawn and any(c.failed for c in counted))
 
     def tables(self) -> list[Records]:
         """Return `checks`, displayed for one cam, and `cams`, displayed for several."""
