@@ -192,7 +192,7 @@ def test_drawing_without_a_unit(drawing):
 
 
 def test_excessive_files_are_rejected(drawing, tmp_path):
-    """Devices, pipes, large numbers and files, endless blocks and damaged files are rejected.
+    """Devices, large numbers and files, and endless or damaged blocks are rejected.
 
     Each error is one line.
     """
