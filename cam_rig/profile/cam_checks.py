@@ -1,4 +1,4 @@
-"""All checks of a cam (profile thesis §2.3), and the refusal of one that cannot exist."""
+"""All checks of a cam (profile thesis §2.3), and the rejection of impossible cams."""
 
 from __future__ import annotations
 
@@ -26,40 +26,47 @@ from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import Follower
 from cam_rig.units import TURN, FloatArray
 
-# The condition of constant breadth and constant diameter: s(θ) + s(θ + π) = s_max.
-
-#: The sum may differ from s_max by this fraction of the lift.
-TOLERANCE = 1e-9
+#: Tolerance of s(θ) + s(θ + π) = s_max, as a fraction of the lift.
+BREADTH_RTOL = 1e-9
 
 
 def breadth_check(law: Law) -> Check:
-    """How far the sum of opposite displacements is from what the two elements are apart for."""
-    apart = stroke(law)
+    """Return the check that s(θ) + s(θ + π) = s_max.
+
+    It is the condition for constant breadth and constant diameter. s_max is the distance for which
+    the two elements are made.
+    """
+    max_lift = stroke(law)
 
     def difference(angle: FloatArray) -> FloatArray:
-        return np.abs(law(angle) + law(angle + 0.5 * TURN) - apart)
+        return np.abs(law(angle) + law(angle + 0.5 * TURN) - max_lift)
 
     edges = np.concatenate([law.breaks, (law.breaks + 0.5 * TURN) % TURN])
-    worst, limit = greatest_between(difference, np.unique(edges)), TOLERANCE * law.lift
+    worst, limit = greatest_between(difference, np.unique(edges)), BREADTH_RTOL * law.lift
     remedy = "let the fall be the rise turned by 180°, or take conjugate cams"
     return Check.at("s(θ) + s(θ + 180°) − s_max", worst, "at most", limit, "mm", remedy)
 
 
 # Pressure angle: from the follower's direction of motion to the common normal.
 
-#: The most when the cam file names none, rad: what handbooks advise for a guide and for a pivot.
-GUIDED, SWUNG = float(np.radians(30.0)), float(np.radians(45.0))
+#: Default limit for a follower in a guide, rad, as handbooks recommend.
+GUIDED = float(np.radians(30.0))
+#: Default limit for a follower on an arm, rad, as handbooks recommend.
+SWUNG = float(np.radians(45.0))
 
 
 def greatest_allowed(follower: Follower, element: Element) -> float:
-    """The most pressure angle, rad: what the cam file asks for, else what handbooks advise."""
-    if (asked := follower.most_pressure_angle) is not None:
-        return asked.si
+    """Return the greatest permitted pressure angle in rad.
+
+    It is the value of the cam file, or the default of `GUIDED` or `SWUNG`.
+    """
+    if (limit := follower.most_pressure_angle) is not None:
+        return limit.si
     return SWUNG if isinstance(element, Swung) else GUIDED
 
 
 def pressure_check(scan: Scan, follower: Follower) -> Check:
-    """The greatest pressure angle of either sign against what guide or pivot bear."""
+    """Return the check of the greatest pressure angle, of either sign."""
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
     limit = greatest_allowed(follower, scan.element)
     remedy = "let base_radius be larger, the spans longer, or set most_pressure_angle"
@@ -67,29 +74,57 @@ def pressure_check(scan: Scan, follower: Follower) -> Check:
 
 
 def check_cam(cam: CamConfig, law: Law) -> list[Check]:
-    """Every check that the kind of follower asks for, those first that explain the later ones."""
+    """Return all checks of a cam that apply to its kind of follower.
+
+    Checks that explain later checks come first.
+
+    Parameters
+    ----------
+    cam : CamConfig
+        The cam.
+    law : Law
+        Its law.
+
+    Returns
+    -------
+    list of Check
+        The checks, those of conjugate cams with the name of the disc.
+
+    Raises
+    ------
+    ReachError
+        The follower does not reach the base circle.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam = cam_rig.load_cam("poly345")
+    >>> [check.name for check in check_cam(cam, cam_rig.build_law(cam))][:2]
+    ["step of the slope s'", 'distance from the axis']
+    """
     follower, smaller = cam.follower, "a smaller one is undercut or out of reach"
-    found = [corner_check(law, VELOCITY_JUMP)]
+    checks = [corner_check(law, VELOCITY_JUMP)]
     least_base = least_base_radius(follower, law)
     try:
         plates = discs(follower, law)
     except ReachError as error:
         raise ReachError(f"cam {cam.name!r}: {error}") from None
     if any(disc.opposite is not None for disc in plates):
-        found.append(breadth_check(law))
+        checks.append(breadth_check(law))
     for disc in plates:
-        checks = list(_disc_checks(disc, follower, law, least_base))
-        found += [replace(check, disc=disc.name) for check in checks]
+        disc_checks = _disc_checks(disc, follower, law, least_base)
+        checks += [replace(check, disc=disc.name) for check in disc_checks]
     if least_base is not None and least_base > 0.0:
         base = Extreme(follower.base_radius.si, 0.0)
         check = Check.at("base radius", base, "more than", least_base, "mm", smaller)
-        found.append(replace(check, angle=None, vital=False))
-    return found
+        checks.append(replace(check, angle=None, vital=False))
+    return checks
 
 
 def _disc_checks(
     disc: Disc, follower: Follower, law: Law, least_base: float | None
 ) -> Iterator[Check]:
+    """Yield the checks of one disc."""
     scan = Scan(law, disc.element)
     yield from reach_checks(scan)
     curvature = list(curvature_checks(scan, follower, least_base))
@@ -100,20 +135,21 @@ def _disc_checks(
 
 
 def require_profile(cam: CamConfig, law: Law) -> None:
-    """Refuse a cam that cannot exist."""
+    """Raise a `ProfileError` with the first failed vital check of a cam."""
     for check in check_cam(cam, law):
         if check.vital and not check.passed:
             raise ProfileError(f"cam {cam.name!r}: {check}")
 
 
-# Cams with their checks, as `cam-rig profile` gives them.
-
-#: Lifts (m) of the cams that fit on a bench. Others may be right, but are reported.
+#: Usual lifts of cams on a bench, least and greatest, m. Other lifts are reported, not rejected.
 USUAL_LIFTS = 1e-4, 0.1
 
 
 def unusual_lift(lift: float) -> list[str]:
-    """Return a sentence on a lift (m) outside of `USUAL_LIFTS`, none for a usual one."""
+    """Return a warning about a lift (m) outside of `USUAL_LIFTS`.
+
+    The list is empty for a usual lift.
+    """
     low, high = USUAL_LIFTS
     if low <= lift <= high:
         return []
@@ -125,7 +161,17 @@ def unusual_lift(lift: float) -> list[str]:
 
 @dataclass(frozen=True)
 class CheckedCam:
-    """A cam, its law, and every check of its contour."""
+    """A cam with its law and all checks of its contour.
+
+    Parameters
+    ----------
+    cam : CamConfig
+        The cam.
+    law : Law
+        Its law.
+    checks : list of Check
+        The checks of `check_cam`.
+    """
 
     cam: CamConfig
     law: Law
@@ -133,25 +179,25 @@ class CheckedCam:
 
     @classmethod
     def of(cls, cam: CamConfig, law: Law) -> CheckedCam:
-        """Check it."""
+        """Return a cam with its law and its checks."""
         return cls(cam, law, check_cam(cam, law))
 
     @property
     def failed(self) -> list[Check]:
-        """The checks that it does not pass."""
+        """Checks that the cam does not pass."""
         return [check for check in self.checks if not check.passed]
 
     def worst(self, name: str) -> float | None:
-        """Value of the check of that name that is nearest to its limit, of two discs."""
+        """Return the value nearest to its limit among the checks of one name.
+
+        Conjugate cams have two checks of one name. The result is None without a finite value.
+        """
         named = [check for check in self.checks if check.name == name]
-        nearest = min if named and named[0].relation == "more than" else max
-        worst = nearest((check.value for check in named), default=math.inf)
+        choose = min if named and named[0].relation == "more than" else max
+        worst = choose((check.value for check in named), default=math.inf)
         return worst if math.isfinite(worst) else None
 
     @property
     def least_base_radius(self) -> float | None:
-        """Limit of the base radius, m; None where none was found."""
+        """Minimum base radius in m, None if it is not known."""
         return next((check.limit for check in self.checks if check.name == "base radius"), None)
-
-
-# Cams that are asked for by name, file or scene, each with its checks.

@@ -1,4 +1,4 @@
-"""What can be wrong with a cam: reach, curvature, crossing; and the least base radius."""
+"""Checks of a cam for reach, curvature and crossing, and its minimum base radius."""
 
 from __future__ import annotations
 
@@ -20,26 +20,44 @@ from cam_rig.profile.faces import Swung, SwungCentre, SwungFace
 from cam_rig.schema.cam import ConstantBreadth, Flat, Follower, InclinedFlat
 from cam_rig.units import TURN, FloatArray
 
-# One check of a cam: a value, its limit, and the angle where it is.
-
-#: How a value has to be to its limit.
+#: Relations of a value to its limit.
 RELATIONS: dict[str, Callable[[float, float], bool]] = {
     "more than": operator.gt,
     "less than": operator.lt,
     "at most": operator.le,
 }
-#: Units that checks are shown in, and their factor from SI.
+#: Display units of checks, and the factor that converts SI values to each.
 FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings": 1.0}
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that is right with a cam, or wrong.
+    """Result of one check of a cam: a value and its limit.
 
-    value, limit : SI units, shown in the unit, of `FACTORS`; the relation is one of `RELATIONS`
-    angle : rad, the cam angle where the value is; None for the cam as a whole
-    vital : whether a cam that fails cannot exist; else it is bad, but can be made
-    disc : which of conjugate cams; empty otherwise
+    Parameters
+    ----------
+    name : str
+        Name of the checked quantity.
+    value, limit : float
+        SI values. They are displayed in `unit`.
+    relation : str
+        Required relation of the value to the limit: a key of `RELATIONS`.
+    unit : str
+        Display unit: a key of `FACTORS`.
+    angle : float, optional
+        Cam angle of the value in rad. None for a check of the cam as a whole.
+    remedy : str
+        Change of the cam that is likely to help.
+    vital : bool
+        True if a cam that fails cannot exist. Otherwise it is poor, but can be made.
+    disc : str
+        Name of the disc of conjugate cams, otherwise empty.
+
+    Examples
+    --------
+    >>> check = Check("pressure angle", 0.6, "at most", 0.5, "°", 1.0, "let base_radius be larger")
+    >>> check.passed, check.allowed
+    (False, 'at most 28.648°')
     """
 
     name: str
@@ -56,41 +74,41 @@ class Check:
     def at(
         cls, name: str, worst: Extreme, relation: str, limit: float, unit: str, remedy: str
     ) -> Check:
-        """A vital one of a value and where it is."""
+        """Return a vital check of an extreme value at its cam angle."""
         return cls(name, worst.value, relation, limit, unit, worst.angle, remedy)
 
     @property
     def passed(self) -> bool:
-        """Whether the value is as it has to be."""
+        """True if the value satisfies the relation."""
         return RELATIONS[self.relation](self.value, self.limit)
 
     @property
     def title(self) -> str:
-        """The name, with the disc's where there are two."""
+        """Name of the check, with the name of the disc for conjugate cams."""
         return f"{self.disc} cam, {self.name}" if self.disc else self.name
 
     @property
-    def place(self) -> float | None:
-        """The cam angle in its turn, rad."""
+    def angle_in_turn(self) -> float | None:
+        """Cam angle within one turn in rad, None for the cam as a whole."""
         return None if self.angle is None else self.angle % TURN
 
     @property
     def degrees(self) -> float | None:
-        """The cam angle in degrees."""
+        """Cam angle within one turn in degrees, None for the cam as a whole."""
         return None if self.angle is None else float(np.degrees(self.angle)) % 360.0
 
     def shown(self, value: float) -> str:
-        """A value in the unit for showing."""
+        """Return the text of a value in the display unit."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{value * FACTORS[self.unit]:.5g}{unit}".replace(" °", "°")
 
     @property
     def allowed(self) -> str:
-        """Relation and limit, in words."""
+        """Relation and limit as text."""
         return f"{self.relation} {self.shown(self.limit)}"
 
     def __str__(self) -> str:
-        """What is wrong, in one line: angle, value, limit, remedy."""
+        """Return one line with angle, value, limit and remedy."""
         where = "" if self.degrees is None else f" at {self.degrees:.4g}°"
         return (
             f"{self.title} is {self.shown(self.value)}{where}; allowed: {self.allowed}; "
@@ -98,18 +116,18 @@ class Check:
         )
 
 
-#: Points of the contour that is tried for crossing itself.
-OUTLINE = 3600
+#: Points of the contour that is checked for crossings: one per 0.1°.
+CROSSING_POINTS = 3600
 
 
 def reach_checks(scan: Scan) -> Iterator[Check]:
-    """What the kind of follower can reach."""
+    """Yield the checks of the positions that the follower can reach."""
     element, law = scan.element, scan.law
     nearest = least_clearance(element, law)
     remedy = "the cam would not hold its shaft: let base_radius be larger"
     yield Check.at("distance from the axis", nearest, "more than", 0.0, "mm", remedy)
     if isinstance(element, Swung):
-        yield from _arm(element, law)
+        yield from _arm_checks(element, law)
     yield from pivot_checks(scan)
     if isinstance(element, SwungFace):  # 1 + φ' of eq. 2.28: at 0 the contact is at infinity
         back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
@@ -119,24 +137,30 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
 
 
 def least_clearance(element: Element, law: Law) -> Extreme:
-    """How near (m) roller, point or face come to the cam's axis: at one end of the lift."""
+    """Return the least distance (m) of roller, point or face from the cam's axis.
+
+    It occurs at the lowest or the highest lift.
+    """
     ends = extremes(law, 0)
-    found = [Extreme(float(element.clearance(np.array(s.value))), s.angle) for s in ends]
-    return min(found, key=lambda extreme: extreme.value)
+    distances = [Extreme(float(element.clearance(np.array(s.value))), s.angle) for s in ends]
+    return min(distances, key=lambda extreme: extreme.value)
 
 
-def _arm(element: Swung, law: Law) -> Iterator[Check]:
-    """An arm past these angles would have to follow the cam backwards."""
+def _arm_checks(element: Swung, law: Law) -> Iterator[Check]:
+    """Yield the checks of the arm's angle at the lowest and the highest lift.
+
+    Beyond these angles the arm would have to follow the cam backwards.
+    """
     least, greatest = (0.0, np.pi) if isinstance(element, SwungCentre) else (-np.pi / 2, np.pi / 2)
     remedy = "out of reach: let pivot_distance or the arm be longer, or the lift less"
     ends = [Extreme(float(element.arm_angle(np.array(s.value))), s.angle) for s in extremes(law, 0)]
-    low, high = sorted(ends, key=lambda end: end.value)  # a second arm is nearest at the top
+    low, high = sorted(ends, key=lambda end: end.value)  # a second arm is lowest at the top lift
     yield Check.at("angle of the arm", low, "more than", least, "°", remedy)
     yield Check.at("angle of the arm", high, "less than", greatest, "°", remedy)
 
 
 def pivot_checks(scan: Scan) -> Iterator[Check]:
-    """That the cam does not cut the pivot of an arm."""
+    """Yield the check that the cam does not cut the pivot of an arm."""
     if isinstance(scan.element, Swung):
         farthest, pivot = scan.greatest(lambda touch: np.abs(touch.contact)), scan.element.pivot
         remedy = "the cam would cut the pivot: let pivot_distance be longer"
@@ -144,23 +168,26 @@ def pivot_checks(scan: Scan) -> Iterator[Check]:
 
 
 def crossing_check(disc: Disc, law: Law) -> Check:
-    """Two places of the contour in each other's way: a neck narrower than the roller."""
+    """Return the check that the contour does not cross itself.
+
+    It does at a neck that is narrower than the roller.
+    """
     with libraries_named():
         from shapely import LinearRing, Polygon, is_valid_reason
-    contour, found = Contour.of(disc, Motion.uniform(law, OUTLINE)), None
+    contour, angle = Contour.of(disc, Motion.uniform(law, CROSSING_POINTS)), None
     points = contour.points.T
     if not LinearRing(points).is_simple:
         numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
-        place = np.array([float(number) for number in numbers[:2]])
-        found = float(contour.angle[np.argmin(np.hypot(*(points - place).T))])
-    remedy, count = "let base_radius be larger or the roller smaller", float(found is not None)
-    return Check("contour across itself", count, "at most", 0.0, "crossings", found, remedy)
+        crossing = np.array([float(number) for number in numbers[:2]])
+        angle = float(contour.angle[np.argmin(np.hypot(*(points - crossing).T))])
+    remedy, count = "let base_radius be larger or the roller smaller", float(angle is not None)
+    return Check("contour across itself", count, "at most", 0.0, "crossings", angle, remedy)
 
 
-# Radius of curvature: undercut, cusp, and a roller that does not fit (§2.3.1-2.3.2).
+# Radius of curvature: undercut, cusps and rollers that are too large (§2.3.1-2.3.2).
 
-#: Radii of curvature below this fraction of the base radius are none: a cusp.
-CUSP = 1e-9
+#: A radius of curvature below this fraction of the base radius is a cusp and counts as 0.
+CUSP_RATIO = 1e-9
 
 
 def _curvature(touch: Touch) -> FloatArray:
@@ -169,16 +196,23 @@ def _curvature(touch: Touch) -> FloatArray:
 
 
 def sharpest_convex(scan: Scan) -> Extreme:
-    """Least convex radius of the contour, m: not positive where undercut, infinite without one."""
+    """Return the least convex radius of curvature of the contour, m.
+
+    It is not positive if the contour is undercut, and infinite if no part is convex.
+    """
     if scan.touch.pitch_curvature is None:
         return scan.least(lambda touch: touch.radius)
-    most = scan.greatest(_curvature)
-    radius = 1.0 / most.value - scan.element.roller if most.value > 0.0 else np.inf
-    return Extreme(radius, most.angle)
+    sharpest = scan.greatest(_curvature)
+    radius = 1.0 / sharpest.value - scan.element.roller if sharpest.value > 0.0 else np.inf
+    return Extreme(radius, sharpest.angle)
 
 
 def sharpest_concave(scan: Scan) -> Extreme | None:
-    """Least concave radius of the contour, m, positive: the pitch curve's and the roller's."""
+    """Return the least concave radius of curvature of the contour, m.
+
+    It is a positive number: the sum of the radius of the pitch curve and the radius of the roller.
+    The result is None for a face, and if no part is concave.
+    """
     if scan.touch.pitch_curvature is None:
         return None
     least = scan.least(_curvature)
@@ -188,14 +222,18 @@ def sharpest_concave(scan: Scan) -> Extreme | None:
 
 
 def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -> Iterator[Check]:
-    """Convex parts against undercut and the radius asked for; concave parts against the roller."""
-    base, asked = follower.base_radius.si, follower.least_curvature_radius
+    """Yield the checks of the radius of curvature.
+
+    Convex parts are checked for undercut and for the least radius that the cam file requires.
+    Concave parts are compared with the radius of the roller.
+    """
+    base, required = follower.base_radius.si, follower.least_curvature_radius
     convex = sharpest_convex(scan)
-    radius = 0.0 if abs(convex.value) <= CUSP * base else convex.value
+    radius = 0.0 if abs(convex.value) <= CUSP_RATIO * base else convex.value
     remedy = "no base_radius would do: let the spans be longer, the lift less or the roller smaller"
     if least_base is not None:
         remedy = f"let base_radius be more than {least_base * 1e3:.5g} mm"
-    limit = 0.0 if asked is None else asked.si
+    limit = 0.0 if required is None else required.si
     sharpest = Extreme(radius, convex.angle)
     check = Check.at("convex radius of curvature", sharpest, "more than", limit, "mm", remedy)
     yield replace(check, vital=radius <= 0.0)
@@ -206,7 +244,7 @@ def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -
 
 
 def corner_check(law: Law, tolerance: float) -> Check:
-    """The contour has a corner where the slope of the law jumps."""
+    """Return the check for corners: a jump of s' gives the contour a corner."""
     jumps = np.abs(law.jumps(1))
     worst = int(np.argmax(jumps))
     step, limit = Extreme(float(jumps[worst]), float(law.breaks[worst])), tolerance * law.lift
@@ -214,65 +252,93 @@ def corner_check(law: Law, tolerance: float) -> Check:
     return Check.at("step of the slope s'", step, "at most", limit, "mm/rad", remedy)
 
 
-# The smallest base radius that avoids undercut (eq. 2.42, and its counterpart for rollers).
+# Minimum base radius without undercut (eq. 2.42, and its counterpart for rollers).
 
-#: The search goes from the cam's own base radius by these factors, to these ends of it.
-SMALLER, LARGER = 0.5, 2.0
-LEAST, MOST = 1e-2, 1e3
-#: The base radius is found to this fraction of the cam's own.
-PRECISION = 1e-12
+#: Factor between two steps of the search for a smaller base radius. Larger ones use its inverse.
+BASE_STEP = 0.5
+#: Smallest base radius that the search tries, as a fraction of the cam's base radius.
+MIN_BASE_RATIO = 1e-2
+#: Largest base radius that the search tries, as a multiple of the cam's base radius.
+MAX_BASE_RATIO = 1e3
+#: Tolerance of the minimum base radius, as a fraction of the cam's base radius.
+BASE_RTOL = 1e-12
 
 
 def least_base_radius(follower: Follower, law: Law) -> float | None:
-    """The base radius (m) above which no convex part is sharper than the least radius asked for.
+    """Return the minimum base radius (m), or None if no base radius is sufficient.
 
-    Nor does the follower cross the cam's axis. A face in a guide has both in closed form: radius
-    R_b + (s + s'') cos β, distance from the axis R_b + s cos β. For the others see `least_base`;
-    None too where the cam cuts the pivot of an arm there.
+    Above it the least convex radius of curvature meets the limit of the cam file (default: 0), and
+    the follower does not cross the cam's axis. A face in a guide has closed forms: the radius of
+    curvature is R_b + (s + s'') cos β, and the distance from the axis is R_b + s cos β. For other
+    followers `least_base` searches. The result is None too if the cam cuts the pivot of an arm at
+    this base radius.
+
+    References
+    ----------
+    Profile thesis, eq. 2.42.
     """
-    asked, own = follower.least_curvature_radius, follower.base_radius.si
-    sharpest = 0.0 if asked is None else asked.si
+    required, base_radius = follower.least_curvature_radius, follower.base_radius.si
+    sharpest = 0.0 if required is None else required.si
     if isinstance(follower, Flat | InclinedFlat | ConstantBreadth):
         plates = discs(follower, law)
         nearest = least_clearance(plates[0].element, law).value
-        return max(0.0, own + sharpest - _sharpest(plates, law), own - nearest)
+        return max(
+            0.0, base_radius + sharpest - _min_convex_radius(plates, law), base_radius - nearest
+        )
 
     def margin(base: float) -> float:
-        found = plates_on(follower, law, base)
-        value = _sharpest(found, law) - sharpest if found else -own
-        return min(max(value, -own), own)  # finite, for the root finder
+        plates = plates_on(follower, law, base)
+        value = _min_convex_radius(plates, law) - sharpest if plates else -base_radius
+        return min(max(value, -base_radius), base_radius)  # brentq needs finite values
 
-    least = least_base(margin, own)
+    least = least_base(margin, base_radius)
     if not least:
         return least
-    # on larger base radii the cam sooner cuts the pivot
-    found = plates_on(follower, law, least * (1.0 + PRECISION))
-    checks = (check for disc in found for check in pivot_checks(Scan(law, disc.element)))
+    # the larger the base radius, the sooner the cam cuts the pivot
+    plates = plates_on(follower, law, least * (1.0 + BASE_RTOL))
+    checks = (check for disc in plates for check in pivot_checks(Scan(law, disc.element)))
     return least if all(check.passed for check in checks) else None
 
 
-def least_base(margin: Callable[[float], float], own: float) -> float | None:
-    """The root next to ``own`` of a finite margin that grows with the base radius (m).
+def least_base(margin: Callable[[float], float], base_radius: float) -> float | None:
+    """Find the base radius (m) next to `base_radius` at which a margin is 0.
 
-    0 where it is positive down to a hundredth of ``own``, None where it nowhere is.
+    The margin is finite and increases with the base radius.
+
+    Parameters
+    ----------
+    margin : callable
+        Margin of a base radius in m. A positive margin means that the base radius is sufficient.
+    base_radius : float
+        Base radius of the cam in m, from which the search starts.
+
+    Returns
+    -------
+    float or None
+        The base radius in m. It is 0 if the margin is positive down to `MIN_BASE_RATIO` of the
+        cam's base radius, and None if it is not positive up to `MAX_BASE_RATIO` of it.
     """
-    good = margin(own) > 0.0
-    here, factor = own, SMALLER if good else LARGER
-    while LEAST * own < here < MOST * own:
-        there = here * factor
-        if (margin(there) > 0.0) != good:
-            low, high = sorted((here, there))
-            return float(brentq(margin, low, high, xtol=PRECISION * own))
-        here = there
+    good = margin(base_radius) > 0.0
+    base, factor = base_radius, BASE_STEP if good else 1.0 / BASE_STEP
+    while MIN_BASE_RATIO * base_radius < base < MAX_BASE_RATIO * base_radius:
+        next_base = base * factor
+        if (margin(next_base) > 0.0) != good:
+            low, high = sorted((base, next_base))
+            return float(brentq(margin, low, high, xtol=BASE_RTOL * base_radius))
+        base = next_base
     return 0.0 if good else None
 
 
-def _sharpest(plates: tuple[Disc, ...], law: Law) -> float:
+def _min_convex_radius(plates: tuple[Disc, ...], law: Law) -> float:
+    """Return the least convex radius of curvature of several discs, m."""
     return min(sharpest_convex(Scan(law, disc.element)).value for disc in plates)
 
 
 def plates_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
-    """The discs on another base radius; none where the follower does not reach."""
+    """Return the discs with another base radius (m).
+
+    The result is empty if the follower does not reach the base circle, or crosses the axis.
+    """
     try:
         plates = discs(follower, law, base)
     except ReachError:

@@ -1,8 +1,9 @@
-"""Where a follower touches its cam, in the frame of the follower's guide.
+"""Contact of a follower with its cam, in the frame of the follower's guide.
 
-Points of that frame (1, 2 in the profile thesis) are complex numbers: the cam's axis is 0, a
-translating follower moves along i, an oscillating one has its pivot on the real axis. The cam's
-own frame is reached by e^(−iθ) (eq. 2.16). As θ grows, the contact runs clockwise around the cam.
+Points of this frame (frames 1 and 2 in the profile thesis) are complex numbers. The cam's axis is
+the origin. A translating follower moves along i, and an oscillating follower has its pivot on the
+real axis. The factor e^(−iθ) converts to the cam frame (eq. 2.16). As θ grows, the contact moves
+clockwise around the cam.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from cam_rig.laws.law import Extreme, extremes
 from cam_rig.laws.sampling import sample
 from cam_rig.units import TURN, ComplexArray, FloatArray
 
-# The law sampled for the profile: s, s', s'' at cam angles.
+# Samples of the law: s, s', s'' at cam angles.
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Cam angles (rad), and there s, s', s'' in m, m/rad, m/rad²; four arrays of one shape."""
+    """Cam angles (rad) with s (m), s' (m/rad), s'' (m/rad²): four arrays of one shape."""
 
     angle: FloatArray
     s: FloatArray
@@ -33,49 +34,67 @@ class Motion:
 
     @classmethod
     def uniform(cls, law: Law, count: int) -> Motion:
-        """``count`` equal steps over one turn, without its end."""
+        """Return the motion at `count` equal steps over one turn, its end excluded."""
         motion = sample(law, 0.0, TURN / count, count, np.eye(3), np.zeros(3))
         return cls(turn_angles(count), *motion)
 
     @classmethod
     def at(cls, law: Law, angle: FloatArray) -> Motion:
-        """Any angles; at a joint the piece that begins there."""
+        """Return the motion at any cam angles (rad).
+
+        A joint of the law belongs to the piece that starts there.
+        """
         return cls(angle, *(law(angle, order) for order in range(3)))
 
     @classmethod
     def on_pieces(cls, law: Law, u: FloatArray) -> Motion:
-        """``(len(u), n)``: every piece of the law at ``u`` ∈ [0, 1], so a jump with both limits."""
+        """Return the motion at `u` ∈ [0, 1] of each piece, in arrays ``(len(u), n)``.
+
+        A joint is in both of its pieces, so a jump has both of its limits.
+        """
         values = np.tensordot(bernstein.basis(law.degree, u), law.motion, axes=([1], [1]))
         return cls(law.breaks[:-1] + u[:, None] * law.spans, *np.moveaxis(values, 1, 0))
 
     @classmethod
     def on_piece(cls, law: Law, piece: int, u: FloatArray) -> Motion:
-        """``(len(u),)``: one piece of the law."""
+        """Return the motion at `u` ∈ [0, 1] of one piece, in arrays ``(len(u),)``."""
         values = law.motion[:, :, piece] @ bernstein.basis(law.degree, u).T
         return cls(law.breaks[piece] + u * law.spans[piece], *values)
 
 
 def turn_angles(points: int) -> FloatArray:
-    """``points`` cam angles over one turn, without its end."""
+    """Return `points` equally spaced cam angles (rad) over one turn, its end excluded."""
     return np.linspace(0.0, TURN, points, endpoint=False)
 
 
-#: A curve that bends by less, in rad over its own distance from the axis, is straight: what is
-#: left of a straight flank's curvature is rounding, a thousandth of this.
-STRAIGHT = 1e-10
+#: A pitch curve is straight if its curvature times its distance from the axis is below this (rad).
+#: The rounding error of a straight flank's curvature is a thousandth of it.
+STRAIGHT_CURVATURE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Contact of a follower with its cam at each cam angle; arrays of one shape.
+    """Contact of a follower with its cam at each cam angle: arrays of one shape.
 
-    contact, normal : m, the point, and the unit normal there, out of the cam
-    radius : m, of curvature of the contour: positive where it is convex (solid inside the circle),
-        negative where concave, infinite where straight
-    rate : m/rad, way of the contact along the contour; negative where that runs back: undercut
-    pressure : rad, from the direction in which the follower moves to the normal, counterclockwise
-    centre : m, of the roller, or the point: the pitch curve. None for a face
-    pitch_curvature : 1/m, signed as ``radius``. None for a face
+    Parameters
+    ----------
+    contact : ComplexArray
+        Point of contact in m.
+    normal : ComplexArray
+        Unit normal at that point, out of the cam.
+    radius : FloatArray
+        Radius of curvature of the contour in m: positive where it is convex (the material is inside
+        the circle), negative where it is concave, infinite where it is straight.
+    rate : FloatArray
+        Velocity of the contact along the contour in m/rad. A negative value means undercut: the
+        contact moves backwards.
+    pressure : FloatArray
+        Pressure angle in rad: from the follower's direction of motion to the normal,
+        counterclockwise.
+    centre : ComplexArray, optional
+        Centre of the roller in m, or the point: the pitch curve. None for a face.
+    pitch_curvature : FloatArray, optional
+        Curvature of the pitch curve in 1/m, with the sign of `radius`. None for a face.
     """
 
     contact: ComplexArray
@@ -88,37 +107,47 @@ class Touch:
 
 
 class Element(ABC):
-    """The part of a follower that touches one cam.
+    """Part of a follower that touches one cam.
 
-    Its place (m) is what grows as the follower moves outwards: height in the guide, way along the
-    arc of the arm. By `place_on` it is measured on a finished contour, with nothing of the law.
+    Its position (m) increases as the follower moves outwards. It is the height in the guide, or the
+    arc length at the end of the arm. `place_on` measures it on a finished contour without the law.
     """
 
-    roller: float  # m, 0 for a point or a face
+    roller: float  # radius in m, 0 for a point or a face
 
     @abstractmethod
     def touch(self, motion: Motion) -> Touch:
-        """The contact that follows the law."""
+        """Return the contact of a follower that moves by the law."""
 
     @abstractmethod
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Place (m) at which it just touches each point of the guide's frame; −∞: never."""
+        """Return the position (m) at which the element just touches each point.
+
+        The points are in the guide's frame. The position is −∞ for points that it never touches.
+        """
 
     @abstractmethod
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement s (m) at a place."""
+    def lift_at(self, position: FloatArray) -> FloatArray:
+        """Return the displacement s (m) at a position (m)."""
 
     @abstractmethod
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance (m) of roller, point or face from the axis at s (m); 0: no room for a shaft."""
+        """Return the distance (m) of roller, point or face from the cam's axis at s (m).
+
+        At a distance of 0 there is no room for a shaft.
+        """
 
     @abstractmethod
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Roller's centre, point, or where the face meets its guide or arm's end, at s (m)."""
+        """Return the reference point of the element in m at s (m).
+
+        It is the roller's centre, the point, or the point of the face at its guide or at the end of
+        the arm.
+        """
 
     @abstractmethod
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Velocity of the follower's own points at ``points``, over that of s (1)."""
+        """Return the velocity of the follower's material at `points`, divided by ṡ."""
 
 
 def offset_contact(
@@ -128,15 +157,16 @@ def offset_contact(
     roller: float,
     pressure: FloatArray,
 ) -> Touch:
-    """On the contour inside a pitch curve (eq. 2.22-2.25, 2.43-2.46).
+    """Return the contact on the contour inside a pitch curve.
 
-    ``tangent`` and ``second`` are the derivatives of the pitch curve in the cam's own frame, seen
-    in the guide's. A curvature of the size of rounding is 0: straight.
+    The equations are 2.22-2.25 and 2.43-2.46. `tangent` and `second` are the first and second
+    derivative of the pitch curve by θ in the cam frame, expressed in the guide's frame. A curvature
+    below `STRAIGHT_CURVATURE` counts as 0.
     """
     speed = np.abs(tangent)
     normal = 1j * tangent / speed
     curvature = -(tangent.conj() * second).imag / speed**3
-    curvature = np.where(np.abs(curvature * centre) < STRAIGHT, 0.0, curvature)
+    curvature = np.where(np.abs(curvature * centre) < STRAIGHT_CURVATURE, 0.0, curvature)
     shrunk = 1.0 - roller * curvature
     with np.errstate(divide="ignore"):
         radius = np.where(curvature == 0.0, np.inf, shrunk / curvature)
@@ -144,18 +174,27 @@ def offset_contact(
     return Touch(contact, normal, radius, shrunk * speed, pressure, centre, curvature)
 
 
-# Least and greatest values over one turn: dense samples of every smooth piece, then a zoom.
+# Extreme values over one turn: dense samples of each smooth piece, refined around the best one.
 
-#: Samples over the turn, and at least and at most in a piece of the law.
-DENSE, FEWEST, MOST = 4096, 65, 513
-#: Points and rounds of the zoom: the abscissa is found to 1e-9 of a piece, the value to rounding.
-ZOOM_POINTS, ZOOMS = 33, 5
+#: Samples over the turn, shared equally among the pieces of the law.
+TURN_SAMPLES = 4096
+#: Least number of samples of a piece.
+MIN_PIECE_SAMPLES = 65
+#: Greatest number of samples of a piece.
+MAX_PIECE_SAMPLES = 513
+#: Points of a round of `zoom`.
+ZOOM_POINTS = 33
+#: Rounds of `zoom`: they locate the maximum to 1e-9 of a piece, and its value to rounding.
+ZOOM_ROUNDS = 5
 Curve = Callable[[FloatArray], FloatArray]
 
 
 def zoom(curve: Curve, middle: float, width: float) -> tuple[float, float]:
-    """Where in [0, 1], within ``width`` of ``middle``, a curve is greatest; and that value."""
-    for _ in range(ZOOMS):
+    """Return the position in [0, 1] and the value of a curve's maximum.
+
+    The search covers `width` on each side of `middle`.
+    """
+    for _ in range(ZOOM_ROUNDS):
         u = np.linspace(max(0.0, middle - width), min(1.0, middle + width), ZOOM_POINTS)
         values = curve(u)
         best = int(np.argmax(values))
@@ -164,33 +203,37 @@ def zoom(curve: Curve, middle: float, width: float) -> tuple[float, float]:
 
 
 def _samples(pieces: int) -> FloatArray:
-    return np.linspace(0.0, 1.0, min(MOST, max(FEWEST, DENSE // pieces)))
+    count = max(MIN_PIECE_SAMPLES, TURN_SAMPLES // pieces)
+    return np.linspace(0.0, 1.0, min(MAX_PIECE_SAMPLES, count))
 
 
 @lru_cache(maxsize=4)
 def _dense(law: Law) -> Motion:
-    """All pieces of a law, joints with both limits; a search asks for it many times."""
+    """Return dense samples of all pieces of a law, joints with both limits.
+
+    The cache serves searches that scan one law many times.
+    """
     return Motion.on_pieces(law, _samples(law.spans.size))
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """An element's contact over the whole turn, for extremes of what depends on it."""
+    """Contact of an element over the whole turn, scanned for extreme values."""
 
     law: Law
     element: Element
 
     @cached_property
     def touch(self) -> Touch:
-        """``(m, n)``: the contact at m samples of each of the law's n pieces."""
+        """Contact at m samples of each of the law's n pieces, arrays of shape ``(m, n)``."""
         return self.element.touch(_dense(self.law))
 
     def greatest(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
-        """Greatest value of a quantity of the contact."""
+        """Return the greatest value over the turn of a quantity of the contact."""
         return self.greatest_of(lambda _, touch: quantity(touch))
 
     def greatest_of(self, quantity: Callable[[Motion, Touch], FloatArray]) -> Extreme:
-        """Greatest value of a quantity of the follower's motion and the contact."""
+        """Return the greatest value of a quantity of the motion and the contact."""
         u, values = _samples(self.law.spans.size), quantity(_dense(self.law), self.touch)
         row, piece = np.unravel_index(np.argmax(values), values.shape)
 
@@ -198,26 +241,32 @@ class Scan:
             motion = Motion.on_piece(self.law, int(piece), x)
             return quantity(motion, self.element.touch(motion))
 
-        at, value = zoom(curve, float(u[row]), float(u[1]))
-        return Extreme(value, float(self.law.breaks[piece] + at * self.law.spans[piece]))
+        u_max, value = zoom(curve, float(u[row]), float(u[1]))
+        return Extreme(value, float(self.law.breaks[piece] + u_max * self.law.spans[piece]))
 
     def least(self, quantity: Callable[[Touch], FloatArray]) -> Extreme:
-        """Least value of a quantity of the contact."""
-        found = self.greatest(lambda touch: -quantity(touch))
-        return Extreme(-found.value, found.angle)
+        """Return the least value over the turn of a quantity of the contact."""
+        greatest = self.greatest(lambda touch: -quantity(touch))
+        return Extreme(-greatest.value, greatest.angle)
 
 
 def greatest_between(curve: Curve, edges: FloatArray) -> Extreme:
-    """Greatest value of a continuous function of the cam angle, smooth between ``edges`` (rad)."""
+    """Return the greatest value of a function of the cam angle.
+
+    The function is continuous, and smooth between `edges` (rad).
+    """
     u = _samples(edges.size)
     low, span = edges[:-1], np.diff(edges)
     values = curve(low + u[:, None] * span)
     row, piece = np.unravel_index(np.argmax(values), values.shape)
-    at, value = zoom(lambda x: curve(low[piece] + x * span[piece]), float(u[row]), float(u[1]))
-    return Extreme(value, float(low[piece] + at * span[piece]) % TURN)
+    u_max, value = zoom(lambda x: curve(low[piece] + x * span[piece]), float(u[row]), float(u[1]))
+    return Extreme(value, float(low[piece] + u_max * span[piece]) % TURN)
 
 
 @lru_cache(maxsize=32)
 def stroke(law: Law) -> float:
-    """Sum of least and greatest displacement, m: s_max of a law that starts at 0."""
+    """Return the sum of the least and the greatest displacement in m.
+
+    It is s_max of a law that starts at 0.
+    """
     return sum(extreme.value for extreme in extremes(law, 0))

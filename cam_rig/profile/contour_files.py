@@ -30,7 +30,7 @@ class Placement:
     Parameters
     ----------
     unit
-        Unit of a file that states none: a key of `UNITS["length"]`, None if it is unknown.
+        Unit of a file without a unit: a key of `UNITS["length"]`, None if it is unknown.
     axis
         Position of the cam's axis in the file, in m.
     zero
@@ -62,7 +62,7 @@ class Placement:
         return np.array([turned.real, turned.imag])
 
 
-#: Placement if the user states nothing.
+#: Placement without options.
 AS_IT_IS = Placement()
 
 
@@ -170,5 +170,5 @@ class _ContourTable(CellTable):
 
     def discs(self, headings: list[Heading]) -> list[str]:
         """Return the name of the disc of each row, empty without such a column."""
-        column = next((i for i, one in enumerate(headings) if one.text == "disc"), None)
+        column = next((i for i, heading in enumerate(headings) if heading.text == "disc"), None)
         return ["" if column is None else cells[column] for _, cells in self.rows[self.first :]]

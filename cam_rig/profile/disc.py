@@ -1,4 +1,4 @@
-"""The discs of a cam, and the follower on each: one disc, or two for conjugate cams."""
+"""The discs of a cam with their followers: one disc, or two for conjugate cams."""
 
 from __future__ import annotations
 
@@ -17,17 +17,48 @@ from cam_rig.units import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Disc:
-    """One cam plate: which of the conjugate cams (else empty), and the element that shapes it."""
+    """One cam plate.
+
+    Parameters
+    ----------
+    name : str
+        Name of the disc of conjugate cams, otherwise empty.
+    element : Element
+        Element of the follower that determines the contour.
+    opposite : Element, optional
+        Second element of the follower, on the other side of the same contour.
+    """
 
     name: str
     element: Element
-    opposite: Element | None = None  # that the same contour moves, on its other side
+    opposite: Element | None = None
 
 
 def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tuple[Disc, ...]:
-    """The discs of a cam with this follower and law; ``base_radius`` (m) replaces its own.
+    """Return the discs of a cam with this follower and law.
 
-    A `ReachError` where the follower does not reach the base circle.
+    Parameters
+    ----------
+    follower : Follower
+        Follower of the cam file.
+    law : Law
+        Law of the cam.
+    base_radius : float, optional
+        Base radius in m (default: that of the follower).
+
+    Returns
+    -------
+    tuple of Disc
+        One disc, or two for conjugate cams.
+
+    Raises
+    ------
+    ReachError
+        The follower does not reach the base circle.
+
+    References
+    ----------
+    Profile thesis, §2.2.2 (desmodromic cams).
     """
     base = follower.base_radius.si if base_radius is None else base_radius
     roller, eccentricity = follower.roller, _si(getattr(follower, "eccentricity", None))
@@ -49,7 +80,7 @@ def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tup
         case kinds.ConstantDiameter():  # rollers 2 R_p + s_max apart
             other = GuidedCentre(roller, 0.0, base + roller + stroke(law), side=-1)
             plates = [Disc("", GuidedCentre.on_base(base, roller, 0.0), other)]
-        case kinds.Conjugate():  # the second cam lets down what the first one lifts (§2.2.2)
+        case kinds.Conjugate():  # the second cam lowers what the first cam lifts (§2.2.2)
             first = GuidedCentre.on_base(base, roller, eccentricity)
             start = first.start + stroke(law)
             if follower.roller_distance is not None:
@@ -66,7 +97,10 @@ def _si(quantity: Quantity | None) -> float:
 
 
 def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list[Disc]:
-    """The second roller sinks as the first one rises."""
+    """Return the discs of a rocker with two arms.
+
+    The second roller sinks as the first roller rises.
+    """
     roller, arm, pivot = follower.roller, follower.arm.si, follower.pivot_distance.si
     first = SwungCentre.on_base(base, roller, arm, pivot)
     start = first.start + stroke(law) / arm
@@ -75,20 +109,31 @@ def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list
     return [Disc("first", first), Disc("second", SwungCentre(roller, arm, pivot, start, side=-1))]
 
 
-# The contour of a cam in its own frame, with curvature and pressure angle (kinematic inversion).
+# Contour of a cam in the cam frame, with curvature and pressure angle (kinematic inversion).
 
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """The contour of one disc; point i is the one the follower touches at cam angle i.
+    """Contour of one disc in the cam frame. Point i is touched at cam angle i.
 
     Parameters
     ----------
-    angle, pressure : ``(n,)`` rad, cam angle and pressure angle, signed
-    points, normal : ``(2, n)`` m, and unit vectors out of the cam
-    radius : ``(n,)`` m, radius of curvature: positive where convex, negative where concave
-    rate : ``(n,)`` m/rad, dP/dθ along the clockwise tangent; not positive: undercut
-    pitch : ``(2, n)`` m, path of the roller's centre or of the point; None for a face
+    disc : Disc
+        The disc.
+    angle : FloatArray
+        Cam angles in rad, shape ``(n,)``.
+    points : FloatArray
+        Points in m, shape ``(2, n)``.
+    normal : FloatArray
+        Unit vectors out of the cam, shape ``(2, n)``.
+    radius : FloatArray
+        Radius of curvature in m, shape ``(n,)``: positive where convex, negative where concave.
+    rate : FloatArray
+        dP/dθ along the clockwise tangent in m/rad, shape ``(n,)``. Not positive where undercut.
+    pressure : FloatArray
+        Signed pressure angle in rad, shape ``(n,)``.
+    pitch : FloatArray, optional
+        Path of the roller's centre, or of the point, in m, shape ``(2, n)``. None for a face.
     """
 
     disc: Disc
@@ -102,12 +147,12 @@ class Contour:
 
     @property
     def tangent(self) -> FloatArray:
-        """``(2, n)`` unit vectors along the contour, clockwise around the cam."""
+        """Unit vectors along the contour, clockwise around the cam, shape ``(2, n)``."""
         return np.stack([self.normal[1], -self.normal[0]])
 
     @classmethod
     def of(cls, disc: Disc, motion: Motion) -> Contour:
-        """The contour of a disc at the angles of a motion."""
+        """Return the contour of a disc at the cam angles of a motion."""
         touch: Touch = disc.element.touch(motion)
         turn = np.exp(-1j * motion.angle)
         return cls(
@@ -123,12 +168,29 @@ class Contour:
 
 
 def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
-    """The contours of a cam, one a disc, at ``count`` equal steps; checked by `checks` alone."""
+    """Return the contours of a cam at `count` equal steps, one per disc.
+
+    Only `check_cam` checks them.
+
+    Parameters
+    ----------
+    follower : Follower
+        Follower of the cam file.
+    law : Law
+        Law of the cam.
+    count : int
+        Points of each contour.
+
+    Raises
+    ------
+    ReachError
+        The follower does not reach the base circle.
+    """
     return _contours(follower, law, Motion.uniform(law, count))
 
 
 def contours_at(follower: Follower, law: Law, angle: FloatArray) -> tuple[Contour, ...]:
-    """The same at any cam angles, rad."""
+    """Return the contours of a cam at any cam angles (rad), one per disc."""
     return _contours(follower, law, Motion.at(law, angle))
 
 
@@ -137,5 +199,5 @@ def _contours(follower: Follower, law: Law, motion: Motion) -> tuple[Contour, ..
 
 
 def plane(values: ComplexArray) -> FloatArray:
-    """``(2, n)`` x and y of complex numbers."""
+    """Return x and y of complex numbers, shape ``(2, n)``."""
     return np.stack([values.real, values.imag])

@@ -1,4 +1,4 @@
-"""Closed polylines as DXF and SVG, mm, true to scale; contours and laws as CSV."""
+"""DXF and SVG drawings of closed polylines in mm, true to scale, and CSV tables."""
 
 from __future__ import annotations
 
@@ -18,10 +18,13 @@ from cam_rig.units import TURN, FloatArray
 
 # SVG drawings of closed polylines at scale 1: black on white, one unit of the page is 1 mm.
 
+#: Millimetres per metre.
 MM = 1e3
+#: Free margin around the curves, mm.
 MARGIN_MM = 5.0
-#: Decimals of a millimetre that there are at least: the lines are 0.25 mm wide.
+#: Least number of decimals of a millimetre, compared with lines of 0.25 mm.
 COARSEST_DIGITS = 2
+#: Page with width (mm), height (mm) and paths.
 PAGE = """\
 <?xml version="1.0" encoding="utf-8"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="{0}mm" height="{1}mm" viewBox="0 0 {0} {1}">
@@ -34,25 +37,29 @@ PAGE = """\
 
 
 def write_svg(path: Path, curves: dict[str, FloatArray], rounding: float) -> None:
-    """Write closed polylines by name, ``(2, n)`` points in m, as one path each.
+    """Write closed polylines by name as an SVG drawing, one path each.
 
-    The page is of whole millimetres, 5 of them free around the curves. Points are absolute, so that
-    what a reader rounds does not add up, and off by ``rounding`` (m) at most.
+    The points ``(2, n)`` are in m. The page has whole millimetres and a margin of 5 mm around the
+    curves. Coordinates are absolute, so the rounding of a reader does not accumulate. They differ
+    from the points by at most `rounding` (m).
     """
     digits = max(COARSEST_DIGITS, math.ceil(-math.log10(math.sqrt(2.0) * MM * rounding)))
-    every = MM * np.concatenate(list(curves.values()), axis=1)
-    corner = np.array([every[0].min() - MARGIN_MM, every[1].max() + MARGIN_MM])
-    width, height = np.ceil(np.ptp(every, axis=1) + 2.0 * MARGIN_MM).astype(int)
+    all_points = MM * np.concatenate(list(curves.values()), axis=1)
+    corner = np.array([all_points[0].min() - MARGIN_MM, all_points[1].max() + MARGIN_MM])
+    width, height = np.ceil(np.ptp(all_points, axis=1) + 2.0 * MARGIN_MM).astype(int)
     paths = []
     for name, points in curves.items():
-        placed = (MM * points.T - corner) * [1.0, -1.0]  # y of a page is down
-        words = " ".join(f"{x:.{digits}f},{y:.{digits}f}" for x, y in placed.tolist())
-        paths.append(f'<path id="{name}" d="M {words} Z"/>')
+        placed = (MM * points.T - corner) * [1.0, -1.0]  # y of a page points down
+        coordinates = " ".join(f"{x:.{digits}f},{y:.{digits}f}" for x, y in placed.tolist())
+        paths.append(f'<path id="{name}" d="M {coordinates} Z"/>')
     path.write_text(PAGE.format(width, height, "\n".join(paths)), encoding="utf-8")
 
 
 def to_document(curves: dict[str, FloatArray]) -> Drawing:
-    """DXF R2010 with one closed polyline on each layer; points ``(2, n)`` in m."""
+    """Return a drawing (DXF R2010) with one closed polyline on each layer.
+
+    The keys of `curves` are the layers. The points ``(2, n)`` are in m.
+    """
     document = ezdxf.new("R2010", units=units.MM)
     for layer, points in curves.items():
         document.layers.add(layer)
@@ -66,25 +73,29 @@ def to_document(curves: dict[str, FloatArray]) -> Drawing:
 
 # Contours and laws as CSV: full precision, units in the names of the columns.
 
+#: Columns of a contour.
 HEADER = ("angle_deg", "x_mm", "y_mm", "curvature_radius_mm", "pressure_angle_deg")
 
 
 def write_contour(path: Path, curves: list[ContourPath], count: int) -> None:
-    """One row for each of ``count`` equal steps of the cam angle; a column more for two discs."""
-    several = len(curves) > 1
+    """Write contours as CSV, one row for each of `count` equal steps of the cam angle.
+
+    Two discs have a further column with the number of the disc.
+    """
+    has_discs = len(curves) > 1
     degrees = np.arange(count) * (360.0 / count)
     with path.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("disc", *HEADER) if several else HEADER)
+        rows.writerow(("disc", *HEADER) if has_discs else HEADER)
         for number, curve in enumerate(curves, start=1):
             points, radius, pressure = curve.of(Motion.uniform(curve.law, count))
             columns = (degrees, *(MM * points), MM * radius, np.degrees(pressure))
             for row in zip(*(column.tolist() for column in columns), strict=True):
-                rows.writerow((number, *row) if several else row)
+                rows.writerow((number, *row) if has_discs else row)
 
 
 def write_law(path: Path, angle: FloatArray, lift: FloatArray) -> None:
-    """Cam angles (rad) and lifts (m) as degrees and millimetres."""
+    """Write cam angles (rad) and lifts (m) as CSV in degrees and millimetres."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("angle_deg", "lift_mm"))

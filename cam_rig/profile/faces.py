@@ -1,4 +1,4 @@
-"""Followers that touch with a circle, with a point (a circle of no radius), or with a face."""
+"""Follower elements with a circle, a point (a circle of radius 0) or a face."""
 
 from __future__ import annotations
 
@@ -12,27 +12,33 @@ from cam_rig.units import ComplexArray, FloatArray
 
 
 class Guided(Element):
-    """What a guide carries, past the cam's axis at ``eccentricity``: its place is its height."""
+    """Element in a guide that passes the cam's axis at a distance of `eccentricity`.
+
+    Its position is its height.
+    """
 
     eccentricity: float
     start: float
     side: int
 
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement at a height."""
-        return self.side * (place - self.start)
+    def lift_at(self, position: FloatArray) -> FloatArray:
+        """Return the displacement s (m) at a height (m)."""
+        return self.side * (position - self.start)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """The centre, or where the face meets its guide, at displacements s."""
+        """Return the centre, or the point of the face at its guide, in m at s (m)."""
         return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """Along the guide, whichever side of the cam it is on."""
+        """Return the direction of the guide, on either side of the cam."""
         return np.full_like(points, 1j)
 
 
 class Swung(Element):
-    """What an arm carries about its pivot: its place is the way along the arc at the arm's end."""
+    """Element that an arm carries around its pivot.
+
+    Its position is the arc length at the end of the arm.
+    """
 
     arm: float
     pivot: float
@@ -40,25 +46,38 @@ class Swung(Element):
     side: int
 
     def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Angle at the pivot (rad) from the line to the axis, on the arm's own side, at s (m)."""
+        """Return the angle at the pivot (rad) at s (m).
+
+        It is measured from the line through the pivot and the axis, on the side of the arm.
+        """
         return self.start + self.side * s / self.arm
 
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement at a way along the arc."""
-        return self.side * (place - self.arm * self.start)
+    def lift_at(self, position: FloatArray) -> FloatArray:
+        """Return the displacement s (m) at an arc length (m)."""
+        return self.side * (position - self.arm * self.start)
 
     def moves(self, points: ComplexArray) -> ComplexArray:
-        """About the pivot, clockwise as the law grows, on both sides."""
+        """Return the velocity of the material at `points`, divided by ṡ.
+
+        The rotation about the pivot is clockwise as s increases, on both sides of the cam.
+        """
         return np.asarray(1j * (self.pivot - points) / self.arm)
 
 
 @dataclass(frozen=True)
 class GuidedCentre(Guided):
-    """A roller or a point in a guide (eq. 2.19-2.25), lengths in m.
+    """Roller or point in a guide (eq. 2.19-2.25). Lengths are in m.
 
-    eccentricity : of the guide, towards +x when seen with the follower above the cam
-    start : height of the centre over the cam's axis at s = 0
-    side : 1 above the cam; −1 below it, where the law lowers the height
+    Parameters
+    ----------
+    roller : float
+        Radius of the roller, 0 for a point.
+    eccentricity : float
+        Distance of the guide from the cam's axis, towards +x if the follower is above the cam.
+    start : float
+        Height of the centre above the cam's axis at s = 0.
+    side : int
+        1 above the cam. −1 below the cam, where the height decreases as s increases.
     """
 
     roller: float
@@ -68,7 +87,7 @@ class GuidedCentre(Guided):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, eccentricity: float) -> GuidedCentre:
-        """With s = 0 on the base circle (eq. 2.19)."""
+        """Return the element with s = 0 on the base circle (eq. 2.19)."""
         prime = base_radius + roller
         if abs(eccentricity) >= prime:
             raise ReachError(
@@ -78,11 +97,11 @@ class GuidedCentre(Guided):
         return cls(roller, eccentricity, float(np.sqrt(prime**2 - eccentricity**2)))
 
     def height(self, s: FloatArray) -> FloatArray:
-        """Height of the centre over the cam's axis at displacements s, m."""
+        """Return the height (m) of the centre above the cam's axis at s (m)."""
         return self.start + self.side * s
 
     def touch(self, motion: Motion) -> Touch:
-        """The contact that follows the law."""
+        """Return the contact of a follower that moves by the law."""
         side, height = self.side, self.height(motion.s)
         up = side * motion.slope - self.eccentricity
         centre = side * (self.eccentricity + 1j * height)
@@ -91,28 +110,41 @@ class GuidedCentre(Guided):
         return offset_contact(centre, tangent, second, self.roller, np.arctan2(up, height))
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Height of the centre at which the follower just touches each point."""
-        under = self.roller**2 - self.beside(points) ** 2
-        height = self.side * points.imag + np.sqrt(np.maximum(under, 0.0))
-        return np.asarray(np.where(under >= 0.0, height, -np.inf) if self.roller else height)
+        """Return the height (m) of the centre at which it just touches each point."""
+        square = self.roller**2 - self.offset_from_path(points) ** 2
+        height = self.side * points.imag + np.sqrt(np.maximum(square, 0.0))
+        return np.asarray(np.where(square >= 0.0, height, -np.inf) if self.roller else height)
 
-    def beside(self, points: ComplexArray) -> FloatArray:
-        """How far points are to the right of the centre's path, m."""
+    def offset_from_path(self, points: ComplexArray) -> FloatArray:
+        """Return the distance (m) of points to the right of the centre's path."""
         return np.asarray(self.side * points.real - self.eccentricity)
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance of roller or point from the cam's axis at s; below the axis it is negative."""
+        """Return the distance (m) of roller or point from the cam's axis at s (m).
+
+        It is negative if the centre is below the axis.
+        """
         distance = np.hypot(self.eccentricity, self.height(s))
         return np.asarray(np.copysign(distance, self.height(s)) - self.roller)
 
 
 @dataclass(frozen=True)
 class SwungCentre(Swung):
-    """A roller or a point at the end of an arm (eq. 2.26, 2.30-2.36), lengths in m.
+    """Roller or point at the end of an arm (eq. 2.26, 2.30-2.36). Lengths are in m.
 
-    pivot : its distance from the cam's axis
-    start : rad, γ: angle at the pivot from the cam's axis to the centre at s = 0
-    side : 1 above the line of pivot and axis; −1 below it, where the law lowers the angle
+    Parameters
+    ----------
+    roller : float
+        Radius of the roller, 0 for a point.
+    arm : float
+        Length of the arm.
+    pivot : float
+        Distance of the pivot from the cam's axis.
+    start : float
+        Angle γ (rad) at the pivot from the cam's axis to the centre at s = 0.
+    side : int
+        1 above the line through pivot and axis. −1 below it, where the angle decreases as s
+        increases.
     """
 
     roller: float
@@ -123,7 +155,7 @@ class SwungCentre(Swung):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, arm: float, pivot: float) -> SwungCentre:
-        """With s = 0 on the base circle (eq. 2.34)."""
+        """Return the element with s = 0 on the base circle (eq. 2.34)."""
         prime, shortest, longest = base_radius + roller, abs(pivot - arm), pivot + arm
         if not shortest < prime < longest:
             raise ReachError(
@@ -135,7 +167,7 @@ class SwungCentre(Swung):
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
 
     def touch(self, motion: Motion) -> Touch:
-        """The contact that follows the law."""
+        """Return the contact of a follower that moves by the law."""
         slope, curvature = motion.slope / self.arm, motion.curvature / self.arm
         out = self.arm * np.exp(-1j * self.side * self.arm_angle(motion.s))
         centre = self.pivot - out
@@ -145,7 +177,7 @@ class SwungCentre(Swung):
         return offset_contact(centre, tangent, second, self.roller, pressure)
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Way along the arc at which the follower just touches each point."""
+        """Return the arc length (m) at which the element just touches each point."""
         arm = self.pivot - points
         arm_angle = -self.side * np.angle(arm)
         if self.roller == 0.0:
@@ -155,29 +187,37 @@ class SwungCentre(Swung):
         arm_angle += np.arccos(np.minimum(cosine, 1.0))
         return np.asarray(self.arm * np.where(cosine <= 1.0, arm_angle, -np.inf), dtype=np.float64)
 
-    def beside(self, points: ComplexArray) -> FloatArray:
-        """How far points are inside the circle that the centre moves on, m."""
+    def offset_from_path(self, points: ComplexArray) -> FloatArray:
+        """Return the distance (m) of points inside the circular path of the centre."""
         return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance of roller or point from the cam's axis at displacements s."""
+        """Return the distance (m) of roller or point from the cam's axis at s (m)."""
         return np.asarray(np.abs(self.stand(s)) - self.roller)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """The centre."""
+        """Return the centre in m at s (m)."""
         return np.asarray(self.pivot - self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
 
 
-# Followers that touch with a straight face: the contour is the envelope of its lines.
+# Followers with a straight face. The contour is the envelope of the lines of the face.
 
 
 @dataclass(frozen=True)
 class GuidedFace(Guided):
-    """A face in a guide, square to it or inclined (eq. 2.14-2.18, 2.38, 2.40).
+    """Face in a guide, perpendicular to it or inclined (eq. 2.14-2.18, 2.38, 2.40).
 
-    inclination : rad, of the face, counterclockwise from square to the guide
-    eccentricity : m, of the guide: it moves the guide along the face, not the contour
-    start : m, height at which the face meets the guide at s = 0; side as of `GuidedCentre`
+    Parameters
+    ----------
+    inclination : float
+        Angle of the face in rad, counterclockwise from the perpendicular to the guide.
+    eccentricity : float
+        Distance of the guide from the cam's axis in m. It moves the guide along the face and does
+        not change the contour.
+    start : float
+        Height in m at which the face meets the guide at s = 0.
+    side : int
+        1 above the cam. −1 below the cam, where the height decreases as s increases.
     """
 
     inclination: float
@@ -188,7 +228,7 @@ class GuidedFace(Guided):
 
     @classmethod
     def on_base(cls, base_radius: float, inclination: float, eccentricity: float) -> GuidedFace:
-        """With s = 0 on the base circle."""
+        """Return the element with s = 0 on the base circle."""
         start = (base_radius + eccentricity * np.sin(inclination)) / np.cos(inclination)
         return cls(inclination, eccentricity, float(start))
 
@@ -199,7 +239,7 @@ class GuidedFace(Guided):
         return float(self.start * cosine - self.eccentricity * sine)
 
     def touch(self, motion: Motion) -> Touch:
-        """The contact that follows the law."""
+        """Return the contact of a follower that moves by the law."""
         cosine = self.side * np.cos(self.inclination)
         along = self.side * np.exp(1j * self.inclination)
         distance = self.clearance(motion.s)
@@ -213,22 +253,29 @@ class GuidedFace(Guided):
         )
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Height in the guide at which the face goes through each point."""
+        """Return the height (m) in the guide at which the face contains each point."""
         slant = float(np.tan(self.inclination))
         return self.side * (points.imag - slant * points.real) + slant * self.eccentricity
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance of the face from the cam's axis at displacements s."""
+        """Return the distance (m) of the face from the cam's axis at s (m)."""
         return np.asarray(self.base_radius + self.side * np.cos(self.inclination) * s)
 
 
 @dataclass(frozen=True)
 class SwungFace(Swung):
-    """A face along an arm (eq. 2.26-2.29), lengths in m.
+    """Face along an arm (eq. 2.26-2.29). Lengths are in m.
 
-    arm, pivot : from the pivot to where the law is measured, and to the cam's axis
-    offset : of the face from the pivot, out of the cam
-    start : rad, γ: angle of the face to the line of pivot and axis at s = 0
+    Parameters
+    ----------
+    arm : float
+        Distance from the pivot to the point at which the law is measured.
+    offset : float
+        Distance of the face from the pivot, out of the cam.
+    pivot : float
+        Distance of the pivot from the cam's axis.
+    start : float
+        Angle γ (rad) of the face to the line through pivot and axis at s = 0.
     """
 
     arm: float
@@ -240,7 +287,7 @@ class SwungFace(Swung):
 
     @classmethod
     def on_base(cls, base_radius: float, arm: float, offset: float, pivot: float) -> SwungFace:
-        """With s = 0 on the base circle (eq. 2.27)."""
+        """Return the element with s = 0 on the base circle (eq. 2.27)."""
         reach = base_radius - offset
         if abs(reach) >= pivot:
             raise ReachError(
@@ -251,7 +298,7 @@ class SwungFace(Swung):
         return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
 
     def touch(self, motion: Motion) -> Touch:
-        """The contact that follows the law."""
+        """Return the contact of a follower that moves by the law."""
         arm_angle, turn = self.arm_angle(motion.s), 1.0 + motion.slope / self.arm  # dψ/dθ
         slope, curvature = turn - 1.0, motion.curvature / self.arm
         along = np.exp(-1j * arm_angle)
@@ -269,19 +316,19 @@ class SwungFace(Swung):
         )
 
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Way along the arc at which the face goes through each point."""
+        """Return the arc length (m) at which the face contains each point."""
         arm = self.pivot - points
         reach = np.abs(arm)
-        meets = reach >= abs(self.offset)
-        sine = np.where(meets, self.offset / np.where(meets, reach, 1.0), 0.0)
+        reaches = reach >= abs(self.offset)
+        sine = np.where(reaches, self.offset / np.where(reaches, reach, 1.0), 0.0)
         arm_angle = -np.angle(arm) - np.arcsin(sine)
-        return np.asarray(self.arm * np.where(meets, arm_angle, -np.inf), dtype=np.float64)
+        return np.asarray(self.arm * np.where(reaches, arm_angle, -np.inf), dtype=np.float64)
 
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance of the face from the cam's axis at displacements s."""
+        """Return the distance (m) of the face from the cam's axis at s (m)."""
         return np.asarray(self.pivot * np.sin(self.arm_angle(s)) + self.offset)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """The point of the face at the end of the arm, at displacements s."""
+        """Return the point of the face at the end of the arm, in m at s (m)."""
         face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
         return np.asarray(self.pivot - face)

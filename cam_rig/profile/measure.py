@@ -1,7 +1,7 @@
-"""A follower put on a finished contour: where does it rest? Nothing of the law is used.
+"""Measurement of a finished contour: position of a follower that rests on it.
 
-A face or a roller rests on the point of the contour that holds it up farthest; a point on the
-crossing of its path with the contour.
+The measurement does not use the law. A face or a roller rests on the point of the contour that
+lifts it farthest. A point rests where its path crosses the contour.
 """
 
 from __future__ import annotations
@@ -20,176 +20,229 @@ from cam_rig.profile.faces import GuidedCentre, SwungCentre
 from cam_rig.schema.cam import Follower
 from cam_rig.units import TURN, ComplexArray, FloatArray, rms
 
-#: A closed curve in the cam's frame: parameters, of period 2π, to points x + iy, m.
+#: Closed curve in the cam frame: a function of a parameter of period 2π that returns x + iy in m.
 Curve = Callable[[FloatArray], ComplexArray]
-#: Points of the contour that are tried before the search is refined ...
-COARSE = 4096
-#: ... in rounds with this many points between the neighbours of the best one.
-ROUNDS, FINE = 5, 33
-#: Halvings that bring a crossing from 2π/COARSE to rounding.
-HALVINGS = 44
-#: Cam angles dealt with at a time.
+#: Points of the contour in the first step of the search.
+COARSE_POINTS = 4096
+#: Rounds that refine the best point.
+ROUNDS = 5
+#: Points of a round, between the neighbours of the best point of the round before.
+ROUND_POINTS = 33
+#: Bisections that refine a crossing from 2π/COARSE_POINTS to rounding.
+BISECTIONS = 44
+#: Cam angles that are processed together, which bounds the memory.
 BLOCK = 64
 
 
 def closed_curve(points: FloatArray) -> Curve:
-    """The periodic cubic spline through the ``(2, n)`` points of a closed contour, m."""
+    """Return the periodic cubic spline through the points of a closed contour.
+
+    Parameters
+    ----------
+    points : FloatArray
+        Points in m, shape ``(2, n)``. Repeated points are left out.
+
+    Returns
+    -------
+    callable
+        The curve, a function of a parameter with period 2π.
+
+    Raises
+    ------
+    ProfileError
+        The contour has fewer than 8 different points.
+    """
     step = np.hypot(*np.diff(np.append(points, points[:, :1], axis=1), axis=1))
-    kept = points[:, step > 1e-9 * step.max(initial=0.0)]  # without repeated ones
-    if kept.shape[1] < 8:
+    distinct = points[:, step > 1e-9 * step.max(initial=0.0)]  # without repeated points
+    if distinct.shape[1] < 8:
         raise ProfileError(
-            f"contour has {kept.shape[1]} different points; allowed: at least 8, and for a "
+            f"contour has {distinct.shape[1]} different points; allowed: at least 8, and for a "
             "measurement some hundreds"
         )
-    kept = np.append(kept, kept[:, :1], axis=1)
-    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(kept, axis=1))))
-    spline = CubicSpline(way * (TURN / way[-1]), kept.T, bc_type="periodic")
+    distinct = np.append(distinct, distinct[:, :1], axis=1)
+    arc_length = np.append(0.0, np.cumsum(np.hypot(*np.diff(distinct, axis=1))))
+    spline = CubicSpline(arc_length * (TURN / arc_length[-1]), distinct.T, bc_type="periodic")
 
-    def curve(at: FloatArray) -> ComplexArray:
-        x, y = np.moveaxis(spline(at), -1, 0)
+    def curve(parameter: FloatArray) -> ComplexArray:
+        x, y = np.moveaxis(spline(parameter), -1, 0)
         return np.asarray(x + 1j * y)
 
     return curve
 
 
 def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
-    """Displacement s (m) at cam angles (rad) of a follower resting on a contour."""
-    at = turn_angles(COARSE)
-    outline = curve(at)
-    place = np.empty(angle.size)
-    for begin in range(0, angle.size, BLOCK):
-        turn = np.exp(1j * angle[begin : begin + BLOCK])[:, None]
+    """Return the displacement s (m) of a follower that rests on a contour.
+
+    Parameters
+    ----------
+    element : Element
+        Element of the follower that touches the contour.
+    curve : callable
+        The contour in the cam frame, such as a `closed_curve`.
+    angle : FloatArray
+        Cam angles in rad, shape ``(n,)``.
+
+    Returns
+    -------
+    FloatArray
+        Displacements in m, shape ``(n,)``.
+
+    Raises
+    ------
+    ProfileError
+        The path of the follower does not meet the contour at one of the cam angles.
+    """
+    outline = curve(turn_angles(COARSE_POINTS))
+    position = np.empty(angle.size)
+    for start in range(0, angle.size, BLOCK):
+        turn = np.exp(1j * angle[start : start + BLOCK])[:, None]
         if isinstance(element, GuidedCentre | SwungCentre) and element.roller == 0.0:
-            found = _crossing(element, curve, outline, turn)
+            block = _crossing(element, curve, outline, turn)
         else:
-            found = _highest(element, curve, outline, turn)
-        place[begin : begin + BLOCK] = found
-    if not np.isfinite(place).all():
-        where = np.degrees(angle[np.argmin(np.isfinite(place))])
+            block = _highest(element, curve, outline, turn)
+        position[start : start + BLOCK] = block
+    if not np.isfinite(position).all():
+        failed_deg = np.degrees(angle[np.argmin(np.isfinite(position))])
         raise ProfileError(
-            f"the follower passes the contour by at {where:.4g}°; allowed: a contour that its "
-            "path meets at every angle"
+            f"the path of the follower misses the contour at {failed_deg:.4g}°; allowed: a contour "
+            "that it meets at every angle"
         )
-    return element.lift_at(place)
+    return element.lift_at(position)
 
 
 def _highest(
     element: Element, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
-    """Place on the point of the contour that holds the follower up farthest, ``(k,)``."""
+    """Return the position on the point that lifts the follower farthest, ``(k,)``."""
     best = np.argmax(element.place_on(outline * turn), axis=1)
-    step = TURN / COARSE
+    step = TURN / COARSE_POINTS
     middle, rows = best * step, np.arange(turn.size)
     for _ in range(ROUNDS):
-        at = middle[:, None] + step * np.linspace(-1.0, 1.0, FINE)
-        places = element.place_on(curve(at % TURN) * turn)
-        best = np.argmax(places, axis=1)
-        middle, step = at[rows, best], 2.0 * step / (FINE - 1)
-    return np.asarray(places[rows, best])
+        parameter = middle[:, None] + step * np.linspace(-1.0, 1.0, ROUND_POINTS)
+        positions = element.place_on(curve(parameter % TURN) * turn)
+        best = np.argmax(positions, axis=1)
+        middle, step = parameter[rows, best], 2.0 * step / (ROUND_POINTS - 1)
+    return np.asarray(positions[rows, best])
 
 
 def _crossing(
     element: GuidedCentre | SwungCentre, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
-    """Place on the farthest crossing of the point's path with the contour, ``(k,)``."""
+    """Return the position at the farthest crossing of path and contour, ``(k,)``."""
     points = outline * turn
-    right = element.beside(points) >= 0.0
+    right = element.offset_from_path(points) >= 0.0
     crosses = right != np.roll(right, -1, axis=1)
     best = np.argmax(np.where(crosses, element.place_on(points), -np.inf), axis=1)
     rows = np.arange(turn.size)
-    low = best * (TURN / COARSE)
-    high, before = low + TURN / COARSE, right[rows, best]
-    for _ in range(HALVINGS):
+    low = best * (TURN / COARSE_POINTS)
+    high, before = low + TURN / COARSE_POINTS, right[rows, best]
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        same = (element.beside(curve(middle % TURN) * turn[:, 0]) >= 0.0) == before
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    place = element.place_on(curve(low % TURN) * turn[:, 0])
-    return np.where(crosses[rows, best], place, -np.inf)
+        same_side = (element.offset_from_path(curve(middle % TURN) * turn[:, 0]) >= 0.0) == before
+        low, high = np.where(same_side, middle, low), np.where(same_side, high, middle)
+    position = element.place_on(curve(low % TURN) * turn[:, 0])
+    return np.where(crosses[rows, best], position, -np.inf)
 
 
 # Rotation of a contour whose zero direction is unknown.
 
-#: Cam angles of the first search for a rotation, and steps of Gauss and Newton that refine it.
-ALIGN_ANGLES, ALIGN_STEPS = 720, 4
+#: Cam angles of the first search for a rotation.
+ALIGN_ANGLES = 720
+#: Gauss-Newton steps that refine the rotation.
+ALIGN_STEPS = 4
 
 
 def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, float]:
-    """Return the rotation (rad) at which a contour gives the law, and the r.m.s. error left (m).
+    """Return the rotation (rad) that aligns a contour with the law, and the residual.
 
-    The displacement at cam angle θ + rotation is that of the law at θ, by least squares.
+    The displacement at cam angle θ + rotation is that of the law at θ, by least squares. The
+    residual is the r.m.s. error in m.
     """
     angle = turn_angles(ALIGN_ANGLES)
-    lift, wanted, slope = rest(element, curve, angle), law(angle), law(angle, 1)
-    products = np.fft.irfft(np.fft.rfft(lift) * np.conj(np.fft.rfft(wanted)), angle.size)
+    lift, expected, slope = rest(element, curve, angle), law(angle), law(angle, 1)
+    products = np.fft.irfft(np.fft.rfft(lift) * np.conj(np.fft.rfft(expected)), angle.size)
     rotation = float(angle[int(np.argmax(products))])
-    error = rest(element, curve, angle + rotation) - wanted
+    error = rest(element, curve, angle + rotation) - expected
     for _ in range(ALIGN_STEPS):
         step = -float(np.sum(error * slope) / np.sum(slope**2))
-        other = rest(element, curve, angle + rotation + step) - wanted
-        if rms(other) >= rms(error):
+        next_error = rest(element, curve, angle + rotation + step) - expected
+        if rms(next_error) >= rms(error):
             break
-        rotation, error = rotation + step, other
+        rotation, error = rotation + step, next_error
     return rotation % TURN, rms(error)
 
 
-# Whether points are a closed contour in order: what a measurement of them would not show.
+# Faults of the points of a contour that the measured displacement does not show.
 
-#: A step from point to point beyond so many of the usual one is a gap. Contours written at equal
+#: A step between points above this multiple of the median step is a gap. Contours written at equal
 #: steps of the cam angle stay below 2.
-WIDE = 10.0
-#: A contour of fewer points is a guess.
-FEWEST = 36
+MAX_STEP_RATIO = 10.0
+#: Least number of points of a contour.
+MIN_POINTS = 36
 
 
-def doubts(points: FloatArray, table: bool) -> list[str]:
-    """What ``(2, n)`` points (m) of a contour should not be: gaps, or few and so a guess."""
-    found = []
+def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:
+    """Return warnings about the points ``(2, n)`` (m) of a contour.
+
+    A contour must not cross itself. The points of a table must have no gaps, and there must be at
+    least `MIN_POINTS` of them, because the spline between them is a guess.
+    """
+    warnings = []
     if not LinearRing(points.T).is_simple:
-        found.append("the contour crosses itself; allowed: points in their order around the cam")
+        warnings.append("the contour crosses itself; allowed: points in their order around the cam")
     step = np.hypot(*(np.roll(points, -1, axis=1) - points))
     usual, widest = float(np.median(step)), int(np.argmax(step))
-    if table and step[widest] > WIDE * usual:
-        follower = (widest + 1) % step.size + 1
-        found.append(
-            f"points {widest + 1} and {follower} are {step[widest] * 1e3:.4g} mm apart, the others "
-            f"{usual * 1e3:.4g} mm (median); between them the contour is guessed; allowed: a whole "
-            f"contour, no step above {WIDE:g} medians"
+    if is_table and step[widest] > MAX_STEP_RATIO * usual:
+        next_point = (widest + 1) % step.size + 1
+        warnings.append(
+            f"points {widest + 1} and {next_point} are {step[widest] * 1e3:.4g} mm apart, the "
+            f"others {usual * 1e3:.4g} mm (median); the contour between them is unknown; allowed: "
+            f"a closed contour without a step above {MAX_STEP_RATIO:g} medians"
         )
-    if table and points.shape[1] < FEWEST:
-        found.append(
-            f"{points.shape[1]} points; between them the contour is guessed, to a part of the "
-            f"lift; allowed: {FEWEST} or more"
+    if is_table and points.shape[1] < MIN_POINTS:
+        warnings.append(
+            f"the contour has {points.shape[1]} points, too few to interpolate between them; "
+            f"allowed: {MIN_POINTS} or more"
         )
-    return found
+    return warnings
 
 
-# Backlash of a frame or a rocker that a cam moves both ways: whether both its elements touch.
+# Backlash of a frame or a rocker that a cam moves both ways.
 
-#: Points of a finished contour, and cam angles at which both elements are put on theirs.
-POINTS, READINGS = 3600, 360
+#: Points of a finished contour.
+CONTOUR_POINTS = 3600
+#: Cam angles at which both elements rest on their contours.
+READINGS = 360
 
 
 def backlash(
     elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
 ) -> FloatArray:
-    """How far (m of s; negative: not at all) the follower can move between its two contacts."""
-    low, high = (rest(one, curve, angle) for one, curve in zip(elements, curves, strict=True))
+    """Return the play (m of s) of a follower between its two contacts.
+
+    It is negative if the follower does not fit between them.
+    """
+    low, high = (rest(*pair, angle) for pair in zip(elements, curves, strict=True))
     return high - low
 
 
-def pair(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
-    """The two elements of a follower that its cam moves both ways."""
+def both_elements(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
+    """Return the two elements of a follower that its cam moves both ways."""
     second = plates[0].opposite if len(plates) == 1 else plates[1].element
     if second is None:
         raise ProfileError(
-            "backlash of one element; allowed: a follower that its cam moves both ways"
+            "backlash needs two elements; allowed: a follower that its cam moves both ways"
         )
     return plates[0].element, second
 
 
 def closure(follower: Follower, law: Law) -> FloatArray:
-    """``(360,)`` backlash (m) over the turn, on contours that are splines of 3600 points."""
-    found = contours(follower, law, POINTS)
-    curves = [closed_curve(contour.points) for contour in found]
-    elements = pair(tuple(contour.disc for contour in found))
+    """Return the backlash (m) over the turn, shape ``(360,)``.
+
+    It is computed at `READINGS` cam angles. The contours are splines through `CONTOUR_POINTS`
+    points.
+    """
+    cam_contours = contours(follower, law, CONTOUR_POINTS)
+    curves = [closed_curve(contour.points) for contour in cam_contours]
+    elements = both_elements(tuple(contour.disc for contour in cam_contours))
     return backlash(elements, (curves[0], curves[-1]), turn_angles(READINGS))

@@ -1,8 +1,9 @@
-"""What a follower looks like and where it is; it touches the cam where the profile says.
+"""Outlines of the follower for drawings, and its position at each lift.
 
-The frame is the rig's, which is that of the follower's guide in `cam_rig.profile.contact`: the
-cam's axis is the origin, a translating follower moves along +y, an oscillating one has its pivot
-on +x, and the cam turns counterclockwise. Of a cam with two discs the first is drawn.
+The frame is that of the rig, which is also that of the follower's guide in
+`cam_rig.profile.contact`. The cam's axis is the origin. A translating follower moves along +y, an
+oscillating follower has its pivot on +x, and the cam turns counterclockwise. For a cam with two
+discs only the follower of the first disc is drawn. It touches the cam as the profile requires.
 """
 
 from __future__ import annotations
@@ -20,61 +21,85 @@ from cam_rig.profile.shapes import bearing, circle, stem, tip
 from cam_rig.schema.cam import CamConfig
 from cam_rig.units import FloatArray
 
-#: Height of a stem's bearing over the reach, and the room for lift-off, over the greatest lift.
-BEARING, LIFT_OFF = 0.1, 0.12
-#: A stem's end over its bearing, as a share of the follower's reach.
+#: Height of a stem's bearing, as a fraction of the follower's reach.
+BEARING = 0.1
+#: Room for lift-off below the bearing, as a fraction of the greatest lift.
+LIFT_OFF = 0.12
+#: Distance of a stem's end above its bearing, as a fraction of the follower's reach.
 STEM_END = 0.04
 
 
 @dataclass(frozen=True)
 class FollowerShape:
-    """A follower in the plane; all lengths in m, all angles in rad, arrays of shape ``(n,)``.
+    """A follower in the plane: lengths in m, angles in rad, arrays of shape ``(n,)``.
 
-    What a guide along y carries never turns; an arm's lift is the way along the arc at its end.
+    A follower in a guide along y does not rotate. The lift of an arm is the arc length at its end.
+
+    Parameters
+    ----------
+    element : Guided or Swung
+        Element of the first disc.
+    max_lift : float
+        Greatest lift of the law in m.
     """
 
     element: Guided | Swung
-    max_lift: float  # of the law
+    max_lift: float
 
     @property
     def reach(self) -> float:
-        """How far from the cam's axis the follower is at most."""
+        """Greatest distance of the follower from the cam's axis, m."""
         return float(np.hypot(*self.place(np.array([self.max_lift]))[0]))
 
     def place(self, lift: FloatArray) -> FloatArray:
-        """``(n, 2)`` the roller's centre, the point, or the middle of the face."""
+        """Return the roller's centre, the point or the middle of the face, ``(n, 2)``."""
         return plane(self.element.stand(lift)).T
 
     def contact(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """``(n, 2)`` points of contact and unit normals, from cam to follower, on the law."""
+        """Return the points of contact and the unit normals on the law, ``(n, 2)`` each.
+
+        The normals point from the cam to the follower.
+        """
         touch = self.element.touch(motion)
         return plane(touch.contact).T, plane(touch.normal).T
 
     def turn(self, lift: FloatArray) -> FloatArray:
-        """``(n,)`` how far the outline is turned about its own origin; an arm's is along -x."""
+        """Return the rotation of the outline about its origin, ``(n,)``.
+
+        The outline of an arm points along −x.
+        """
         if isinstance(self.element, Swung):
             return -self.element.arm_angle(lift)
         return np.zeros_like(lift)
 
     def origin(self, lift: FloatArray) -> FloatArray:
-        """``(n, 2)`` where the origin of the outline is: the pivot, or the place itself."""
+        """Return the position of the outline's origin, ``(n, 2)``.
+
+        It is the pivot of an arm, otherwise the result of `place`.
+        """
         if isinstance(self.element, Swung):
             return np.tile([self.element.pivot, 0.0], (lift.size, 1))
         return self.place(lift)
 
     def upward(self, lift: FloatArray) -> FloatArray:
-        """``(n, 2)`` unit vectors in which the lift grows: along the guide, square to the arm."""
+        """Return the unit vectors along which the lift increases, ``(n, 2)``.
+
+        They are parallel to the guide, or perpendicular to the arm.
+        """
         return plane(1j * np.exp(1j * self.turn(lift))).T
 
     def carried(self, points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-        """``(n, 2)`` points of the follower, moved with it from lift ``start`` to ``end``."""
+        """Return points ``(n, 2)`` moved with the follower from one lift to another."""
         angle = self.turn(end) - self.turn(start)
         (x, y), cosine, sine = (points - self.origin(start)).T, np.cos(angle), np.sin(angle)
         turned: FloatArray = np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
         return self.origin(end) + turned
 
     def outline(self) -> list[FloatArray]:
-        """Strips about its origin: roller, point or face, with the stem or the arm."""
+        """Return polylines about the outline's origin.
+
+        They show roller, point or face, and the stem or the arm.
+        """
         element, half, roller = self.element, 0.03 * self.reach, self.element.roller
         if isinstance(element, SwungFace):
             ends = [[0.0, element.offset], [-2.0 * element.pivot, element.offset]]
@@ -82,26 +107,29 @@ class FollowerShape:
         if isinstance(element, Swung):
             arm = np.array([[0.0, 0.0], [-element.arm, 0.0]])
             return [(circle(roller) if roller else tip(half, half)) + arm[1], arm]
-        # the stem is in its bearing at no lift too
+        # the stem also reaches into its bearing at lift 0
         top = max(self.reach, self._bearing + 2.0 * BEARING * self.reach - element.start)
         if isinstance(element, GuidedFace):
-            tilt, wide = element.inclination, 0.9 * self.reach
+            tilt, half_width = element.inclination, 0.9 * self.reach
             along = np.array([np.cos(tilt), np.sin(tilt)])
-            return [np.outer([-wide, wide], along), stem(half, 0.0, top)]
+            return [np.outer([-half_width, half_width], along), stem(half, 0.0, top)]
         if roller:
             return [circle(roller), stem(half, 0.4 * roller, top)]
         return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
 
     def in_guide(self) -> list[FloatArray]:
-        """The outline with a stem that ends a little over its bearing."""
+        """Return the outline with a stem that ends slightly above its bearing."""
         if isinstance(self.element, Swung):
             return self.outline()
-        over = max(float(strip[:, 1].max()) for strip in self.support())
-        end = over + STEM_END * self.reach - float(self.origin(np.zeros(1))[0, 1])
+        bearing_top = max(float(strip[:, 1].max()) for strip in self.support())
+        end = bearing_top + STEM_END * self.reach - float(self.origin(np.zeros(1))[0, 1])
         return [np.column_stack([x, np.minimum(y, end)]) for x, y in (s.T for s in self.outline())]
 
     def support(self) -> list[FloatArray]:
-        """Strips of what stands still: the pivot's pin, or the bearing above all that moves."""
+        """Return polylines of the stationary parts.
+
+        They are the pin of the pivot, or the bearing above all moving parts.
+        """
         top = self.reach
         if isinstance(self.element, Swung):
             return [circle(0.05 * top) + np.array([self.element.pivot, 0.0])]
@@ -110,13 +138,16 @@ class FollowerShape:
 
     @property
     def _bearing(self) -> float:
-        """Height of the bearing's lower edge; a follower that has lifted off still clears it."""
-        carried = max(self.element.roller, 0.06 * self.reach)
-        return self.reach + carried + LIFT_OFF * self.max_lift
+        """Height of the bearing's lower edge, m.
+
+        It leaves room for a follower that has lifted off.
+        """
+        half_height = max(self.element.roller, 0.06 * self.reach)
+        return self.reach + half_height + LIFT_OFF * self.max_lift
 
 
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
-    """The shape of a cam's follower."""
+    """Return the shape of a cam's follower."""
     element = discs(cam.follower, law)[0].element
     assert isinstance(element, Guided | Swung)
     return FollowerShape(element, extremes(law, 0)[1].value)

@@ -151,21 +151,21 @@ DAMAGE = (
     *(OSError, DXFError, ValueError, ArithmeticError, LookupError),
     *(AttributeError, AssertionError, StopIteration),
 )
-# ezdxf reports entities that it does not know, which are none of a contour
+# ezdxf logs unknown entities, which do not belong to a contour
 logging.getLogger("ezdxf").addHandler(logging.NullHandler())
 
 
 def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
     """Return a drawing and the entities of its model space, those of blocks among them."""
     try:
-        read_bytes(path, MAX_BYTES)  # refuses what is too large, and is no file
+        read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
         every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
         entities = list(islice(every, MAX_ENTITIES + 1))
     except DAMAGE as error:
-        words = " ".join(str(error).split())
-        raise ProfileError(f"{path}: cannot be read as DXF ({words})") from None
+        text = " ".join(str(error).split())
+        raise ProfileError(f"{path}: cannot be read as DXF ({text})") from None
     except RecursionError:
         raise ProfileError(f"{path}: a block contains itself; allowed: blocks of curves") from None
     if len(entities) > MAX_ENTITIES:
@@ -180,14 +180,14 @@ def _unit(path: Path, document: Drawing, placement: Placement) -> str:
             f"{path}: its unit ($INSUNITS) is {unit}, not {placement.unit}; allowed: --unit for a "
             "drawing without a unit"
         )
-    found = unit or (placement.unit if document.units == 0 else None)
-    if found is None:
-        name = units.unit_name(document.units) if document.units else "not stated"
+    name = unit or (placement.unit if document.units == 0 else None)
+    if name is None:
+        text = units.unit_name(document.units) if document.units else "not stated"
         raise ProfileError(
-            f"{path}: its unit ($INSUNITS) is {name}; allowed: millimetres, centimetres, metres or "
+            f"{path}: its unit ($INSUNITS) is {text}; allowed: millimetres, centimetres, metres or "
             "inches, or --unit mm, cm, m or in for a drawing without a unit"
         )
-    return found
+    return name
 
 
 def _of_layer(path: Path, entities: list[DXFEntity], layer: str | None) -> list[DXFEntity]:

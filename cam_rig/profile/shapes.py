@@ -1,4 +1,4 @@
-"""Plane shapes of a cam and its follower, as strips of points: circle, stem, bearing, ring."""
+"""Plane shapes of a cam and its follower as polylines."""
 
 from __future__ import annotations
 
@@ -10,83 +10,96 @@ from cam_rig.units import FloatArray
 
 
 def circle(radius: float, points: int = 96) -> FloatArray:
-    """``(points + 1, 2)`` closed circle about the origin; any unit."""
+    """Return a closed circle about the origin, shape ``(points + 1, 2)``, in any unit."""
     angle = np.linspace(0.0, 2.0 * np.pi, points + 1)
     return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def closed(points: FloatArray) -> FloatArray:
-    """``(n + 1, 2)``: the ``(n, 2)`` points of an outline with the first again at the end."""
+    """Return an outline ``(n + 1, 2)`` with its first point repeated at the end."""
     return np.vstack([points, points[:1]])
 
 
 def stem(half: float, foot: float, top: float) -> FloatArray:
-    """``(5, 2)`` box around the y axis from ``foot`` to ``top``; any unit."""
+    """Return a box ``(5, 2)`` about the y axis from `foot` to `top`, in any unit."""
     return np.array([[-half, top], [-half, foot], [half, foot], [half, top], [-half, top]])
 
 
 def tip(half: float, height: float) -> FloatArray:
-    """``(3, 2)`` knife edge that ends in the origin; any unit."""
+    """Return a knife edge that ends in the origin, shape ``(3, 2)``, in any unit."""
     return np.array([[-half, height], [0.0, 0.0], [half, height]])
 
 
 def bearing(centre: float, inner: float, outer: float, low: float, high: float) -> list[FloatArray]:
-    """Two boxes on either side of x = ``centre``: a guide; any unit."""
+    """Return the two boxes of a guide on either side of x = `centre`, in any unit."""
     right = np.array([[inner, low], [outer, low], [outer, high], [inner, high], [inner, low]])
     middle = np.array([centre, 0.0])
     return [middle + right, middle + right * (-1.0, 1.0)]
 
 
 def turned(points: FloatArray, angle: float) -> FloatArray:
-    """``(n, 2)`` points of the cam's own frame in the rig's, at cam angle (rad); follower on +y."""
+    """Return points ``(n, 2)`` of the cam frame in the rig's frame.
+
+    The cam angle is in rad, and the follower is on +y.
+    """
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
 def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
-    """``(n,)`` distances of ``(n, 2)`` points from a strip ``(m, 2)`` of lines."""
-    begin, along = strip[:-1], np.diff(strip, axis=0)
+    """Return the distances ``(n,)`` of points ``(n, 2)`` from a polyline ``(m, 2)``."""
+    start, along = strip[:-1], np.diff(strip, axis=0)
     length = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
-    to = points[:, None] - begin
-    share = (np.sum(to * along, axis=2) / length).clip(0.0, 1.0)
-    away = to - share[:, :, None] * along
+    offset = points[:, None] - start
+    fraction = (np.sum(offset * along, axis=2) / length).clip(0.0, 1.0)
+    away = offset - fraction[:, :, None] * along
     return np.asarray(np.hypot(away[:, :, 0], away[:, :, 1]).min(axis=1))
 
 
-#: Degrees from number to number, and from tick to tick.
-NUMBERED, TICKED = 30, 10
-
-
-#: Radii as shares of the ring's: ends of a short and a long tick, middle of a number.
-SHORT, LONG, NUMBER = 1.03, 1.07, 1.17
-
-
-#: Strips that fill a cam, and points of each: a browser without a graphics card is slow at them.
-SHELLS, SHELL_POINTS = 6, 60
-
-
-#: The arc that says which way the cam turns, °, and its arrow's head over its radius.
-ARC, BARB = (150.0, 390.0), 0.28
+#: Degrees between two numbers of the ring.
+NUMBER_STEP = 30
+#: Degrees between two ticks of the ring.
+TICK_STEP = 10
+#: Radius of the end of a short tick, as a multiple of the ring's radius.
+SHORT_TICK = 1.03
+#: Radius of the end of a long tick, as a multiple of the ring's radius.
+LONG_TICK = 1.07
+#: Radius of the middle of a number, as a multiple of the ring's radius.
+NUMBER = 1.17
+#: Polylines that fill a cam. They are few, because browsers without a graphics card are slow.
+SHELLS = 6
+#: Points of each of them.
+SHELL_POINTS = 60
+#: Start and end of the arc that shows the cam's direction of rotation, degrees.
+ARC = (150.0, 390.0)
+#: Size of the arrow's head, as a fraction of the arc's radius.
+BARB = 0.28
 
 
 def ring(radius: float) -> list[FloatArray]:
-    """Strips of a ring with a tick every 10°, longer every 30°."""
+    """Return the polylines of a ring with ticks every 10°, longer every 30°."""
     ticks = []
-    for degrees in range(0, 360, TICKED):
-        outer = SHORT if degrees % NUMBERED else LONG
-        ticks.append(np.outer([radius, outer * radius], _towards(degrees)))
+    for degrees in range(0, 360, TICK_STEP):
+        outer = SHORT_TICK if degrees % NUMBER_STEP else LONG_TICK
+        ticks.append(np.outer([radius, outer * radius], _direction(degrees)))
     return [circle(radius), *ticks]
 
 
 def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
-    """``(11, 2)`` middles of the numbers, and the numbers, but 0, where the follower is."""
-    degrees = range(NUMBERED, 360, NUMBERED)
-    places = np.array([_towards(at) for at in degrees]) * NUMBER * radius
-    return places, [f"{at}" for at in degrees]
+    """Return the centres ``(11, 2)`` of the ring's numbers, and the numbers.
+
+    The number 0 is left out, because the follower is there.
+    """
+    degrees = range(NUMBER_STEP, 360, NUMBER_STEP)
+    centres = np.array([_direction(number) for number in degrees]) * NUMBER * radius
+    return centres, [f"{number}" for number in degrees]
 
 
 def rotation(radius: float) -> list[FloatArray]:
-    """Strips of an arrow along an arc: counterclockwise, as the cam turns."""
+    """Return the polylines of an arrow along an arc.
+
+    The arrow is counterclockwise, as the cam turns.
+    """
     angle = np.radians(np.linspace(*ARC, 49))
     arc = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     back, out = arc[-1] - arc[-4], arc[-1] / radius
@@ -96,7 +109,10 @@ def rotation(radius: float) -> list[FloatArray]:
 
 
 def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
-    """Closed strips ``(n, 2)`` within an outline around the origin, and half their width."""
+    """Return closed polylines ``(n, 2)`` that fill an outline, and half their width.
+
+    The outline surrounds the origin.
+    """
     outline = outline[np.linspace(0, len(outline) - 1, SHELL_POINTS + 1).astype(int)]
     radii = np.hypot(*outline.T)
     half = float(radii.max()) / (2.0 * SHELLS)
@@ -104,7 +120,7 @@ def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
     return [inner * (i + 0.5) / (SHELLS - 0.5) for i in range(SHELLS)], 1.08 * half
 
 
-def _towards(degrees: float) -> FloatArray:
-    """Where a degree of the ring is: 0 up, then counterclockwise."""
+def _direction(degrees: float) -> FloatArray:
+    """Return the direction of an angle of the ring: 0° up, then counterclockwise."""
     angle = math.radians(degrees)
     return np.array([-math.sin(angle), math.cos(angle)])

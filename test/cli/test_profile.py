@@ -35,7 +35,7 @@ def all_shipped():
 def test_all_shipped_cams_pass(all_shipped):
     """All but one can be made: the worked example's constant velocity has corners."""
     result = all_shipped
-    assert "its file says that it cannot be made: its velocity jumps" in result.stderr
+    assert "its file states that it cannot be made: its velocity jumps" in result.stderr
     assert call("worked_example_constant_velocity").exit_code == 1
     data = json.loads(result.stdout)
     names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}

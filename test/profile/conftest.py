@@ -1,4 +1,4 @@
-"""A cam for each kind of follower, whose rise and fall differ, and the shipped ones."""
+"""Fixtures: a cam for each kind of follower, whose rise and fall differ."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from cam_rig.units import FloatArray
 
 from ..conftest import assumed
 
+#: Follower on an arm, mm.
 ARM = {"base_radius": 40, "pivot_distance": 90, "arm": 75}
-#: Lengths in mm, angles in degrees.
+#: Followers by kind: lengths in mm, angles in degrees.
 FOLLOWERS: dict[str, dict[str, float]] = {
     "point": {"base_radius": 40, "eccentricity": 5},
     "roller": {"base_radius": 40, "roller_radius": 8, "eccentricity": -6},
@@ -29,33 +30,43 @@ FOLLOWERS: dict[str, dict[str, float]] = {
     "conjugate": {"base_radius": 50, "roller_radius": 8, "eccentricity": 4},
     "oscillating_conjugate": ARM | {"roller_radius": 8},
 }
+#: Numbers of a follower that are angles.
 ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
+#: Law, span (degrees) and lift at the end of each segment.
 Segments = list[tuple[str, float, float | None]]
+#: Segments of a cam whose rise and fall differ.
 UNEVEN: Segments = [("dwell", 60, None), ("cycloidal", 110, 1), ("dwell", 40, None)]
 UNEVEN += [("poly345", 120, 0), ("dwell", 30, None)]
-#: Where s(θ) + s(θ + π) = s_max, although the rise is not symmetric about the cam.
+#: Segments with s(θ) + s(θ + π) = s_max and unequal dwells.
 OPPOSITE: Segments = [("dwell", 10, None), ("poly345", 150, 1), ("dwell", 30, None)]
 OPPOSITE += [("poly345", 150, 0), ("dwell", 20, None)]
+#: Kinds that need such segments.
 BREADTH = ("constant_breadth", "constant_diameter")
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class SampleCam:
     """A cam and its law."""
 
     cam: CamConfig
     law: Law
 
     def contours(self, angle: FloatArray) -> tuple[Contour, ...]:
+        """Return the contours at cam angles (rad)."""
         return contours_at(self.cam.follower, self.law, angle)
 
     @property
     def discs(self) -> tuple[Disc, ...]:
+        """The discs of the cam."""
         return discs(self.cam.follower, self.law)
 
 
-def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> Made:
-    """A cam of this kind; ``numbers`` in mm and degrees replace those of `FOLLOWERS`."""
+def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> SampleCam:
+    """Return a cam of a kind of follower.
+
+    `segments` are a law, a span in degrees and the lift at its end, None for a dwell. `lift` is in
+    mm. `numbers` in mm and degrees replace those of `FOLLOWERS`.
+    """
     sizes = (FOLLOWERS[kind] | numbers).items()
     sized = {key: assumed(value, "deg" if key in ANGLES else "mm") for key, value in sizes}
     rows = [
@@ -64,22 +75,22 @@ def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: 
     ]
     data = {"name": kind, "title": "made for a test", "lift": assumed(lift, "mm")}
     cam = CamConfig.model_validate(data | {"follower": {"type": kind} | sized, "segments": rows})
-    return Made(cam, build_law(cam))
+    return SampleCam(cam, build_law(cam))
 
 
 @pytest.fixture(scope="session")
-def every_kind() -> list[Made]:
-    """One cam of each kind."""
+def every_kind() -> list[SampleCam]:
+    """A cam of each kind of follower."""
     return [make(kind, OPPOSITE if kind in BREADTH else UNEVEN) for kind in FOLLOWERS]
 
 
 @pytest.fixture(params=list(FOLLOWERS))
-def made(request: pytest.FixtureRequest, every_kind: list[Made]) -> Made:
-    """One cam of each kind in turn."""
+def sample(request: pytest.FixtureRequest, every_kind: list[SampleCam]) -> SampleCam:
+    """Each of the cams of `every_kind`."""
     return every_kind[list(FOLLOWERS).index(request.param)]
 
 
 @pytest.fixture
 def angles() -> FloatArray:
-    """360 cam angles that are no joints of a law, rad."""
+    """360 cam angles in rad that are not at a joint of a law."""
     return np.radians(np.arange(360.0) + 0.137)

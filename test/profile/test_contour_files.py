@@ -25,7 +25,7 @@ X, Y = 30.0 * np.cos(CIRCLE), 20.0 * np.sin(CIRCLE)
 
 @pytest.fixture
 def drawing(tmp_path):
-    """Save what is drawn in a model space, and return the path."""
+    """A function that saves a drawing and returns its path."""
 
     def save(draw, version="R2010", unit=units.MM):
         document = ezdxf.new(version, units=unit)
@@ -49,7 +49,7 @@ def height(curve):
 # Drawings.
 
 
-def test_dxf_of_others(drawing):
+def test_dxf_of_other_programs(drawing):
     """Units, old polylines, splines and mirrored entities (extrusion -z) are read."""
     circle = np.column_stack([np.cos(CIRCLE), np.sin(CIRCLE)])
 
@@ -73,16 +73,19 @@ def test_dxf_of_others(drawing):
 
 
 def stadium_of_bulges(document):
+    """Draw a stadium as a polyline with bulges."""
     corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
     document.modelspace().add_lwpolyline(corners, format="xyb", close=True)
 
 
 def stadium_of_old_bulges(document):
+    """Draw a stadium as an old polyline with bulges."""
     corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
     document.modelspace().add_polyline2d(corners, format="xyb", close=True)
 
 
 def stadium_of_entities(document):
+    """Draw a stadium as lines, arcs and an open polyline."""
     space = document.modelspace()
     space.add_line((15.0, 12.0), (-15.0, 12.0))
     space.add_arc((15.0, 0.0), 12.0, -90.0, 90.0)
@@ -91,6 +94,7 @@ def stadium_of_entities(document):
 
 
 def stadium_of_blocks(document):
+    """Draw a stadium as a block and its rotated copy."""
     half = document.blocks.new("HALF")
     half.add_line((0.0, 12.0), (15.0, 12.0))
     half.add_arc((15.0, 0.0), 12.0, -90.0, 90.0)
@@ -104,7 +108,7 @@ def stadium_of_blocks(document):
 @pytest.mark.parametrize(
     "draw", [stadium_of_bulges, stadium_of_old_bulges, stadium_of_entities, stadium_of_blocks]
 )
-def test_lines_and_arcs_are_exact_however_they_are_drawn(drawing, draw, version):
+def test_lines_and_arcs_are_exact_in_each_form(drawing, draw, version):
     """A flat face on a stadium is at R + |L/2 cos| to 3 nm."""
     if draw is stadium_of_bulges and version == "R12":
         pytest.skip("R12 has no LWPOLYLINE")
@@ -140,8 +144,8 @@ def test_lines_alone_are_points_of_a_smooth_curve(drawing):
     np.testing.assert_allclose(height(found), height(expected), atol=1e-12)
 
 
-def test_a_bore_is_left_out_and_a_layer_selected(drawing):
-    """Curves inside of the outline, frames and dimensions are no contours."""
+def test_bore_is_left_out_and_layer_selected(drawing):
+    """Curves inside of the outline, frames and dimensions are not contours."""
 
     def draw(document):
         space = document.modelspace()
@@ -160,7 +164,9 @@ def test_a_bore_is_left_out_and_a_layer_selected(drawing):
         read_dxf(path, layer="X")
 
 
-def test_a_drawing_without_a_contour_lists_what_it_has(drawing):
+def test_drawing_without_a_contour(drawing):
+    """The error lists the entities of the drawing."""
+
     def draw(document):
         for i in range(3):
             document.modelspace().add_line((10.0 * i, 0.0), (10.0 * i, 30.0))
@@ -171,7 +177,8 @@ def test_a_drawing_without_a_contour_lists_what_it_has(drawing):
         read_dxf(drawing(draw))
 
 
-def test_a_drawing_without_a_unit_needs_one(drawing):
+def test_drawing_without_a_unit(drawing):
+    """A drawing without a unit needs `--unit`, which cannot replace another unit."""
     circle = in_space("add_circle", (0.0, 0.0), 2.0)
     path = drawing(circle, "R12", unit=0)
     with pytest.raises(ProfileError, match=r"unit .* is not stated; allowed: .* or --unit mm, cm"):
@@ -184,8 +191,11 @@ def test_a_drawing_without_a_unit_needs_one(drawing):
         read_dxf(drawing(circle, unit=units.KM))
 
 
-def test_files_without_limits_are_refused(drawing, tmp_path):
-    """Devices, pipes, large numbers and files, endless blocks and damage: one line each."""
+def test_excessive_files_are_rejected(drawing, tmp_path):
+    """Devices, large numbers and files, and endless or damaged blocks are rejected.
+
+    Each error is one line.
+    """
 
     def nested(document):
         block = document.blocks.new("A")
@@ -248,6 +258,7 @@ def test_damaged_drawings_are_read_or_refused_in_one_line(tmp_path_factory, data
 
 
 def table(heading, columns, separator=",", mark="."):
+    """Return a table as text."""
     rows = [
         separator.join(f"{x:.6f}".replace(".", mark) for x in row)
         for row in zip(*columns, strict=True)
@@ -279,7 +290,8 @@ def test_contour_tables_in_many_forms(tmp_path, text):
     np.testing.assert_allclose(points, 1e-3 * np.array([X, Y]), rtol=0, atol=3e-8)
 
 
-def test_a_missing_unit_is_assumed_or_given(tmp_path):
+def test_missing_unit_is_assumed_or_given(tmp_path):
+    """A table without a unit is in mm, which a note states, or in the given unit."""
     (tmp_path / "a.csv").write_text(table("x,y", (X, Y)))
     found = read_contour_table(tmp_path / "a.csv")
     assert "no unit of length in 'y': mm assumed" in found.notes
@@ -287,8 +299,8 @@ def test_a_missing_unit_is_assumed_or_given(tmp_path):
     np.testing.assert_allclose(given_cm.curves[0], 10.0 * found.curves[0])
 
 
-def test_tables_that_are_no_contour_are_refused(tmp_path):
-    """One line with the file's name and what is wrong."""
+def test_tables_without_a_contour_are_rejected(tmp_path):
+    """The error is one line with the file's name, the fault and the remedy."""
     for name, text, words in (
         ("a.csv", "", "is empty; allowed: a heading and"),
         ("a.csv", "1,2\n3,4\n", "has no heading above numbers"),
@@ -314,8 +326,8 @@ def test_tables_that_are_no_contour_are_refused(tmp_path):
 
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.0, 360.0), st.booleans())
-def test_a_placement_undoes_how_the_file_is_drawn(x, y, zero, is_mirrored):
-    """A contour that is shifted, turned and mirrored in the file comes back."""
+def test_placement_restores_the_contour(x, y, zero, is_mirrored):
+    """A placement restores a contour that the file shifts, rotates and mirrors."""
     cam = 1e-3 * np.array([X, Y])
     drawn = cam[0] + 1j * cam[1]
     drawn = -drawn.conj() if is_mirrored else drawn
@@ -327,7 +339,7 @@ def test_a_placement_undoes_how_the_file_is_drawn(x, y, zero, is_mirrored):
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])
 def test_align_finds_the_rotation(laws, turned):
-    """The rotation of a contour is found to 1e-9 rad from the law alone."""
+    """The rotation of a contour is found to 1e-7 rad from the law alone."""
     law, element = laws["poly345"], GuidedCentre(0.0, 0.0, 0.05)
     angle = turn_angles(7200)
     radius = 0.05 + law(angle + math.radians(turned))

@@ -1,4 +1,4 @@
-"""The drawing on paper is true: the follower's positions touch the contour all around."""
+"""Figures of cams: the drawn positions of the follower touch the contour."""
 
 import re
 
@@ -13,14 +13,17 @@ from cam_rig.studies.profile.figures import figure, positions
 
 @pytest.fixture(scope="module")
 def draw(cams, laws):
-    """The figure of a shipped cam, with as many positions as asked for."""
+    """A function that returns the figure of a shipped cam with a number of positions."""
     return lambda name, *count: figure(
         cams[name], laws[name], check_cam(cams[name], laws[name]), *count
     )
 
 
 def test_positions_touch_the_contour(followed, cams):
-    """Every roller, face and point drawn is on the contour, mm, to the picture's chords."""
+    """Each drawn roller, face and point is on the contour.
+
+    The distance in mm is below that of the drawn chords.
+    """
     for name, law in followed.items():
         for contour in contours(cams[name].follower, law, 7200):
             ring = LinearRing(contour.points.T * 1e3)
@@ -29,26 +32,32 @@ def test_positions_touch_the_contour(followed, cams):
                 assert min(LineString(strip).distance(ring) for strip in touching) < 0.02
 
 
-def test_a_pair_is_told_apart(draw):
-    """The discs of a pair in two colours, the second hatched."""
+def test_discs_of_a_pair_are_distinguishable(draw):
+    """The discs of a pair have two colours, and the second has a hatch."""
     first, second = draw("oscillating_conjugate").axes[0].patches
     assert first.get_facecolor()[:3] != second.get_facecolor()[:3]
     assert not first.get_hatch() and second.get_hatch()
 
 
-def test_as_many_positions_as_asked_for(draw):
-    """The graphical method divides the turn into any number of equal steps; few are all named."""
+def test_number_of_positions(draw):
+    """The graphical method divides the turn into any number of equal steps.
+
+    All of a few positions are labelled.
+    """
     for count in (3, 37):
         plan = draw("oscillating_roller", count).axes[0]
-        rest, first = (collection.get_segments() for collection in plan.collections[:2])
-        assert len(rest) == (count - 1) * len(first)
+        others, first = (collection.get_segments() for collection in plan.collections[:2])
+        assert len(others) == (count - 1) * len(first)
         named = {text.get_text() for text in plan.texts}
         assert len(named) == (count if count <= 12 else 6)
         assert f"follower every {360 / count:.4g}°" in plan.get_legend_handles_labels()[1]
 
 
-def test_the_numbers_are_those_of_the_contour(draw, cams, laws):
-    """Least radius and greatest pressure angle of 36 000 points, and where; to the digits shown."""
+def test_displayed_numbers_are_those_of_the_contour(draw, cams, laws):
+    """Least radius and greatest pressure angle agree with 36 000 points.
+
+    They and their cam angles agree to the displayed digits.
+    """
     for name in ("flat", "conjugate", "oscillating_roller"):
         _, curvature, pressure = draw(name).axes
         for i, contour in enumerate(contours(cams[name].follower, laws[name], 36_000)):
@@ -59,27 +68,29 @@ def test_the_numbers_are_those_of_the_contour(draw, cams, laws):
                 (pressure, steep, steep.max()),
             ):
                 text = axes.get_legend().get_texts()[i].get_text()
-                value, at = (float(n) for n in re.findall(r"[=t] ([\d.]+)", text)[-2:])
+                value, degrees = (float(n) for n in re.findall(r"[=t] ([\d.]+)", text)[-2:])
                 assert value == pytest.approx(best, rel=1e-3, abs=1e-9)
-                there = float(np.interp(at, np.degrees(contour.angle), values, period=360.0))
-                assert there == pytest.approx(best, rel=1e-3, abs=1e-9)
+                value_there = float(
+                    np.interp(degrees, np.degrees(contour.angle), values, period=360.0)
+                )
+                assert value_there == pytest.approx(best, rel=1e-3, abs=1e-9)
 
 
-def test_a_straight_flank_is_marked(cams, laws):
-    """Where the contour is straight, a line along the top says so; nowhere else."""
+def test_straight_flank_is_marked(cams, laws):
+    """A line at the top marks straight parts of a contour, and no others."""
     assert not figure(cams["arcs_convex"], laws["arcs_convex"], []).axes[1].texts
     cam, law = cams["arcs_straight"], laws["arcs_straight"]
     (contour,) = contours(cam.follower, law, 3600)
     curvature = figure(cam, law, []).axes[1]
     assert [text.get_text() for text in curvature.texts] == 2 * ["flat:\nρ = ∞"]
-    lines = [one for one in curvature.lines if one.get_transform() != curvature.transData]
-    drawn = [one.get_xdata() for one in lines if one.get_linewidth() == 2.0]
+    lines = [line for line in curvature.lines if line.get_transform() != curvature.transData]
+    drawn = [line.get_xdata() for line in lines if line.get_linewidth() == 2.0]
     straight = np.degrees(contour.angle[np.isinf(contour.radius)])
     assert np.min(drawn) == straight.min() and np.max(drawn) == straight.max()
 
 
 def test_rise_and_dwell_are_shaded(draw, cams):
-    """What is shaded adds up to the spans of the cam's dwells and of its rise."""
+    """The shaded widths are the spans of the cam's dwells and of its rise."""
     spans = {}
     for patch in draw("poly345").axes[2].patches:
         key = f"{patch.get_facecolor()[0]:.2f}"

@@ -1,4 +1,4 @@
-"""Polylines, cutter paths and drawings on disk: the chord error is proven, all is read again."""
+"""Polylines, cutter paths and drawings: chord error, and files that are read back."""
 
 import re
 from xml.etree import ElementTree
@@ -19,21 +19,27 @@ from cam_rig.profile.read_dxf import read_dxf
 
 from .conftest import make
 
-DENSE, ANGLES = np.linspace(0.0, 2.0 * np.pi, 3_001), turn_angles(311)
+#: Cam angles at which the chord error is measured, rad.
+DENSE = np.linspace(0.0, 2.0 * np.pi, 3_001)
+#: Cam angles at which the law is compared, rad.
+ANGLES = turn_angles(311)
 
 
-def farthest(line, path, at=DENSE):
-    """By shapely: how far points of a path are from a closed polyline, at most."""
+def farthest(line, path, angle=DENSE):
+    """Return the greatest distance (m, by shapely) of a path from a closed polyline."""
     ring = LinearRing(line.T)
     prepare(ring)
-    return distance(ring, points(path.at(at)[0].T)).max()
+    return distance(ring, points(path.at(angle)[0].T)).max()
 
 
 def test_chord_error_is_within_the_tolerance(every_kind, followed, cams):
-    """And no more points than it takes; of shipped cams too, whose curvature jumps."""
-    for i, made in enumerate(every_kind):
+    """The chord error is within the tolerance, without an excessive number of points.
+
+    The shipped cams have jumps of curvature.
+    """
+    for i, sample in enumerate(every_kind):
         tolerance = (1e-4, 1e-6, 1e-8)[i % 3]
-        for path in contour_paths(made.cam.follower, made.law):
+        for path in contour_paths(sample.cam.follower, sample.law):
             line = polyline(path, tolerance)
             off = farthest(line, path)
             assert off <= tolerance * (1 + 1e-6)
@@ -43,57 +49,73 @@ def test_chord_error_is_within_the_tolerance(every_kind, followed, cams):
         assert farthest(polyline(path, 1e-6), path) <= 1e-6 * (1 + 1e-6)
 
 
-def test_a_corner_costs_no_points():
-    """Where s' jumps a vertex stands on each side; the smooth stretches keep the tolerance."""
-    up, down, rest = ("constant_velocity", 90, 1), ("constant_velocity", 90, 0), ("dwell", 90, None)
+def test_corner_costs_no_points():
+    """A jump of s' has a vertex on each side.
+
+    The smooth stretches keep the tolerance.
+    """
+    up, down, dwell = (
+        ("constant_velocity", 90, 1),
+        ("constant_velocity", 90, 0),
+        ("dwell", 90, None),
+    )
     for kind in ("point", "roller", "flat"):
-        made = make(kind, [rest, up, rest, down], lift=25.4)
-        (path,) = contour_paths(made.cam.follower, made.law)
+        sample = make(kind, [dwell, up, dwell, down], lift=25.4)
+        (path,) = contour_paths(sample.cam.follower, sample.law)
         line = polyline(path, 1e-6)
         assert line.shape[1] < 1000
-        dense = np.unique(np.append(DENSE, made.law.breaks))
+        dense = np.unique(np.append(DENSE, sample.law.breaks))
         assert farthest(line, path, dense) <= 1e-6 * (1 + 1e-6)
-        for joint in made.law.breaks[:-1]:
+        for joint in sample.law.breaks[:-1]:
             for side in (joint, np.nextafter(joint or 2.0 * np.pi, 0.0)):
                 off = np.hypot(*(line - path.at(np.array([side]))[0]))
                 assert off.min() < 1e-11
 
 
 def test_cutter_paths(cams, laws):
-    """Of the roller's radius the pitch curve; any other is its radius away; none too large."""
+    """The path of a cutter with the roller's radius is the pitch curve.
+
+    Any other path is one cutter radius outside the contour. A cutter that is too large for a
+    concave part is rejected.
+    """
     for kind in ("roller", "oscillating_roller", "conjugate"):
-        made = make(kind)
-        cutters = contour_paths(made.cam.follower, made.law, "CUTTER", made.cam.follower.roller)
-        pitches = pitch_paths(made.cam.follower, made.law)
-        for cutter, pitch, contour in zip(cutters, pitches, made.contours(DENSE), strict=True):
+        sample = make(kind)
+        cutters = contour_paths(
+            sample.cam.follower, sample.law, "CUTTER", sample.cam.follower.roller
+        )
+        pitches = pitch_paths(sample.cam.follower, sample.law)
+        for cutter, pitch, contour in zip(cutters, pitches, sample.contours(DENSE), strict=True):
             np.testing.assert_allclose(cutter.at(DENSE)[0], contour.pitch, rtol=0, atol=1e-16)
             np.testing.assert_array_equal(cutter.at(DENSE)[0], pitch.at(DENSE)[0])
-    made = make("flat")
-    (path,) = contour_paths(made.cam.follower, made.law, "CUTTER", 0.012)
-    ring = LinearRing(made.contours(DENSE)[0].points.T)
+    sample = make("flat")
+    (path,) = contour_paths(sample.cam.follower, sample.law, "CUTTER", 0.012)
+    ring = LinearRing(sample.contours(DENSE)[0].points.T)
     away = distance(ring, points(path.at(turn_angles(100))[0].T))
     np.testing.assert_allclose(away, 0.012, rtol=0, atol=1e-6)  # m: chords of the ring
     tm21 = cams["tm21"].follower, laws["tm21"]
     (path,) = contour_paths(*tm21, "CUTTER", 0.5)
     path.require_room()
     (path,) = contour_paths(*tm21, "CUTTER", 0.51)
-    words = "cutter radius is 510 mm; allowed: less than the concave radius of curvature 507.69"
-    with pytest.raises(ProfileError, match=re.escape(words)):
+    text = "cutter radius is 510 mm; allowed: less than the concave radius of curvature 507.69"
+    with pytest.raises(ProfileError, match=re.escape(text)):
         path.require_room()
 
 
-def test_no_path_of_a_face_and_no_impossible_tolerance():
-    """A face has no centre; less than the rounding of a metre is no tolerance."""
-    made = make("flat")
+def test_pitch_curve_of_a_face_and_small_tolerance_are_rejected():
+    """A face has no pitch curve.
+
+    A tolerance below the rounding of a coordinate of 1 m is not allowed.
+    """
+    sample = make("flat")
     with pytest.raises(ConfigError, match="a flat follower has no pitch curve; allowed: "):
-        pitch_paths(made.cam.follower, made.law)
-    (path,) = contour_paths(made.cam.follower, made.law)
+        pitch_paths(sample.cam.follower, sample.law)
+    (path,) = contour_paths(sample.cam.follower, sample.law)
     for wrong in (0.0, -1.0, 1e-12, float("nan")):
         with pytest.raises(ProfileError, match=r"tolerance is .* µm; allowed: at least 1e-05 µm"):
             polyline(path, wrong)
 
 
-# Drawings on disk: DXF that its own audit accepts, true to scale, and readable again.
+# Drawings on disk: accepted by the audit of ezdxf, true to scale, and readable.
 
 
 @pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
@@ -104,10 +126,12 @@ def cam(request, cams, laws):
 
 
 def lines_of(paths, tolerance=1e-6):
+    """Return the polylines of paths by name."""
     return {path.name: polyline(path, tolerance) for path in paths}
 
 
 def law_comes_back(cam, outlines, tolerance):
+    """Assert that the follower measures the law on outlines."""
     plates = discs(cam[0].follower, cam[1])
     for disc, outline in zip(plates, outlines, strict=True):
         lift = rest(disc.element, closed_curve(outline), ANGLES)
@@ -115,7 +139,10 @@ def law_comes_back(cam, outlines, tolerance):
 
 
 def test_dxf(cam, tmp_path):
-    """Layers, millimetres, no complaint from the audit; the follower finds s(θ) within 5 nm."""
+    """A DXF drawing has layers and millimetres, and passes the audit of ezdxf.
+
+    The follower measures s(θ) on it within 5 nm.
+    """
     lines, path = lines_of(cam[2]), tmp_path / "a.dxf"
     files.to_document(lines).saveas(path)
     document = ezdxf.readfile(path)
@@ -130,14 +157,14 @@ def test_dxf(cam, tmp_path):
 
 
 def test_csv(cam, tmp_path):
-    """To every digit; 3600 points give s(θ) to 1e-9 of the lift."""
-    path, several = tmp_path / "a.csv", len(cam[2]) > 1
+    """A table has all digits, and 3600 points give s(θ) to 1e-9 of the lift."""
+    path, has_discs = tmp_path / "a.csv", len(cam[2]) > 1
     files.write_contour(path, cam[2], 100)
     header, *rows = path.read_text().splitlines()
-    assert tuple(header.split(",")) == (("disc", *files.HEADER) if several else files.HEADER)
+    assert tuple(header.split(",")) == (("disc", *files.HEADER) if has_discs else files.HEADER)
     numbers = np.array([[float(cell) for cell in row.split(",")] for row in rows])
-    found = numbers[:, int(several) :].reshape(len(cam[2]), 100, 5)
-    for table, contour in zip(found, contours(cam[0].follower, cam[1], 100), strict=True):
+    tables = numbers[:, int(has_discs) :].reshape(len(cam[2]), 100, 5)
+    for table, contour in zip(tables, contours(cam[0].follower, cam[1], 100), strict=True):
         np.testing.assert_allclose(np.radians(table[:, 0]), contour.angle, rtol=1e-15)
         np.testing.assert_array_equal(table[:, 1:3].T, 1e3 * contour.points)
         np.testing.assert_array_equal(table[:, 3], 1e3 * contour.radius)
@@ -149,28 +176,31 @@ def test_csv(cam, tmp_path):
 
 
 def read_svg(path):
-    """Width and height of the page, mm; its paths by name, ``(2, n)`` from its corner, y up."""
+    """Return width and height of the page in mm, and its paths by name.
+
+    The points ``(2, n)`` of a path are relative to the corner of the page, y upwards.
+    """
     page = ElementTree.parse(path).getroot()
     size = [float(page.get(side).removesuffix("mm")) for side in ("width", "height")]
     assert [float(number) for number in page.get("viewBox").split()] == [0.0, 0.0, *size]
-    found = {}
+    paths = {}
     for drawn in page.iter("{http://www.w3.org/2000/svg}path"):
-        start, *words, end = drawn.get("d").split()
+        start, *texts, end = drawn.get("d").split()
         assert (start, end) == ("M", "Z")
-        line = np.array([word.split(",") for word in words], dtype=float)
-        found[drawn.get("id")] = line.T * [[1.0], [-1.0]]
-    return size, found
+        line = np.array([text.split(",") for text in texts], dtype=float)
+        paths[drawn.get("id")] = line.T * [[1.0], [-1.0]]
+    return size, paths
 
 
 def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path):
-    """Each path is the polyline to the rounding, on a page with 5 mm beside the cam."""
+    """Each path is the polyline to the rounding, on a page with a margin of 5 mm."""
     for tolerance in (1e-4, 1e-6, 1e-8):
         lines, rounding = lines_of(cam[2], tolerance), 0.1 * tolerance
         files.write_svg(tmp_path / "a.svg", lines, rounding)
-        page, found = read_svg(tmp_path / "a.svg")
-        every = 1e3 * np.concatenate(list(lines.values()), axis=1)
-        np.testing.assert_allclose(page, np.ptp(every, axis=1) + 10.0, atol=1.0)
-        corner = np.array([[every[0].min() - 5.0], [every[1].max() + 5.0]])
-        assert list(found) == list(lines)
+        page, paths = read_svg(tmp_path / "a.svg")
+        all_points = 1e3 * np.concatenate(list(lines.values()), axis=1)
+        np.testing.assert_allclose(page, np.ptp(all_points, axis=1) + 10.0, atol=1.0)
+        corner = np.array([[all_points[0].min() - 5.0], [all_points[1].max() + 5.0]])
+        assert list(paths) == list(lines)
         for name, line in lines.items():
-            assert np.hypot(*(found[name] + corner - 1e3 * line)).max() <= 1e3 * rounding
+            assert np.hypot(*(paths[name] + corner - 1e3 * line)).max() <= 1e3 * rounding

@@ -1,4 +1,4 @@
-"""A drawn follower touches its cam where the profile says; the cam's body and its dial."""
+"""Drawn followers touch their cam as the profile requires. Body and dial of a cam."""
 
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ from cam_rig.profile.faces import GuidedFace, SwungFace
 from cam_rig.profile.outlines import follower_shape
 from cam_rig.profile.shapes import NUMBER, body, closed, ring_numbers, rotation, turned
 
-#: Beside the joints, where a limit is taken.
+#: Cam angles in rad that are not at a joint.
 ANGLES = turn_angles(720) + 1e-3
 #: One cam of each kind of follower.
 KINDS = (
@@ -19,6 +19,7 @@ KINDS = (
     *("oscillating_roller", "oscillating_flat", "conjugate", "oscillating_conjugate"),
     "constant_breadth",
 )
+#: Lift of the followers, m.
 LIFT = 0.01
 
 
@@ -29,8 +30,11 @@ def drawn(cams, laws):
 
 
 def test_contact(drawn):
-    """The contour's point is the point of contact; at no lift one base radius from the axis."""
-    none = np.zeros(1)
+    """The point of contact is the contour's point.
+
+    At lift 0 it is one base radius from the axis.
+    """
+    zero = np.zeros(1)
     for cam, law, shape in drawn:
         contact, _ = shape.contact(Motion.at(law, ANGLES))
         outline = contours_at(cam.follower, law, ANGLES)[0].points
@@ -38,27 +42,33 @@ def test_contact(drawn):
         turn = points / ((outline[0] + 1j * outline[1]) * np.exp(1j * ANGLES))
         np.testing.assert_allclose(turn, turn[0], rtol=0, atol=1e-12)
         np.testing.assert_allclose(np.abs(turn), 1.0, rtol=1e-12)
-        points, normals = shape.contact(Motion(none, none, none, none))
+        points, normals = shape.contact(Motion(zero, zero, zero, zero))
         base = cam.follower.base_radius.si
         np.testing.assert_allclose(np.hypot(*points[0]), base, rtol=1e-12)
         np.testing.assert_allclose(np.hypot(*normals[0]), 1.0, rtol=1e-12)
         assert points[0, 1] > 0.0
 
 
-def test_the_follower_moves_as_one(drawn):
-    """A small rise moves the place the way `upward` says; carrying is a rigid motion."""
+def test_follower_moves_as_a_rigid_body(drawn):
+    """A small rise moves the reference point along `upward`.
+
+    `carried` is a rigid motion.
+    """
     lift, rise = np.array([LIFT]), np.array([1e-7])
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
     for _, _, shape in drawn:
         moved = (shape.place(lift + rise) - shape.place(lift)) / rise
-        beside = getattr(shape.element, "offset", 0.0) / getattr(shape.element, "arm", 1.0)
-        np.testing.assert_allclose(moved, shape.upward(lift), atol=1e-6 + 1.1 * abs(beside))
+        slope = getattr(shape.element, "offset", 0.0) / getattr(shape.element, "arm", 1.0)
+        np.testing.assert_allclose(moved, shape.upward(lift), atol=1e-6 + 1.1 * abs(slope))
         carried = shape.carried(shape.place(start), start, end)
         np.testing.assert_allclose(carried, shape.place(end), atol=1e-15)
 
 
-def test_the_outline_is_where_the_place_is(drawn):
-    """Turned and moved to its origin, the first strip's middle is at the place, m."""
+def test_outline_agrees_with_the_reference_point(drawn):
+    """The middle of the first polyline is at the reference point.
+
+    The polyline is rotated and moved to its origin.
+    """
     lift = np.array([LIFT])
     for cam, _, shape in drawn:
         strip = shape.outline()[0]
@@ -67,53 +77,62 @@ def test_the_outline_is_where_the_place_is(drawn):
             strip = strip[-1:]
         elif not isinstance(shape.element, GuidedFace):
             strip = strip[:-1] if shape.element.roller else strip[1:2]  # the tip
-        found = turned(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
-        np.testing.assert_allclose(found.mean(axis=0), shape.place(lift)[0], rtol=0, atol=1e-15)
+        moved = turned(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
+        np.testing.assert_allclose(moved.mean(axis=0), shape.place(lift)[0], rtol=0, atol=1e-15)
         strips = [*shape.outline(), *shape.support()]
         assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
         assert 1.0 < shape.reach / cam.follower.base_radius.si < 10.0
 
 
-def test_what_the_stem_carries_stays_below_its_bearing(cams, laws):
-    """At the highest lift and a tenth more, as after a lift-off; the stem is in it at rest."""
+def test_moving_parts_stay_below_the_bearing(cams, laws):
+    """The head is below the bearing at 1.1 of the greatest lift, as after a lift-off.
+
+    At rest the stem is in the bearing.
+    """
     for name in ("tm21", "poly345", "eccentric_roller", "flat"):
         shape = follower_shape(cams[name], laws[name])
         low = min(strip[:, 1].min() for strip in shape.support())
         high = max(strip[:, 1].max() for strip in shape.support())
         head, stem = shape.outline()[0], shape.outline()[-1]
         lifts = (1.1 * shape.max_lift, 0.0)
-        highest, rest = (shape.place(np.array([lift]))[0, 1] for lift in lifts)
+        highest, at_rest = (shape.place(np.array([lift]))[0, 1] for lift in lifts)
         assert head[:, 1].max() + highest < low
-        assert stem[:, 1].max() + rest > high
+        assert stem[:, 1].max() + at_rest > high
 
 
-# The ring reads the cam angle, the arrow turns with the cam, the body fills its outline.
+# Dial, arrow and body of the cam.
 
 
-def test_the_dial():
-    """What is up at cam angle 0 stands at the angle's number; the arrow turns counterclockwise."""
-    for place, word in zip(*ring_numbers(10.0), strict=True):
-        up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(word)))
-        np.testing.assert_allclose(up[0], place, atol=1e-12)
+def test_dial():
+    """The ring shows the cam angle at the top of the cam.
+
+    The arrow is counterclockwise.
+    """
+    for centre, number in zip(*ring_numbers(10.0), strict=True):
+        up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(number)))
+        np.testing.assert_allclose(up[0], centre, atol=1e-12)
     arc, head = rotation(1.0)
     x, y = arc.T
     assert np.all(x[:-1] * y[1:] - y[:-1] * x[1:] > 0.0)
     np.testing.assert_array_equal(head[1], arc[-1])
 
 
-def test_a_body_fills_its_outline(cams, laws):
-    """Every point within is under a strip, and none reaches out by 1/50 of the radius."""
-    share = np.linspace(0.0, 1.0, 30)[:, None]
+def test_body_fills_its_outline(cams, laws):
+    """Each point within the outline is covered by a polyline.
+
+    No polyline protrudes by more than 1/50 of the radius.
+    """
+    fraction = np.linspace(0.0, 1.0, 30)[:, None]
     for name in ("tm21", "flat", "oscillating_roller"):
         contour = contours(cams[name].follower, laws[name], 360)[0].points.T
         outline = closed(contour)
         strips, half = body(outline)
-        lines = np.concatenate([a + share * (b - a) for s in strips for a, b in pairwise(s)])
-        for part in np.linspace(0.02, 0.96, 20):
-            away = (part * outline[::30])[:, None] - lines
+        lines = np.concatenate([a + fraction * (b - a) for s in strips for a, b in pairwise(s)])
+        for scale in np.linspace(0.02, 0.96, 20):
+            away = (scale * outline[::30])[:, None] - lines
             assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < half
         angle, edge = (np.arctan2(*line.T[::-1]) for line in (contour, strips[-1]))
         order = np.argsort(angle)
         radius = np.hypot(*contour.T)
-        there = np.interp(edge, angle[order], radius[order], period=2 * np.pi)
-        assert (np.hypot(*strips[-1].T) + half - there).max() < 0.02 * radius.max()
+        outline_radius = np.interp(edge, angle[order], radius[order], period=2 * np.pi)
+        assert (np.hypot(*strips[-1].T) + half - outline_radius).max() < 0.02 * radius.max()

@@ -1,4 +1,4 @@
-"""A follower on a finished contour: where it rests, its backlash, what is no contour."""
+"""A follower on a finished contour: its position, its backlash, faulty contours."""
 
 import re
 
@@ -9,22 +9,29 @@ from cam_rig.errors import ProfileError
 from cam_rig.profile import contours, measure, turn_angles
 from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre, SwungFace
 
-from .conftest import OPPOSITE, Made, make
+from .conftest import OPPOSITE, SampleCam, make
 
 ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
-#: A circular cam about (3, 4) mm, 20 mm in radius.
-CENTRE, RADIUS = 0.003 + 0.004j, 0.020
-#: Largest backlash allowed, m.
-NONE = 1e-9
+#: Centre of a circular cam, m.
+CENTRE = 0.003 + 0.004j
+#: Radius of the circular cam, m.
+RADIUS = 0.020
+#: Tolerance of the backlash, m.
+BACKLASH_ATOL = 1e-9
 
 
 def is_at(element, expected, rtol=1e-14):
-    found = measure.rest(element, lambda at: CENTRE + RADIUS * np.exp(1j * at), ANGLES)
-    np.testing.assert_allclose(found, expected, rtol=rtol)
+    """Assert the lift of an element on the circular cam."""
+    lift = measure.rest(element, lambda parameter: CENTRE + RADIUS * np.exp(1j * parameter), ANGLES)
+    np.testing.assert_allclose(lift, expected, rtol=rtol)
 
 
 def test_on_an_eccentric_circle():
-    """A roller stands by Pythagoras, a face one radius over the centre, an arm by cosines."""
+    """The lift on a circle has closed forms.
+
+    They are Pythagoras for a roller, one radius above the centre for a face, and the law of cosines
+    for an arm.
+    """
     centre = CENTRE * np.exp(1j * ANGLES)
     pivot, arm, offset = 0.060, 0.050, 0.004
     far, direction = np.abs(pivot - centre), np.angle(pivot - centre)
@@ -41,105 +48,127 @@ def test_on_an_eccentric_circle():
     is_at(SwungFace(arm, offset, pivot, 0.0), arm * angle, 1e-13)
 
 
-def test_sense_and_start_of_the_points_do_not_matter(every_kind):
-    for made in every_kind:
-        found = contours(made.cam.follower, made.law, 2000)
-        for disc, contour in zip(made.discs, found, strict=True):
+def test_direction_and_first_point_do_not_matter(every_kind):
+    """The result does not depend on direction, first point and repeated points."""
+    for sample in every_kind:
+        cam_contours = contours(sample.cam.follower, sample.law, 2000)
+        for disc, contour in zip(sample.discs, cam_contours, strict=True):
             other = np.roll(contour.points[:, ::-1], 321, axis=1)
             other = np.append(other, other[:, :1], axis=1)  # closed twice
             lift = measure.rest(disc.element, measure.closed_curve(other), ANGLES)
-            np.testing.assert_allclose(lift, made.law(ANGLES), rtol=0, atol=1e-9 * made.law.lift)
+            np.testing.assert_allclose(
+                lift, sample.law(ANGLES), rtol=0, atol=1e-9 * sample.law.lift
+            )
 
 
-def test_what_cannot_be_measured():
-    """A small hole far from the axis, where the roller finds nothing under it; a triangle."""
+def test_contours_that_cannot_be_measured():
+    """The path of the follower misses a small hole far from the axis.
 
-    def aside(at):
-        return 0.1 + 0.001 * np.exp(1j * at)
+    A triangle has too few points.
+    """
+
+    def hole(parameter):
+        return 0.1 + 0.001 * np.exp(1j * parameter)
 
     for element in (GuidedCentre(0.005, 0.0, 0.0), GuidedCentre(0.0, 0.0, 0.0)):
-        with pytest.raises(ProfileError, match=r"passes the contour by at \d+(\.\d+)?°; allowed: "):
-            measure.rest(element, aside, ANGLES)
-    words = "contour has 3 different points; allowed: at least 8"
-    with pytest.raises(ProfileError, match=re.escape(words)):
+        with pytest.raises(ProfileError, match=r"misses the contour at \d+(\.\d+)?°; allowed: "):
+            measure.rest(element, hole, ANGLES)
+    text = "contour has 3 different points; allowed: at least 8"
+    with pytest.raises(ProfileError, match=re.escape(text)):
         measure.closed_curve(np.array([[0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]))
 
 
-# The one test that a contour cannot fool: put the follower on it, and see where it rests.
+# The decisive test of a contour: put the follower on it, and measure its lift.
 
 
-def assert_rests_on_the_law(made, angles):
-    for number, disc in enumerate(made.discs):
+def assert_rests_on_the_law(sample, angles):
+    """Assert that a follower measures its law on its contours."""
+    for number, disc in enumerate(sample.discs):
 
-        def curve(at, number=number):
-            """The finished contour; the parameter says nothing of the law."""
-            x, y = made.contours(at.ravel())[number].points
-            return (x + 1j * y).reshape(at.shape)
+        def curve(parameter, number=number):
+            """Return the finished contour without the law."""
+            x, y = sample.contours(parameter.ravel())[number].points
+            return (x + 1j * y).reshape(parameter.shape)
 
         for element in filter(None, (disc.element, disc.opposite)):
             lift = measure.rest(element, curve, angles)
-            np.testing.assert_allclose(lift, made.law(angles), rtol=0, atol=1e-9 * made.law.lift)
+            np.testing.assert_allclose(
+                lift, sample.law(angles), rtol=0, atol=1e-9 * sample.law.lift
+            )
 
 
-def test_follower_rests_where_the_law_says(every_kind, angles):
-    """Each kind, both elements of a frame, both cams of a pair: s(θ) to 1e-9 of the lift."""
-    for made in every_kind:
-        assert_rests_on_the_law(made, angles[::6])
+def test_follower_measures_the_law(every_kind, angles):
+    """Each kind measures s(θ) to 1e-9 of the lift.
+
+    This includes both elements of a frame and both cams of a pair.
+    """
+    for sample in every_kind:
+        assert_rests_on_the_law(sample, angles[::6])
 
 
 @pytest.mark.variants(5)
-def test_shipped_cams_lift_as_their_laws_say(law, cams, angles):
-    assert_rests_on_the_law(Made(cams[law.name], law), angles[::2])
+def test_shipped_cams_have_the_lift_of_their_laws(law, cams, angles):
+    """The contours of shipped cams give s(θ) to 1e-9 of the lift."""
+    assert_rests_on_the_law(SampleCam(cams[law.name], law), angles[::2])
 
 
-# Points that are no contour in order: shuffled, or with a part left out.
+# Points that are not a closed contour: shuffled, or with a gap.
 
 
-def test_contours_are_in_order_and_whole(followed, cams):
-    """Every shipped cam at 36 angles and more, closed by its first point or not, turned over."""
+def test_contours_have_no_warnings(followed, cams):
+    """Contours of shipped cams have no warnings at 36 points and more.
+
+    They are repeated at the end or not, and in both directions.
+    """
     for name, law in followed.items():
         for count in (36, 1800):
             for contour in contours(cams[name].follower, law, count):
                 closed = np.append(contour.points, contour.points[:, :1], axis=1)
                 for points in (contour.points, closed, contour.points[:, ::-1]):
-                    assert measure.doubts(points, True) == []
+                    assert measure.contour_warnings(points, True) == []
 
 
-def test_points_that_are_no_whole_contour():
-    """Of a circle of 360 points, 40 mm in radius, a step is 0.698 mm."""
+def test_warnings_of_faulty_contours():
+    """A circle of 360 points and a radius of 40 mm has a step of 0.698 mm."""
     angle = np.radians(np.arange(360.0))
     points = 0.040 * np.array([np.cos(angle), np.sin(angle)])
     shuffled = np.random.default_rng(1).permutation(points, axis=1)
-    (crossing,) = measure.doubts(shuffled, False)
+    (crossing,) = measure.contour_warnings(shuffled, False)
     assert "crosses itself" in crossing
-    (sparse,) = measure.doubts(points[:, ::30], True)
+    (sparse,) = measure.contour_warnings(points[:, ::30], True)
     assert "12 points" in sparse
-    words = "points 200 and 1 are 78.9 mm apart, the others 0.6981 mm (median)"
-    assert words in measure.doubts(points[:, :200], True)[0]
-    (gap,) = measure.doubts(np.delete(points, np.arange(10, 25), axis=1), True)
+    text = "points 200 and 1 are 78.9 mm apart, the others 0.6981 mm (median)"
+    assert text in measure.contour_warnings(points[:, :200], True)[0]
+    (gap,) = measure.contour_warnings(np.delete(points, np.arange(10, 25), axis=1), True)
     assert "points 10 and 11 are" in gap
 
 
-# A follower moved both ways has no backlash: both its elements touch, by dropping each on its cam.
+# Backlash of a follower that its cam moves both ways: each element rests on its contour.
 
 
 def test_shipped_cams_have_no_backlash(cams, laws):
-    """Both rollers touch all round; so do the faces of a fall that is its rise turned by 180°."""
+    """Both rollers of a cam touch at all cam angles.
+
+    Both faces do if the fall is the rise turned by 180°.
+    """
     for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
-        assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < NONE
-    made = make("constant_breadth", OPPOSITE)
-    assert np.abs(measure.closure(made.cam.follower, made.law)).max() < NONE
+        assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < BACKLASH_ATOL
+    sample = make("constant_breadth", OPPOSITE)
+    assert np.abs(measure.closure(sample.cam.follower, sample.law)).max() < BACKLASH_ATOL
 
 
-def test_a_second_cam_cut_for_another_rocker_shows():
-    """For an angle between the arms wrong by δ the backlash is −arm δ at every angle."""
-    for wrong in (-0.01, 0.02):
-        right, cut = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, wrong))
-        first = contours(right.cam.follower, right.law, measure.POINTS)[0]
-        second = contours(cut.cam.follower, cut.law, measure.POINTS)[1]
+def test_backlash_of_a_second_cam_for_another_rocker():
+    """An error δ of the angle between the arms gives a backlash of −arm δ.
+
+    The backlash is the same at each cam angle.
+    """
+    for error in (-0.01, 0.02):
+        right, wrong = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, error))
+        first = contours(right.cam.follower, right.law, measure.CONTOUR_POINTS)[0]
+        second = contours(wrong.cam.follower, wrong.law, measure.CONTOUR_POINTS)[1]
         curves = measure.closed_curve(first.points), measure.closed_curve(second.points)
-        found = measure.backlash(measure.pair(right.discs), curves, turn_angles(36))
-        np.testing.assert_allclose(found, -0.075 * np.radians(wrong), rtol=0, atol=NONE)
-    made = make("roller")
+        backlash = measure.backlash(measure.both_elements(right.discs), curves, turn_angles(36))
+        np.testing.assert_allclose(backlash, -0.075 * np.radians(error), rtol=0, atol=BACKLASH_ATOL)
+    sample = make("roller")
     with pytest.raises(ProfileError, match="moves both ways"):
-        measure.closure(made.cam.follower, made.law)
+        measure.closure(sample.cam.follower, sample.law)

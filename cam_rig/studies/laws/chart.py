@@ -1,4 +1,4 @@
-"""Laws over each other as a Rerun recording: s, s', s'' and s''' of cams, or of bare rises."""
+"""Rerun charts of several laws: s, s', s'' and s''' of cams or of bare rises."""
 
 from __future__ import annotations
 
@@ -15,16 +15,22 @@ from cam_rig.laws.catalogue import ORDERS, LawCurves
 from cam_rig.show.chart import Axes, chart_stream, round_marks
 from cam_rig.show.looks import of_cam, title_of
 
-#: Charts from the top: names, and what a value is beside its unit of lift.
+#: Names of the charts in the order of the derivatives.
 CHARTS = ("lift", "velocity", "acceleration", "jerk")
-#: Radius on the screen, height of a chart of width 160, and how words stand beside it.
-STROKE, HEIGHT, RAISED = -1.2, 85.0, 0.07
-#: Room for half of the last word, and for the words below a chart, as shares of its sides.
-RIGHT, BELOW = 0.08, 0.19
+#: Width of a curve. Rerun reads a negative radius as points of the screen.
+STROKE = -1.2
+#: Height of a chart, in the unit of `Axes`, whose width is 160.
+HEIGHT = 85.0
+#: Height of the labels of y above their marks, as a fraction of a chart's height.
+RAISED = 0.07
+#: Free space for half of the last label, as a fraction of a chart's width.
+LABELS_RIGHT = 0.08
+#: Free space for the labels below a chart, as a fraction of its height.
+LABELS_BELOW = 0.19
 #: Marks of a turn.
-DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
-#: Room above the highest and below the lowest value, as a share of their distance.
-ROOM = 0.06
+DEGREES = {float(degrees): f"{degrees}°" for degrees in range(0, 361, 90)}
+#: Free space above the highest and below the lowest value, as a fraction of their difference.
+VALUE_MARGIN = 0.06
 
 
 def save_laws(
@@ -34,16 +40,30 @@ def save_laws(
     path: Path,
     titles: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Write the curves as a ``.rrd`` file that appears when it is whole.
+    """Write curves of laws as a ``.rrd`` file, which appears once it is complete.
 
-    along : unit of their x
-    units : of s to s''' as the curves have them, four
-    titles : what cams are called, where not by their names in words
+    Parameters
+    ----------
+    curves : sequence of LawCurves
+        The curves.
+    along : str
+        Unit of their x.
+    units : sequence of str
+        The four units of s to s''' in the curves.
+    path : Path
+        File to write.
+    titles : mapping
+        Titles of cams (default: their names as text).
     """
     names = [title_of(titles, curve.name) for curve in curves]
     charts = [_axes(curves, order) for order in ORDERS]
     views = [
-        axes.view(entity(order), f"{CHARTS[order].capitalize()} [{units[order]}]", RIGHT, BELOW)
+        axes.view(
+            entity(order),
+            f"{CHARTS[order].capitalize()} [{units[order]}]",
+            LABELS_RIGHT,
+            LABELS_BELOW,
+        )
         for order, axes in enumerate(charts)
     ]
     grid = rrb.Grid(*views, grid_columns=2)
@@ -52,27 +72,27 @@ def save_laws(
             x = DEGREES if along == "°" else round_marks(*axes.x, along)
             axes.draw(stream, f"{entity(order)}/axes", x, round_marks(*axes.y, ""))
             for i, curve in enumerate(curves):
-                where, colour = f"{entity(order)}/{curve.name}", of_cam(curve.name)
+                curve_path, colour = f"{entity(order)}/{curve.name}", of_cam(curve.name)
                 points = axes.place(curve.x, curve.motion[order])
                 strips = rr.LineStrips2D([points], colors=colour, radii=STROKE)
-                stream.log(where, strips, static=True)
-                if order == 0:  # the name stands on the curve
-                    at = points[[round((i + 1) / (len(curves) + 1) * (len(points) - 1))]]
-                    look: dict[str, Any] = {"colors": colour, "radii": -2.0, "show_labels": True}
-                    stream.log(
-                        f"{where}/name", rr.Points2D(at, labels=[names[i]], **look), static=True
-                    )
+                stream.log(curve_path, strips, static=True)
+                if order == 0:  # the label is on the curve
+                    label_point = points[[round((i + 1) / (len(curves) + 1) * (len(points) - 1))]]
+                    style: dict[str, Any] = {"colors": colour, "radii": -2.0, "show_labels": True}
+                    label = rr.Points2D(label_point, labels=[names[i]], **style)
+                    stream.log(f"{curve_path}/name", label, static=True)
 
 
 def entity(order: int) -> str:
-    """Where the chart of a derivative is."""
+    """Return the entity path of the chart of a derivative."""
     return f"laws/{CHARTS[order]}"
 
 
 def _axes(curves: Sequence[LawCurves], order: int) -> Axes:
+    """Return the axes of the chart of a derivative."""
     values = np.concatenate([curve.motion[order] for curve in curves])
     low, high = float(values.min()), float(values.max())
-    room = ROOM * (high - low) or 1.0
+    margin = VALUE_MARGIN * (high - low) or 1.0
     ends = [(float(curve.x[0]), float(curve.x[-1])) for curve in curves]
     x = min(end[0] for end in ends), max(end[1] for end in ends)
-    return Axes(x, (low - room, high + room), height=HEIGHT, raised=RAISED)
+    return Axes(x, (low - margin, high + margin), height=HEIGHT, raised=RAISED)

@@ -1,4 +1,4 @@
-"""cam-rig law, one cam's law or several over each other; cam-rig laws, all side by side."""
+"""cam-rig law: laws of cams or rises. cam-rig laws: the list of all laws."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Save = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Write the curves as a Rerun recording (.rrd) too."),
+    typer.Option(metavar="FILE", help="Also write the curves as a Rerun recording (.rrd)."),
 ]
 
 
@@ -32,12 +32,12 @@ def law(
     ],
     rises: Annotated[
         bool,
-        typer.Option("--rises", help="Names that a cam and a rise have in common mean the rise."),
+        typer.Option("--rises", help="Treat names of both a cam and a rise as the rise."),
     ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="The plot (PNG, SVG, PDF); out/law_NAMES.png if not given."
+            metavar="FILE", help="File of the plot: PNG, SVG or PDF (default: out/law_NAMES.png)."
         ),
     ] = None,
     save: Save = None,
@@ -47,12 +47,12 @@ def law(
 ) -> None:
     """Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.
 
-    Peaks come from the roots of the next derivative, not from samples. Derivatives are in the
-    cam angle, per rad: times the cam's speed in rad/s they are those in time.
+    Peaks come from the roots of the next derivative, not from samples. Derivatives are by the cam
+    angle, per rad. Multiplied by powers of the cam's speed in rad/s they are those by time.
 
-    Several laws are laid over each other: as cams over the turn if every name is a cam's, else
-    as bare rises of unit lift over a unit span. The curves are in CSV
-    and JSON, with which nothing is drawn unless --out is given.
+    Several laws are drawn in one plot: as cams over the turn if every name is that of a cam,
+    otherwise as bare rises of unit lift over a unit span. CSV and JSON contain the curves. With
+    them a plot is drawn only if --out is given.
 
     In Python: cam_rig.law(names, rises)
 
@@ -75,27 +75,29 @@ def law(
         check_recording(save)
     from cam_rig.studies.laws import study
 
-    found = study.law(names, rises=rises)
+    result = study.law(names, rises=rises)
     if out is None and csv is None and json is None:
-        out = Path("out") / f"law_{'_'.join(found.called)[:MAX_LETTERS]}.png"
-    write_outputs(found, out, csv, json)
+        out = Path("out") / f"law_{'_'.join(result.labels)[:MAX_LETTERS]}.png"
+    write_outputs(result, out, csv, json)
     if save is not None:
-        record(found, save)
+        record(result, save)
 
 
 @command("json", "csv", "plot")
 def laws(
     family: Annotated[
         str | None,
-        typer.Option(help="Only this family of rises: polynomial, start, end (half), classical."),
+        typer.Option(
+            help="Family of rises: polynomial, start or end (half-rises), classical (default: all)."
+        ),
     ] = None,
 ) -> Result:
     """List the laws with their peaks per unit rise and unit span, and how smoothly they join.
 
-    Continuity Ck: the highest derivative that goes on without a jump where the rise meets a
-    dwell (a half-rise: a dwell and constant velocity).
+    The continuity Ck is the order of the highest derivative without a jump at the end of the rise.
+    There a rise meets a dwell, and a half-rise meets a dwell or constant velocity.
 
-    The plot lays the rises of each family over each other, s to s''' one below the other.
+    The plot shows the rises of each family in a column, s to s''' from top to bottom.
 
     In Python: cam_rig.list_laws(family)
 
@@ -114,24 +116,24 @@ def laws(
     return list_laws(family)
 
 
-#: Letters of the names in the name of a plot.
+#: Greatest number of letters of the laws' names in the name of a plot.
 MAX_LETTERS = 60
 
 
-def record(found: RisesResult | CamLawsResult, path: Path) -> None:
-    """Write the curves of cams, in their unit of lift, or of bare rises, for Rerun."""
+def record(result: RisesResult | CamLawsResult, path: Path) -> None:
+    """Write a Rerun recording of cams, in their unit of lift, or of bare rises."""
     from cam_rig.laws.catalogue import cam_curves, common_unit, rise_curves
     from cam_rig.show.looks import PER_RADIAN
     from cam_rig.studies.laws.chart import save_laws
     from cam_rig.studies.laws.study import RisesResult
 
-    if isinstance(found, RisesResult):
-        curves = [rise_curves(name) for name in found.names]
+    if isinstance(result, RisesResult):
+        curves = [rise_curves(name) for name in result.names]
         save_laws(curves, "u", ("h", "h/β", "h/β²", "h/β³"), path)
     else:
-        unit, factor = common_unit(cam for cam, _ in found.cams)
-        curves = [cam_curves(cam.name, law) for cam, law in found.cams]
+        unit, factor = common_unit(cam for cam, _ in result.cams)
+        curves = [cam_curves(cam.name, law) for cam, law in result.cams]
         curves = [replace(curve, motion=curve.motion / factor) for curve in curves]
         units = tuple(f"{unit}{per}" for per in PER_RADIAN)
-        save_laws(curves, "°", units, path, {cam.name: cam.title for cam, _ in found.cams})
+        save_laws(curves, "°", units, path, {cam.name: cam.title for cam, _ in result.cams})
     say(f"recording: {path}")

@@ -1,4 +1,4 @@
-"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels."""
+"""Figures of laws over the cam angle: s, s', s'' and s''' in four stacked panels."""
 
 from __future__ import annotations
 
@@ -21,23 +21,27 @@ from cam_rig.show.result import enable_notebook_display
 from cam_rig.show.tables import typeset_number
 from cam_rig.studies.laws.study import CamLawsResult, LawsResult, RisesResult
 
-#: One a panel.
+#: Colours of the panels.
 COLOURS = tuple(map(web, DERIVATIVES))
-#: Joints nearer than this are one, deg.
-SAME_DEG = 1e-6
-#: Segments narrower than this have no name in the plot, or an upright one, deg.
-NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
+#: Tolerance for equal cam angles of a joint and of a segment's start, deg.
+JOINT_ATOL_DEG = 1e-6
+#: Least span of a segment whose name is written, deg.
+MIN_NAME_DEG = 12.0
+#: Least span of a segment whose name is horizontal, deg. Names of shorter segments are vertical.
+MIN_HORIZONTAL_DEG = 60.0
+#: Colour of annotations.
 GREY = "0.45"
 Style = dict[str, Any]
-#: Words beside a point, in points from it, on a ground of their own.
+#: Background of a label.
 BOX = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
-WORDS: Style = {"textcoords": "offset points", "bbox": BOX}
+#: Style of a label at a distance in points from its data point.
+LABEL_STYLE: Style = {"textcoords": "offset points", "bbox": BOX}
 
 
 @styled
 def figure(cam: CamConfig, law: Law) -> Figure:
-    """A cam's law as `plot_law` has it, with the names of its segments and what shapes them."""
-    out = _stacked(law, _marked(cam, law), cam.title)
+    """Return the figure of a cam's law with its segments and control points."""
+    out = _draw_panels(law, _marked_joints(cam, law), cam.title)
     _control_points(out.axes[0], cam)
     _names(out.axes[0], cam)
     return out
@@ -48,8 +52,8 @@ def figure(cam: CamConfig, law: Law) -> Figure:
 def plot_law(law: Law) -> Figure:
     """Return a figure of lift, velocity, acceleration and jerk over a turn.
 
-    Extremes and joints that are not smooth are marked. `law` draws cams by name, and several laws
-    over each other.
+    Extremes and joints that are not smooth are marked. `cam_rig.law` plots cams by name, and
+    several laws in one figure.
 
     Parameters
     ----------
@@ -69,12 +73,12 @@ def plot_law(law: Law) -> Figure:
     4
     """
     rough = [joint for joint in joints(law) if joint.continuity < SMOOTHEST]
-    return enable_notebook_display(_stacked(law, rough, law.name))
+    return enable_notebook_display(_draw_panels(law, rough, law.name))
 
 
-def _stacked(law: Law, marked: list[Joint], title: str) -> Figure:
-    """Four panels with extremes and continuity classes."""
-    out = empty(8.2)
+def _draw_panels(law: Law, marked: list[Joint], title: str) -> Figure:
+    """Return four panels with extremes and continuity classes."""
+    out = empty(FIGURE_HEIGHT)
     panels = out.subplots(4, 1, sharex=True)
     for order, axes in enumerate(panels):
         _curve(axes, law, order)
@@ -89,22 +93,23 @@ def _stacked(law: Law, marked: list[Joint], title: str) -> Figure:
     return out
 
 
-def _marked(cam: CamConfig, law: Law) -> list[Joint]:
-    """Where a segment begins, and where the law is not smooth inside one."""
+def _marked_joints(cam: CamConfig, law: Law) -> list[Joint]:
+    """Return the joints at starts of segments, and others that are not smooth."""
     starts = np.degrees(segment_angles(cam))
     return [
         joint
         for joint in joints(law)
-        if joint.continuity < SMOOTHEST or np.abs(starts - np.degrees(joint.angle)).min() < SAME_DEG
+        if joint.continuity < SMOOTHEST
+        or np.abs(starts - np.degrees(joint.angle)).min() < JOINT_ATOL_DEG
     ]
 
 
 def _curve(axes: Axes, law: Law, order: int) -> None:
-    """One derivative, piece by piece: a jump is a dotted line."""
+    """Draw one derivative piece by piece, with a dotted line at a jump."""
     ordinates, colour = law.derivative_ordinates(order) * MM, COLOURS[order]
     angles, values = catalogue.sampled_pieces(law, order)
     values = values * MM
-    gap = np.full((1, law.spans.size), np.nan)  # lifts the pen between pieces
+    gap = np.full((1, law.spans.size), np.nan)  # interrupts the line between pieces
     line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))
     axes.plot(*line, color=colour)
     before = np.roll(ordinates[-1], 1)
@@ -116,19 +121,19 @@ def _curve(axes: Axes, law: Law, order: int) -> None:
 
 
 def _peaks(axes: Axes, law: Law, order: int) -> None:
-    """Largest and smallest value with the angle, written away from the nearer edge."""
+    """Label the largest and the smallest value, away from the nearer edge."""
     low, high = extremes(law, order)
     for extreme, above in ((low, False), (high, True)) if high.value > low.value else ():
-        value, at = extreme.value * MM, float(np.degrees(extreme.angle))
-        axes.plot(at, value, "o", color=COLOURS[order], ms=4)
-        x, side = (-6, "right") if at > 180.0 else (6, "left")
+        value, degrees = extreme.value * MM, float(np.degrees(extreme.angle))
+        axes.plot(degrees, value, "o", color=COLOURS[order], ms=4)
+        x, side = (-6, "right") if degrees > 180.0 else (6, "left")
         y, end = (6, "bottom") if above else (-6, "top")
-        words = f"{typeset_number(value, '.4g')} at {at:.4g}°"
-        axes.annotate(words, (at, value), (x, y), ha=side, va=end, **WORDS)
+        text = f"{typeset_number(value, '.4g')} at {degrees:.4g}°"
+        axes.annotate(text, (degrees, value), (x, y), ha=side, va=end, **LABEL_STYLE)
 
 
 def _control_points(axes: Axes, cam: CamConfig) -> None:
-    """What the law is shaped by: control polygons, measured points."""
+    """Draw control polygons and measured points."""
     for angles, ordinates in control_polygons(cam):
         axes.plot(np.degrees(angles), ordinates * MM, "s--", color=GREY, ms=3, lw=0.8, zorder=1)
     for segment in cam.segments:
@@ -138,47 +143,50 @@ def _control_points(axes: Axes, cam: CamConfig) -> None:
 
 
 def _names(axes: Axes, cam: CamConfig) -> None:
-    """Each segment's law, where there is room for it."""
+    """Write the name of each segment's law if there is room."""
     for segment, start in zip(cam.segments, np.degrees(segment_angles(cam)), strict=True):
         span = np.degrees(segment.span.si)
-        if span >= NAMELESS_DEG:
+        if span >= MIN_NAME_DEG:
             style: Style = {"ha": "center", "va": "center", "color": GREY, "zorder": 0}
             style |= {"transform": axes.get_xaxis_transform()}
-            turned = 90 if span < UPRIGHT_DEG else 0
-            axes.text(start + 0.5 * span, 0.25, in_words(segment.law), rotation=turned, **style)
+            rotation = 90 if span < MIN_HORIZONTAL_DEG else 0
+            axes.text(start + 0.5 * span, 0.25, in_words(segment.law), rotation=rotation, **style)
 
 
 def _arrow(axes: Axes, x: float, jump: float, side: str, colour: str | None = None) -> None:
-    """Where the velocity jumps the acceleration is infinite: an arrow at the panel's edge."""
-    y, words, end = (0.97, "↑∞", "top") if jump > 0.0 else (0.03, "↓∞", "bottom")
+    """Draw an arrow at the edge of the panel for an infinite acceleration.
+
+    It is there if the velocity jumps.
+    """
+    y, text, end = (0.97, "↑∞", "top") if jump > 0.0 else (0.03, "↓∞", "bottom")
     foot = axes.get_xaxis_transform()
-    axes.text(x, y, words, ha=side, va=end, color=colour, transform=foot)
+    axes.text(x, y, text, ha=side, va=end, color=colour, transform=foot)
 
 
 def _classes(axes: Axes, marked: list[Joint]) -> None:
-    """The class of each marked joint, above the first panel."""
-    at = [float(np.degrees(joint.angle)) for joint in marked]
+    """Write the continuity class of each marked joint above the first panel."""
+    degrees = [float(np.degrees(joint.angle)) for joint in marked]
     labels = [f"C{joint.continuity}" for joint in marked]
     top = axes.secondary_xaxis("top")
-    top.set_xticks(at, labels)
+    top.set_xticks(degrees, labels)
     top.set_xlabel("continuity class at each knot", color=GREY)
 
 
-# Laws laid over each other: s, s', s'', s''' of cams over the turn, or of bare rises over u.
+# Several laws in one figure: s, s', s'', s''' of cams over the turn, or of bare rises over u.
 
-#: Of the four rows, in inches.
-HEIGHT = 8.2
-#: Entries in a line of a legend above a figure of one column.
+#: Height of a figure with four rows, in inches.
+FIGURE_HEIGHT = 8.2
+#: Entries in a row of the legend of a figure with one column.
 LEGEND_COLUMNS = 3
-#: A rise's values are in parts of its rise h and span β.
+#: Units of the derivatives of a rise h over a span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 @styled
 def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
-    """The laws of cams over the cam angle, in mm."""
+    """Return a figure of the laws of cams over the cam angle, in mm."""
     curves = [(catalogue.cam_curves(short(cam.title), law), line(cam.name)) for cam, law in cams]
-    out = empty(HEIGHT)
+    out = empty(FIGURE_HEIGHT)
     panels = out.subplots(len(catalogue.ORDERS), 1, sharex=True)
     for order, axes in enumerate(panels):
         _panel(axes, curves, order, MM)
@@ -191,64 +199,69 @@ def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
 
 @styled
 def rises_figure(families: Iterable[catalogue.RiseFamily]) -> Figure:
-    """Bare rises of unit lift over a unit span, one column a family."""
-    shown = list(families)
-    alone = len(shown) == 1
-    out = empty(HEIGHT)
-    panels = out.subplots(len(catalogue.ORDERS), len(shown), sharex=True, squeeze=False)
+    """Return a figure of bare rises of unit lift over a unit span.
+
+    Each family has a column.
+    """
+    columns = list(families)
+    out = empty(FIGURE_HEIGHT)
+    panels = out.subplots(len(catalogue.ORDERS), len(columns), sharex=True, squeeze=False)
     for name, unit, axes in zip(DERIVATIVE_NAMES, RISE_UNITS, panels[:, 0], strict=True):
         axes.set_ylabel(f"{name} [{unit}]")
-    for column, family in zip(panels.T, shown, strict=True):
+    for column, family in zip(panels.T, columns, strict=True):
         curves = [(catalogue.rise_curves(name), line(name)) for name in family.rises]
         for order, axes in enumerate(column):
             _panel(axes, _distinct(curves), order, 1.0)
             axes.set_xlim(0.0, 1.0)
-        column[-1].set_xlabel("part of the span, u [1]")
-        _legend(column[0], LEGEND_COLUMNS if alone else 1, family.title)
+        column[-1].set_xlabel("fraction of the span, u [1]")
+        _legend(column[0], LEGEND_COLUMNS if len(columns) == 1 else 1, family.title)
     return out
 
 
-def laws_figure(found: LawsResult) -> Figure:
-    """A column for each family."""
-    return rises_figure(found.families)
+def laws_figure(result: LawsResult) -> Figure:
+    """Return a figure with one column per family."""
+    return rises_figure(result.families)
 
 
-def rises_result_figure(found: RisesResult) -> Figure:
-    """All in one column."""
-    return rises_figure([catalogue.RiseFamily("Rises of h over the span β", found.names)])
+def rises_result_figure(result: RisesResult) -> Figure:
+    """Return a figure of all rises in one column."""
+    return rises_figure([catalogue.RiseFamily("Rises of h over the span β", result.names)])
 
 
-def cam_laws_figure(found: CamLawsResult) -> Figure:
-    """One cam with its joints and extremes, or several over each other."""
-    return figure(*found.cams[0]) if len(found.cams) == 1 else cams_figure(found.cams)
+def cam_laws_figure(result: CamLawsResult) -> Figure:
+    """Return a figure of the cams of a result.
+
+    One cam has its joints and extremes. Several cams are in the same panels.
+    """
+    return figure(*result.cams[0]) if len(result.cams) == 1 else cams_figure(result.cams)
 
 
 def _distinct(
     curves: list[tuple[catalogue.LawCurves, Style]],
 ) -> list[tuple[catalogue.LawCurves, Style]]:
-    """Curves that are the same one as a single curve with all their names."""
-    found: dict[bytes, tuple[catalogue.LawCurves, Style]] = {}
-    for one, drawn in curves:
-        key = one.motion.tobytes()
-        name = in_words(one.name)
-        if key in found:
-            name = f"{found[key][0].name}\n= {name}"
-        found[key] = (catalogue.LawCurves(name, one.x, one.motion, one.infinite), drawn)
-    return list(found.values())
+    """Return equal curves as a single curve with all of their names."""
+    by_motion: dict[bytes, tuple[catalogue.LawCurves, Style]] = {}
+    for curve, style in curves:
+        key = curve.motion.tobytes()
+        name = in_words(curve.name)
+        if key in by_motion:
+            name = f"{by_motion[key][0].name}\n= {name}"
+        by_motion[key] = (catalogue.LawCurves(name, curve.x, curve.motion, curve.infinite), style)
+    return list(by_motion.values())
 
 
 def _panel(
     axes: Axes, curves: list[tuple[catalogue.LawCurves, Style]], order: int, factor: float
 ) -> None:
-    """One derivative of every law; where the velocity jumps, s'' has an arrow at the edge."""
-    for one, drawn in curves:
-        axes.plot(one.x, one.motion[order] * factor, label=one.name, **drawn)
-        for x, jump in one.infinite if order == 2 else ():
-            _arrow(axes, x, jump, "left" if x < 0.5 * one.x[-1] else "right", drawn["color"])
+    """Draw one derivative of each law, with an arrow at the edge if s' jumps."""
+    for curve, style in curves:
+        axes.plot(curve.x, curve.motion[order] * factor, label=curve.name, **style)
+        for x, jump in curve.infinite if order == 2 else ():
+            _arrow(axes, x, jump, "left" if x < 0.5 * curve.x[-1] else "right", style["color"])
 
 
 def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
-    """Above the first panel, where it hides no curve."""
+    """Write the legend above the first panel, where it covers no curve."""
     axes.legend(
         loc="lower center", bbox_to_anchor=(0.5, 1.02), ncols=columns, title=title, frameon=False
     )

@@ -1,4 +1,4 @@
-"""What `cam-rig laws` and `cam-rig law` give: peaks of named rises, curves and extremes of cams."""
+"""Results of `cam-rig laws` and `cam-rig law`: peaks of rises, curves of cams."""
 
 from __future__ import annotations
 
@@ -28,14 +28,18 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True)
 class RiseRow:
-    """A law by name, whence it is, and its figures; None where they depend on the cam's file."""
+    """A law by name with its source and its peaks.
+
+    `figures` is None for a law whose peaks depend on the cam file.
+    """
 
     law: str
     source: str
     figures: catalogue.Figures | None
 
 
-RISES = (
+#: Columns of a table of rises.
+RISE_COLUMNS = (
     Column("law"),
     Column("source", heading="from, or by", doc="equation, or keys of the cam's file"),
     *(
@@ -50,87 +54,115 @@ RISES = (
         doc="order of the highest derivative without a jump",
     ),
 )
-PEAKS = "Peaks for unit rise and unit span"
+#: Caption of a table of rises.
+CAPTION = "Peaks for unit rise and unit span"
 
 
-def _named(names: Iterable[str]) -> list[RiseRow]:
+def _rise_rows(names: Iterable[str]) -> list[RiseRow]:
+    """Return the rows of named rises."""
     return [RiseRow(name, NAMED_RISES[name].source, catalogue.figures(name)) for name in names]
 
 
 @dataclass(frozen=True, repr=False)
 class LawsResult(Result):
-    """The named rises of some families; with all of them the laws without fixed figures too."""
+    """The named rises of one or all families.
+
+    Parameters
+    ----------
+    families : tuple of RiseFamily
+        The families.
+    free : bool
+        True if the laws whose peaks depend on the cam file are listed too.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.list_laws("end").to_pandas().law.tolist()
+    ['bezier4_end', 'bezier6_end', 'bezier8_end']
+    """
 
     schema = "cam_rig.laws.1"
     plot_function = "cam_rig.studies.laws.figures:laws_figure"
-    columns: ClassVar = {"laws": RISES}
+    columns: ClassVar = {"laws": RISE_COLUMNS}
 
     families: tuple[catalogue.RiseFamily, ...]
     free: bool
 
     def tables(self) -> list[Records]:
-        """A row a law, as the catalogue has them."""
+        """Return the table `laws` in the order of the catalogue, one row per law."""
         named = {name for family in self.families for name in family.rises}
-        rows = _named(name for name in NAMED_RISES if name in named)
+        rows = _rise_rows(name for name in NAMED_RISES if name in named)
         if self.free:
             free = catalogue.free_laws().items()
             rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
-        return [self.table("laws", PEAKS, rows)]
+        return [self.table("laws", CAPTION, rows)]
 
 
 def _curve(key: str) -> Callable[[Any], Any]:
-    return lambda found: found.curves[key]
+    """Return the function that takes a curve from a result."""
+    return lambda result: result.curves[key]
 
 
-#: Parts of the span at which the curve of a rise is given.
-STEPS = 200
-#: Orders of the lift in words, and what follows the unit of lift.
-WORDS = ("lift", "velocity", "acceleration", "jerk")
+#: Steps of the curve of a rise.
+RISE_STEPS = 200
+#: Names of the derivatives of the lift, by order.
+QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
+#: Symbols of the derivatives of the lift, by order.
 SYMBOLS = ("s", "s'", "s''", "s'''")
 
 
 @dataclass(frozen=True, repr=False)
 class RisesResult(Result):
-    """Named rises of unit lift over a unit span."""
+    """Named rises of unit lift over a unit span.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the rises.
+    """
 
     schema = "cam_rig.law_rises.1"
     plot_function = "cam_rig.studies.laws.figures:rises_result_figure"
     columns: ClassVar = {
         "curves": (
             Column("rise", of=_curve("rise")),
-            Column("u", of=_curve("u"), doc="part of the span"),
-            *(Column(key, of=_curve(key), doc="of unit rise and unit span") for key in WORDS),
+            Column("u", of=_curve("u"), doc="fraction of the span"),
+            *(Column(key, of=_curve(key), doc="for unit rise and unit span") for key in QUANTITIES),
         ),
-        "laws": RISES,
+        "laws": RISE_COLUMNS,
     }
 
     names: tuple[str, ...]
 
     @property
-    def called(self) -> list[str]:
-        """The rises' names, as of a picture's file."""
+    def labels(self) -> list[str]:
+        """Labels for the name of a figure's file: the names of the rises."""
         return ["rises", *self.names]
 
     @cached_property
     def curves(self) -> dict[str, Any]:
-        """By column, rise after rise."""
-        u = np.linspace(0.0, 1.0, STEPS + 1)
+        """Curves by column, rise after rise."""
+        u = np.linspace(0.0, 1.0, RISE_STEPS + 1)
         motion = np.hstack([catalogue.rise_values(name, u) for name in self.names])
         rises = np.repeat(self.names, u.size)
         return {"rise": rises, "u": np.tile(u, len(self.names))} | _by_order(motion)
 
     def tables(self) -> list[Records]:
-        """``curves``, and the row of each in ``laws``."""
-        return [self.array_table("curves"), self.table("laws", PEAKS, _named(self.names))]
+        """Return `curves`, and `laws` with one row per rise."""
+        return [self.array_table("curves"), self.table("laws", CAPTION, _rise_rows(self.names))]
 
 
 def _by_order(motion: FloatArray) -> dict[str, FloatArray]:
-    return dict(zip(WORDS, motion, strict=True))
+    """Return the rows of a motion by the names of their quantities."""
+    return dict(zip(QUANTITIES, motion, strict=True))
 
 
 @dataclass(frozen=True)
 class ExtremeRow:
-    """The extremes of a derivative of a cam's law; ``unit`` of lift, of ``factor`` m, is shown."""
+    """Extremes of one derivative of a cam's law.
+
+    The display unit of lift is `unit`, which is `factor` m.
+    """
 
     cam: str
     law: Law
@@ -154,27 +186,29 @@ class JointRow:
     joint: Joint
 
 
-def _end(which: str) -> tuple[Column, Column]:
-    def shown(row: ExtremeRow) -> float:
-        value: float = getattr(row, which).value
+def _extreme_columns(kind: str) -> tuple[Column, Column]:
+    """Return the columns of the largest or the smallest value and its cam angle."""
+
+    def display_value(row: ExtremeRow) -> float:
+        value: float = getattr(row, kind).value
         return value / row.factor
 
     return (
-        Column(which, "", ".6g", of=f"{which}.value", cell=shown, doc="in `unit`"),
-        Column(f"{which}_at", "°", ".4g", "at", f"{which}.angle", doc="cam angle"),
+        Column(kind, "", ".6g", of=f"{kind}.value", cell=display_value, doc="in `unit`"),
+        Column(f"{kind}_at", "°", ".4g", "at", f"{kind}.angle", doc="cam angle"),
     )
 
 
 @dataclass(frozen=True)
 class HeightsRow:
-    """Cam angles (rad) at which a cam passes heights, by `_passage_key`."""
+    """Cam angles (rad) at which a cam passes heights, with keys of `_passage_key`."""
 
     cam: str
     angles: dict[str, float]
 
     @classmethod
     def of(cls, cam: CamConfig, law: Law) -> HeightsRow:
-        """Take the first passage upwards and the last downwards through each height."""
+        """Return the first upward and the last downward passage of each height."""
         angles = dict[str, float]()
         for passage in passages(law, cam.lift.si):
             key = _passage_key(passage.level, passage.rising)
@@ -184,22 +218,36 @@ class HeightsRow:
 
 
 def _passage_key(level: float, rising: bool) -> str:
+    """Return the key of a height (fraction of the lift) and a direction."""
     return f"{'up' if rising else 'down'}_{100.0 * level:g}"
 
 
 def _passage_column(level: float, rising: bool) -> Column:
-    key, way = _passage_key(level, rising), "up" if rising else "down"
-    heading = f"{100.0 * level:g} % {way}"
+    """Return the column of a height (fraction of the lift) and a direction."""
+    key, direction = _passage_key(level, rising), "up" if rising else "down"
+    heading = f"{100.0 * level:g} % {direction}"
     return Column(key, "°", ".3f", heading, lambda row: row.angles.get(key))
 
 
-#: Degrees from row to row of a cam's curves.
+#: Step of a cam's curves, degrees.
 STEP_DEG = 0.5
 
 
 @dataclass(frozen=True, repr=False)
 class CamLawsResult(Result):
-    """The laws of cams over the turn."""
+    """The laws of cams over one turn.
+
+    Parameters
+    ----------
+    cams : tuple
+        Pairs of a cam and its law.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.law(["poly345", "bezier15"]).labels
+    ['poly345', 'bezier15']
+    """
 
     schema = "cam_rig.law.1"
     plot_function = "cam_rig.studies.laws.figures:cam_laws_figure"
@@ -209,7 +257,7 @@ class CamLawsResult(Result):
             Column("angle", "°", of=_curve("angle"), doc="cam angle"),
             *(
                 Column(key, f"mm{per}", of=_curve(key))
-                for key, per in zip(WORDS, PER_RADIAN, strict=True)
+                for key, per in zip(QUANTITIES, PER_RADIAN, strict=True)
             ),
         ),
         "extremes": (
@@ -223,21 +271,21 @@ class CamLawsResult(Result):
             ),
             Column(
                 "quantity",
-                of=lambda row: WORDS[row.order],
-                cell=lambda row: f"{WORDS[row.order]} {SYMBOLS[row.order]}",
+                of=lambda row: QUANTITIES[row.order],
+                cell=lambda row: f"{QUANTITIES[row.order]} {SYMBOLS[row.order]}",
             ),
             Column(
                 "unit",
                 of=lambda row: f"m{PER_RADIAN[row.order]}",
                 cell=lambda row: f"{row.unit}{PER_RADIAN[row.order]}",
             ),
-            *_end("largest"),
-            *_end("smallest"),
+            *_extreme_columns("largest"),
+            *_extreme_columns("smallest"),
         ),
         "joints": (
             Column("cam"),
             Column("angle", "°", of="joint.angle", doc="cam angle"),
-            Column("continuity", of="joint.continuity", doc="below that of the smoothest joints"),
+            Column("continuity", of="joint.continuity", doc="class, below that of smooth joints"),
         ),
         "heights": (
             Column("cam"),
@@ -249,13 +297,13 @@ class CamLawsResult(Result):
     cams: tuple[tuple[CamConfig, Law], ...]
 
     @property
-    def called(self) -> list[str]:
-        """The cams' names, as of a picture's file."""
+    def labels(self) -> list[str]:
+        """Labels for the name of a figure's file: the names of the cams."""
         return [cam.name for cam, _ in self.cams]
 
     @cached_property
     def curves(self) -> dict[str, Any]:
-        """By column, cam after cam."""
+        """Curves by column, cam after cam."""
         angle = np.radians(np.arange(0.0, 360.0, STEP_DEG))
         motion = np.hstack(
             [np.stack([law(angle, i) for i in catalogue.ORDERS]) for _, law in self.cams]
@@ -264,13 +312,13 @@ class CamLawsResult(Result):
         return {"cam": names, "angle": np.tile(angle, len(self.cams))} | _by_order(motion)
 
     @property
-    def rough(self) -> list[JointRow]:
+    def rough_joints(self) -> list[JointRow]:
         """Joints that are not smooth."""
-        every = (JointRow(cam.name, joint) for cam, law in self.cams for joint in joints(law))
-        return [row for row in every if row.joint.continuity < SMOOTHEST]
+        rows = (JointRow(cam.name, joint) for cam, law in self.cams for joint in joints(law))
+        return [row for row in rows if row.joint.continuity < SMOOTHEST]
 
     def tables(self) -> list[Records]:
-        """``curves``, ``extremes``, rough ``joints`` and ``heights``; several cams side by side."""
+        """Return `curves`, `extremes`, rough `joints` and `heights`."""
         unit, factor = catalogue.common_unit(cam for cam, _ in self.cams)
         if len(self.cams) == 1:
             unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
@@ -282,7 +330,7 @@ class CamLawsResult(Result):
         return [
             self.array_table("curves"),
             self._extremes(rows),
-            self.table("joints", "", self.rough, hidden=True),
+            self.table("joints", "", self.rough_joints, hidden=True),
             self.table(
                 "heights",
                 "Cam angles at which the lift passes fractions of itself",
@@ -293,94 +341,115 @@ class CamLawsResult(Result):
         ]
 
     def _extremes(self, rows: list[ExtremeRow]) -> Records:
+        """Return the table of extremes.
+
+        Several cams have one row each, with the quantities in columns.
+        """
         if len(self.cams) == 1:
             return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
-        changed: dict[str, dict[str, Any]] = {
+        changes: dict[str, dict[str, Any]] = {
             "quantity": {
                 "cell": lambda row: f"{SYMBOLS[row.order]} [{row.unit}{PER_RADIAN[row.order]}]"
             },
             "largest": {"heading": "largest {}", "number_format": ".5g"},
             "smallest": {"heading": "smallest {}", "number_format": ".5g"},
         }
-        changed |= {key: {"hidden": False} for key in ("cam", "continuity")}
-        changed |= {key: {"hidden": True} for key in ("unit", "largest_at", "smallest_at")}
-        columns = tuple(replace(c, **changed[c.key]) for c in self.columns["extremes"])
+        changes |= {key: {"hidden": False} for key in ("cam", "continuity")}
+        changes |= {key: {"hidden": True} for key in ("unit", "largest_at", "smallest_at")}
+        columns = tuple(replace(c, **changes[c.key]) for c in self.columns["extremes"])
         caption, is_derivative = "Extremes over the turn", lambda row: row.order > 0
         table = self.table("extremes", caption, rows, pivot="quantity", row_filter=is_derivative)
         return replace(table, columns=columns)
 
     def summary(self) -> list[str]:
-        """Of one cam where it is not smooth."""
+        """Return a line with the rough joints of a single cam."""
         if len(self.cams) > 1:
             return []
-        if not self.rough:
+        if not self.rough_joints:
             return [f"joins C{SMOOTHEST} or smoother everywhere"]
-        places = ", ".join(
-            f"{math.degrees(row.joint.angle):.5g}° C{row.joint.continuity}" for row in self.rough
+        angles = ", ".join(
+            f"{math.degrees(row.joint.angle):.5g}° C{row.joint.continuity}"
+            for row in self.rough_joints
         )
-        return [f"joints (others C{SMOOTHEST}): {places}"]
+        return [f"joints (others C{SMOOTHEST}): {angles}"]
 
 
-# Laws by name: of cams over the turn, or bare rises, and the catalogue of all.
+# Functions of the Python API.
 
 
 @checked
 def law(
     names: str | Path | CamConfig | Sequence[str | Path | CamConfig], *, rises: bool = False
 ) -> CamLawsResult | RisesResult:
-    """Lift, velocity, acceleration and jerk over the cam angle, their peaks, and the joints.
+    """Compute lift, velocity, acceleration and jerk of laws, with peaks and joints.
 
-    Peaks come from the roots of the next derivative. Several laws are laid over each other: as cams
-    over the turn if each is a cam's, else as bare rises of unit lift over a unit span.
-
-    The command is ``cam-rig law``.
+    Peaks come from the roots of the next derivative. Several laws are compared as cams over the
+    turn if each name is that of a cam, otherwise as bare rises of unit lift over a unit span. The
+    command is ``cam-rig law``.
 
     Parameters
     ----------
-    names : a cam: a name, a path, or what `load_cam` gave; a rise by its name; or several
-    rises : names that a cam and a rise have in common mean the rise
+    names : str, Path, Cam or sequence
+        A cam as a name, a path or the result of `load_cam`, a rise by its name, or several of them.
+    rises : bool
+        True to treat names of both a cam and a rise as the rise (default: False).
+
+    Returns
+    -------
+    CamLawsResult or RisesResult
+        Curves, extremes and joints of cams, or curves and peaks of rises.
 
     Raises
     ------
-    ConfigError : no such cam or rise, one named twice, or cams among rises
-    LawError : a cam whose segments do not join
+    ConfigError
+        A name is unknown or repeated, or cams and rises are mixed.
+    LawError
+        The segments of a cam do not join.
 
     Examples
     --------
     >>> import cam_rig
-    >>> found = cam_rig.law("poly345")
-    >>> found.summary()
+    >>> result = cam_rig.law("poly345")
+    >>> result.summary()
     ['joints (others C4): 31.25° C2, 148.75° C2, 211.25° C2, 328.75° C2']
     """
-    asked = [names] if isinstance(names, str | Path | CamConfig) else list(names)
-    if not asked:
+    requested = [names] if isinstance(names, str | Path | CamConfig) else list(names)
+    if not requested:
         raise ConfigError("names: is an empty list; allowed: a cam or a rise, or several")
-    texts = [str(name) for name in asked if not isinstance(name, CamConfig)]
+    texts = [str(name) for name in requested if not isinstance(name, CamConfig)]
     if texts and _are_rises(texts, rises):
-        if len(texts) < len(asked):
+        if len(texts) < len(requested):
             raise ConfigError(f"{texts[0]!r} is a rise; allowed: cams with cams, rises with rises")
         return RisesResult(tuple(texts))
-    found = []
-    for one in asked:
-        path = one.name if isinstance(one, CamConfig) else cam_path(one)
-        cam = one if isinstance(one, CamConfig) else load_cam(cam_path(one))
-        found.append((cam, law_of(path, cam)))
-    return CamLawsResult(tuple(found))
+    cams = []
+    for source in requested:
+        path = source.name if isinstance(source, CamConfig) else cam_path(source)
+        cam = source if isinstance(source, CamConfig) else load_cam(cam_path(source))
+        cams.append((cam, law_of(path, cam)))
+    return CamLawsResult(tuple(cams))
 
 
 @checked
 def list_laws(family: str | None = None) -> LawsResult:
-    """Every law by name, with its peaks per unit rise and unit span, and how smoothly it joins.
+    """List the laws by name with their peaks per unit rise and unit span.
 
-    The command is ``cam-rig laws``.
+    The table also has the continuity at the ends of each rise. The command is ``cam-rig laws``.
 
     Parameters
     ----------
-    family : only one of ``polynomial``, ``start``, ``end`` (half-rises), ``classical``
+    family : str, optional
+        Family of rises: ``polynomial``, ``start`` or ``end`` (half-rises) or ``classical``
+        (default: all laws).
+
+    Returns
+    -------
+    LawsResult
+        One row per law.
 
     Raises
     ------
-    ConfigError : no such family
+    ConfigError
+        The family is unknown.
 
     Examples
     --------
@@ -389,17 +458,22 @@ def list_laws(family: str | None = None) -> LawsResult:
     >>> table.law.tolist()[:2]
     ['poly345', 'poly4567']
     """
-    found = families()
+    by_name = families()
     if family is None:
-        return LawsResult(tuple(found.values()), free=True)
-    if family not in found:
-        hint = did_you_mean(family, found)
-        raise ConfigError(f"--family {family!r}: no such family{hint}; allowed: {', '.join(found)}")
-    return LawsResult((found[family],), free=False)
+        return LawsResult(tuple(by_name.values()), free=True)
+    if family not in by_name:
+        hint = did_you_mean(family, by_name)
+        raise ConfigError(
+            f"--family {family!r}: no such family{hint}; allowed: {', '.join(by_name)}"
+        )
+    return LawsResult((by_name[family],), free=False)
 
 
 def _are_rises(names: Sequence[str], rises: bool) -> bool:
-    """Whether the names are drawn as bare rises: when asked for, or when not all are cams."""
+    """Return True if the names are those of bare rises.
+
+    They are if `rises` is True, or if not all of them are cams.
+    """
     cams = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
     for i, name in enumerate(names):
         if name in names[:i]:
@@ -412,16 +486,19 @@ def _are_rises(names: Sequence[str], rises: bool) -> bool:
             )
     if not rises and all(_is_cam(name, cams) for name in names):
         return False
-    alone = next((name for name in names if name not in NAMED_RISES), None)
-    if alone is not None:
+    cam = next((name for name in names if name not in NAMED_RISES), None)
+    if cam is not None:
         other = next((f"{name!r} is a rise" for name in names if not _is_cam(name, cams)), None)
         raise ConfigError(
-            f"{alone!r} is a cam and no rise, {other or '--rises asks for rises'}; allowed: cams "
+            f"{cam!r} is a cam and not a rise, {other or '--rises requires rises'}; allowed: cams "
             f"with cams, rises with rises; rises: {', '.join(NAMED_RISES)}"
         )
     return True
 
 
 def _is_cam(name: str, cams: Sequence[str]) -> bool:
-    """Whether it is a cam's name, or a path, which is a cam's or an error of its own."""
+    """Return True if a name is that of a cam, or a path.
+
+    A path is that of a cam file. If it is not, reading it raises an error.
+    """
     return name in cams or cam_path(name) == Path(name)

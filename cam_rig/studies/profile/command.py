@@ -1,4 +1,4 @@
-"""cam-rig profile: the cam's shape, checked, drawn, measured."""
+"""cam-rig profile: checks, drawings and measurements of a cam's contour."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cam_rig.show.result import Result
 
 Cams = Annotated[
     list[str] | None,
-    typer.Argument(help="Cam files, or names in config/cams; or one scene: its cams."),
+    typer.Argument(help="Cam files, or names in config/cams, or one scene for its cams."),
 ]
 Every = Annotated[bool, typer.Option("--all", help="Check every cam of config/cams.")]
 Out = Annotated[
@@ -21,7 +21,9 @@ Out = Annotated[
 Positions = Annotated[
     int | None,
     typer.Option(
-        min=3, max=720, help="Positions of the follower around the cam in --plot; else 24."
+        min=3,
+        max=720,
+        help="Positions of the follower around the cam in --plot (default: 24).",
     ),
 ]
 Pitch = Annotated[
@@ -33,11 +35,11 @@ Cutter = Annotated[
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(metavar="UM", help="Chord error of DXF and SVG, in µm; default 1."),
+    typer.Option(metavar="UM", help="Chord error of DXF and SVG in µm (default: 1)."),
 ]
 Points = Annotated[
     int | None,
-    typer.Option(min=36, max=1_000_000, help="Rows of a CSV file, over one turn; default 3600."),
+    typer.Option(min=36, max=1_000_000, help="Rows of a CSV file over one turn (default: 3600)."),
 ]
 Source = Annotated[
     Path | None,
@@ -45,7 +47,7 @@ Source = Annotated[
 ]
 Unit = Annotated[
     Literal["mm", "cm", "m", "in"] | None,
-    typer.Option(help="Unit of a file that states none (default of a table: mm)."),
+    typer.Option(help="Unit of a file without a unit (default for tables: mm)."),
 ]
 Axis = Annotated[
     str, typer.Option(metavar="X,Y", help="Axis of the cam in the file of --from, in mm.")
@@ -54,17 +56,18 @@ Zero = Annotated[
     float,
     typer.Option(
         metavar="DEG",
-        help="Direction of the follower at cam angle 0 in that file, from +x counter-clockwise.",
+        help="Direction of the follower at cam angle 0 in the file of --from, from +x "
+        "counter-clockwise.",
     ),
 ]
 Mirrored = Annotated[
-    bool, typer.Option("--mirrored", help="That file shows the cam from the other side.")
+    bool, typer.Option("--mirrored", help="The file of --from shows the cam from the other side.")
 ]
-Layer = Annotated[str | None, typer.Option(help="Only layer of a DXF drawing that is read.")]
+Layer = Annotated[str | None, typer.Option(help="Layer of a DXF drawing to read (default: all).")]
 Align = Annotated[
     bool, typer.Option("--align", help="Find the zero direction and the side that fit the law.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Draw a cam even though it cannot exist.")]
+Force = Annotated[bool, typer.Option("--force", help="Draw a cam even if it cannot exist.")]
 
 
 @command("json", "csv", "plot")
@@ -90,12 +93,12 @@ def profile(
 ) -> Result:
     """Check a cam's contour: undercut, curvature, pressure angle, reach. Draw it, or measure one.
 
-    The code is 1 when a check fails; with --all a cam does not count whose file says that it
-    cannot_be_made, and why. With --from the cam's follower is put on the contour of a file and
-    read at every angle; --out then writes that law as CSV. A DXF drawing may consist of lines,
-    arcs, circles, ellipses, splines, polylines and blocks; a table has points x, y or angle,
-    radius. --positions are those of the graphical method: the follower's places around the
-    stationary cam.
+    The exit code is 1 if a check fails. With --all, a cam whose file has cannot_be_made does not
+    count. With --from the cam's follower is put on the contour of a file, and its lift is measured
+    at each cam angle. --out then writes this law as CSV. A DXF drawing can consist of lines, arcs,
+    circles, ellipses, splines, polylines and blocks. A table has points x, y or angle, radius.
+    --positions sets the number of positions of the follower around the stationary cam, as in the
+    graphical method.
 
     In Python: cam_rig.check_contours(cams, every)
 
@@ -122,19 +125,19 @@ def profile(
     from cam_rig.studies.profile.study import POSITIONS, ProfileResult, checked_cams
 
     if positions is not None and plot is None:
-        raise ConfigError("--positions: are of the picture; needed: --plot PATH")
-    placement = command_files.placement(unit, axis, zero, mirrored)
+        raise ConfigError("--positions requires --plot PATH")
+    placement = command_files.make_placement(unit, axis, zero, mirrored)
     request = command_files.Request(
         out, pitch, cutter, tolerance, points, source, placement, layer, align
     )
-    cams_checked = checked_cams(cams or [], every)
-    request.require(len(cams_checked), drawing=plot is not None)
-    first, drawn = cams_checked[0], out is not None or plot is not None
+    results = checked_cams(cams or [], every)
+    request.validate(len(results), drawing=plot is not None)
+    first, is_drawn = results[0], out is not None or plot is not None
     if source is not None:
         return command_files.measure(request, first.cam, first.law)
-    for check in first.failed if drawn and not force else ():
+    for check in first.failed if is_drawn and not force else ():
         if check.vital:
             raise ProfileError(f"{first.cam.name}: {check}; or draw it with --force")
     if out is not None:
         command_files.write(request, first.cam, first.law, force)
-    return ProfileResult(tuple(cams_checked), positions or POSITIONS, drawn, every)
+    return ProfileResult(tuple(results), positions or POSITIONS, is_drawn, every)

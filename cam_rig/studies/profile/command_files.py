@@ -1,4 +1,4 @@
-"""``cam-rig profile --from``: the cam's follower on the contours of a file."""
+"""Files of `cam-rig profile`: contours and paths to write, contours to measure."""
 
 from __future__ import annotations
 
@@ -26,23 +26,46 @@ if TYPE_CHECKING:
     from cam_rig.units import FloatArray
 
 
-# The files of ``cam-rig profile``: what is asked for, and contours and paths written.
-
-DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
+#: Suffixes of drawings that are written.
+DRAWINGS = (".dxf", ".svg")
+#: Suffixes of tables that are written.
+TABLES = (".csv",)
+#: Suffixes of files that are read.
 READABLE = (".dxf", ".csv")
-#: Share of the tolerance that the digits of an SVG may take; a DXF has them all.
+#: Fraction of the tolerance for the rounding of an SVG drawing. A DXF drawing has all digits.
 SVG_ROUNDING = 0.1
-#: Chord error where none is asked for, and the finest: more would be millions of points, µm.
-TOLERANCE_UM, FINEST_UM = 1.0, 1e-4
-#: Rows of a table where no number is asked for.
-ROWS = 3600
+#: Default chord error, µm.
+DEFAULT_TOLERANCE_UM = 1.0
+#: Least chord error, µm. Smaller values would need millions of points.
+MIN_TOLERANCE_UM = 1e-4
+#: Default number of rows of a table.
+DEFAULT_ROWS = 3600
 
 
 @dataclass(frozen=True)
 class Request:
-    """Files that are written or read; radius in mm, tolerance in µm.
+    """Files to write or to read.
 
-    `placement`, `layer` and `align` are of a file that is read.
+    Parameters
+    ----------
+    out : Path, optional
+        File to write.
+    pitch : bool
+        True if the pitch curve is written instead of the contour.
+    cutter : float, optional
+        Radius in mm of the cutter whose path is written.
+    tolerance : float, optional
+        Chord error in µm.
+    points : int, optional
+        Rows of a table.
+    source : Path, optional
+        File to read.
+    placement : Placement
+        Placement of the contour in `source`.
+    layer : str, optional
+        Layer of the drawing `source`.
+    align : bool
+        True if the zero direction and the side of `source` are fitted to the law.
     """
 
     out: Path | None
@@ -55,47 +78,49 @@ class Request:
     layer: str | None = None
     align: bool = False
 
-    def require(self, cams: int, drawing: bool) -> None:
-        """Refuse, before anything is computed, what does not go together."""
+    def validate(self, cams: int, drawing: bool) -> None:
+        """Raise a `ConfigError` for options that cannot be combined."""
         files = self.out is not None or self.source is not None or drawing
         if files and cams != 1:
             raise ConfigError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
         if (self.pitch or self.cutter is not None) and self.out is None:
-            raise ConfigError("--pitch and --cutter need --out FILE: they say what is written")
+            raise ConfigError("--pitch and --cutter need --out FILE, the file to write")
         if self.pitch and self.cutter is not None:
-            raise ConfigError("--pitch and --cutter are two paths; allowed: one of them")
+            raise ConfigError("--pitch cannot be combined with --cutter")
         if self.cutter is not None and not 0.0 < self.cutter < 1e5:
             raise ConfigError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
         kind = "" if self.out is None or self.source else self.out.suffix.lower()
-        for name, value, of in (
+        for name, value, suffixes in (
             ("tolerance", self.tolerance, DRAWINGS),
             ("points", self.points, TABLES),
         ):
-            if value is not None and kind not in of:
-                needed = " or ".join(f"--out FILE{suffix}" for suffix in of)
-                raise ConfigError(f"--{name}: is of what is written; needed: {needed}")
-        if self.tolerance is not None and not self.tolerance >= FINEST_UM:
+            if value is not None and kind not in suffixes:
+                needed = " or ".join(f"--out FILE{suffix}" for suffix in suffixes)
+                raise ConfigError(f"--{name} requires {needed}")
+        if self.tolerance is not None and not self.tolerance >= MIN_TOLERANCE_UM:
             raise ConfigError(
-                f"--tolerance is {self.tolerance:g} µm; allowed: at least {FINEST_UM:g} µm"
+                f"--tolerance is {self.tolerance:g} µm; allowed: at least {MIN_TOLERANCE_UM:g} µm"
             )
         if self.source is None and (
             self.placement != AS_IT_IS or self.layer is not None or self.align
         ):
             raise ConfigError(
-                "--unit, --axis, --zero, --mirrored, --layer and --align are of a file that is "
-                "read; needed: --from FILE"
+                "--unit, --axis, --zero, --mirrored, --layer and --align require --from FILE"
             )
         if self.source is not None:
             if drawing or self.pitch or self.cutter is not None:
-                raise ConfigError("--from measures; allowed with it: --out FILE.csv for the law")
-            _suffix(self.source, READABLE)
+                raise ConfigError("--from cannot be combined with --plot, --pitch or --cutter")
+            _check_suffix(self.source, READABLE)
         if self.out is not None:
-            _suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
+            _check_suffix(self.out, TABLES if self.source is not None else (*DRAWINGS, *TABLES))
             check_outputs(str(self.out), None)
 
 
-def placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> Placement:
-    """Return the placement of the options; `axis` is a text such as "120,80" (mm)."""
+def make_placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> Placement:
+    """Return the placement of the options.
+
+    `axis` is a text such as "120,80" in mm, `zero` is in degrees.
+    """
     try:
         x, y = (float(word) * 1e-3 for word in axis.split(","))
     except ValueError:
@@ -105,7 +130,8 @@ def placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> Place
     return Placement(unit, (x, y), math.radians(zero), mirrored)
 
 
-def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
+def _check_suffix(path: Path, allowed: tuple[str, ...]) -> None:
+    """Raise a `ConfigError` if the suffix of a path is not allowed."""
     if (suffix := path.suffix.lower()) not in allowed:
         step = suffix in (".step", ".stp")
         hint = " (no STEP: import the DXF into CAD and extrude it)" if step else ""
@@ -113,17 +139,20 @@ def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
 
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
-    """Write the contour, the pitch curve or the cutter's path by the file's suffix."""
+    """Write the contour, the pitch curve or the path of the cutter.
+
+    The suffix of the file determines its format.
+    """
     from cam_rig.profile import drawing_files
     from cam_rig.profile.polyline import polyline
 
     assert request.out is not None
     curves, kind = _curves(request, cam, law, force), request.out.suffix.lower()
-    rows, tolerance_um = request.points or ROWS, request.tolerance or TOLERANCE_UM
+    rows, tolerance_um = request.points or DEFAULT_ROWS, request.tolerance or DEFAULT_TOLERANCE_UM
     with writing(request.out) as part:
         if kind in TABLES:
             drawing_files.write_contour(part, curves, rows)
-            words = f"{rows} points"
+            summary = f"{rows} points"
         else:
             tolerance = tolerance_um * 1e-6
             rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
@@ -133,12 +162,13 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             else:
                 drawing_files.to_document(lines).saveas(part)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
-            words = f"{counts} points, chord error at most {tolerance_um:g} µm"
+            summary = f"{counts} points, chord error at most {tolerance_um:g} µm"
     names = " and ".join(curve.name for curve in curves)
-    say(f"{names}: {words}: {request.out}")
+    say(f"{names}: {summary}: {request.out}")
 
 
 def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[ContourPath]:
+    """Return the paths that the options request."""
     from cam_rig.profile import polyline as path
 
     if request.pitch:
@@ -152,13 +182,27 @@ def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Con
     return curves
 
 
-#: Cam angles at which a follower is read on the contour of a file.
+#: Cam angles at which a follower is measured on the contour of a file.
 READINGS = 720
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A law read from a contour: cam angles (rad), lifts and their error (m); which disc it is."""
+class MeasuredContour:
+    """Law that a follower reads on a contour.
+
+    Parameters
+    ----------
+    cam, source, disc : str
+        Names of the cam, of the file, and of the disc of conjugate cams.
+    points : int
+        Points of the contour in the file.
+    angle : FloatArray
+        Cam angles in rad.
+    lift : FloatArray
+        Lifts in m.
+    error : FloatArray
+        Differences of the lifts from the law in m.
+    """
 
     cam: str
     source: str
@@ -169,14 +213,14 @@ class Measured:
     error: FloatArray
 
     @property
-    def largest_at(self) -> int:
-        """Where the error is largest."""
+    def worst_index(self) -> int:
+        """Index of the largest error."""
         return int(np.argmax(np.abs(self.error)))
 
 
 @dataclass(frozen=True, repr=False)
 class MeasuredResult(Result):
-    """The contours of a file, each as the cam's follower reads it."""
+    """The contours of a file as the cam's follower reads them."""
 
     schema = "cam_rig.profile_measured.1"
     columns: ClassVar = {
@@ -184,40 +228,43 @@ class MeasuredResult(Result):
             Column("cam"),
             Column("disc"),
             Column("points", "", "d"),
-            Column("lift", "mm", ".6g", of=lambda one: float(np.ptp(one.lift))),
+            Column("lift", "mm", ".6g", of=lambda contour: float(np.ptp(contour.lift))),
             Column(
                 "largest_error",
                 "µm",
                 "+.3g",
-                of=lambda one: float(one.error[one.largest_at]),
-                doc="of the lift, from the law of the cam",
+                of=lambda contour: float(contour.error[contour.worst_index]),
+                doc="largest error of the lift, compared with the law of the cam",
             ),
-            Column("at", "°", "g", of=lambda one: float(one.angle[one.largest_at])),
-            Column("rms_error", "µm", ".3g", "r.m.s. error", lambda one: rms(one.error)),
-            Column("source", hidden=True, doc="the file"),
+            Column("at", "°", "g", of=lambda contour: float(contour.angle[contour.worst_index])),
+            Column("rms_error", "µm", ".3g", "r.m.s. error", lambda contour: rms(contour.error)),
+            Column("source", hidden=True, doc="name of the file"),
         )
     }
 
-    contours: tuple[Measured, ...]
+    contours: tuple[MeasuredContour, ...]
 
     def tables(self) -> list[Records]:
-        """A row a contour."""
+        """Return the table `contours`, one row per contour."""
         caption = f"{self.contours[0].source}, from the law of {self.contours[0].cam}"
         return [self.table("contours", caption, self.contours)]
 
 
-#: The other side of a drawing is taken if its error is less than this fraction of the error of the
-#: given side: of a symmetrical cam both are the same.
+#: The other side of a drawing is used if its error is below this fraction of the error of the given
+#: side. For a symmetrical cam both errors are the same.
 MIRRORED_IS_BETTER = 0.5
 
 
-def _aligned(
+def _align(
     request: Request, element: Element, curves: list[Curve], law: Law
 ) -> tuple[list[Curve], float]:
-    """Return the contours, from the other side if that fits better, and their rotation (rad)."""
+    """Return the contours and their rotation (rad) that fit the law best.
+
+    The contours are seen from the other side if that fits better.
+    """
     from cam_rig.profile.measure import find_rotation
 
-    mirrored = [_mirrored(curve) for curve in curves]
+    mirrored = [_mirror(curve) for curve in curves]
     rotation, error = find_rotation(element, curves[0], law)
     other_rotation, other_error = find_rotation(element, mirrored[0], law)
     is_other = other_error < MIRRORED_IS_BETTER * error
@@ -231,18 +278,21 @@ def _aligned(
     return curves, rotation
 
 
-def _mirrored(curve: Curve) -> Curve:
-    """Return a contour as it is seen from the other side."""
-    return lambda at: -np.conj(curve(-at))
+def _mirror(curve: Curve) -> Curve:
+    """Return a contour seen from the other side."""
+    return lambda parameter: -np.conj(curve(-parameter))
 
 
 def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
-    """Put the cam's follower on the contours of a file; write the first one's law if asked to."""
+    """Measure the contours of a file with the cam's follower.
+
+    The law of the first contour is written if the request has a file to write.
+    """
     from cam_rig.profile import drawing_files
     from cam_rig.profile.contact import turn_angles
     from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, doubts, rest
+    from cam_rig.profile.measure import closed_curve, contour_warnings, rest
     from cam_rig.profile.read_dxf import read_dxf
 
     assert request.source is not None
@@ -251,8 +301,9 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         file = read_dxf(request.source, request.placement, request.layer, len(plates))
     else:
         file = read_contour_table(request.source, request.placement)
-    for doubt in (doubt for points in file.curves for doubt in doubts(points, file.are_points)):
-        say(f"warning: {request.source}: {doubt}")
+    for points in file.curves:
+        for warning in contour_warnings(points, file.are_points):
+            say(f"warning: {request.source}: {warning}")
     if len(file.curves) != len(plates):
         raise OutputError(
             f"{request.source}: has {len(file.curves)} closed curves; allowed: {len(plates)}, one "
@@ -263,13 +314,15 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         say(f"{request.source}: {note}")
     angle, rotation = turn_angles(READINGS), 0.0
     if request.align:
-        curves, rotation = _aligned(request, plates[0].element, curves, law)
-    names, found = (cam.name, str(request.source)), []
+        curves, rotation = _align(request, plates[0].element, curves, law)
+    names, measured = (cam.name, str(request.source)), []
     for disc, curve, points in zip(plates, curves, file.curves, strict=True):
         lift = rest(disc.element, curve, angle + rotation)
-        found.append(Measured(*names, disc.name, points.shape[1], angle, lift, lift - law(angle)))
+        measured.append(
+            MeasuredContour(*names, disc.name, points.shape[1], angle, lift, lift - law(angle))
+        )
     if request.out is not None:
         with writing(request.out) as part:
-            drawing_files.write_law(part, angle, found[0].lift)
+            drawing_files.write_law(part, angle, measured[0].lift)
         say(f"law: {request.out}")
-    return MeasuredResult(tuple(found))
+    return MeasuredResult(tuple(measured))

@@ -1,4 +1,4 @@
-"""The shape of a cam under its follower: contour, curvature, pressure angle, and its checks."""
+"""The contour of a cam with curvature, pressure angle and checks, for Python."""
 
 from __future__ import annotations
 
@@ -23,11 +23,14 @@ from cam_rig.units import FloatArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Points of a contour: at least, and at most.
-FEWEST, MOST = 36, 1_000_000
+#: Least number of points of a contour.
+MIN_POINTS = 36
+#: Greatest number of points of a contour.
+MAX_POINTS = 1_000_000
 
 
 def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
+    """Return a function that concatenates the values of `take` for all discs."""
     return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
 
 
@@ -36,14 +39,25 @@ _radius = _of_discs(lambda disc: disc.radius)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CamContour(Result):
-    """The contour of a cam in its own frame; point i is touched at cam angle i.
+    """The contour of a cam in the cam frame. Point i is touched at cam angle i.
 
-    At cam angle 0 a translating follower is on +y; the cam turns counterclockwise.
+    At cam angle 0 a translating follower is on +y. The cam turns counterclockwise.
 
     Parameters
     ----------
-    cam, law : what the shape is of
-    discs : one `Contour`, or two of conjugate cams; ``x`` and so on are those of the first
+    cam : CamConfig
+        The cam.
+    law : Law
+        Its law.
+    discs : tuple of Contour
+        One contour, or two for conjugate cams. `x`, `y` and the other arrays are those of the
+        first.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.contour(cam_rig.load_cam("poly345"), points=360)
+    CamContour(poly345: 360 points, 1 disc(s))
     """
 
     schema = "cam_rig.contour.1"
@@ -54,7 +68,7 @@ class CamContour(Result):
             Column("angle", "°", of=_of_discs(lambda disc: disc.angle), doc="cam angle"),
             Column("x", "mm", of=_of_discs(lambda disc: disc.points[0])),
             Column("y", "mm", of=_of_discs(lambda disc: disc.points[1])),
-            Column("radius", "mm", of=_radius, doc="of curvature, below 0 where concave"),
+            Column("radius", "mm", of=_radius, doc="radius of curvature, negative where concave"),
             Column("pressure_angle", "°", of=_of_discs(lambda disc: disc.pressure)),
         ),
         "checks": ProfileResult.columns["checks"],
@@ -69,63 +83,85 @@ class CamContour(Result):
 
     @property
     def angle(self) -> FloatArray:
-        """``(n,)`` cam angles, rad."""
+        """Cam angles in rad, shape ``(n,)``."""
         return self.discs[0].angle
 
     @property
     def x(self) -> FloatArray:
-        """``(n,)`` m."""
+        """Coordinates x of the points in m, shape ``(n,)``."""
         return np.asarray(self.discs[0].points[0])
 
     @property
     def y(self) -> FloatArray:
-        """``(n,)`` m."""
+        """Coordinates y of the points in m, shape ``(n,)``."""
         return np.asarray(self.discs[0].points[1])
 
     @property
     def radius(self) -> FloatArray:
-        """``(n,)`` radius of curvature, m: positive where convex, negative where concave."""
+        """Radius of curvature in m, shape ``(n,)``.
+
+        It is positive where the contour is convex, and negative where it is concave.
+        """
         return self.discs[0].radius
 
     @property
     def pressure_angle(self) -> FloatArray:
-        """``(n,)`` rad, signed."""
+        """Signed pressure angle in rad, shape ``(n,)``."""
         return self.discs[0].pressure
 
     @cached_property
     def checks(self) -> list[Check]:
-        """Undercut, curvature, pressure angle, reach: each with value, limit and ``passed``."""
+        """Checks of undercut, curvature, pressure angle and reach, with their limits."""
         return check_cam(self.cam, self.law)
 
     def tables(self) -> list[Records]:
-        """``points`` of every disc, and its ``checks``."""
+        """Return the tables `points` of all discs and `checks`."""
         checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
         return [self.array_table("points"), checked.tables()[0]]
 
     @checked
     def plot(self, positions: int = 24) -> Figure:  # type: ignore[override]
-        """The cam with its follower around it, curvature and pressure angle.
+        """Return a figure of the cam with its follower, curvature and pressure angle.
 
         Parameters
         ----------
-        positions : of the follower around the cam, 3 to 720
+        positions : int
+            Positions of the follower around the cam, 3 to 720 (default: 24).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Three panels.
         """
         return super().plot(positions=positions)
 
 
 @checked
 def contour(cam: CamConfig, points: int = 3600) -> CamContour:
-    """The contour of a cam at equal steps of the cam angle, by kinematic inversion.
+    """Compute the contour of a cam at equal steps of the cam angle.
+
+    The method is kinematic inversion.
 
     Parameters
     ----------
-    cam : of `load_cam`
-    points : of one turn, 36 to 1 000 000
+    cam : Cam
+        Cam of `load_cam`.
+    points : int
+        Points of one turn, 36 to 1 000 000 (default: 3600).
+
+    Returns
+    -------
+    CamContour
+        The contour with curvature, pressure angle and checks.
 
     Raises
     ------
-    ConfigError : another number of points
-    LawError, ReachError : the law does not join, or the follower cannot reach the base circle
+    ConfigError
+        The number of points is out of range.
+    LawError
+        The segments of the law do not join.
+    ReachError
+        The follower does not reach the base circle.
 
     Examples
     --------
@@ -135,13 +171,17 @@ def contour(cam: CamConfig, points: int = 3600) -> CamContour:
     65.0
     >>> all(check.passed for check in shape.checks)
     True
+
+    References
+    ----------
+    Profile thesis, §2.2.3.
     """
-    if not FEWEST <= points <= MOST:
-        raise ConfigError(f"points: is {points}; allowed: {FEWEST} to {MOST}")
+    if not MIN_POINTS <= points <= MAX_POINTS:
+        raise ConfigError(f"points: is {points}; allowed: {MIN_POINTS} to {MAX_POINTS}")
     law = build_law(cam)
-    found = contours(cam.follower, law, points)
-    for disc in found:
+    cam_contours = contours(cam.follower, law, points)
+    for disc in cam_contours:
         for array in (getattr(disc, field.name) for field in fields(disc)):
             if isinstance(array, np.ndarray):
                 array.setflags(write=False)
-    return CamContour(cam, law, found)
+    return CamContour(cam, law, cam_contours)

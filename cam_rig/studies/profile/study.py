@@ -1,4 +1,4 @@
-"""Checks of the contours of cams, as `cam-rig profile` shows them."""
+"""Checks of the contours of cams: the results of `cam-rig profile`."""
 
 from __future__ import annotations
 
@@ -19,31 +19,48 @@ from cam_rig.show.result import SI_UNITS, Column, Records, Result
 
 @dataclass(frozen=True)
 class CheckRow:
-    """A check and whose it is."""
+    """A check and the name of its cam."""
 
     cam: str
     check: Check
 
 
-#: Positions of the follower in a picture.
+#: Default number of positions of the follower in a figure.
 POSITIONS = 24
 
 
-#: Of several cams: what stands where one has no such number.
-NONE = "–"
+#: Cell of the table of several cams for a value that a cam does not have.
+NO_VALUE = "–"
 
 
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
+    """Return the column of the value nearest to its limit among the checks of a name."""
     return Column(
-        key, unit, ".4g", heading, lambda one: one.worst(name), missing=NONE, doc=f"worst {name}"
+        key, unit, ".4g", heading, lambda c: c.worst(name), missing=NO_VALUE, doc=f"worst {name}"
     )
 
 
 @dataclass(frozen=True, repr=False)
 class ProfileResult(Result):
-    """The checks of one cam or more; ``drawn`` is one whose contour or picture is written.
+    """The checks of one or several cams.
 
-    ``expected`` : a cam whose file says that it cannot be made is no failure
+    Parameters
+    ----------
+    cams : tuple of CheckedCam
+        The cams with their checks.
+    positions : int
+        Positions of the follower in the figure (default: 24).
+    drawn : bool
+        True if the contour or a figure is written. Then failed checks are warnings.
+    expected : bool
+        True if a cam whose file has `cannot_be_made` does not count as a failure.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> result = cam_rig.check_contours("poly345")
+    >>> result.exit_code, result.cams[0].failed
+    (0, [])
     """
 
     schema = "cam_rig.profile.1"
@@ -53,15 +70,17 @@ class ProfileResult(Result):
             Column("cam", hidden=True),
             Column("check", of="check.title"),
             Column("value", of="check.value", cell=lambda row: row.check.shown(row.check.value)),
-            Column("angle", "°", ".1f", "at", "check.place"),
-            Column("relation", of="check.relation", doc="of value to limit", hidden=True),
+            Column("angle", "°", ".1f", "at", "check.angle_in_turn"),
+            Column(
+                "relation", of="check.relation", doc="required relation to the limit", hidden=True
+            ),
             Column(
                 "limit", heading="allowed", of="check.limit", cell=lambda row: row.check.allowed
             ),
             Column(
                 "unit",
                 of=lambda row: SI_UNITS.get(row.check.unit, (row.check.unit,))[0],
-                doc="of value and limit",
+                doc="unit of value and limit",
                 hidden=True,
             ),
             Column(
@@ -70,7 +89,7 @@ class ProfileResult(Result):
                 of="check.passed",
                 cell=lambda row: "ok" if row.check.passed else "fails",
             ),
-            Column("vital", of="check.vital", doc="else it is bad, but can be made", hidden=True),
+            Column("vital", of="check.vital", doc="a cam that fails cannot exist", hidden=True),
         ),
         "cams": (
             Column("cam", of="cam.name"),
@@ -79,17 +98,17 @@ class ProfileResult(Result):
             _worst("concave_radius", "mm", "concave radius of curvature", "concave"),
             _worst("pressure_angle", "°", "pressure angle", "pressure"),
             Column("base_radius", "mm", ".4g", "base", "cam.follower.base_radius.si"),
-            Column("least_base_radius", "mm", ".4g", "least", missing=NONE),
+            Column("least_base_radius", "mm", ".4g", "least", missing=NO_VALUE),
             Column(
                 "failed",
                 heading="checks",
-                of=lambda one: len(one.failed),
-                cell=lambda one: (
-                    f"{len(one.failed)} fail" if one.failed else f"{len(one.checks)} ok"
-                ),
-                doc="checks that it fails",
+                of=lambda c: len(c.failed),
+                cell=lambda c: f"{len(c.failed)} fail" if c.failed else f"{len(c.checks)} ok",
+                doc="number of failed checks",
             ),
-            Column("cannot_be_made", of="cam.cannot_be_made", doc="why, by its file", hidden=True),
+            Column(
+                "cannot_be_made", of="cam.cannot_be_made", doc="reason in its file", hidden=True
+            ),
         ),
     }
 
@@ -100,34 +119,37 @@ class ProfileResult(Result):
 
     @property
     def exit_code(self) -> int:  # type: ignore[override]
-        """1 where a check fails that is not meant to; 0 of one that is drawn all the same."""
-        asked = [one for one in self.cams if not (self.expected and one.cam.cannot_be_made)]
-        return int(not self.drawn and any(one.failed for one in asked))
+        """Exit code: 1 if a check fails unexpectedly, otherwise 0.
+
+        It is 0 for a cam that is drawn.
+        """
+        counted = [c for c in self.cams if not (self.expected and c.cam.cannot_be_made)]
+        return int(not self.drawn and any(c.failed for c in counted))
 
     def tables(self) -> list[Records]:
-        """``checks``, which people see of one cam alone, and ``cams``, seen of several."""
+        """Return `checks`, displayed for one cam, and `cams`, displayed for several."""
         first, alone = self.cams[0], len(self.cams) == 1
         kind = first.cam.follower.type.replace("_", " ")
         caption = f"{first.cam.title}: {kind} follower, lift {first.law.lift * 1e3:.5g} mm"
-        rows = [CheckRow(one.cam.name, check) for one in self.cams for check in one.checks]
-        several = "Least radii of curvature, greatest pressure angle, base radius and its least"
-        note = f"{NONE}: nothing to check, or no least one found. All checks: one cam, or --json."
+        rows = [CheckRow(c.cam.name, check) for c in self.cams for check in c.checks]
+        several = "Least radii of curvature, greatest pressure angle, base radius and its minimum"
+        note = f"{NO_VALUE}: no such check or minimum. All checks: name one cam, or use --json."
         return [
             self.table("checks", caption, rows, hidden=not alone),
             self.table("cams", several, self.cams, note, hidden=alone),
         ]
 
     def summary(self) -> list[str]:
-        """What is wrong, and what to do."""
-        words = "warning: " if self.drawn else ""
+        """Return the failed checks with remedies, and warnings."""
+        prefix = "warning: " if self.drawn else ""
         lines = []
-        for one in self.cams:
-            lines += [f"{words}{one.cam.name}: {check}" for check in one.failed]
-            lines += [f"{one.cam.name}: {sentence}" for sentence in unusual_lift(one.law.lift)]
-            if one.cam.cannot_be_made is not None:
+        for checked_cam in self.cams:
+            cam = checked_cam.cam
+            lines += [f"{prefix}{cam.name}: {check}" for check in checked_cam.failed]
+            lines += [f"{cam.name}: {text}" for text in unusual_lift(checked_cam.law.lift)]
+            if cam.cannot_be_made is not None:
                 lines.append(
-                    f"{one.cam.name}: its file says that it cannot be made: "
-                    f"{one.cam.cannot_be_made}"
+                    f"{cam.name}: its file states that it cannot be made: {cam.cannot_be_made}"
                 )
         return lines
 
@@ -136,54 +158,64 @@ class ProfileResult(Result):
 def check_contours(
     cams: str | Path | CamConfig | Sequence[str | Path | CamConfig] = (), *, every: bool = False
 ) -> ProfileResult:
-    """The checks of cams' contours: undercut, curvature, pressure angle, reach.
+    """Check the contours of cams: undercut, curvature, pressure angle, reach.
 
-    `contour` is one cam's shape, point by point.
-
-    The command is ``cam-rig profile``.
+    `contour` returns the points of one cam. The command is ``cam-rig profile``.
 
     Parameters
     ----------
-    cams : a cam: a name, a path, or what `load_cam` gave; or several; or one scene, for its cams
-    every : all cams of ``config/cams`` too
+    cams : str, Path, Cam or sequence
+        A cam as a name, a path or the result of `load_cam`, or several cams, or one scene for its
+        cams.
+    every : bool
+        True to add all cams of ``config/cams`` (default: False).
+
+    Returns
+    -------
+    ProfileResult
+        The checks of each cam.
 
     Raises
     ------
-    ConfigError : no cam, or an unknown one; LawError, ProfileError : one that cannot be at all
+    ConfigError
+        No cam is named, or a name is unknown.
+    LawError, ProfileError
+        A cam has no law or no contour.
 
     Examples
     --------
     >>> import cam_rig
-    >>> found = cam_rig.check_contours(["poly345", "flat"])
-    >>> [(one.cam.name, len(one.failed)) for one in found.cams]
+    >>> result = cam_rig.check_contours(["poly345", "flat"])
+    >>> [(checked.cam.name, len(checked.failed)) for checked in result.cams]
     [('poly345', 0), ('flat', 0)]
     """
-    asked = [cams] if isinstance(cams, str | Path | CamConfig) else cams
-    return ProfileResult(tuple(checked_cams(asked, every)), expected=every)
+    requested = [cams] if isinstance(cams, str | Path | CamConfig) else cams
+    return ProfileResult(tuple(checked_cams(requested, every)), expected=every)
 
 
 def checked_cams(cams: Sequence[str | Path | CamConfig], every: bool) -> list[CheckedCam]:
-    """Each cam and its checks."""
-    found = []
-    for one in _asked(cams, every):
-        cam = one if isinstance(one, CamConfig) else load_cam(one)
+    """Return each cam with its checks."""
+    results = []
+    for source in _resolve(cams, every):
+        cam = source if isinstance(source, CamConfig) else load_cam(source)
         try:
-            found.append(CheckedCam.of(cam, build_law(cam)))
+            results.append(CheckedCam.of(cam, build_law(cam)))
         except (LawError, ProfileError) as error:
-            name = cam.name if isinstance(one, CamConfig) else one
+            name = cam.name if isinstance(source, CamConfig) else source
             raise type(error)(f"{name}: {error}") from None
-    return found
+    return results
 
 
-def _asked(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Path | CamConfig]:
-    found: list[Path | CamConfig]
+def _resolve(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Path | CamConfig]:
+    """Return the requested cams: those of the arguments, or of a scene, or all."""
+    sources: list[Path | CamConfig]
     if (scene := load.one_scene(cams)) is not None:
         library = load.Library.beside(scene)
-        found = [library.path("cams", name) for name in load.load_scene(scene).cams]
+        sources = [library.path("cams", name) for name in load.load_scene(scene).cams]
     else:
-        found = [one if isinstance(one, CamConfig) else load.cam_path(one) for one in cams]
+        sources = [cam if isinstance(cam, CamConfig) else load.cam_path(cam) for cam in cams]
     if every:
-        found += sorted((load.config_root() / "cams").glob("*.yaml"))
-    if not found:
+        sources += sorted((load.config_root() / "cams").glob("*.yaml"))
+    if not sources:
         raise ConfigError("no cam is named; allowed: cam files, names in config/cams, or --all")
-    return found
+    return sources
