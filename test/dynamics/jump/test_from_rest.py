@@ -144,5 +144,5 @@ def test_any_rig_is_answered(laws, two_mass, monkeypatch, seed):
 def test_what_takes_too_many_looks_is_refused_in_a_line(laws, two_mass, monkeypatch):
     """With the speed that was come to, the stem's frequency, the limit and what to do."""
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", 2e3)
-    with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 2000 looks .*stem"):
+    with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 2000 evaluations .*stem"):
         find_jump_speed(laws["cycloidal"], two_mass, 1.7)
