@@ -96,7 +96,7 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = FROM_R
     """
     if duration is not None:
         require_run(duration)
-    require_smooth(law, "; where it falls contact is lost at any speed")
+    require_smooth(law, "; contact is lost at any speed if the velocity jumps down")
     if isinstance(parameters, TwoMassParameters):
         return find_two_mass_jump(law, parameters, duration)
     speed, angle = rigid_jump(law, parameters)

@@ -48,7 +48,7 @@ MIN_STEP = 1e-11
 GROUP_FRACTION = 0.75
 #: Factor of the next step after a step that was proven by groups.
 GROUP_GROWTH = 1.5
-#: Ratio of the step of the bounds to the allowed step above which the bounds are computed again.
+#: Ratio of a step to the step that its bounds allow, above which a shorter step is planned.
 MAX_WIDTH_RATIO = 3.0
 #: Factor of the next step after a step that was not proven.
 SHRINK = 0.57

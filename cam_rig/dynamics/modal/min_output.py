@@ -3,7 +3,7 @@
 A piece of the law is skipped if a lower bound of the output in it is not below the least value
 that is known. The lower bound is the floor (19) or the chord of the piece (20). Otherwise the piece
 is cut into parts, and parts are cut again, until the bound (22) of each part is within the
-tolerance. In a run of several turns the bound (21) derives a bound of all turns from the last turn.
+tolerance. In a run of several turns (21) gives a bound for all turns from the last turn.
 
 Numbers in brackets are those of docs/proofs.md, part 2.
 """
