@@ -1,4 +1,4 @@
-"""Flights from a tenth of a millimetre down to nanometres, against 50 digits."""
+"""Flights from 0.1 mm down to 0.1 pm high, against references of 50 digits."""
 
 import itertools
 import math
@@ -20,12 +20,12 @@ from .helpers import exact_law, land
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
 SPEED = 300.0 * np.pi / 30.0
 EPS = float(np.finfo(float).eps)
-#: m
+#: Heights of the flights, m.
 HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
 
 
 def exact_flight(law, p, speed, angle, gap_rate, guess):
-    """Time and approach speed of the landing near ``guess`` (s), with 50 digits."""
+    """Return time and speed of the landing near ``guess`` (s) with 50 digits."""
     numbers = (p.mass, p.spring_stiffness, p.damping, p.preload, speed)
     m, k, c, load, speed = (mp.mpf(x) for x in numbers)
     s, slope, _ = exact_law(law, angle)
@@ -41,7 +41,7 @@ def exact_flight(law, p, speed, angle, gap_rate, guess):
 
 
 def pull(law, angle):
-    """Acceleration with which the spring brings the follower back to the cam, and its parts."""
+    """Return the acceleration (m/s²) towards the cam, and that of its absolute terms."""
     parts = force_weights(P, SPEED) * np.array(law.at(angle)) / P.mass
     return float(parts.sum()) + P.preload / P.mass, float(np.abs(parts).sum() + P.preload / P.mass)
 
@@ -58,9 +58,10 @@ def pull(law, angle):
     ],
 )
 def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
-    """Its length and the speed it ends with, to rounding of the accelerations that bring it back.
+    """Duration and landing speed are exact to the rounding of the accelerations.
 
-    The difference of two places would be wrong by 1e-17 m: that is 1e-11 s of the shortest.
+    A difference of two displacements would have an error of 1e-17 m, or 1e-11 s in the shortest
+    flight.
     """
     law, angle = laws[cam], np.radians(degrees)
     back, parts = pull(law, angle)
@@ -82,7 +83,7 @@ def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
 @pytest.mark.parametrize("part", [0.2, 0.9])
 @pytest.mark.parametrize("height", HEIGHTS[:4])
 def test_a_flight_over_a_joint(laws, height, part):
-    """From one piece of the law to the next, where its s'' jumps: as exact."""
+    """A flight over a joint with a jump of s'' is exact to rounding."""
     law = laws["tm21"]
     joint = float(law.breaks[np.argmax(np.abs(law.jumps(2)) * (law.breaks[:-1] > 0.1))])
     back, parts = pull(law, joint - 1e-9)
@@ -97,17 +98,17 @@ def test_a_flight_over_a_joint(laws, height, part):
         start = mp.mpf(angle), mp.mpf(gap_rate)
         time, _ = exact_flight(law, P, SPEED, *start, found.time)
     assert angle < joint < angle + SPEED * found.time
-    # The joint is at an angle, known to its own last digit, and there s has a step of rounding.
+    # The angle of the joint has a rounding error, and s has a step of rounding there.
     limit = 8.0 * EPS * (1.0 + max(parts, more) / min(back, abs(after)))
-    own = 2.0 * EPS * joint / SPEED + 2.0 * law.largest_step / abs(found.rate)
-    assert abs(float(found.time - time)) < limit * found.time + own
+    joint_error = 2.0 * EPS * joint / SPEED + 2.0 * law.largest_step / abs(found.rate)
+    assert abs(float(found.time - time)) < limit * found.time + joint_error
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("milliseconds", [7, 400, 20, 1])
 def test_a_series_of_bounces(laws, milliseconds):
-    """Bounce after bounce down to nanometres, each from where the last ended, whatever the tick."""
-    # A landing is a float: its own last digit, and that of the angle, are all that is lost.
+    """A series of bounces down to nanometres is exact, for any duration of the ticks."""
+    # The only errors are those of the time and the angle of a landing, which are floats.
     law, p = laws["poly345"], replace(P, restitution=0.6)
     events, total = [], 400 * NS // 1000
     state = FollowerState(float(law(0.0)), 0.3, 0.0, in_contact=False)
@@ -129,22 +130,22 @@ def test_a_series_of_bounces(laws, milliseconds):
     assert events[11][1].impulse < 1e-2 * events[0][1].impulse
 
 
-# Free motion against the matrix exponential in 50 digits.
+# Free motion against the matrix exponential with 50 digits.
 
-#: mass 1.3 kg, spring 4030 N/m: critical damping 2√(km) = 144.8 N·s/m
+#: Dampings, N·s/m. Critical damping is 2√(km) = 144.8 N·s/m with 1.3 kg and 4030 N/m.
 DAMPINGS = {"none": 0.0, "paper": 8.642, "near critical": 144.76, "over": 2e3, "heavy": 2e4}
 TIMES = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0]
 
 
 @pytest.fixture(params=DAMPINGS.values(), ids=DAMPINGS.keys())
 def flight(request, follower):
-    """Parameters and the flight of a follower thrown up at 1.7 m/s from a lift of 31 mm."""
+    """Parameters and flight of a follower that starts at 31 mm with 1.7 m/s."""
     p = replace(follower, damping=request.param)
     return p, lifted_off(p, 0.031, 1.7)
 
 
 def exact(p, time):
-    """y and v from exp(A t) of the homogeneous system about its rest."""
+    """Return y and v by exp(A t) of the homogeneous system about its rest."""
     with mp.workdps(50):
         m, k, c = (mp.mpf(x) for x in (p.mass, p.spring_stiffness, p.damping))
         rest = -mp.mpf(p.preload) / k
@@ -154,7 +155,7 @@ def exact(p, time):
 
 
 def test_state_against_fifty_digits(flight):
-    """Displacement and velocity to 1e-12 of their first values, however strong the damper.
+    """Displacement and velocity are exact to 1e-12 of their initial values.
 
     The acceleration obeys m ÿ + c ẏ + k y + preload = 0.
     """
@@ -168,16 +169,16 @@ def test_state_against_fifty_digits(flight):
 
 
 def test_weight_without_a_spring(follower):
-    """A follower held by its weight, its spring next to nothing, falls as exactly as any other."""
+    """A flight with a very weak spring and a preload is exact to 1e-12."""
     for stiffness in (1.0, 1e-3, 1e-6):
         soft = replace(follower, spring_stiffness=stiffness)
         y, v, _ = lifted_off(soft, 0.031, 1.7).motion(np.array([0.1]))
         assert [y[0], v[0]] == pytest.approx(exact(soft, 0.1), abs=1e-12 * 0.031)
 
 
-# What is hard for a search: long series, instants next to each other, a touch at a joint.
+# Hard cases of the search: long series, close events, a contact at a joint.
 
-#: A dwell from 1 to 6 rad, at zero lift.
+#: Law with a dwell from 1 to 6 rad at zero lift.
 DWELL = Law(
     "dwell",
     [0.0, 0.5, 1.0, 6.0, TURN],
@@ -186,14 +187,14 @@ DWELL = Law(
 
 
 def thrown(velocity, p, seconds):
-    """The events of a follower thrown up from the dwell at a velocity (m/s), without damping."""
+    """Return the events of a follower that leaves the dwell at a velocity (m/s)."""
     course = OneMassTrajectory(DWELL, p, Interval(0, round(seconds * NS), 1.2, 1e-3))
     course.run(FollowerState(0.0, velocity, 0.0, in_contact=False, inner=(0.0, velocity)))
     return course.events
 
 
 def bounces(velocity, p, count):
-    """Times and impulses of the bounces with 50 digits: tan(ω T/2) = v k/(ω F)."""
+    """Return times and impulses of bounces with 50 digits, tan(ω T/2) = v k/(ω F)."""
     with mp.workdps(50):
         rate = mp.sqrt(mp.mpf(p.spring_stiffness) / mp.mpf(p.mass))
         time, v, found = mp.mpf(0), mp.mpf(velocity), []
@@ -205,7 +206,7 @@ def bounces(velocity, p, count):
 
 
 def test_four_hundred_bounces():
-    """With e = 0.99, each from where the last ended: times to 1e-12 s, impulses to 1e-12."""
+    """400 bounces with e = 0.99 are exact to 1e-12 s, their impulses to 1e-12."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8, 0.99)
     found, exact = thrown(0.3, p, 40.0)[:400], bounces(0.3, p, 400)
     assert len(found) == 400
@@ -216,7 +217,7 @@ def test_four_hundred_bounces():
 
 
 def test_events_within_a_nanosecond():
-    """A hard spring's last bounces: in order, none at the time of another, none left out."""
+    """Bounces within a nanosecond are found in order, without omission or duplicate."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 2.6e6, 3.3e8, 0.5)
     times = [event.time for event in thrown(0.1, p, 0.01)]
     exact = [float(time) for time, _ in bounces(0.1, p, len(times))]
@@ -226,8 +227,8 @@ def test_events_within_a_nanosecond():
 
 
 @pytest.mark.parametrize(("higher", "landed"), [(-1e-12, False), (1e-12, True)])
-def test_a_joint_that_is_touched(higher, landed):
-    """A peak at a joint, a picometre below or above the top of the flight over it."""
+def test_a_joint_near_the_top_of_a_flight(higher, landed):
+    """A flight lands on a peak 1 pm above its top, and passes a peak 1 pm below it."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8)
     rate, speed = math.sqrt(p.spring_stiffness / p.mass), 30.0
     top, velocity = math.atan(0.3 * p.spring_stiffness / (rate * p.preload)) / rate, 0.3
@@ -244,11 +245,11 @@ def test_a_joint_that_is_touched(higher, landed):
         assert found.time == pytest.approx(top, abs=1e-6)
 
 
-# Where a polynomial falls below zero, and the forms it is written in.
+# Falls of a polynomial below zero.
 
 
 def test_a_fall_is_the_first():
-    """Of a polynomial, against a fine scan; one that stays above has none."""
+    """`find_fall` returns the first fall below zero, or `NO_ROOT`, as a fine scan."""
     u = np.linspace(0.0, 1.0, 20_001)
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -264,8 +265,8 @@ def test_a_fall_is_the_first():
             assert abs(bernstein.scalar(ordinates)(found)) < 1e-12
 
 
-def test_a_fall_from_within_noise():
-    """Where it begins within rounding of zero it falls at once, or after it was above."""
+def test_a_fall_that_starts_within_rounding():
+    """From a start within rounding of zero, a fall is at once or after a rise."""
     assert find_fall([-1e-13, -1.0], 1e-12) == 0.0
     assert find_fall([-1.0, 1.0], 1e-12) == 0.0
     rising = find_fall([-1e-13, 1.0, -1.0], 1e-12)
@@ -275,7 +276,7 @@ def test_a_fall_from_within_noise():
 
 
 def test_a_root_next_to_zero_keeps_its_digits():
-    """U of 1e-12 is found to its own last digits: a flight of nanometres has no other length."""
+    """The relative error of a root is small even if the root is close to zero."""
     for root in (1e-3, 1e-9, 1e-15):
         ordinates = bernstein.elevate(np.array([root, root - 1.0]), 26)
         assert polynomials.find_single_root(ordinates) == pytest.approx(root, rel=1e-14)

@@ -1,4 +1,4 @@
-"""No landing and no lift-off is missed, however fine the law's detail: against a fine scan."""
+"""No landing and no lift-off is missed, against a fine scan of gap and force."""
 
 import itertools
 import math
@@ -24,37 +24,38 @@ from ..conftest import dwell, rise
 from .helpers import MS, ONE, TWO, bumped, every, land, noisy, ticked
 
 
-def scanned(course, samples, force_at):
-    """Number of events, lowest gap (m), and lowest force in contact (N), by a fine scan."""
-    gap, force, speed = 0.0, np.inf, course.speed
-    for phase in course.phases:
+def scan(trajectory, samples, force_at):
+    """Return the number of events, the least gap (m) and the least contact force (N)."""
+    gap, force, speed = 0.0, np.inf, trajectory.speed
+    for phase in trajectory.phases:
         count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
         times = np.linspace(phase.begin, phase.end, count)
         if phase.flight is not None:
-            place = phase.flight.motion(times - phase.begin)[0]
-            gap = min(gap, float((place - course.law(speed * times)).min()))
+            displacement = phase.flight.motion(times - phase.begin)[0]
+            gap = min(gap, float((displacement - trajectory.law(speed * times)).min()))
         elif phase.end > phase.begin:
             force = min(force, *force_at(phase, times[1:-1]))
-    return len(course.events), gap, force
+    return len(trajectory.events), gap, force
 
 
 def two_masses(law, p, rpm, turns, samples):
-    """Of a roller on the cam."""
-    course = Separation(law, p, rpm * RPM)
-    course.run(turns * TURN / course.speed)
-    return scanned(course, samples, lambda phase, times: phase_states(course, phase, times)[4])
+    """Return the scan of two masses from rest, see `scan`."""
+    trajectory = Separation(law, p, rpm * RPM)
+    trajectory.run(turns * TURN / trajectory.speed)
+    return scan(trajectory, samples, lambda phase, t: phase_states(trajectory, phase, t)[4])
 
 
 def one_mass(law, p, rpm, turns, samples):
-    """Of one mass, the force at each tenth time."""
+    """Return the scan of one mass from rest, with the force at each tenth sample."""
     speed = rpm * RPM
-    course = OneMassTrajectory(law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed))
-    course.run(None)
+    interval = Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed)
+    trajectory = OneMassTrajectory(law, p, interval)
+    trajectory.run(None)
 
     def force_at(_, times):
         return [state_at(law, p, speed * t, speed).contact_force for t in times[::10]]
 
-    return scanned(course, samples, force_at)
+    return scan(trajectory, samples, force_at)
 
 
 MORE_NOISE = [
@@ -69,7 +70,7 @@ MORE_NOISE = [
     [(two_masses, TWO, 5e-6, 0, 1), (one_mass, ONE, 5e-6, 1, 1), *MORE_NOISE],
 )
 def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
-    """1440 pieces and 5 µm of noise: the follower is never in the cam, nor is it pulled at."""
+    """On 1440 pieces with noise the gap and the force are never negative."""
     law = noisy(laws["poly345"], 1440, amplitude, np.random.default_rng(seed))
     events, gap, force = run(law, p, 450.0, turns, 20_000)
     assert events > 50 or amplitude < 1e-6
@@ -79,8 +80,8 @@ def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
 
 @pytest.mark.parametrize("apart", [24.0, pytest.param(0.75, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("run", "p"), [(two_masses, TWO), (one_mass, ONE)])
-def test_a_narrow_bump_is_not_passed_through(laws, run, p, apart):
-    """0.3° wide and 1 mm high, under a flying follower or a riding one: it is met."""
+def test_a_narrow_bump_is_not_missed(laws, run, p, apart):
+    """A bump of 0.3° and 1 mm causes events, and no negative gap or force."""
     for degrees in np.arange(0.7, 359.8, apart):
         law = bumped(laws["poly345"], np.radians(degrees), np.radians(0.3), 1e-3)
         events, gap, force = run(law, p, 480.0, 1, 20_000)
@@ -89,13 +90,14 @@ def test_a_narrow_bump_is_not_passed_through(laws, run, p, apart):
         assert force > -1e-6, degrees
 
 
-# A roller is never below the cam, however it came there and however time is cut.
+# The roller is never below the cam, for any division of time into intervals.
 
+#: The paper's follower with rebounds.
 PAPER = replace(TWO, restitution=0.5)
 
 
-def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
-    """The lowest gap (m) and the number of events of a ramp from ``speed`` (rad/s) on."""
+def min_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
+    """Return the least gap (m) and the number of events of a ramp in ticks."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     rows, events, _ = ticked(law, model, p, whole, every(milliseconds * MS, total * MS))
     angle = speed * rows[0] + 0.5 * acceleration * rows[0] ** 2
@@ -108,49 +110,57 @@ def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_
 @pytest.mark.parametrize("acceleration", [2.0, 30.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration, milliseconds):
-    """A ramp's law covers one tick alone, so a short one in a dwell is all zero: what is rounded
-    in a gap is not of that size, but of the roller's and the spring's."""
+    """The gap is never negative in a ramp, also with ticks that are short dwells.
+
+    The law of a ramp covers one tick, so it may be zero everywhere. The rounding error of the gap
+    must include that of the roller's displacement.
+    """
     p = replace(PAPER, restitution=restitution)
-    lowest, events = lowest_gap(laws[cam], p, 52.0, acceleration, milliseconds)
-    assert lowest > -1e-12
+    gap, events = min_gap(laws[cam], p, 52.0, acceleration, milliseconds)
+    assert gap > -1e-12
     assert events > 0
 
 
 @pytest.mark.parametrize("milliseconds", [20, 3])
-def test_one_mass_lands_on_the_slope_where_a_tick_ends(make_cam, milliseconds):
-    """A ramp's law ends with the tick, on a slope: a quick look at the gap must see the cam go on,
-    and not a plateau under which the follower sinks (20 µm) until the tick is over."""
+def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
+    """A landing at the end of a tick is not missed if the law has a slope there.
+
+    The law of a ramp ends with the tick. It must not count as a plateau, below which the follower
+    once sank by 20 µm until the end of the tick.
+    """
     event = rise(110, 1, "constant_velocity"), dwell(60), rise(100, 0)
     law = build_law(make_cam(dwell(50), *event, dwell(40), lift=0.04))
     p = replace(ONE, restitution=0.7)
-    lowest, events = lowest_gap(law, p, 0.0, 150.0 * np.pi / 30.0, milliseconds, model="one_mass")
-    assert lowest > -1e-12
+    gap, events = min_gap(law, p, 0.0, 150.0 * np.pi / 30.0, milliseconds, model="one_mass")
+    assert gap > -1e-12
     assert events == 33  # as in one tick of 400 ms
 
 
 @pytest.mark.parametrize("spring", [4030.0, 1.0, 0.1])
 def test_a_weak_spring_with_a_large_preload(laws, spring):
-    """It would rest far below the cam, a kilometre for 0.1 N/m, and lands all the same: samples are
-    known to 1e-9 of that way."""
+    """The follower lands, although its position of rest is up to 1 km below the cam.
+
+    Samples have a relative rounding error of 1e-9 of that distance.
+    """
     p = replace(PAPER, spring_stiffness=spring, preload=100.0)
-    lowest, events = lowest_gap(laws["poly345"], p, 62.0, 0.0, 200)
-    assert lowest > -1e-9 * p.preload / spring
+    gap, events = min_gap(laws["poly345"], p, 62.0, 0.0, 200)
+    assert gap > -1e-9 * p.preload / spring
     assert events > 10
 
 
-def test_a_roller_below_the_cam_meets_it_at_once(laws):
-    """Whatever put it there; it does not go on falling."""
+def test_a_roller_below_the_cam_lands_at_once(laws):
+    """A flight that starts below the cam lands at time 0."""
     law, state = laws["poly345"], np.array([-0.01, -1.0, -0.01, -1.0])
     flight = Flight(free_masses(PAPER), to_inner(PAPER, state))
-    found = land(flight, law, 0.0, 50.0, 0.1)
-    assert (found.has_landed, found.time) == (True, 0.0)
-    course = Separation(law, PAPER, 50.0)
-    course.run(0.1, state, contact=False)
-    assert course.events[0].kind == "landing"
-    assert course.events[0].time == 0.0
+    gap = land(flight, law, 0.0, 50.0, 0.1)
+    assert (gap.has_landed, gap.time) == (True, 0.0)
+    trajectory = Separation(law, PAPER, 50.0)
+    trajectory.run(0.1, state, contact=False)
+    assert trajectory.events[0].kind == "landing"
+    assert trajectory.events[0].time == 0.0
 
 
-# -- an interval of even speed or of a ramp: θ = θ₀ + ω t + α t²/2, and what is refused -------
+# Intervals of constant speed or of a ramp, θ = θ₀ + ω t + α t²/2.
 
 
 speeds = st.floats(0.0, 1e3)
@@ -158,7 +168,7 @@ speeds = st.floats(0.0, 1e3)
 
 @given(speeds, speeds, st.integers(1000, 10 * NS), st.floats(0.0, 1e4))
 def test_ends_of_a_ramp(before, after, length, angle):
-    """From the first speed to the last one, at the mean of both."""
+    """A ramp ends at its last speed, and turns by its mean speed times its duration."""
     ramp = Interval(5, 5 + length, angle, before, (after - before) * NS / length)
     top = max(before, after, 1e-300)
     assert ramp.speed_at(ramp.duration) == pytest.approx(after, abs=1e-12 * top)
@@ -169,13 +179,13 @@ def test_ends_of_a_ramp(before, after, length, angle):
 
 @given(st.floats(1.0, 1e3), st.floats(1.0, 1e3), st.floats(1e-3, 1.0))
 def test_time_is_the_inverse_of_the_angle(before, after, part):
-    """The cam is at an angle when it has turned to it."""
+    """`time_at` is the inverse of `angle_at`."""
     ramp = Interval(0, NS, 0.0, before, after - before)
     assert ramp.time_at(ramp.angle_at(part)) == pytest.approx(part, rel=1e-12)
 
 
 def test_time_from_rest_and_never():
-    """From rest θ = α t²/2; an angle behind the point where a ramp comes to rest is never met."""
+    """From rest θ = α t²/2. An angle after the stop of a ramp has an infinite time."""
     start = Interval(0, NS, 0.0, 0.0, 8.0)
     assert start.time_at(4.0) == 1.0
     assert start.time_at(0.0) == 0.0
@@ -187,22 +197,23 @@ def test_time_from_rest_and_never():
 
 
 @given(speeds, speeds, st.integers(1, NS // 10), st.floats(1.0, 50.0))
-def test_parts_of_a_ramp(before, after, length, most):
-    """They share their ends, hold to the angle asked for, and are the ramp again."""
+def test_parts_of_a_ramp(before, after, length, max_angle):
+    """Parts of a ramp follow each other, turn by at most an angle, and form the ramp."""
     ramp = Interval(7, 7 + length, 3.0, before, (after - before) * NS / length)
-    parts = ramp.split(most)
+    parts = ramp.split(max_angle)
     assert (parts[0].start_ns, parts[-1].stop_ns) == (ramp.start_ns, ramp.stop_ns)
-    for one, other in itertools.pairwise(parts):
-        assert one.stop_ns == other.start_ns
-        assert one.unwrapped_at(one.duration) == pytest.approx(other.unwrapped_at(0.0), rel=1e-12)
-        assert one.speed_at(one.duration) == pytest.approx(other.speed, abs=1e-9)
+    for part, following in itertools.pairwise(parts):
+        assert part.stop_ns == following.start_ns
+        end_angle = part.unwrapped_at(part.duration)
+        assert end_angle == pytest.approx(following.unwrapped_at(0.0), rel=1e-12)
+        assert part.speed_at(part.duration) == pytest.approx(following.speed, abs=1e-9)
     longest = max(part.duration for part in parts)
     if len(parts) < length:
-        assert max(before, after) * longest <= most * (1.0 + 1e-9) + 1e-6
+        assert max(before, after) * longest <= max_angle * (1.0 + 1e-9) + 1e-6
     assert all(part.acceleration == ramp.acceleration for part in parts)
 
 
-# The grid of samples that all intervals share.
+# Grid of samples, which all intervals share.
 
 times_ns = st.integers(0, 4000 * NS)
 rates = st.integers(100, 1_000_000)
@@ -210,7 +221,7 @@ rates = st.integers(100, 1_000_000)
 
 @given(st.lists(times_ns, min_size=2, max_size=8, unique=True), rates)
 def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
-    """Each interval's first sample is the one after the last of the interval before."""
+    """The first sample of an interval follows the last sample of the interval before."""
     cuts = sorted(cuts)
     pairs = itertools.pairwise(cuts)
     grids = [Interval(a, b, 0.0, 1.0).grid(rate) for a, b in pairs]
@@ -223,7 +234,7 @@ def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
 
 @given(times_ns, st.integers(1, NS), rates)
 def test_samples_lie_inside(start, length, rate):
-    """The samples are the instants k / rate in [start, stop); the first has its exact offset."""
+    """The samples are the times k / rate in [start, stop) with the exact first offset."""
     grid = Interval(start, start + length, 0.0, 1.0).grid(rate)
     low, high = Fraction(start, NS), Fraction(start + length, NS)
     assert grid.count >= 0
@@ -234,21 +245,21 @@ def test_samples_lie_inside(start, length, rate):
 
 
 def test_index_after():
-    """The first sample at or after a time; never before the first."""
+    """`index_after` returns the first sample at or after a time, at least sample 0."""
     grid = Interval(0, NS, 0.0, 1.0).grid(1000)
     assert [grid.index_after(t) for t in (-1.0, 0.0, 0.25, 0.2501)] == [0, 0, 250, 251]
     np.testing.assert_allclose(grid.since_start()[[0, 999]], [0.0, 0.999], rtol=1e-15)
 
 
-# Rows of a block by their names.
+# Samples of a block, and rows by their names.
 
 
 @pytest.mark.parametrize("model", ["one_mass", "two_mass", "elastic_stem"])
 @pytest.mark.parametrize("rpm", [250, 500])
-def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
-    """One that is nearer the end than rounding tells apart, in contact and in flight.
+def test_a_sample_at_the_end_of_an_interval(model, rpm):
+    """A sample less than 1 ns before the end equals that of a longer interval.
 
-    The end is moved to a part of a nanosecond behind the last sample: 48 kHz has such ends.
+    Sample rates such as 48 kHz have such ends, in contact and in flight.
     """
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     parameters = MODELS[model].parameters(cam_rig.load_rig("paper_table2"))
@@ -266,7 +277,7 @@ def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
 
 
 def test_names_are_the_columns_in_order():
-    """Each name gives the row whose heading begins with it, or ends with it before the unit."""
+    """Each attribute of `Samples` is the row of the column with its name."""
     samples = Samples(np.arange(12.0).reshape(6, 2))
     names = ("time", "lift", "velocity", "acceleration", "force", "impulse")
     for row, (name, column) in enumerate(zip(names, COLUMNS, strict=True)):

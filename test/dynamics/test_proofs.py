@@ -1,4 +1,4 @@
-"""Part 1 of docs/proofs.md over random laws and machines: the gap at events, and inequalities."""
+"""Gap at events and inequalities of docs/proofs.md, part 1, for random cases."""
 
 import math
 
@@ -19,9 +19,9 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
 from cam_rig.units import NS, RPM, TURN
 
-#: Cams per kind of law.
+#: Number of cams per kind of law.
 CAMS = 100
-#: Their seeds. In the last case one mass used to land 4 mm above a straight-line cam.
+#: Seeds of the cams. With the last seed, one mass once landed 4 mm above a cam of straight lines.
 SEEDS = (*range(CAMS - 1), 372)
 #: Rounding errors that the gap of a sample may contain, compared with `gap_rounding`'s 16.
 ROUNDING_ERRORS = 256.0
@@ -42,15 +42,15 @@ def random_law(kind, rng):
     return Law(kind, breaks, np.stack([lifts, *inner, next_lifts]))
 
 
-def random_course(law, model, rng):
+def random_trajectory(law, model, rng):
     """Return the trajectory of a random follower from rest over 2.5 turns."""
     speed, restitution = rng.uniform(100.0, 700.0) * RPM, float(rng.choice([0.0, 0.4, 0.8]))
     duration, preload, damping = 2.5 * TURN / speed, rng.uniform(0.0, 60.0), rng.uniform(0.1, 12.0)
     if model == "one_mass":
         one = FollowerParameters(1.3, 4030.0, damping, preload, 3.3e8, restitution=restitution)
-        course = OneMassTrajectory(law, one, Interval(0, round(duration * NS), 0.0, speed))
-        course.run(None)
-        return course
+        trajectory = OneMassTrajectory(law, one, Interval(0, round(duration * NS), 0.0, speed))
+        trajectory.run(None)
+        return trajectory
     stem = 10.0 ** rng.uniform(5.0, 7.0)
     two = TwoMassParameters(0.52, 0.78, stem, 4030.0, 8.6, damping, preload, restitution)
     separation = Separation(law, two, speed)
@@ -61,43 +61,44 @@ def random_course(law, model, rng):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_the_gap_is_zero_at_every_event(kind, model):
-    """A flight starts and lands on the cam and is never below it, also across velocity jumps."""
+    """A flight starts and lands on the cam, and is never below it."""
     events = jumps_in_flight = 0
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
         law = random_law(kind, rng)
-        course = random_course(law, model, rng)
-        landings = {event.time for event in course.events if event.kind == "landing"}
-        lift_offs = {event.time for event in course.events if event.kind == "lift-off"}
+        trajectory = random_trajectory(law, model, rng)
+        phases, speed = trajectory.phases, trajectory.speed
+        landings = {event.time for event in trajectory.events if event.kind == "landing"}
+        lift_offs = {event.time for event in trajectory.events if event.kind == "lift-off"}
         lift, slope, _ = law.bounds
-        for phase, following in zip(course.phases, [*course.phases[1:], None], strict=True):
-            assert following is None or following.begin == phase.end
+        for phase, next_phase in zip(phases, [*phases[1:], None], strict=True):
+            assert next_phase is None or next_phase.begin == phase.end
             if phase.flight is None:
                 continue
             times = np.linspace(phase.begin, phase.end, 400)
-            place, velocity, _ = phase.flight.motion(times - phase.begin)
-            gap = place - law(course.speed * times)
-            size = np.abs(place).max() + lift + course.speed * phase.end * slope
-            fastest = slope + np.abs(velocity).max() / course.speed
-            rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_PLACE * fastest
+            displacement, velocity, _ = phase.flight.motion(times - phase.begin)
+            gap = displacement - law(speed * times)
+            size = np.abs(displacement).max() + lift + speed * phase.end * slope
+            max_rate = slope + np.abs(velocity).max() / speed
+            rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_PLACE * max_rate
             assert gap.min() >= -rounding, (seed, phase.begin)
             if phase.end in landings:
                 assert abs(gap[-1]) <= rounding, (seed, phase.end)
             if phase.begin in lift_offs | landings:
                 assert abs(gap[0]) <= rounding, (seed, phase.begin)
-            jumps_in_flight += following is not None and phase.end not in landings
-        events += len(course.events)
+            jumps_in_flight += next_phase is not None and phase.end not in landings
+        events += len(trajectory.events)
     assert events > 20 * CAMS
     assert (jumps_in_flight > CAMS) == (kind == "straight")
 
 
-# The inequalities, against dense samples.
+# The inequalities against dense samples.
 
-#: Random laws with a random machine each.
+#: Number of random laws, each with a random machine.
 CASES = 40
-#: Samples of a function that a bound is compared with.
+#: Number of samples of a function that is compared with a bound.
 SAMPLES = 2000
-#: Relative rounding of a sample compared with a bound.
+#: Relative rounding error of a sample that is compared with a bound.
 RELATIVE_ROUNDING = 1e-10
 
 
@@ -117,7 +118,7 @@ def random_machine(rng):
 
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_vibration_never_exceeds_its_share(kind):
-    """(4) bounds V and V̈, (8) proves F > ε_F; both hold at every sample, and neither is idle."""
+    """(4) bounds V and V̈ at every sample, and (8) proves F > ε_F only if it is true."""
     closest, proven = 0.0, 0
     for seed in range(CASES):
         rng = np.random.default_rng(seed)
@@ -137,8 +138,10 @@ def test_a_vibration_never_exceeds_its_share(kind):
             closest = max(closest, float(np.abs(share).max() / bound))
             second = response.matrix @ response.matrix
             acceleration, jerk = second @ start
-            bend = bound_share(table, frequency * acceleration, jerk)
-            assert np.abs(weights @ second @ free).max() <= bend * (1.0 + RELATIVE_ROUNDING)
+            max_curvature = bound_share(table, frequency * acceleration, jerk)
+            assert np.abs(weights @ second @ free).max() <= max_curvature * (
+                1.0 + RELATIVE_ROUNDING
+            )
             ordinates = rows[StemContactRow.FORCE, : part["size"]]
             force = bernstein.basis(part["size"] - 1, u) @ ordinates
             cells = np.minimum((u * CELLS).astype(int), CELLS - 1)
@@ -154,7 +157,7 @@ def test_a_vibration_never_exceeds_its_share(kind):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_proven_step_has_an_open_gap(kind, model):
-    """(5) bounds the gap's acceleration, so (2) or (3) accepts no step in which it closes."""
+    """(5) bounds the acceleration of the gap, so (2) and (3) accept only open gaps."""
     accepted = closed = 0
     for seed in range(CASES):
         rng = np.random.default_rng(seed)
@@ -174,16 +177,16 @@ def test_a_proven_step_has_an_open_gap(kind, model):
                 start = to_inner(two, np.array([z, v, z + stretch[0], v + stretch[1]]))
             width = span / speed * 10.0 ** rng.uniform(-3.0, 0.0)
             times = np.linspace(0.0, width, SAMPLES)
-            place, velocity, acceleration = Flight(system, start).motion(times)
+            displacement, velocity, acceleration = Flight(system, start).motion(times)
             free = start_free_motion(free_table(system), start)
-            largest = advance_contact_mass(free, 0.0).max_acceleration
-            assert np.abs(acceleration).max() <= largest * (1.0 + RELATIVE_ROUNDING)
-            curvature = largest + speed**2 * float(law.largest_curvatures[piece])
+            limit = advance_contact_mass(free, 0.0).max_acceleration
+            assert np.abs(acceleration).max() <= limit * (1.0 + RELATIVE_ROUNDING)
+            curvature = limit + speed**2 * float(law.largest_curvatures[piece])
             inside = np.minimum((low + speed * times - low) / span, 1.0)
             s = bernstein.basis(law.degree, inside) @ law.ordinates[:, piece]
             derivative = bernstein.derivative(law.ordinates[:, piece]) / span
             slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ derivative
-            gap, rates = place - s, velocity[[0, -1]] - speed * slopes
+            gap, rates = displacement - s, velocity[[0, -1]] - speed * slopes
             reach = positive_duration(float(gap[0]), float(rates[0]), curvature)
             assert (gap[times < 0.999 * reach] > 0.0).all()  # (1)
             ends = float(gap[0]), float(rates[0]), float(gap[-1]), float(rates[1])

@@ -1,1 +1,1 @@
-"""Lift-offs and landings: the search for them, one source for plain Python and compiled."""
+"""Search for lift-offs and landings, in plain Python or compiled."""

@@ -1,4 +1,7 @@
-"""Compiles the searches ahead of their first long run: ``python -m cam_rig.dynamics.events``."""
+"""Compile the searches before their first long run.
+
+Usage: ``python -m cam_rig.dynamics.events``
+"""
 
 from __future__ import annotations
 
@@ -20,20 +23,20 @@ from cam_rig.units import NS, TURN
 
 
 def main() -> None:
-    """A turn of each model and its jump speeds on a cam of two cubics; a first call compiles."""
+    """Compile the searches by one run of each model and of the jump speeds."""
     os.environ[VARIABLE] = COMPILED
     ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
     law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
-    one = FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8)
-    OneMassTrajectory(law, one, Interval(0, NS // 10, 0.0, 60.0)).run(None)
-    StroboscopicMap(law, one, 60.0).run(1)
-    two = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
-    Separation(law, two, 60.0).run(0.1)
-    StroboscopicMap(law, two, 60.0).run(1)
-    first_lift_off(law, two, 60.0, np.zeros(2), 0.1)
-    force_run(law, two, 0.1).min_output(60.0)
-    find_two_mass_jump(law, two, 0.1)
-    rigid_jump(law, one)
+    one_mass = FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8)
+    OneMassTrajectory(law, one_mass, Interval(0, NS // 10, 0.0, 60.0)).run(None)
+    StroboscopicMap(law, one_mass, 60.0).run(1)
+    two_masses = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
+    Separation(law, two_masses, 60.0).run(0.1)
+    StroboscopicMap(law, two_masses, 60.0).run(1)
+    first_lift_off(law, two_masses, 60.0, np.zeros(2), 0.1)
+    force_run(law, two_masses, 0.1).min_output(60.0)
+    find_two_mass_jump(law, two_masses, 0.1)
+    rigid_jump(law, one_mass)
 
 
 if __name__ == "__main__":

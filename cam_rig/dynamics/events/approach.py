@@ -3,7 +3,7 @@
 The gap is g = z − s(θ), the displacement of the contact mass less that of the cam. Within a window
 its acceleration is a polynomial, the follower's power series less ω² s''. Two integrations from
 the gap and its rate at the start give g. At a lift-off both are known exactly, so a flight of any
-height is resolved: the zero at the start is divided out, and the next zero is the landing.
+height is resolved. The zero at the start is divided out, and the next zero is the landing.
 
 Far from the cam, steps prove that the gap is open without a polynomial. Numbers in brackets are
 the inequalities of docs/proofs.md, part 1.
@@ -59,7 +59,7 @@ class Gap(NamedTuple):
 
 
 class FlightOverCam(NamedTuple):
-    """A flight over a cam, both from time 0 on."""
+    """Flight over a cam, both from time 0 on."""
 
     lift_off: LiftOffState
     cam: Cam
@@ -72,28 +72,28 @@ class FlightOverCam(NamedTuple):
 
 
 def find_landing(flight: FlightOverCam, limit: float) -> Gap:
-    """Find the landing of a flight; without one, return the gap at ``limit`` (s).
+    """Find the landing of a flight, or return the gap at ``limit`` (s) without one.
 
-    Invariant: the gap is proven open, or zero to rounding, from the start up to ``now``.
+    Invariant: the gap is proven open, or zero to rounding, from the start up to ``point``.
     """
     cam, rounding = flight.cam, 0.0
-    if cam.law.has_velocity_jumps:  # r of (13): one may lie this far before the limit
+    if cam.law.has_velocity_jumps:  # r of (13): a jump may be up to this time before the limit
         rounding = max(SAME_PLACE / cam.speed, 4.0 * angle_rounding_time(cam))
         rounding = min(rounding, MAX_JUMP_ROUNDING_S)
-    now, last = _initial_gap(flight), limit - rounding
-    while now.time < limit:
-        # Within the rounding of a velocity jump the piece before it counts (13).
-        piece_time = now.time - (rounding if now.time > last else 0.0)
-        now = _search_window(flight, now, limit, piece_time)
-        if now.has_landed:
-            return now
-        if now.time < last:
-            now = _step_while_open(flight, now, last, limit)
-    return now
+    point, last = _initial_gap(flight), limit - rounding
+    while point.time < limit:
+        # Within the rounding of a velocity jump the piece before it is evaluated (13).
+        piece_time = point.time - (rounding if point.time > last else 0.0)
+        point = _search_window(flight, point, limit, piece_time)
+        if point.has_landed:
+            return point
+        if point.time < last:
+            point = _step_while_open(flight, point, last, limit)
+    return point
 
 
 def _initial_gap(flight: FlightOverCam) -> Gap:
-    """Return the gap at the start, as a difference of displacements if it is not known better."""
+    """Return the gap at the start: the known gap, or a difference of displacements."""
     if flight.gap_known:
         return Gap(0.0, flight.gap, flight.gap_rate, 0.0, False)
     lift_off, cam = flight.lift_off, flight.cam
@@ -112,7 +112,7 @@ def _initial_position(cam: Cam) -> tuple[int, float]:
 
 
 def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
-    """Return the gap at a time (s), evaluated in the given piece, with the left limit at its end.
+    """Return the gap at a time (s) in a piece, with the left limit at its end.
 
     In the first piece the cam's displacement relative to its initial velocity is integrated from
     s'' alone. The rounding of s and s', which differs from that of the follower, does not enter.
@@ -142,14 +142,14 @@ def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
     return Gap(time, gap, rate, rounding, False)
 
 
-def _step_while_open(flight: FlightOverCam, now: Gap, last: float, limit: float) -> Gap:
-    """Return the gap as far from ``now`` on as steps prove that it is open.
+def _step_while_open(flight: FlightOverCam, point: Gap, last: float, limit: float) -> Gap:
+    """Return the last point up to which steps from ``point`` prove an open gap.
 
-    Each step lies in one piece, where |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5), and is proven by (2)
-    or (3). No step starts after ``last``: a step from a joint within rounding of ``limit`` would
-    return the rate behind the velocity jump there (13).
+    Each step lies in one piece. There |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5), and the step is proven by
+    (2) or (3). No step starts after ``last``, because a step from a joint within rounding of
+    ``limit`` would return the rate after the velocity jump there (13).
     """
-    cam, lift_off, time, gap, rate = flight.cam, flight.lift_off, now.time, now.gap, now.rate
+    cam, lift_off, time, gap, rate = flight.cam, flight.lift_off, point.time, point.gap, point.rate
     initial = contact_component(lift_off, lift_off.start)
     min_step = MIN_STEP_FRACTION * lift_off.free[0]["window"]
     max_acceleration = advance_contact_mass(lift_off, time).max_acceleration
@@ -178,13 +178,14 @@ def _step_while_open(flight: FlightOverCam, now: Gap, last: float, limit: float)
             piece = (piece + 1) % len(cam.law.pieces)
             high = high + cam.law.pieces[piece]["span"]
             rate = mass.velocity - lift_within(cam, piece, time)[1]
-    return now if proven_piece < 0 else _gap_at(flight, time, proven_piece)
+    return point if proven_piece < 0 else _gap_at(flight, time, proven_piece)
 
 
 def positive_duration(value: float, rate: float, curvature: float) -> float:
-    """Return T(value, rate, curvature) in s: a function is positive before it, inequality (1).
+    """Return T(value, rate, curvature) in s of inequality (1).
 
-    ``curvature`` is an upper bound of the absolute second derivative.
+    A function with this value and rate is positive before T. ``curvature`` is an upper bound of its
+    absolute second derivative.
     """
     if value <= 0.0:
         return 0.0
@@ -197,7 +198,7 @@ def positive_duration(value: float, rate: float, curvature: float) -> float:
 def is_positive_between(
     value: float, rate: float, end_value: float, end_rate: float, width: float, curvature: float
 ) -> bool:
-    """Return True if (2) or (3) proves a function positive on an interval of ``width`` s."""
+    """Return True if (2) or (3) proves a function positive over ``width`` s."""
     if value <= 0.0 or end_value <= 0.0:
         return False
     if min(value, end_value) > curvature * width * width / 8.0:  # (2)
@@ -206,19 +207,20 @@ def is_positive_between(
     return width < forward + positive_duration(end_value, -end_rate, curvature)  # (3)
 
 
-def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: float) -> Gap:
-    """Return the landing in the window after ``now``, or the gap at the end of that window.
+def _search_window(flight: FlightOverCam, point: Gap, limit: float, piece_time: float) -> Gap:
+    """Return the landing in the window after ``point``, or the gap at its end.
 
     The window lies in the piece that follows ``piece_time`` (s).
     """
-    cam, time = flight.cam, now.time
+    cam, time = flight.cam, point.time
     piece, low, high = piece_from(cam, piece_time)
     window = flight.lift_off.free[0]["window"]
     end = min(time + window, limit)
     if piece_time == time:
         end = min(end, (high - cam.angle) / cam.speed)
     if not end > time:  # advance by about one float
-        return Gap(time + max(EPS * time, MIN_WINDOW_S), now.gap, now.rate, now.rounding, False)
+        next_time = time + max(EPS * time, MIN_WINDOW_S)
+        return Gap(next_time, point.gap, point.rate, point.rounding, False)
     duration, span = window if end == time + window else end - time, high - low
     first = min(max((cam.angle + cam.speed * time - low) / span, 0.0), MAX_PIECE_POSITION)
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
@@ -227,7 +229,7 @@ def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: fl
     curvature = restrict(curvature, law.size, first, max(first, last))
     rates = flight.lift_off.rates if time == 0.0 else advance(flight.lift_off, time).rates
     acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # (10)
-    # Rounding of s'' in m/rad²: relative to s'' itself, and to s from which it is differentiated.
+    # Rounding error of s'' in m/rad²: that of s'' itself, and that of s before differentiation.
     differences = (law.size - 1) / law.pieces[piece]["span"]
     curvature_size = ACCELERATION_ROUNDING_ERRORS * law.pieces[piece]["max_curvature"]
     curvature_size += differences * differences * law.max_lift
@@ -238,38 +240,38 @@ def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: fl
     curvature, acceleration = elevate(curvature, count), elevate(acceleration, count)
     for i in range(len(acceleration)):
         acceleration[i] -= speed_squared * curvature[i]
-    rates = integrate(acceleration, duration, now.rate)
-    gaps = integrate(rates, duration, now.gap)
-    # Change of the acceleration within the rounding of the lift-off's time, m/s².
+    rates = integrate(acceleration, duration, point.rate)
+    gaps = integrate(rates, duration, point.gap)
+    # Change of the acceleration within the rounding error of the time of the lift-off, m/s².
     steepest, degree = 0.0, len(acceleration) - 1
     for i in range(min(2, degree)):
         steepest = max(steepest, abs(acceleration[i + 1] - acceleration[i]))
     time_rounding = degree / duration * steepest * angle_rounding_time(cam)
     initial_rounding = acceleration_rounding + flight.acceleration_rounding + time_rounding
-    u = _first_fall(gaps, now, duration, initial_rounding)
+    u = _first_fall(gaps, point, duration, initial_rounding)
     if u >= 0.0:
         return Gap(time + u * duration, 0.0, value_at(rates, len(rates), u), 0.0, True)
-    rounding = now.rounding + duration * duration * acceleration_rounding
+    rounding = point.rounding + duration * duration * acceleration_rounding
     return Gap(end, gaps[-1], rates[-1], rounding, False)
 
 
-def _first_fall(gaps: Vector, now: Gap, duration: float, acceleration_rounding: float) -> float:
-    """Return u ∈ [0, 1] where the gap falls below its rounding, negative if it does not.
+def _first_fall(gaps: Vector, point: Gap, duration: float, acceleration_rounding: float) -> float:
+    """Return u ∈ [0, 1] at which the gap falls below its rounding error.
 
-    ``gaps`` are ordinates in m. An exact zero at the start is divided out first, and a second one
-    if the rate is zero too (9).
+    It is negative if the gap does not fall. ``gaps`` are ordinates in m. An exact zero at the start
+    is divided out first, and a second zero if the rate is zero too (9).
     """
-    rounding = now.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * max_abs(gaps)
-    if now.gap != 0.0 or now.rounding != 0.0 or now.rate < 0.0:
+    rounding = point.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * max_abs(gaps)
+    if point.gap != 0.0 or point.rounding != 0.0 or point.rate < 0.0:
         return find_fall(gaps, rounding)
     gaps, rounding = _divide_by_u(gaps), duration * duration * acceleration_rounding
-    if now.rate == 0.0:
+    if point.rate == 0.0:
         return find_fall(_divide_by_u(gaps), rounding)
-    return find_fall(gaps, min(rounding, 0.5 * duration * now.rate))
+    return find_fall(gaps, min(rounding, 0.5 * duration * point.rate))
 
 
 def _divide_by_u(row: Vector) -> Vector:
-    """Return the ordinates of a polynomial with a zero at u = 0, divided by u: bᵢ n/i (9)."""
+    """Return the ordinates bᵢ n/i of a polynomial divided by its zero u (9)."""
     degree = len(row) - 1
     out = np.zeros(degree)
     for i in range(degree):

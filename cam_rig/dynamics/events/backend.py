@@ -78,7 +78,10 @@ def expect_many() -> None:
 
 
 def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
-    """Return the compiled kernel; the plain one if numba is missing, disabled or broken."""
+    """Return the compiled kernel, or the plain one if numba does not work.
+
+    A failure of numba is reported on stderr.
+    """
     if find_spec("numba") is None:
         return kernel
     from multiprocessing.pool import ThreadPool
@@ -89,8 +92,8 @@ def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
         failures = (*failures, numba.core.errors.NumbaError)
         if numba.config.DISABLE_JIT:
             return kernel
-        # Python raises KeyboardInterrupt in the main thread, which waits here. Half a compilation
-        # cannot be undone; it ends in its own thread, or with the process.
+        # Python raises KeyboardInterrupt in the main thread, which waits here. A compilation cannot
+        # be interrupted: it ends in its thread, or with the process.
         with ThreadPool(1) as pool:
             compiled: Kernel = pool.apply(_compile, (kernel, arguments))
         return compiled
@@ -101,10 +104,13 @@ def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
 
 
 def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
-    """Load the code of a kernel, or compile and store it; replace stored code that is damaged."""
+    """Load the code of a kernel, or compile and store it.
+
+    Damaged code is replaced.
+    """
     numba: Any = import_module("numba")
     name, folder = kernel.__name__, _cache_folder()
-    folder.mkdir(parents=True, exist_ok=True)  # else numba would store code beside the sources
+    folder.mkdir(parents=True, exist_ok=True)  # else numba would store code next to the sources
     _register()
     previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
     try:
@@ -143,7 +149,7 @@ def _cache_folder() -> Path:
 
 @cache
 def _register() -> None:
-    """Let compiled code call the functions of `MODULES`, and replace `without_refcount`."""
+    """Let compiled code call the functions of `MODULES` and `without_refcount`."""
     cgutils: Any = import_module("numba.core.cgutils")
     extending: Any = import_module("numba.extending")
     types: Any = import_module("numba.core.types")

@@ -1,14 +1,15 @@
-"""Loss of contact of a follower on an elastic stem: the first zero of the contact force.
+"""Loss of contact of two masses: the first zero of the contact force.
 
 In contact the state is the vibration (η, η̇) of the end mass about its static position. A turn is
 divided into parts, and in each part
 
     η = X(t) + η_free(t),    F(t) = P(t) + p η_free(t) + q η̇_free(t)
 
-with polynomials X and P and a free vibration η̈ = −κ η − 2δ η̇. `find_loss_of_contact` walks from
-part to part. In each part it first takes steps that prove F > 0, then, where the force comes close
-to zero, it finds the zero of a polynomial in a window. Numbers in brackets are the inequalities
-of docs/proofs.md, part 1.
+with polynomials X and P and a free vibration η̈ = −κ η − 2δ η̇. `find_loss_of_contact` searches part
+after part. In each part it first takes steps that prove F > 0. If the force is close to zero, it
+searches for the zero of a polynomial in a window.
+
+Numbers in brackets are the inequalities of docs/proofs.md, part 1.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from cam_rig.units import TURN
 
 #: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
 MIN_STEP_FRACTION = 0.25
-#: Equal cells of a part for which the lowest polynomial force is stored.
+#: Number of equal cells of a part. The lowest polynomial force in each cell is stored.
 CELLS = 8
 
 #: Scalars of one part of a turn.
@@ -40,7 +41,7 @@ CONTACT_PART = np.dtype(
         ("start", "f8"),  # cam angle, rad
         ("span", "f8"),  # cam angle that the part covers, rad
         ("duration", "f8"),  # s
-        ("size", "i8"),  # ordinates of its polynomials
+        ("size", "i8"),  # number of ordinates of its polynomials
         ("force_rounding", "f8"),  # ε_F, rounding error of the force, N
         ("max_force_curvature", "f8"),  # upper bound of |P̈|, N/s²
         ("flow", "f8", (2, 2)),  # e^{Ah} of (η, η̇) over the part
@@ -51,7 +52,7 @@ CONTACT_PART = np.dtype(
 
 
 class StemContactRow(IntEnum):
-    """Matrix of `StemContactTable.polynomials`.
+    """Index of a row in a part of `StemContactTable.polynomials`.
 
     Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
     """
@@ -71,9 +72,10 @@ class StemVibration(NamedTuple):
 
 
 class StemContactTable(NamedTuple):
-    """A `LinearResponse` of (η, η̇) whose output is the contact force, with n parts per turn.
+    """Numbers of a `LinearResponse` of (η, η̇) whose output is the contact force.
 
-    Matrix of polynomials are as long as the longest one; part i uses ``parts[i]["size"]`` numbers.
+    It has n parts per turn. The rows of ``polynomials`` have the length of the longest polynomial.
+    Part i uses ``parts[i]["size"]`` numbers of its rows.
     """
 
     parts: Records  #: records of `CONTACT_PART`, ``(n,)``
@@ -83,11 +85,11 @@ class StemContactTable(NamedTuple):
     force_per_displacement: float  #: p, N/m
     force_per_velocity: float  #: q, N·s/m
     series: Matrix  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
-    window: float  #: duration of a window, s
+    window: float  #: duration of a window of `series`, s
 
 
 class ContactStretch(NamedTuple):
-    """Contact within one part, from a time on."""
+    """Contact within one part, from a time in it on."""
 
     part: int  #: index of the part
     offset: float  #: time since the start of the part, s
@@ -98,7 +100,7 @@ class ContactLoss(NamedTuple):
     """Result of a search for a loss of contact."""
 
     is_lost: bool  #: True if contact is lost within the duration of the search
-    time: float  #: time of the loss, s; infinite if there is none
+    time: float  #: time of the loss, s, infinite if contact is kept
     stretch_start: float  #: start time of the last stretch, s
     stretch: ContactStretch  #: the last stretch that was searched
 
@@ -151,9 +153,10 @@ def find_loss_of_contact(
 def find_loss_in_part(
     contact: StemContactTable, displacement: float, velocity: float, limit: float
 ) -> float:
-    """Find the loss of contact (s) in a table's only part, infinite if none before ``limit``.
+    """Return the time (s) of the loss of contact in the only part of a table.
 
-    The search starts at the start of the part, with the free vibration (η, η̇) given there.
+    It is infinite if contact is kept up to ``limit`` (s). The search starts at the start of the
+    part with the given free vibration (η, η̇).
     """
     contact = without_refcount(contact)
     stretch = ContactStretch(0, 0.0, StemVibration(displacement, velocity))
@@ -173,14 +176,14 @@ def forced_vibration(contact: StemContactTable, part: int, offset: float) -> Ste
 def free_vibration(
     contact: StemContactTable, stretch: ContactStretch, time: float
 ) -> StemVibration:
-    """Return e^{At} times the free vibration at a time (s) after the start of a stretch."""
+    """Return the free vibration e^{At} η at a time (s) after the start of a stretch."""
     response = compute_impulse_response(contact.damping, contact.stiffness, time)
-    own = response.rate + contact.damping * response.value
+    diagonal = response.rate + contact.damping * response.value
     displacement, velocity = stretch.free.displacement, stretch.free.velocity
     acceleration = -contact.stiffness * displacement - contact.damping * velocity
     return StemVibration(
-        displacement * own + velocity * response.value,
-        velocity * own + acceleration * response.value,
+        displacement * diagonal + velocity * response.value,
+        velocity * diagonal + acceleration * response.value,
     )
 
 
@@ -196,9 +199,10 @@ def vibration_after(
 def _find_loss_in_stretch(
     contact: StemContactTable, stretch: ContactStretch, limit: float
 ) -> float:
-    """Return the time (s) after which the force is below −ε_F, infinite if none before ``limit``.
+    """Return the time (s) after which the force is below −ε_F.
 
-    Steps and windows follow each other without a gap, so that no zero is skipped (theorem A).
+    It is infinite if there is no such time before ``limit`` (s). Steps and windows follow each
+    other without a gap, so that no zero is skipped (theorem A).
     """
     force_rounding = contact.parts[stretch.part]["force_rounding"]
     time = _step_while_pressed(contact, stretch, 0.0, limit)
@@ -278,9 +282,10 @@ def _step_while_pressed(
 
 
 def _pressed_until(part: np.void, offset: float, share: float) -> float:
-    """Return the time (s) within a part before which no share up to ``share`` (N) lifts it (8).
+    """Return the time (s) within a part up to which contact is proven by (8).
 
-    It is infinite if the rest of the part is proven.
+    No vibration with a share of the force up to ``share`` (N) breaks contact before. The time is
+    infinite if the remainder of the part is proven.
     """
     cell_duration, minima = part["duration"] / CELLS, part["cell_minima"]
     cell = int(offset / cell_duration)
@@ -301,7 +306,7 @@ def bound_share(contact: StemContactTable, scaled_displacement: float, velocity:
 def _force_above_rounding(
     contact: StemContactTable, stretch: ContactStretch, time: float, free: StemVibration
 ) -> tuple[float, float]:
-    """Return F − ε_F (N) and Ḟ (N/s) at a time (s), where the free vibration is ``free``."""
+    """Return F − ε_F (N) and Ḟ (N/s) at a time (s) with the free vibration ``free``."""
     part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
     degree, u = part["size"] - 1, (stretch.offset + time) / part["duration"]
     weighted, weighted_rate = (

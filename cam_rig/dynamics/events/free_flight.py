@@ -1,8 +1,9 @@
-"""Free motion of the follower in flight: exact states, and the acceleration as a polynomial.
+"""Free motion of the follower in flight.
 
-In flight the masses obey ẋ = A x + b. The states x are displacements and velocities in turn. If
-A is well conditioned, x = V ξ separates it into pairs ξ = (q, q̇) with q̈ = −κ q − 2δ q̇ + const,
-and each pair is solved in closed form. Otherwise the matrix exponential is used.
+In flight the masses obey ẋ = A x + b. The states x are displacements and velocities in turn. If V
+is well conditioned, x = V ξ separates them into pairs ξ = (q, q̇) with q̈ = −κ q − 2δ q̇ + const, and
+each pair is solved in closed form. Otherwise the matrix exponential is used. The states are exact.
+The acceleration is also available as a polynomial in a window.
 
 All results are changes since the lift-off, not displacements from the position of rest, because a
 weak spring puts that position far away. `cam_rig.dynamics.linear.exponential` has the same
@@ -81,7 +82,7 @@ class ImpulseResponse(NamedTuple):
 
 
 class LiftOffState(NamedTuple):
-    """The start of a flight."""
+    """Start of a flight."""
 
     free: Records  #: one record of `FREE_SYSTEM`
     start: Vector  #: x at the start, ``(n,)``
@@ -110,7 +111,7 @@ class ContactMassMotion(NamedTuple):
 
     change: float  #: displacement since the start of the flight, m
     velocity: float  #: m/s
-    max_acceleration: float  #: upper bound of |acceleration| from now on, m/s²
+    max_acceleration: float  #: upper bound of |acceleration| at this and all later times, m/s²
 
 
 def compute_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
@@ -129,7 +130,10 @@ def compute_impulse_response(damping: float, stiffness: float, time: float) -> I
 
 
 def _expand_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
-    """Return the Taylor series, with the time as unit; the equation of motion gives its terms."""
+    """Return the response by its Taylor series, with the time as the unit of time.
+
+    The equation of motion gives the terms.
+    """
     term, previous, value, integral = 1.0, 0.0, 0.0, 0.0
     for i in range(2, SERIES_TERMS + 1):
         inverse = 1.0 / i
@@ -146,7 +150,10 @@ def _expand_impulse_response(damping: float, stiffness: float, time: float) -> I
 def _overdamped_impulse_response(
     decay: float, root: float, stiffness: float, time: float
 ) -> ImpulseResponse:
-    """Return the response of an overdamped or critical pair, without a growing exponential."""
+    """Return the response of an overdamped or critical pair.
+
+    It contains no growing exponential.
+    """
     fast, difference = decay + root, 2.0 * root
     slow = stiffness / fast
     growth = -math.expm1(-difference * time) / difference if difference > 0.0 else time
@@ -160,7 +167,7 @@ def _overdamped_impulse_response(
 
 
 def start_free_motion(system: Records, start: Vector) -> LiftOffState:
-    """Return the flight of one record of `FREE_SYSTEM` that starts at a state ``(n,)``."""
+    """Return the flight of a record of `FREE_SYSTEM` that starts at a state ``(n,)``."""
     free, size = system[0], len(start)
     load = free["load"]
     rates = multiply(free["matrix"], start)
@@ -181,7 +188,7 @@ def start_free_motion(system: Records, start: Vector) -> LiftOffState:
 
 
 def multiply(matrix: Matrix, column: Vector) -> Vector:
-    """Return a matrix times a column ``(n,)``; the matrix may be larger."""
+    """Return a matrix times a column ``(n,)``, where the matrix may be larger."""
     out = np.zeros(len(column))
     for i in range(len(column)):
         out[i] = dot(column, matrix[i])
@@ -189,7 +196,7 @@ def multiply(matrix: Matrix, column: Vector) -> Vector:
 
 
 def contact_component(lift_off: LiftOffState, state: Vector) -> float:
-    """Return the contribution of a state ``(n,)``, or of its rate, to the contact mass."""
+    """Return the displacement (or velocity) of the contact mass in a state (or rate)."""
     return dot(state, lift_off.free[0]["contact_row"])
 
 
@@ -223,14 +230,14 @@ def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
 
 
 def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMotion:
-    """Return the contact mass's motion at a time (s), and the bound (5) of docs/proofs.md."""
+    """Return the motion of the contact mass at a time (s), with the bound (5)."""
     free = lift_off.free[0]
     if not free["has_pairs"]:
-        now = advance(lift_off, time)
+        state = advance(lift_off, time)
         return ContactMassMotion(
-            change=contact_component(lift_off, now.change),
-            velocity=contact_component(lift_off, now.rates),
-            max_acceleration=bound_acceleration(lift_off, now.rates),
+            change=contact_component(lift_off, state.change),
+            velocity=contact_component(lift_off, state.rates),
+            max_acceleration=bound_acceleration(lift_off, state.rates),
         )
     change, velocity, row, energy = 0.0, 0.0, free["modal_contact_row"], free["modal_energy"]
     e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0  # E ẋ, component by component: an array costs more time
@@ -246,9 +253,9 @@ def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMoti
 
 
 def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
-    """Return the upper bound (m/s²) of the contact mass's |acceleration| from rates ẋ on.
+    """Return the upper bound (m/s²) of |acceleration| of the contact mass.
 
-    The bound is ‖E ẋ‖, inequality (5) of docs/proofs.md.
+    The bound is ‖E ẋ‖ and applies from the rates ẋ on, inequality (5) of docs/proofs.md.
     """
     total, energy = 0.0, lift_off.free[0]["energy"]
     for i in range(len(rates)):
@@ -325,7 +332,7 @@ def _matrix_product(left: Matrix, right: Matrix, scale: float) -> Matrix:
 
 
 def _add_scaled(target: Matrix, term: Matrix, scale: float) -> None:
-    """Add ``scale`` times a square matrix to another one in place."""
+    """Add ``scale`` times a square matrix to ``target`` in place."""
     for i in range(len(target)):
         for j in range(len(target)):
             target[i][j] += scale * term[i][j]

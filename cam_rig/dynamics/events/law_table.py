@@ -1,4 +1,4 @@
-"""Tables of a law and of the cam that carries it, as the event search reads them."""
+"""Law and cam in the form that the event search reads."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LAW_PIECE = np.dtype(
 
 
 class LawRow(IntEnum):
-    """Matrix of `LawTable.polynomials`.
+    """Index of a row in a piece of `LawTable.polynomials`.
 
     Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
     """
@@ -48,15 +48,15 @@ class LawTable(NamedTuple):
 
     pieces: Records  #: records of `LAW_PIECE`, ``(n,)``
     polynomials: Matrices  #: rows of `LawRow`, ``(n, 4, p + 1)``
-    size: int  #: ordinates per piece, p + 1
+    size: int  #: number of ordinates per piece, p + 1
     max_lift: float  #: upper bound of |s|, m
     max_slope: float  #: upper bound of |s'|, m/rad
-    max_lift_step: float  #: largest step of s at a joint, m; rounding of the law itself
+    max_lift_step: float  #: largest step of s at a joint, m (rounding error of the law)
     has_velocity_jumps: bool  #: True if s' jumps at a joint
 
 
 class Cam(NamedTuple):
-    """A law on a cam that turns at constant speed."""
+    """Law on a cam that turns at constant speed."""
 
     law: LawTable
     speed: float  #: rad/s
@@ -109,8 +109,8 @@ def angle_rounding_time(cam: Cam) -> float:
 def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
     """Return the piece that follows a time (s), and its start and end angle (rad).
 
-    A piece that ends within the rounding of the angle counts as finished: a lift-off where s''
-    jumps down lies at the joint and not one float before it.
+    A piece that ends within the rounding error of the angle counts as finished. A lift-off at a
+    joint with a jump of s'' is therefore in the next piece, and not one float before it.
     """
     law, angle = cam.law, cam.angle + cam.speed * time
     turn = math.floor(angle / TURN) * TURN
@@ -125,10 +125,10 @@ def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
 
 
 def gap_rounding(law: LawTable, displacement: float) -> float:
-    """Return the rounding error (m) of a gap computed as a difference, ε_g in docs/proofs.md.
+    """Return the rounding error (m) of a gap that is computed as a difference.
 
-    It covers the rounding of the follower's displacement, of s, of the cam angle, and the steps
-    of s at the joints of the law.
+    It is ε_g in docs/proofs.md. It contains the rounding errors of the follower's displacement, of
+    s and of the cam angle, and the steps of s at the joints of the law.
     """
     size = max(abs(displacement), law.max_lift) + TURN * law.max_slope
     return GAP_ROUNDING_ERRORS * EPS * size + law.max_lift_step

@@ -31,10 +31,10 @@ RUN_STATE = np.dtype(
     [
         ("time", "f8"),  # since the start of the interval, s
         ("phase_end", "f8"),  # end of a recorded phase, s; 0 in the state of a run
-        ("gap", "f8"),  # in flight, if it is known, m
-        ("gap_rate", "f8"),  # in flight, if it is known, m/s
+        ("gap", "f8"),  # gap in flight if ``gap_known``, m
+        ("gap_rate", "f8"),  # its rate, m/s
         ("initial_step", "f8"),  # step of ṡ to apply when the run starts, m/s
-        ("jumps_done", "i8"),  # velocity jumps of the interval that are over
+        ("jumps_done", "i8"),  # number of velocity jumps of the interval that are applied
         ("mode", "i8"),  # `RunMode`
         # Contact: (η, η̇) of two masses, unused of one. Flight: (w, ẇ, Y, Ẏ) of two masses, (y, ẏ)
         # of one, as in `FreeSystem`. Numbers beyond these are unused.
@@ -84,10 +84,10 @@ class StemStretch(NamedTuple):
 
 
 class Jumps(NamedTuple):
-    """Velocity jumps that an interval owns."""
+    """Velocity jumps that belong to an interval."""
 
     ahead: Records  #: records of `JUMP` in the order of time, ``(n,)``
-    duration: float  #: of the interval, s
+    duration: float  #: duration of the interval, s
     #: Time (s) from which the cam is within rounding of a velocity jump of the next interval. A
     #: lift-off from then on belongs to that interval.
     contact_limit: float
@@ -112,7 +112,7 @@ class CamWeights(NamedTuple):
 
 
 class RunTable(NamedTuple):
-    """A follower on a cam at constant speed: one rigid mass, or two masses with a stem.
+    """Follower on a cam at constant speed: one rigid mass, or two masses with a stem.
 
     The fields from ``contact`` to ``preload_compression`` are used only if ``has_stem`` is True,
     ``losses`` only if it is False.
@@ -129,8 +129,8 @@ class RunTable(NamedTuple):
     drive: CamWeights  #: weights of the cam's motion in η̈
     end_share: float  #: end mass as a fraction of both masses
     spring_share: float  #: 1 − α, static stem compression as a fraction of the lift
-    preload_compression: float  #: of the stem, m
+    preload_compression: float  #: compression of the stem by the preload, m
     restitution: float  #: Newton's coefficient of a landing
     acceleration_rounding: float  #: as in `FlightOverCam`, m/s²
-    min_bounce_height: float  #: lower bounces are contact, m
-    min_velocity_step: float  #: smaller steps of ṡ are rounding, m/s
+    min_bounce_height: float  #: height of a bounce below which it counts as contact, m
+    min_velocity_step: float  #: step of ṡ up to which it counts as rounding, m/s

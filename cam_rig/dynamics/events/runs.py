@@ -1,4 +1,4 @@
-"""Contact, lift-off, flight and landing of one mass or two masses: the state machine of a run.
+"""State machine of a run of one or two masses: contact, lift-off, flight, landing.
 
     CONTACT → lift-off → FLIGHT → landing → CONTACT, or FLIGHT again if the landing rebounds
 
@@ -17,13 +17,13 @@ its end. A phase ends at its event, at the next velocity jump, or at the end of 
 
 Invariants after each repetition, with the inequalities of docs/proofs.md, part 1:
 
-1. The recorded phases follow each other without a gap. The last one ends at ``state["time"]``.
+1. The recorded phases follow each other without a gap. The last phase ends at ``state["time"]``.
 2. The force was not below −ε_F in CONTACT, nor the gap below −ε_g in FLIGHT (theorem A).
 3. In FLIGHT ``gap`` and ``gap_rate`` are the follower less the cam at ``time``, after all velocity
    jumps up to ``time``. Each jump is subtracted exactly once (13).
 4. A flight that starts at an event starts with a gap of exactly 0 and a gap rate ≥ 0.
-5. A rebound has e times the speed of its landing relative to the cam. Bounces end, because one
-   that would stay below ``min_bounce_height`` comes to rest (14).
+5. A rebound has e times the speed of its landing relative to the cam. Bounces end, because a
+   follower that would stay below ``min_bounce_height`` stops on the cam (14).
 
 A landing stops the contact mass on the cam or rebounds with Newton's restitution e. The end mass
 of two masses keeps its velocity.
@@ -51,12 +51,12 @@ from cam_rig.dynamics.velocity_jumps import SAME_PLACE
 from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
-#: Angle (rad) below which an interval without contact force is rounding and lifts nothing.
+#: Angle (rad) up to which an interval of `LOSS` counts as rounding and causes no lift-off.
 MIN_LOSS_ANGLE = 1e-9
 
 
 def run_events(run: RunTable, record: RunRecord) -> None:
-    """Record phases and events up to the end of the interval, or until the record is full."""
+    """Record phases and events until the interval ends or the record is full."""
     run, record = without_refcount(run), without_refcount(record)
     state, counts = record.state[0], record.counts[0]
     if not state["has_started"]:
@@ -77,7 +77,7 @@ def run_events(run: RunTable, record: RunRecord) -> None:
 
 
 def start_flight(state: np.void, gap_known: bool, gap: float, gap_rate: float) -> None:
-    """Set a state to FLIGHT; its vector is set already."""
+    """Set the mode and the gap of a state in flight, whose vector is already set."""
     state["mode"], state["gap_known"] = RunMode.FLIGHT, gap_known
     state["gap"], state["gap_rate"] = gap, gap_rate
 
@@ -105,7 +105,7 @@ def _ride_one_mass(run: RunTable, record: RunRecord) -> None:
 
 
 def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
-    """Run contact of two masses up to the loss of contact, the next velocity jump, or the end."""
+    """Run contact of two masses up to its loss, the next velocity jump, or the end."""
     state, contact = record.state[0], run.contact
     time, limit = state["time"], _next_limit(run.jumps, state)
     vibration = StemVibration(state["vector"][0], state["vector"][1])
@@ -168,7 +168,10 @@ def _fly(run: RunTable, record: RunRecord) -> None:
 
 
 def _apply_velocity_step(run: RunTable, record: RunRecord, time: float, step: float) -> None:
-    """Apply a step of ṡ (m/s): an impact or a lift-off in contact, a new gap rate in flight."""
+    """Apply a step of ṡ (m/s) to a run.
+
+    In contact it is an impact or a lift-off. In flight it changes the gap rate.
+    """
     state = record.state[0]
     if abs(step) <= run.min_velocity_step:
         return
@@ -193,15 +196,19 @@ def _lift_off(
     stretch: StemStretch,
     gap_rate: float,
 ) -> None:
-    """Record a lift-off and launch a follower that moves with ``cam``, at ``gap_rate`` m/s."""
+    """Record a lift-off, and start the flight of a follower that moves with ``cam``.
+
+    ``gap_rate`` is in m/s.
+    """
     _record_event(record, EventCode.LIFT_OFF, time, 0.0, 0.0)
     _launch(run, record.state[0], cam, stretch, 0.0, gap_rate)
 
 
 def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, rate: float) -> None:
-    """Record a landing at a gap rate ≤ 0 (m/s): the follower rebounds or comes to rest.
+    """Record a landing, after which the follower rebounds or stays on the cam.
 
-    ``stretch`` is that of two masses just before the landing.
+    ``rate`` is the gap rate, at most 0 m/s. ``stretch`` is that of two masses just before the
+    landing.
     """
     state, cam, approach, force = record.state[0], cam_at(run.cam, time), -rate, 0.0
     on_cam, vibration = StemStretch(stretch.length, stretch.rate + rate), StemVibration(0.0, 0.0)
@@ -272,7 +279,10 @@ def _next_limit(jumps: Jumps, state: np.void) -> float:
 
 
 def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
-    """Return ``time``, or `_next_limit` if it is later or, by rounding, just before a jump."""
+    """Return the time (s) of an event, limited to `_next_limit`.
+
+    An event within rounding of a velocity jump is moved to the jump.
+    """
     has_jump = state["jumps_done"] < len(run.jumps.ahead)
     limit, rounding = _next_limit(run.jumps, state), SAME_PLACE / run.cam.speed
     return time if time < limit - (rounding if has_jump else 0.0) else limit

@@ -1,4 +1,4 @@
-"""Trajectory of a follower through an interval: its phases and events, and the search's tables."""
+"""Trajectory of a follower in an interval, and the tables of the event search."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Phases that the first call of the search has room for. Each further call has twice the room.
+#: Room of the first call of the search, in phases. Each further call has twice the room.
 FIRST_ROOM = 32
 #: Largest room of a call, in phases.
 MAX_ROOM = 4096
-#: Fraction of a turn below which a further turn is rounding.
+#: Fraction of a turn up to which a further turn counts as rounding.
 TURN_ROUNDING = 1e-6
-#: Steps of the cam's velocity below this fraction of (cam speed × lift) are rounding.
+#: Step of the cam's velocity, relative to (cam speed × lift), up to which it counts as rounding.
 MIN_VELOCITY_STEP = 1e-12
-#: Lowest bounce as a fraction of the lift. Lower bounces are contact.
+#: Height of a bounce, as a fraction of the lift, below which it counts as contact.
 MIN_OF_LIFT = 1e-12
-#: Lowest bounce in m, a hundred thousandth of an atom.
+#: Height of a bounce in m below which it counts as contact: 1e-5 of the size of an atom.
 MIN_HEIGHT = 1e-15
 #: Rounding errors that a contact force may contain.
 ROUNDING_ERRORS = 64.0
@@ -67,18 +67,18 @@ class Phase:
 
 
 class EndlessEventsError(DynamicsError):
-    """A follower that lifts off and lands without end: it has no motion in this model."""
+    """Error of an endless series of events, which the model cannot resolve."""
 
 
 class Trajectory:
-    """Trajectory on one law at one speed (rad/s); times are in s since the start.
+    """Trajectory on one law at one speed (rad/s). Times are in s since the start.
 
-    Nothing is stepped: contact ends at a zero of the force, a flight at a zero of the gap, and
-    between these the motion is known in closed form. Both also end at a joint where the law's
-    velocity jumps. `cam_rig.dynamics.events.runs` describes the state machine.
+    There is no time stepping. Contact ends at a zero of the force, a flight at a zero of the gap,
+    and between these the motion is known in closed form. Both also end at a joint with a velocity
+    jump. `cam_rig.dynamics.events.runs` describes the state machine.
     """
 
-    #: More events than any physical series has per turn.
+    #: Number of events per turn that no physical series reaches.
     max_events: ClassVar[int]
 
     def __init__(
@@ -94,7 +94,7 @@ class Trajectory:
 
     @property
     def phases(self) -> list[Phase]:
-        """All phases so far in order, created at the first access."""
+        """Phases in the order of time, created at the first access."""
         for records in self._recorded:
             starts, ends = records["time"].tolist(), records["phase_end"].tolist()
             for start, end, state in zip(starts, ends, self._states(records), strict=True):
@@ -113,12 +113,13 @@ class Trajectory:
             if mode == RunMode.CONTACT:
                 states.append(vector[:2].copy())
             else:
-                known = (gap, gap_rate) if gap_known else ()
-                states.append(Flight(self.system, vector[: self.system.load.size].copy(), *known))
+                known_gap = (gap, gap_rate) if gap_known else ()
+                start = vector[: self.system.load.size].copy()
+                states.append(Flight(self.system, start, *known_gap))
         return states
 
     def _begin(self, state: FloatArray | Flight, step: float) -> NDArray[np.void]:
-        """Return the first state of a run, where ṡ has gained ``step`` m/s, as one record."""
+        """Return the first state of a run as one record, after a step of ṡ in m/s."""
         records = np.zeros(1, RUN_STATE)
         record, vector = records[0], records[0]["vector"]
         record["initial_step"] = step
@@ -141,10 +142,10 @@ class Trajectory:
             phase_count, event_count = record.counts[0].tolist()
             self._recorded.append(record.phases[:phase_count])
             self.events += [self._event(*row) for row in record.events[:event_count].tolist()]
-            if len(self.events) > max_events:  # an endless series would be the model's fault
+            if len(self.events) > max_events:
                 raise EndlessEventsError(
                     f"more than {max_events} events in {duration:g} s at {self.speed:g} rad/s; "
-                    f"allowed: {self.max_events} a turn"
+                    f"allowed: {self.max_events} per turn"
                 )
             room = min(2 * room, MAX_ROOM)
         self.last = self._states(state)[0]
@@ -161,7 +162,7 @@ class Trajectory:
         )
 
     def _table(self, duration: float, **follower: Any) -> RunTable:
-        """Return the table of a run; ``follower`` are the fields that depend on the model."""
+        """Return the table of a run. ``follower`` are the fields that depend on the model."""
         law, speed = self.law, self.speed
         return RunTable(
             cam=Cam(law=law_table(law), speed=speed, angle=self.angle),
@@ -175,20 +176,20 @@ class Trajectory:
     def finish(
         self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
     ) -> tuple[FollowerState, Block]:
-        """Return the end of an interval and its block with flights, impulses and events added.
+        """Return the end of an interval, and its block with flights, impulses and events.
 
-        ``block`` contains the samples of contact, ``before`` is the state at its start. Events
-        are in rig time.
+        ``block`` contains the samples of contact, ``before`` is the state at its start. Events are
+        in rig time.
         """
         for phase in self.phases:
             if phase.flight is not None and (within := grid.within(phase.begin, phase.end)):
-                here, times = within
-                block.motion[:, here] = phase.flight.motion(times - phase.begin)
-                block.force[here] = 0.0
+                samples, times = within
+                block.motion[:, samples] = phase.flight.motion(times - phase.begin)
+                block.force[samples] = 0.0
         pending = 0.0 if before is None else before.pending_impulse
         pending = show_impulses(block.rows, grid, self.events, pending)
-        begun = block.interval.start_ns / NS
-        events = tuple(event._replace(time=begun + event.time) for event in self.events)
+        start = block.interval.start_ns / NS
+        events = tuple(event._replace(time=start + event.time) for event in self.events)
         return replace(end, pending_impulse=pending), replace(block, events=events)
 
 
@@ -307,7 +308,10 @@ NO_CONTACT = StemContactTable(
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float) -> Jumps:
-    """Return the velocity jumps that an interval owns; see `cam_rig.dynamics.velocity_jumps`."""
+    """Return the velocity jumps that belong to an interval.
+
+    `cam_rig.dynamics.velocity_jumps` has the rule.
+    """
     jumps = velocity_jumps_ahead(law, angle, speed, duration)
     ahead = np.array([(jump.time, speed * jump.step) for jump in jumps], dtype=JUMP)
     end = angle + speed * duration

@@ -1,4 +1,4 @@
-"""A follower turn after turn on one cam, and the derivative of its motion by its start.
+"""Motion of a follower over turns of a cam, and its derivative by the start.
 
 A perturbation is a small change of (z, ż) of the contact mass, and for two masses also of (y, ẏ) of
 the end mass. In flight the closed form Φ of free motion carries it. At a landing the saltation
@@ -7,13 +7,14 @@ restitution r, and the acceleration of the gap a⁻ before and a⁺ after the la
 
     δ⁺ = [[−r, 0], [(r a⁻ + a⁺)/u, −r]] δ⁻
 
-The end mass continues. Only the damping c₁ of the stem acts on it, as the other end of the stem
-changes its velocity: δẏ⁺ = δẏ⁻ − (1 + r) c₁/m₂ δz⁻. A lift-off leaves a perturbation as it is. On
-the cam the contact mass has no freedom. There one mass has no perturbation, and two masses have
-only that of the end mass, which the free vibration on the stem carries.
+The end mass continues. Only the damping c₁ of the stem acts on it, because the other end of the
+stem changes its velocity: δẏ⁺ = δẏ⁻ − (1 + r) c₁/m₂ δz⁻. A lift-off does not change a perturbation.
+In contact the cam determines the motion of the contact mass. Therefore one mass loses its
+perturbation there, and two masses keep only that of the end mass, which the free vibration on the
+stem carries.
 
-Invariant: after each phase the derivative in the record is the one at the end of the phase by the
-start of the turn, and the frame is orthonormal.
+Invariant: after each phase the derivative in the record is that of the state at the end of the
+phase by the state at the start of the turn, and the frame is orthonormal.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from cam_rig.dynamics.events.run_table import (
 from cam_rig.dynamics.events.runs import compute_stem_stretch, run_events
 from cam_rig.laws.vectors import Matrix, Records, Vector, without_refcount
 
-#: Result of one turn. Of arrays the first n numbers are used, 2 of one mass and 4 of two.
+#: Result of one turn. The first n numbers of an array are used, 2 for one mass and 4 for two.
 TURN_RESULT = np.dtype(
     [
         ("landings", "i8"),  # number of landings
@@ -48,7 +49,7 @@ TURN_RESULT = np.dtype(
         # stem (m) and its rate (m/s).
         ("state", "f8", (4,)),
         ("growth", "f8", (4,)),  # logarithms of the growth of n directions
-        ("derivative", "f8", (4, 4)),  # of ``state`` by the one at the start of the turn
+        ("derivative", "f8", (4, 4)),  # of ``state`` by ``state`` at the start of the turn
     ],
     align=True,
 )
@@ -65,7 +66,7 @@ class Perturbation(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """A landing that perturbations pass."""
+    """Landing that perturbations pass."""
 
     time: float  #: s
     approach: float  #: speed against the cam, m/s
@@ -75,7 +76,7 @@ class Landing(NamedTuple):
 def run_turns(
     run: RunTable, record: RunRecord, frame: Matrix, turns: Records, max_landings: float
 ) -> int:
-    """Run turns from the state of a record; fill ``turns`` and return the number that are filled.
+    """Run turns from the state of a record, and return the number of filled turns.
 
     ``turns`` are records of `TURN_RESULT`. ``frame`` is as in `Perturbation`. The run ends early
     in a turn with more than ``max_landings`` landings.
@@ -171,7 +172,10 @@ def _pass_phases(
 
 
 def _count_landing(run: RunTable, event: np.void, turn: np.void) -> tuple[float, float]:
-    """Add an event to a result if it is a landing; return its speeds (m/s) before and after."""
+    """Return the speeds (m/s) before and after a landing, and add it to a result.
+
+    A lift-off is not added, and its speeds are 0.
+    """
     if event["code"] == EventCode.LIFT_OFF:
         return 0.0, 0.0
     # E = m (1 − e²) v²/2 and p = m (1 + e) v give v + e v and v − e v.
@@ -239,7 +243,10 @@ def _pass_landing(
 
 
 def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: np.void) -> None:
-    """Carry the perturbations through ``time`` s of contact, where only the end mass is free."""
+    """Carry the perturbations through ``time`` s of contact.
+
+    Only the end mass is free there.
+    """
     step = perturbation.step
     for i in range(len(step)):
         for j in range(len(step)):
@@ -255,9 +262,10 @@ def _pass_contact(run: RunTable, time: float, perturbation: Perturbation, turn: 
 def _apply_step(
     perturbation: Perturbation, turn: np.void, log_determinant: float, in_contact: bool
 ) -> None:
-    """Multiply the derivative of the turn by the step, and turn the frame (Gram and Schmidt).
+    """Multiply the derivative of the turn by the step, and update the frame.
 
-    Contact has two directions fewer, which start again at the lift-off.
+    The frame is made orthonormal by the Gram-Schmidt method. Contact has two directions fewer,
+    which start again at the lift-off.
     """
     step, product, size = perturbation.step, perturbation.product, len(perturbation.step)
     derivative, growth = turn["derivative"], turn["growth"]
@@ -282,7 +290,7 @@ def _apply_step(
 
 
 def _turn_direction(perturbation: Perturbation, k: int) -> float:
-    """Carry direction k, make it orthonormal to those before it, and return its growth."""
+    """Return the growth of direction k, after making it orthonormal to those before."""
     step, product, size = perturbation.step, perturbation.product, len(perturbation.step)
     frame, weights, length = perturbation.frame, perturbation.weights, 0.0
     for i in range(size):

@@ -1,1 +1,1 @@
-"""The paper's jump speeds: the lowest speed at which a follower loses contact."""
+"""Jump speed: the lowest cam speed at which a follower loses contact."""

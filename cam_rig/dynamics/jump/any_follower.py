@@ -1,7 +1,8 @@
-"""Jump speed on any rig: two masses if the rig splits its mass, else one rigid mass.
+"""Jump speed on a rig with two masses or with one rigid mass.
 
-One mass does not vibrate. It loses contact at the speed where m s'' Ω² + c s' Ω + k s + preload = 0
-(eq. 9 of the paper, F = 0), from rest as in steady state.
+A rig has two masses if its file divides the mass of the follower. One mass does not vibrate. It
+loses contact at the lowest speed Ω with m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper
+with F = 0), which is the same from rest and in steady state.
 """
 
 from __future__ import annotations
@@ -32,12 +33,20 @@ from cam_rig.units import RPM, FloatArray
 #: Parameters of a follower that has a jump speed.
 AnyFollower = TwoMassParameters | FollowerParameters
 
-#: Description of a follower with two masses.
+#: Text of `described` for a follower with two masses.
 TWO_MASSES = "two masses"
 
 
 def follower_of(rig: RigConfig) -> AnyFollower:
-    """Return two masses; one if the rig has neither ``roller_share`` nor ``stem_damping``."""
+    """Return the parameters of the follower of a rig: two masses, or one rigid mass.
+
+    It is one mass if the rig has neither ``roller_share`` nor ``stem_damping``.
+
+    Raises
+    ------
+    ConfigError
+        If a number that the follower needs is missing.
+    """
     follower = rig.follower
     if follower.roller_share is None and follower.stem_damping is None:
         return FollowerParameters.from_rig(rig)
@@ -45,12 +54,15 @@ def follower_of(rig: RigConfig) -> AnyFollower:
 
 
 def described(parameters: AnyFollower) -> str:
-    """Return the kind of follower as text."""
+    """Return the kind of the follower as text."""
     return TWO_MASSES if isinstance(parameters, TwoMassParameters) else "one rigid mass"
 
 
 def described_run(parameters: AnyFollower, duration: float | None) -> str:
-    """Return follower and run as text: ``duration`` s from rest, or in steady state for None."""
+    """Return the kind of the follower and of the run as text.
+
+    The run takes ``duration`` s from rest, or is in steady state for None.
+    """
     name = described(parameters)
     if name != TWO_MASSES:
         return f"{name}, from rest as in steady state"
@@ -58,14 +70,33 @@ def described_run(parameters: AnyFollower, duration: float | None) -> str:
 
 
 def find_jump(law: Law, parameters: AnyFollower, duration: float | None = FROM_REST) -> Jump:
-    """Return the lowest speed at which contact is lost, and its first loss.
+    """Return the jump speed of a follower on a law, and the first loss of contact.
 
-    The run takes ``duration`` s from rest, or is in steady state for None. One rigid mass does not
-    vibrate, so its result does not depend on the duration.
+    Parameters
+    ----------
+    law : Law
+    parameters : TwoMassParameters or FollowerParameters
+        Two masses, or one rigid mass. The result of one mass does not depend on the duration.
+    duration : float or None
+        Duration of the run from rest in s, at most 60 (default: 1.7, as in Table 2 of the paper),
+        or None for the steady state.
+
+    Raises
+    ------
+    ConfigError
+        If the duration is not allowed.
+    NoJumpSpeedError
+        If contact is lost at every speed, or is kept at every speed.
+    DynamicsError
+        If the velocity of the law jumps, or the search cannot determine the jump speed.
+
+    References
+    ----------
+    Two masses: eq. 14-19 of the paper. One rigid mass: eq. 9 of the paper.
     """
     if duration is not None:
         require_run(duration)
-    require_smooth(law, "; where it falls contact is lost at any speed")
+    require_smooth(law, "; contact is lost at any speed if the velocity jumps down")
     if isinstance(parameters, TwoMassParameters):
         return find_two_mass_jump(law, parameters, duration)
     speed, angle = rigid_jump(law, parameters)
@@ -77,11 +108,11 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = FROM_R
 
 
 def contact_lost_speed(law: Law, rig: RigConfig) -> float:
-    """Return the jump speed (rad/s) on a rig, from rest.
+    """Return the jump speed (rad/s) of a rig, from rest.
 
-    It is 0 if contact is lost at any speed, and infinite if it is lost at none.
+    It is 0 if contact is lost at every speed, and infinite if contact is kept at every speed.
     """
-    if law.velocity_jumps:  # where the velocity jumps down the follower lifts off
+    if law.velocity_jumps:  # the follower lifts off at a joint if the velocity jumps down
         return 0.0
     follower = rig.follower
     if None in (follower.roller_share, follower.stem_stiffness, follower.stem_damping):
@@ -89,7 +120,7 @@ def contact_lost_speed(law: Law, rig: RigConfig) -> float:
     parameters = TwoMassParameters.from_rig(rig)
     try:
         return find_jump_speed(law, parameters, FROM_REST)
-    except DynamicsError:  # below the slowest speed of the search, or above the fastest
+    except DynamicsError:  # the jump speed is outside the range of the search
         force = force_run(law, parameters, FROM_REST).min_output(SLOWEST * RPM)
         return 0.0 if force <= 0.0 else math.inf
 
@@ -97,13 +128,11 @@ def contact_lost_speed(law: Law, rig: RigConfig) -> float:
 def min_force(
     law: Law, parameters: AnyFollower, duration: float | None, speeds: FloatArray
 ) -> FloatArray:
-    """Return the least contact force (N) of a run at speeds (rad/s), ``(n,)``.
+    """Return the least contact force (N) of a run at each speed (rad/s), shape (n,).
 
-    It is zero at the jump speed.
+    It is zero at the jump speed. The run takes ``duration`` s from rest, or is in steady state for
+    None.
     """
     if isinstance(parameters, TwoMassParameters):
         return force_run(law, parameters, duration).min_outputs(speeds)
     return rigid_min_force(law, parameters, speeds)
-
-
-# Jump speeds of a law on one rig, or on many rigs that differ in numbers of their follower.

@@ -13,25 +13,26 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import TIE, extremes
 from cam_rig.units import TURN, FloatArray
 
-#: Points per piece at which the least force is evaluated.
+#: Number of points per piece at which the force is evaluated for its minimum.
 POINTS_PER_PIECE = 2049
 
 
 def rigid_jump_speed(law: Law, follower: FollowerParameters) -> float:
-    """Return the lowest speed (rad/s) at which m s'' Ω² + c s' Ω + k s + preload is zero, or ∞."""
+    """Return the jump speed (rad/s), infinite if contact is kept at every speed."""
     return rigid_jump(law, follower)[0]
 
 
 def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
-    """Return the jump speed (rad/s) and the cam angle (rad) of the loss of contact; ∞, NaN if none.
+    """Return the jump speed (rad/s) and the cam angle (rad) of the loss of contact.
 
-    Without a preload the force is zero in a dwell on the base circle, where contact is kept. So
-    only a force that is below the rounding of the lift counts as lost.
+    They are infinite and NaN if contact is kept at every speed. Without a preload the force is zero
+    in a dwell on the base circle, and contact is kept there. Therefore a force counts as negative
+    only beyond the rounding error of the lift.
     """
     require_smooth(law, "")
     lift, stiffness = law.motion[0], follower.spring_stiffness
     rounding = TIE * stiffness * float(abs(lift).max())
-    # An ordinate may be lower than the law itself.
+    # An ordinate may be lower than the law itself, so the exact minimum decides.
     if follower.preload + stiffness * lift.min() < -rounding:
         low, _ = extremes(law, 0)
         if follower.preload + stiffness * low.value < -rounding:
@@ -47,16 +48,16 @@ def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
 
 
 def rigid_min_force(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
-    """Return the least contact force (N) of a turn at speeds (rad/s), ``(n,)``.
+    """Return the least contact force (N) of a turn at each speed (rad/s), shape (n,).
 
-    It is evaluated at `POINTS_PER_PIECE` points of each piece.
+    The force is evaluated at `POINTS_PER_PIECE` points of each piece.
     """
     u = np.linspace(0.0, 1.0, POINTS_PER_PIECE)
-    lowest = np.full(speeds.size, np.inf)
+    minima = np.full(speeds.size, np.inf)
     for piece in range(law.spans.size):
         s, slope, curvature = bernstein.evaluate(law.motion[:, :, piece].T, u).T
         static = follower.spring_stiffness * s + follower.preload
         for i, speed in enumerate(speeds.tolist()):
             force = (follower.mass * curvature * speed + follower.damping * slope) * speed + static
-            lowest[i] = min(lowest[i], float(force.min()))
-    return lowest
+            minima[i] = min(minima[i], float(force.min()))
+    return minima

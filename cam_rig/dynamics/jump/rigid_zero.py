@@ -1,7 +1,8 @@
-"""Lowest speed at which the force m s'' Ω² + c s' Ω + k s + preload of a rigid mass is zero.
+"""Search for the lowest speed at which the contact force of a rigid mass is zero.
 
-Branch and bound over parts of the law's pieces: a part is discarded if (37) of docs/proofs.md
-proves that the force in it is not negative up to the lowest speed so far.
+The force is m s'' Ω² + c s' Ω + k s + preload. The search is branch and bound over parts of the
+pieces of the law. A part is discarded if (37) of docs/proofs.md proves that the force in it is not
+negative up to the lowest zero that is known. Other parts are halved.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws.polynomials import halve
 from cam_rig.laws.vectors import Matrix, without_refcount
 
-#: Halvings of a piece: 2⁻⁴⁰ of it is rounding.
+#: Largest number of halvings of a piece. A part of 2⁻⁴⁰ of a piece is within rounding.
 MAX_HALVINGS = 40
-#: Largest number of parts that are halved. More occur only if the force is zero along a stretch.
+#: Largest number of parts that are halved. More are needed only if the force is zero over a range
+#: of angles.
 MAX_PARTS = 1 << 16
-#: Negative forces of this relative size count as zero.
+#: Size of a negative force, relative to its terms, up to which it counts as zero (rounding).
 FORCE_RTOL = 1e-14
 
 
 class RigidMass(NamedTuple):
-    """A follower without a stem."""
+    """Follower without a stem."""
 
     mass: float  #: kg
     damping: float  #: N·s/m
@@ -33,26 +35,27 @@ class RigidMass(NamedTuple):
 
 
 class RigidZero(NamedTuple):
-    """Zero of the force; infinite and NaN if there is none."""
+    """Zero of the contact force."""
 
-    speed: float  #: rad/s
-    angle: float  #: rad
+    speed: float  #: rad/s, infinite if the force is positive at every speed
+    angle: float  #: cam angle, rad, NaN if the force is positive at every speed
 
 
 def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
-    """Find the lowest speed at which the force is zero, and the cam angle.
+    """Find the lowest speed at which the force is zero, and its cam angle.
 
-    Invariant: the force is not negative below ``best``, up to rounding, in each part that is done.
+    Invariant: at speeds below ``zero`` the force is not negative, up to rounding, in each part that
+    is discarded.
     """
     law, count, size = without_refcount(law), len(law.span_index), len(law.max_derivatives) - 1
-    ordinates, best = law.derivatives, RigidZero(math.inf, math.nan)
+    ordinates, zero = law.derivatives, RigidZero(math.inf, math.nan)
     for i in range(count):
         for j, angle in ((0, law.breaks[i]), (size - 1, law.breaks[i + 1])):
             s, slope, curvature = ordinates[j][0][i], ordinates[j][1][i], ordinates[j][2][i]
             speed = _zero_at(follower, s, slope, curvature)
-            if speed < best.speed:
-                best = RigidZero(speed, angle)
-    # Ordinates of s, s' and s'' of the parts that wait.
+            if speed < zero.speed:
+                zero = RigidZero(speed, angle)
+    # Ordinates of s, s' and s'' of the parts that wait, with the current part on top.
     parts, halved = np.zeros((MAX_HALVINGS + 2, 3, size)), 0
     widths, starts = np.zeros(MAX_HALVINGS + 2), np.zeros(MAX_HALVINGS + 2)
     for i in range(count):
@@ -63,7 +66,7 @@ def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
         min_width = math.ldexp(widths[0], -MAX_HALVINGS)
         while top >= 0 and halved < MAX_PARTS:
             right, left = parts[top], parts[top + 1]
-            if widths[top] <= min_width or not _may_pull(follower, right, best.speed):
+            if widths[top] <= min_width or not _may_pull(follower, right, zero.speed):
                 top -= 1
                 continue
             halved += 1
@@ -73,14 +76,14 @@ def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
             widths[top + 1], starts[top + 1] = widths[top], starts[top]
             starts[top] += widths[top]
             speed = _zero_at(follower, right[0][0], right[1][0], right[2][0])
-            if speed < best.speed:
-                best = RigidZero(speed, starts[top])
+            if speed < zero.speed:
+                zero = RigidZero(speed, starts[top])
             top += 1
-    return best
+    return zero
 
 
 def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> float:
-    """Return the least positive root in Ω at a cam angle, infinite if there is none."""
+    """Return the least positive zero in Ω (rad/s) at a cam angle, or infinity."""
     a, b, c = _coefficients(follower, s, slope, curvature)
     discriminant = b * b - 4.0 * a * c
     if discriminant < 0.0 or c <= 0.0:
@@ -92,23 +95,26 @@ def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> f
 def _coefficients(
     follower: RigidMass, s: float, slope: float, curvature: float
 ) -> tuple[float, float, float]:
-    """Return a, b and c of the force a Ω² + b Ω + c."""
+    """Return the coefficients a, b and c of the force a Ω² + b Ω + c."""
     static = follower.stiffness * s + follower.preload
     return follower.mass * curvature, follower.damping * slope, static
 
 
 def _may_pull(follower: RigidMass, part: Matrix, speed: float) -> bool:
-    """Return True unless (37) proves a part's force not negative up to a speed (rad/s)."""
+    """Return True if the force in a part may be negative up to a speed (rad/s).
+
+    It returns False if (37) proves that the force is not negative.
+    """
     for j in range(part.shape[1]):
         a, b, c = _coefficients(follower, part[0][j], part[1][j], part[2][j])
         if speed == math.inf:
             if a < 0.0 or b < 0.0 or c < 0.0:
                 return True
             continue
-        lowest = min((a * speed + b) * speed, 0.0)
+        min_change = min((a * speed + b) * speed, 0.0)
         if a > 0.0:
             vertex = min(max(-0.5 * b / a, 0.0), speed)
-            lowest = min(lowest, (a * vertex + b) * vertex)
-        if lowest + c < -FORCE_RTOL * ((abs(a) * speed + abs(b)) * speed + abs(c)):
+            min_change = min(min_change, (a * vertex + b) * vertex)
+        if min_change + c < -FORCE_RTOL * ((abs(a) * speed + abs(b)) * speed + abs(c)):
             return True
     return False

@@ -1,8 +1,8 @@
-"""Jump speed of two masses: the lowest speed at which their least contact force is zero.
+"""Jump speed of two masses: the lowest speed with a least contact force of zero.
 
-That force is not monotonic in the speed: the stem resonates with the cam at each harmonic, where
-the follower may lose contact, and keep it again at a slightly higher speed. The search misses none
-of these resonances; see `cam_rig.dynamics.modal.first_zero`.
+The least force is not monotonic in the speed. The stem resonates with each harmonic of the cam, so
+the follower may lose contact in a narrow range of speeds and keep it at a slightly higher speed.
+The search finds the first of these resonances, see `cam_rig.dynamics.modal.first_zero`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from cam_rig.units import RPM, TURN, to_rpm
 SLOWEST = 1.0
 #: Speed at which the search ends, rpm.
 FASTEST = 1e5
-#: Damping ratio below which a follower is undamped: its search in steady state would not end.
+#: Damping ratio below which a follower counts as undamped. Its search in steady state is endless.
 MIN_DAMPING_RATIO = 1e-7
-#: Largest number of evaluations of a search, about half a minute.
+#: Largest number of evaluations of a search. They take about half a minute.
 MAX_EVALUATIONS = 3e8
 #: Duration of a run from rest, s, as in Table 2 of the paper.
 FROM_REST = 1.7
-#: Longest run from rest, s: after a minute little but the steady state is left.
+#: Longest run from rest, s. After a minute the motion is close to the steady state.
 MAX_DURATION = 60.0
 
 
@@ -42,11 +42,11 @@ def require_run(duration: float) -> None:
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump speed and the first loss of contact."""
+    """Jump speed and the first loss of contact."""
 
     speed: float  #: rad/s
-    angle: float  #: of the cam in its turn, rad
-    time: float  #: since the start of the run, or of a turn in steady state, s
+    angle: float  #: cam angle of the loss of contact within its turn, rad
+    time: float  #: time of the loss from the start of the run, or of a turn in steady state, s
 
     @property
     def rpm(self) -> float:
@@ -55,7 +55,10 @@ class Jump:
 
 
 class NoJumpSpeedError(DynamicsError):
-    """Contact is lost at every speed (``speed`` is 0) or at none (``speed`` is infinite)."""
+    """Error of a follower that loses or keeps contact at every speed.
+
+    Its attribute ``speed`` is 0 if contact is lost, and infinite if it is kept.
+    """
 
     def __init__(self, message: str, speed: float) -> None:
         super().__init__(message)
@@ -66,7 +69,7 @@ def loses_contact(law: Law, slowest: float = SLOWEST) -> NoJumpSpeedError:
     """Return the error for a follower that loses contact at the slowest speed (rpm)."""
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; allowed for a "
-        "jump speed: a follower that is pressed on, so give it a preload",
+        "jump speed: a follower with a larger preload",
         0.0,
     )
 
@@ -81,28 +84,31 @@ def keeps_contact(law: Law) -> NoJumpSpeedError:
 
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
-    """Return the run whose output is the contact force of two masses, at any speed."""
+    """Return the run whose output is the contact force (N) of two masses.
+
+    It takes ``duration`` s from rest, or is in steady state for None.
+    """
     return ModalRun.of(contact_response(law, parameters, RPM), force_output(parameters), duration)
 
 
 def find_jump_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> float:
-    """Return the jump speed (rad/s); the search starts at ``slowest`` (rpm)."""
+    """Return the jump speed (rad/s), see `find_two_mass_jump`."""
     return find_two_mass_jump(law, parameters, duration, slowest).speed
 
 
 def find_two_mass_jump(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> Jump:
-    """Return the lowest speed at which contact is lost, and its first loss.
+    """Return the jump speed of two masses, and the first loss of contact.
 
     The search starts at ``slowest`` (rpm). The run takes ``duration`` s from rest, or is in steady
     state for None.
     """
     zero = solve_threshold(law, parameters, duration, slowest)
     angle = zero.first_angle
-    if duration is not None:  # the angle is that of a slightly faster run
+    if duration is not None:  # ``first_angle`` is from a slightly faster run
         angle = min(angle, duration * zero.speed)
     return Jump(zero.speed, angle % TURN, angle / zero.speed)
 
@@ -110,13 +116,23 @@ def find_two_mass_jump(
 def solve_threshold(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> Climb:
-    """Return the lowest speed at which the least contact force is zero, and its angle."""
+    """Return the lowest speed at which the least contact force is zero, and its angle.
+
+    Raises
+    ------
+    NoJumpSpeedError
+        If the force is negative at ``slowest`` (rpm), or positive up to `FASTEST`.
+    DynamicsError
+        If there is no steady state, the rounding error is too large, or the search takes more than
+        `MAX_EVALUATIONS`.
+    """
     run = force_run(law, parameters, duration)
     mode = run.mode
     if duration is None and mode.damping <= 2.0 * MIN_DAMPING_RATIO * math.sqrt(mode.stiffness):
         raise DynamicsError(
-            "no steady state: a stem without damping vibrates without end, at each harmonic of the "
-            "speed louder turn after turn; allowed: damping, or a run from rest"
+            "no steady state: without damping the vibration of the stem does not fade, and grows "
+            "in each turn if a harmonic of the speed is at its frequency; allowed: damping, or a "
+            "run from rest"
         )
     result = run.climb(RPM * slowest, RPM * FASTEST, MAX_EVALUATIONS)
     if result.status == ClimbStatus.NEGATIVE:
@@ -131,26 +147,27 @@ def solve_threshold(
 
 
 def _unresolved(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
-    """Return the error for a force that is positive up to a speed and lost in rounding above."""
-    times = parameters.damping_ratio
-    how = f"is damped {times:.3g} times critical, with" if times > 1.0 else "has"
+    """Return the error for a rounding error that is too large above a speed (rad/s)."""
+    ratio = parameters.damping_ratio
+    predicate = f"is damped {ratio:.3g} times critical, with" if ratio > 1.0 else "has"
     return DynamicsError(
         f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but above it the stem "
-        f"{how} too few periods in the law's shortest piece ({math.degrees(law.spans.min()):.3g} "
-        f"deg, of degree {law.degree}) for double precision; allowed for a jump speed: a stiffer "
-        f"stem, less {'damping' if times > 1.0 else 'preload'}, or a law of longer pieces"
+        f"{predicate} too few periods in the law's shortest piece "
+        f"({math.degrees(law.spans.min()):.3g} deg, of degree {law.degree}) for double precision; "
+        "allowed for a jump speed: a stiffer stem, less "
+        f"{'damping' if ratio > 1.0 else 'preload'}, or a law of longer pieces"
     )
 
 
 def _too_many_evaluations(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
-    """Return the error for a search that takes too many evaluations above a speed."""
-    times, rate = parameters.damping_ratio, math.sqrt(parameters.stiffness / parameters.end_mass)
-    how, other = f"vibrates at {rate / TURN:.3g} Hz", "more damping"
-    if times > 1.0:
-        how, other = f"is damped {times:.3g} times critical", "less damping"
+    """Return the error for a search with too many evaluations above a speed (rad/s)."""
+    ratio, rate = parameters.damping_ratio, math.sqrt(parameters.stiffness / parameters.end_mass)
+    predicate, remedy = f"vibrates at {rate / TURN:.3g} Hz", "more damping"
+    if ratio > 1.0:
+        predicate, remedy = f"is damped {ratio:.3g} times critical", "less damping"
     return DynamicsError(
-        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but the follower {how} "
-        f"and a search above takes more than {MAX_EVALUATIONS:g} looks at its force; allowed for a "
-        f"jump speed: a softer stem or spring, {other}, a shorter run from rest, or the steady "
-        "state"
+        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but the follower "
+        f"{predicate}, and a search above takes more than {MAX_EVALUATIONS:g} evaluations of its "
+        f"force; allowed for a jump speed: a softer stem or spring, {remedy}, a shorter run from "
+        "rest, or the steady state"
     )

@@ -1,1 +1,1 @@
-"""A follower with one mode on a turning cam: its least force at a speed, and where that is zero."""
+"""Least output of a follower with one vibration mode, and its first zero."""

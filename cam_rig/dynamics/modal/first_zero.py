@@ -1,10 +1,12 @@
-"""Lowest speed at which the least output of a run is zero; no zero is stepped over.
+"""Search for the lowest speed at which the least output of a run is zero.
 
-The search climbs through the speeds. From the least outputs at both ends of a step and from bounds
-of the chord error between them it proves one of two facts: the output is positive in the whole step
-(33), (34), (36), or it becomes negative once (35). A step without a proof is repeated with a
-smaller width. The bounds come from the law's harmonics (`harmonic_error`) or from groups of its
-pieces (`group_error`). Numbers in brackets are those of docs/proofs.md, part 2.
+The search increases the speed step by step. It uses the least outputs at both ends of a step and
+bounds of the chord error between them. They prove one of two facts: the output is positive in the
+whole step (33), (34), (36), or it becomes negative once (35). A step without a proof is repeated
+with a smaller width, so no zero is stepped over (theorem B). The bounds come from the harmonics of
+the law (`harmonic_error`) or from groups of its pieces (`group_error`).
+
+Numbers in brackets are those of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from cam_rig.dynamics.modal.group_error import GROUP_ERROR, TINY, bound_groups
 from cam_rig.dynamics.modal.harmonic_error import (
     ChordError,
     bound_output,
-    bound_settled,
+    bound_steady,
     can_use_harmonics,
 )
 from cam_rig.dynamics.modal.min_output import MinOutput, SearchRange, find_min_output
@@ -36,21 +38,21 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Records, Vector, min_of, without_refcount
 from cam_rig.units import TURN
 
-#: Relative tolerance of the least outputs during the climb.
+#: Relative tolerance of the least outputs during the climb. The climb needs lower bounds only.
 CLIMB_RTOL = 0.25
-#: Relative distance to which the search approaches a speed above which rounding is too large.
+#: Smallest relative step towards a speed above which the rounding error is too large.
 UNRESOLVED_RTOL = 1e-3
-#: Shortest step, as a fraction of the speed: below it rounding decides.
+#: Shortest step, as a fraction of the speed. It needs no proof, because rounding decides there.
 MIN_STEP = 1e-11
-#: Fraction of the least outputs at the start of a step that a group's chord error may reach there.
+#: Planned chord error of a group, as a fraction of its least output at the start of the step.
 GROUP_FRACTION = 0.75
-#: Factor of the next step by groups after a proven one.
+#: Factor of the next step after a step that was proven by groups.
 GROUP_GROWTH = 1.5
-#: Ratio of the tried to the allowed step above which the bounds are computed again.
+#: Ratio of a step to the step that its bounds allow, above which a shorter step is planned.
 MAX_WIDTH_RATIO = 3.0
-#: Factor of a step that was not proven.
+#: Factor of the next step after a step that was not proven.
 SHRINK = 0.57
-#: Fraction of the least outputs that the chord error by harmonics may reach at the start of a step.
+#: Planned chord error by harmonics, as a fraction of the least output at the start of the step.
 HARMONIC_FRACTION = 0.6
 #: Safety factor of the next step by harmonics.
 HARMONIC_SAFETY = 0.93
@@ -58,13 +60,14 @@ HARMONIC_SAFETY = 0.93
 MAX_GROWTH = 2.0
 #: Relative tolerance of the least outputs during the refinement of a zero.
 ZERO_RTOL = 1e-4
-#: Relative difference of speeds for which turns count as negative together.
+#: Relative distance above the zero at which the first negative turn is determined. Turns that
+#: become negative within it count as negative at the same speed.
 SAME_SPEED_RTOL = 5e-6
 #: Relative width of the bracket of a zero.
 BRACKET_RTOL = 1e-14
-#: Distance (rad) around the negative output within which a zero is refined first.
+#: Distance (rad) from the angle of the negative output within which a zero is refined first.
 NEIGHBOURHOOD = TURN / 64.0
-#: Largest number of refinements.
+#: Largest number of iterations of a refinement, against an endless loop.
 MAX_REFINEMENTS = 200
 
 
@@ -72,60 +75,64 @@ class ClimbStatus(IntEnum):
     """Result of a climb."""
 
     FOUND = 0  #: the least output is zero at ``speed``
-    NEGATIVE = 1  #: it is not positive at the start
-    POSITIVE = 2  #: it is positive up to the last speed
-    UNRESOLVED = 3  #: it is positive up to a speed above which rounding is too large
-    PAUSED = 4  #: the number of evaluations is used up
+    NEGATIVE = 1  #: the least output is not positive at the first speed
+    POSITIVE = 2  #: the least output is positive up to the last speed
+    UNRESOLVED = 3  #: positive up to a speed above which the rounding error is too large
+    PAUSED = 4  #: positive up to ``low``, and no evaluations are left
 
 
 class StepKind(IntEnum):
-    """Bound from which a step is to be proven."""
+    """Bounds that are planned to prove a step."""
 
-    HARMONICS = 0
-    GROUPS = 1
-    RETRY = 2  #: neither; try another width
+    HARMONICS = 0  #: bounds of `harmonic_error`
+    GROUPS = 1  #: bounds of `group_error`
+    RETRY = 2  #: neither is sufficient: plan a step of the returned width
 
 
 class Climb(NamedTuple):
     """State or result of a climb."""
 
     status: int  #: `ClimbStatus`
-    low: float  #: the output is positive from the first speed to this one, rad/s
+    low: float  #: speed (rad/s) up to which the output is proven positive
     step: float  #: next step, as a fraction of the speed
-    speed: float  #: zero of the least output if it was found, rad/s
-    angle: float  #: its angle, rad since the start of the run
-    first_angle: float  #: angle in the first turn that is negative at `SAME_SPEED_RTOL` more
+    speed: float  #: zero of the least output if the status is FOUND, else ``low``, rad/s
+    angle: float  #: angle of the least output if FOUND or NEGATIVE, rad from the start of the run
+    #: Angle of the least output, rad from the start of the run, in the first turn that is negative
+    #: at a speed `SAME_SPEED_RTOL` above the zero.
+    first_angle: float
 
 
 class Zero(NamedTuple):
     """Zero of the least output."""
 
     speed: float  #: rad/s
-    angle: float  #: rad since the start of the run
+    angle: float  #: rad from the start of the run
 
 
 class Bracket(NamedTuple):
     """Speeds (rad/s) between which the least output becomes zero."""
 
-    low: float  #: positive
-    high: float  #: not positive
-    angle: float  #: of the least output at ``high``, rad since the start of the run
+    low: float  #: the least output is positive
+    high: float  #: the least output is not positive
+    angle: float  #: angle of the least output at ``high``, rad from the start of the run
 
 
 class Step(NamedTuple):
-    """A step of the speed that is to be tried."""
+    """Planned step of the speed."""
 
     kind: int  #: `StepKind`
     width: float  #: rad/s
-    error: ChordError  #: of q, if the kind is HARMONICS
+    error: ChordError  #: chord error of q, used if the kind is HARMONICS
 
 
 def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, max_evaluations: float
 ) -> Climb:
-    """Increase the speed from ``low`` (rad/s) until the least output is zero, at most to ``last``.
+    """Increase the speed until the least output is zero.
 
-    Invariant: the output is positive from the first ``low`` up to ``low`` (theorem B).
+    The speed starts at ``low`` and ends at ``last`` (rad/s). ``step`` is the first step as a
+    fraction of the speed. Invariant: the output is positive from the first ``low`` up to ``low``
+    (theorem B).
     """
     run, count = mode_on_law(without_refcount(law), mode), len(law.first_pieces) - 1
     if not is_resolved(run, low):
@@ -133,10 +140,10 @@ def climb(
     errors, margins = np.zeros(count, GROUP_ERROR), np.zeros(count)
     floors, next_floors = np.zeros(count), np.zeros(count)
     motion = motion_at(run, low)
-    lowest = _find_floors(run, motion, floors)
-    if lowest.value <= 0.0:
-        return Climb(ClimbStatus.NEGATIVE, low, step, low, lowest.angle, lowest.angle)
-    evaluations = float(lowest.evaluations)
+    minimum = _find_floors(run, motion, floors)
+    if minimum.value <= 0.0:
+        return Climb(ClimbStatus.NEGATIVE, low, step, low, minimum.angle, minimum.angle)
+    evaluations = float(minimum.evaluations)
     while low < last:
         high = min(low * (1.0 + step), last)
         if not is_resolved(run, high):
@@ -152,12 +159,12 @@ def climb(
             continue
         high = high if kind == StepKind.HARMONICS else low + width
         evaluations += _find_margins(run, motion, high, floors, margins)
-        evaluations += len(law.span_index) * len(run.series.own)
+        evaluations += len(law.span_index) * len(run.series.eta)
         next_motion = motion_at(run, high)
-        lowest = _find_floors(run, next_motion, next_floors)
-        evaluations += lowest.evaluations
+        minimum = _find_floors(run, next_motion, next_floors)
+        evaluations += minimum.evaluations
         if kind == StepKind.HARMONICS:
-            error = bound_output(run, motion, error, next_motion.repeating, high)
+            error = bound_output(run, motion, error, next_motion.steady_start, high)
             is_proven, factor = _prove_by_harmonics(error, min_of(margins), min_of(next_floors))
         else:
             forced, next_forced = motion.group_min_forced, next_motion.group_min_forced
@@ -166,8 +173,8 @@ def climb(
         step = factor * width / low
         if not is_proven and width > min_width:
             continue
-        if lowest.value <= 0.0:
-            zero = _find_zero(run, Bracket(low, high, lowest.angle))
+        if minimum.value <= 0.0:
+            zero = _find_zero(run, Bracket(low, high, minimum.angle))
             first = _find_first_turn(run, min(high, zero.speed * (1.0 + SAME_SPEED_RTOL)), zero)
             return Climb(ClimbStatus.FOUND, low, step, zero.speed, zero.angle, first)
         low, motion, floors, next_floors = high, next_motion, next_floors, floors
@@ -179,57 +186,67 @@ def climb(
 def _plan_step(
     run: ModeOnLaw, motion: OscillatorMotion, floors: Vector, high: float, errors: Records
 ) -> Step:
-    """Return the step up to a speed, or a shorter one, and the bound that is likely to prove it."""
+    """Return the plan of the next step, at most up to ``high`` (rad/s).
+
+    Bounds by harmonics are preferred. The bounds by groups are written to ``errors`` if the kind
+    of the step is GROUPS.
+    """
     width, fraction, norm, error = high - motion.speed, 0.0, motion.norm, ChordError(0.0, 0.0, 0.0)
     if can_use_harmonics(run.mode, norm):
-        error, allowed = bound_settled(run, motion, high), HARMONIC_FRACTION * min_of(floors)
-        largest = bound_output(run, motion, error, motion.repeating, high).largest
-        if largest <= allowed:
+        error, allowed = bound_steady(run, motion, high), HARMONIC_FRACTION * min_of(floors)
+        max_error = bound_output(run, motion, error, motion.steady_start, high).max_error
+        if max_error <= allowed:
             return Step(StepKind.HARMONICS, width, error)
-        fraction = HARMONIC_SAFETY * math.sqrt(allowed / max(largest, TINY))
+        fraction = HARMONIC_SAFETY * math.sqrt(allowed / max(max_error, TINY))
     if fraction > SHRINK:
         return Step(StepKind.RETRY, fraction * width, error)
     bound_groups(run, norm, motion.speed, high, errors)
     allowed_width = min(width, _allowed_width(errors, floors, motion.group_min_forced))
     if fraction * width > allowed_width:
         return Step(StepKind.RETRY, fraction * width, error)
-    if MAX_WIDTH_RATIO * allowed_width < width:  # bounds over so long a step are far too wide
+    if MAX_WIDTH_RATIO * allowed_width < width:  # the bounds of a step this long are too wide
         return Step(StepKind.RETRY, math.sqrt(allowed_width * width), error)
     return Step(StepKind.GROUPS, allowed_width, error)
 
 
-def _prove_by_harmonics(error: ChordError, first: float, last: float) -> tuple[bool, float]:
+def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bool, float]:
     """Return True if a step is proven, and the factor of the next step.
 
-    ``first`` and ``last`` are lower bounds of the outputs at its ends.
+    ``start`` and ``end`` are lower bounds of the output at the ends of the step.
     """
-    root, end = math.sqrt(max(0.0, first)), math.sqrt(max(0.0, last))
-    both, bow = root + end, 4.0 * max(error.bow, TINY)
-    smaller = min(bow, 4.0 * max(error.largest, TINY))
-    is_positive = first > 0.0 and last > 0.0
-    if error.largest <= min(first, last) or (bow <= both * both and is_positive):  # (33), (34)
-        predicted = math.sqrt(max(0.0, min(last, 2.0 * last - first)))
-        factor = (end + predicted) * math.sqrt(HARMONIC_FRACTION / smaller)
+    start_root, end_root = math.sqrt(max(0.0, start)), math.sqrt(max(0.0, end))
+    root_sum, parabola = start_root + end_root, 4.0 * max(error.parabola, TINY)
+    smaller = min(parabola, 4.0 * max(error.max_error, TINY))
+    is_positive = start > 0.0 and end > 0.0
+    if error.max_error <= min(start, end) or (
+        parabola <= root_sum * root_sum and is_positive
+    ):  # (33), (34)
+        predicted_root = math.sqrt(max(0.0, min(end, 2.0 * end - start)))
+        factor = (end_root + predicted_root) * math.sqrt(HARMONIC_FRACTION / smaller)
         return True, min(MAX_GROWTH, max(SHRINK, factor))
-    once = 0.5 * root / math.sqrt(max(error.bend, TINY))
-    factor = HARMONIC_SAFETY * max(once, both / math.sqrt(smaller))
+    fall_ratio = 0.5 * start_root / math.sqrt(max(error.curvature, TINY))
+    factor = HARMONIC_SAFETY * max(fall_ratio, root_sum / math.sqrt(smaller))
     factor = min(HARMONIC_SAFETY, max(SHRINK * SHRINK, factor))
-    return once >= 1.0 and last <= 0.0, factor  # (35)
+    return fall_ratio >= 1.0 and end <= 0.0, factor  # (35)
 
 
 def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> MinOutput:
-    """Find the least output of the run; write lower bounds of the output in each group."""
+    """Find the least output of the run.
+
+    Lower bounds of the output in each group are written to ``floors``.
+    """
     floors[:] = math.inf
-    whole = SearchRange(0.0, end_angle(motion, run.mode.duration), CLIMB_RTOL)
-    return find_min_output(run.law, run.mode, motion, whole, floors)
+    search = SearchRange(0.0, end_angle(motion, run.mode.duration), CLIMB_RTOL)
+    return find_min_output(run.law, run.mode, motion, search, floors)
 
 
 def _find_margins(
     run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Vector, out: Vector
 ) -> int:
-    """Write the lower bounds up to the angle where the run at a speed ``high`` ends.
+    """Write lower bounds of each group to ``out``, and return the evaluations.
 
-    Returns the number of evaluations.
+    They are ``floors`` extended to the angle at which the run at the speed ``high`` ends. That
+    angle is larger than at the speed of ``motion``.
     """
     out[:] = floors
     end, next_end = motion.speed * run.mode.duration, high * run.mode.duration
@@ -240,7 +257,10 @@ def _find_margins(
 
 
 def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
-    """Return the width (rad/s) at which errors reach `GROUP_FRACTION` of the least outputs."""
+    """Return the width (rad/s) of the longest step that groups are likely to prove.
+
+    At this width the chord errors reach `GROUP_FRACTION` of the least outputs.
+    """
     width = math.inf
     for i in range(len(floors)):
         if floors[i] < math.inf:
@@ -255,26 +275,26 @@ def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
 
 def _prove_by_groups(
     errors: Records,
-    first: Vector,
-    last: Vector,
+    start: Vector,
+    end: Vector,
     forced: Vector,
     next_forced: Vector,
     width: float,
 ) -> bool:
-    """Return True if each group is positive between two speeds, or becomes negative once.
+    """Return True if each group stays positive in a step, or becomes negative once.
 
-    ``first`` and ``last`` are lower bounds of the output at both, ``forced`` and ``next_forced``
-    those of its polynomial part.
+    ``start`` and ``end`` are lower bounds of the output of each group at the ends of the step,
+    ``forced`` and ``next_forced`` those of its polynomial part.
     """
     eighth = 0.125 * width * width
-    for i in range(len(first)):
-        bend, vibration = errors[i]["curvature"] * eighth, errors[i]["vibration"]
+    for i in range(len(start)):
+        max_error, vibration = errors[i]["curvature"] * eighth, errors[i]["vibration"]
         forced_error = vibration + errors[i]["forced_curvature"] * eighth
-        error = min(bend, vibration + forced_error)  # (27)
+        error = min(max_error, vibration + forced_error)  # (27)
         if (
-            first[i] < math.inf
+            start[i] < math.inf
             and forced_error > min(forced[i], next_forced[i])  # else (36)
-            and (error > first[i] or (error > last[i] and 4.0 * bend > first[i]))  # (33), (35)
+            and (error > start[i] or (error > end[i] and 4.0 * max_error > start[i]))  # (33), (35)
         ):
             return False
     return True
@@ -283,63 +303,63 @@ def _prove_by_groups(
 def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
     """Find the zero of the least output in a bracket.
 
-    Each refinement considers the outputs near one angle only. If the output is then still negative
-    elsewhere, the search continues there.
+    Each refinement considers only the outputs near one angle. If the output is then still negative
+    at another angle, the search continues there.
     """
     low, high, angle = bracket
     for _ in range(MAX_REFINEMENTS):
         below, high, angle = _refine_near(run, Bracket(low, high, angle))
-        lowest = _find_lowest(run, below, SearchRange(0.0, math.inf, ZERO_RTOL))
-        if below == low or lowest.value > 0.0:
+        minimum = _find_minimum(run, below, SearchRange(0.0, math.inf, ZERO_RTOL))
+        if below == low or minimum.value > 0.0:
             break
-        high, angle = below, lowest.angle
+        high, angle = below, minimum.angle
     return Zero(high, angle)
 
 
 def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
-    """Return a bracket of the zero of the outputs near an angle, to rounding.
+    """Return the bracket refined to rounding, for the outputs near its angle.
 
-    Illinois method: secant steps, where the value at an end that stays twice is halved.
+    It uses the Illinois method: secant steps that halve the value at an end that is kept twice.
     """
     low, high, angle = bracket
     near = SearchRange(max(0.0, angle - NEIGHBOURHOOD), angle + NEIGHBOURHOOD, ZERO_RTOL)
-    above, below = _find_lowest(run, low, near), _find_lowest(run, high, near)
-    first, last, angle, side = above.value, below.value, below.angle, 0
+    positive, negative = _find_minimum(run, low, near), _find_minimum(run, high, near)
+    low_value, high_value, angle, side = positive.value, negative.value, negative.angle, 0
     for _ in range(MAX_REFINEMENTS):
-        if high - low <= BRACKET_RTOL * high or last == 0.0:
+        if high - low <= BRACKET_RTOL * high or high_value == 0.0:
             break
-        speed = high - last * (high - low) / (last - first)
+        speed = high - high_value * (high - low) / (high_value - low_value)
         if not low < speed < high:
             speed = 0.5 * (low + high)
-        lowest = _find_lowest(run, speed, near)
-        if lowest.value > 0.0:
-            low, first = speed, lowest.value
-            last = 0.5 * last if side > 0 else last
+        minimum = _find_minimum(run, speed, near)
+        if minimum.value > 0.0:
+            low, low_value = speed, minimum.value
+            high_value = 0.5 * high_value if side > 0 else high_value
             side = 1
         else:
-            high, last, angle = speed, lowest.value, lowest.angle
-            first = 0.5 * first if side < 0 else first
+            high, high_value, angle = speed, minimum.value, minimum.angle
+            low_value = 0.5 * low_value if side < 0 else low_value
             side = -1
     return Bracket(low, high, angle)
 
 
 def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
-    """Return the angle (rad) of the least output in the first turn that is negative at a speed.
+    """Return the angle (rad) of the least output in the first turn that is negative.
 
-    Without such a turn it is that of the zero.
+    If no turn is negative at ``speed`` (rad/s), return the angle of the zero.
     """
     motion, unused = motion_at(run, speed), np.zeros(len(run.law.first_pieces) - 1)
     end = end_angle(motion, run.mode.duration)
     for turn in range(len(motion.turn_starts)):
         within = SearchRange(turn * TURN, min(end, (turn + 1) * TURN), ZERO_RTOL)
-        lowest = find_min_output(run.law, run.mode, motion, within, unused)
-        if lowest.value <= 0.0:
-            return lowest.angle
+        minimum = find_min_output(run.law, run.mode, motion, within, unused)
+        if minimum.value <= 0.0:
+            return minimum.angle
     return zero.angle
 
 
-def _find_lowest(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput:
-    """Find the least output at a speed, in a range that is cut at the end of the run."""
+def _find_minimum(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput:
+    """Find the least output at a speed in a range, at most up to the end of the run."""
     motion = motion_at(run, speed)
     end = min(within.end, end_angle(motion, run.mode.duration))
     unused = np.zeros(len(run.law.first_pieces) - 1)
@@ -350,4 +370,4 @@ def _find_lowest(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput
 def min_output_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
     """Return the least output of the run at a speed (rad/s), to rounding."""
     run = mode_on_law(without_refcount(law), mode)
-    return _find_lowest(run, speed, SearchRange(0.0, math.inf, 0.0)).value
+    return _find_minimum(run, speed, SearchRange(0.0, math.inf, 0.0)).value

@@ -2,9 +2,11 @@
 
 At a fixed cam angle of a run the output F is a smooth function of the speed Ω. Its chord error is
 the chord between two speeds less F. The polynomial part has bounded derivatives in Ω (26). A
-vibration that was excited with amplitude N a time t ago is N e^{At} with t proportional to 1/Ω, so
-its second derivative contains t and t², and it fades (24). The sums Σ N tᵠ e^{−λt} are carried from
-group to group. Numbers in brackets are those of docs/proofs.md, part 2.
+vibration that was excited with amplitude N a time t ago is N e^{At}, and t is proportional to 1/Ω.
+Its second derivative in Ω contains t and t², and it fades (24). The sums Σ N tᵠ e^{−λt} are updated
+from group to group.
+
+Numbers in brackets are those of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
@@ -25,15 +27,15 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.laws.vectors import Matrix, Records, Vector
 from cam_rig.units import TURN
 
-#: A divisor below this is replaced by it, so that a bound is finite.
+#: Replacement of a smaller divisor, which keeps a bound finite.
 TINY = 1e-100
 
-#: Bounds of one group between two speeds that are w apart (27).
+#: Bounds of one group between two speeds (27).
 GROUP_ERROR = np.dtype(
     [
         ("curvature", "f8"),  # upper bound of |d²F/dΩ²|
-        ("vibration", "f8"),  # upper bound of |V|, the share of the free vibration
-        ("forced_curvature", "f8"),  # upper bound of |d²P/dΩ²|
+        ("vibration", "f8"),  # upper bound of |V|, the part of F from the free vibration
+        ("forced_curvature", "f8"),  # upper bound of |d²P/dΩ²|, P is the polynomial part of F
     ],
     align=True,
 )
@@ -42,13 +44,13 @@ GROUP_ERROR = np.dtype(
 class Excitation(NamedTuple):
     """Upper bounds of the norm N that jumps excite, and of its derivatives in Ω (23)."""
 
-    n: float
-    slope: float  #: of dN/dΩ
-    curvature: float  #: of d²N/dΩ²
+    n: float  #: upper bound of N
+    slope: float  #: upper bound of N' = dN/dΩ
+    curvature: float  #: upper bound of N'' = d²N/dΩ²
 
 
 class FadingSums(NamedTuple):
-    """Sums over all excitations so far, each times e^{−λt} for its age t (24)."""
+    """Sums over all previous excitations, each times e^{−λt} for its age t in s (24)."""
 
     n: float  #: Σ N
     n_t: float  #: Σ N t
@@ -59,17 +61,20 @@ class FadingSums(NamedTuple):
 
 
 class SpeedStep(NamedTuple):
-    """Two speeds (rad/s), and the duration (s) of the runs."""
+    """Step of the speed, and the duration of the runs at both speeds."""
 
-    low: float
-    high: float
-    duration: float
+    low: float  #: rad/s
+    high: float  #: rad/s
+    duration: float  #: s, infinite in steady state
 
 
 def bound_groups(
     run: ModeOnLaw, norm: VibrationNorm, low: float, high: float, out: Records
 ) -> None:
-    """Write the bounds of all groups between two speeds (rad/s), records of `GROUP_ERROR`."""
+    """Write the bounds of all groups between two speeds (rad/s) to ``out``.
+
+    ``out`` are records of `GROUP_ERROR`, one per group.
+    """
     law, mode, series = run
     count, step = len(law.first_pieces) - 1, SpeedStep(low, high, mode.duration)
     remainders, forced = np.zeros(count), np.zeros(count)
@@ -87,8 +92,8 @@ def bound_groups(
             size = abs(law.derivatives[0][k][0])
             for i in range(3):
                 start[i] += weights[i][k] * size
-    rest = Excitation(start[0], start[1], start[2])
-    _add_vibrations(law, norm, step, remainders, at_start, inside, rest, out)
+    from_rest = Excitation(start[0], start[1], start[2])
+    _add_vibrations(law, norm, step, remainders, at_start, inside, from_rest, out)
 
 
 def _span(law: LawSeries, group: int) -> float:
@@ -100,12 +105,12 @@ def _span(law: LawSeries, group: int) -> float:
 
 def _excitation_weights(norm: VibrationNorm, series: Series, speed: float) -> Matrix:
     """Return the factors of |jump of s⁽ᵏ⁾| in N, N' and N'' (23), ``(3, p + 2)``."""
-    factor, power, count = norm.rho + norm.delta, 1.0, len(series.own)
+    factor, power, count = norm.rho + norm.delta, 1.0, len(series.eta)
     out = np.zeros((3, count + 1))
     for k in range(count + 1):
-        weight = factor * abs(series.own[k]) if k < count else 0.0
+        weight = factor * abs(series.eta[k]) if k < count else 0.0
         if k > 0:
-            weight += abs(series.own[k - 1])
+            weight += abs(series.eta[k - 1])
         weight *= power
         out[0][k], out[1][k] = weight, k * weight / speed
         out[2][k] = k * (k - 1) * weight / (speed * speed)
@@ -123,7 +128,10 @@ def _curvature_weights(series: Series, speed: float) -> Vector:
 
 
 def _excite(jumps: Matrix, weights: Matrix) -> Matrix:
-    """Return N, N' and N'' of the jumps ``(p + 2, g)`` of each group (23), ``(3, g)``."""
+    """Return N, N' and N'' of the jumps of each group (23), ``(3, g)``.
+
+    ``jumps`` are ``(p + 2, g)`` and ``weights`` those of `_excitation_weights`.
+    """
     out = np.zeros((3, len(jumps[0])))
     for i in range(3):
         add_weighted(out[i], weights[i], jumps, 0)
@@ -137,12 +145,14 @@ def _add_vibrations(
     remainders: Vector,
     at_start: Matrix,
     inside: Matrix,
-    rest: Excitation,
+    from_rest: Excitation,
     out: Records,
 ) -> None:
-    """Add the vibrations to the bounds: excited at the starts of groups, inside, and by the start.
+    """Add the bounds of the vibrations to ``out``.
 
-    Vibrations inside a group count as excited at its start, with the age of its end.
+    Vibrations are excited at the starts of groups (``at_start``), inside groups (``inside``), and
+    by the start of the run from rest. Those inside a group count as excited at its start, with the
+    age of its end.
     """
     sums, end = FadingSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), step.high * step.duration
     count = len(remainders)
@@ -154,7 +164,7 @@ def _add_vibrations(
             sums = _add(_fade(sums, remainders[i], time), _column(inside, i), time)
         sums = _repeat_turn(_add(sums, _column(at_start, 0), 0.0), norm, step)
     max_age = min(step.duration, 1.0 / max(norm.decay, TINY))
-    sums = _add(sums, rest, max_age)
+    sums = _add(sums, from_rest, max_age)
     for i in range(count):
         if law.breaks[law.first_pieces[i]] >= end:
             break
@@ -171,11 +181,12 @@ def _add_vibrations(
 
 
 def _column(rows: Matrix, group: int) -> Excitation:
+    """Return the excitation of one group."""
     return Excitation(rows[0][group], rows[1][group], rows[2][group])
 
 
 def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
-    """Return the sums with an excitation of some age (s)."""
+    """Return the sums with an excitation of the given age (s) added."""
     return FadingSums(
         n=sums.n + added.n,
         n_t=sums.n_t + added.n * age,
@@ -187,7 +198,7 @@ def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
 
 
 def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
-    """Return the sums after a time (s), of which the fraction ``remainder`` is left."""
+    """Return the sums a time (s) later, faded to the fraction ``remainder``."""
     return FadingSums(
         n=remainder * sums.n,
         n_t=remainder * (sums.n_t + time * sums.n),
@@ -199,7 +210,7 @@ def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
 
 
 def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> FadingSums:
-    """Return the sums of all earlier turns, given those of one turn at its end (25)."""
+    """Return the sums over all previous turns from those of one turn (25)."""
     period, turns = TURN / step.low, step.high * step.duration / TURN
     remainder = math.exp(-norm.decay * TURN / step.high)
     endless = 1.0 / max(-math.expm1(-norm.decay * TURN / step.high), TINY)
@@ -218,7 +229,10 @@ def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> Fadi
 
 
 def _bound_curvature(sums: FadingSums, norm: VibrationNorm, time: float, low: float) -> float:
-    """Return the upper bound of d²/dΩ² of vibrations that are up to ``time`` s older (24)."""
+    """Return the upper bound of the norm of d²/dΩ² of the vibrations (24).
+
+    They are up to ``time`` s older than in ``sums``.
+    """
     rate, n_t = norm.sigma / low, sums.n_t + time * sums.n
     n_tt = sums.n_tt + time * (2.0 * sums.n_t + time * sums.n)
     slope_t = sums.slope_t + time * sums.slope

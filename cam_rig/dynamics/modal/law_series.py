@@ -1,4 +1,4 @@
-"""Tables of a law's derivatives and harmonics, as the search for the first zero reads them."""
+"""Derivatives and harmonics of a law, for the search for the first zero."""
 
 from __future__ import annotations
 
@@ -12,32 +12,35 @@ from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray
 
-#: Long pieces are cut, so that a turn has at least this number of pieces of equal length.
+#: Least number of pieces per turn. Longer pieces are cut into equal parts.
 MIN_PIECES = 8
-#: Short pieces form groups, so that a turn has at least this number of groups.
+#: Pieces form groups of at most 1/64 of a turn. A longer piece is a group.
 MIN_GROUPS = 64
-#: Relative difference below which two spans are equal.
+#: Relative difference of two spans below which they count as equal.
 SPAN_RTOL = 1e-12
-#: Number of pieces above which a law has more harmonics that are bounded one by one.
+#: Number of pieces above which the second number of `HARMONICS` is used.
 MANY_PIECES = 600
-#: Harmonics that are bounded one by one, for few and for many pieces; twice as many samples.
+#: Number of harmonics that are bounded singly, for few and for many pieces. A turn has twice as
+#: many samples.
 HARMONICS = (256, 512)
-#: Number of blocks of harmonics above them, each `BLOCK_RATIO` further.
+#: Number of blocks of higher harmonics. The starts of successive blocks have the ratio
+#: `BLOCK_RATIO`.
 BLOCKS = 100
-#: Upper bound of Σ |c| over the harmonics that alias to k of N samples, per C at N − k (28).
+#: Factor of aliasing for N samples: Σ |c| over the harmonics that alias to k is at most this factor
+#: times the bound of |c| at N − k (28).
 ALIASING = math.pi**2 / 3.0
-#: Rounding of a sample, relative to the lift.
+#: Rounding error of the computed harmonics, relative to the largest sample.
 SAMPLE_EPS = 2.0**-50
 
 
 @lru_cache(maxsize=64)
 def law_series(law: Law) -> LawSeries:
     """Return the tables of a law."""
-    degree = max(law.degree, 1)  # acceleration has a row on a cam of dwells too
-    own, ordinates = law.ordinates, np.empty((degree + 1, degree + 2, law.spans.size))
+    degree = max(law.degree, 1)  # so that s'' has a row for a cam of dwells only, of degree 0
+    derivative, ordinates = law.ordinates, np.empty((degree + 1, degree + 2, law.spans.size))
     for order in range(degree + 2):
-        ordinates[:, order] = bernstein.elevate(own, degree)
-        own = bernstein.derivative(own) / law.spans
+        ordinates[:, order] = bernstein.elevate(derivative, degree)
+        derivative = bernstein.derivative(derivative) / law.spans
     ordinates, jumps, breaks = _cut_long_pieces(law, ordinates)
     spans, absolute, jump_sizes = np.diff(breaks), np.abs(ordinates), np.abs(jumps)
     maxima, variations = absolute.max(axis=0), absolute.mean(axis=0) @ spans
@@ -71,13 +74,17 @@ def law_series(law: Law) -> LawSeries:
 
 
 def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return ordinates ``(p + 1, p + 2, m)``, jumps ``(p + 2, m)`` and breaks of cut pieces."""
+    """Return the ordinates, jumps and breaks after the long pieces are cut.
+
+    Their shapes are ``(p + 1, p + 2, m)``, ``(p + 2, m)`` and ``(m + 1,)`` for m pieces.
+    """
     joints = ordinates[0].copy()
     joints[:, 1:] -= ordinates[-1, :, :-1]
     joints[:, 0] -= ordinates[-1, :, -1]
     counts = np.ceil(law.spans * (MIN_PIECES / TURN) * (1.0 - SPAN_RTOL)).astype(int)
     if counts.max() == 1:
-        return ordinates, joints, law.breaks.copy()  # compiled code takes arrays that may change
+        # A copy of the breaks, because compiled code takes writable arrays.
+        return ordinates, joints, law.breaks.copy()
     pieces, breaks = bernstein.cut(ordinates, law.breaks, counts)
     jumps = np.zeros((ordinates.shape[1], counts.sum()))
     jumps[:, np.cumsum(counts) - counts] = joints
@@ -86,7 +93,11 @@ def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, Float
 
 @lru_cache(maxsize=64)
 def _inverse_powers(degree: int, count: int) -> FloatArray:
-    """Return 1/kʳ⁺¹, 1 ≤ r ≤ degree, for k, N − k and the starts of blocks, ``(degree, m)``."""
+    """Return 1/kʳ⁺¹ for 1 ≤ r ≤ degree, ``(degree, m)``.
+
+    The m harmonics are k = 1 … count, then N − k for N = 2 count samples, then the starts of the
+    blocks.
+    """
     k = np.arange(1.0, count + 1.0)
     blocks = (count + 1.0) * BLOCK_RATIO ** np.arange(BLOCKS)
     inverse = 1.0 / np.concatenate([k, 2.0 * count - k, blocks])
@@ -98,7 +109,8 @@ def _bound_harmonics(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the last three fields of `LawSeries` by (28).
 
-    ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn and ``variations`` bound ∫|s⁽ᵏ⁾| dθ, ``(p + 2,)`` each.
+    ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn, and ``variations`` are upper bounds of ∫|s⁽ᵏ⁾| dθ,
+    ``(p + 2,)`` each.
     """
     count = HARMONICS[law.spans.size > MANY_PIECES]
     degree = len(jumps) - 2

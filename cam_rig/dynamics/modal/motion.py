@@ -1,9 +1,10 @@
-"""Motion of an oscillator on a cam at one constant speed, piece by piece and turn by turn.
+"""Motion of an oscillator on a cam at one constant speed.
 
 Between two joints of the law the forced response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ), where hₖ are the
 Taylor coefficients of the transfer function. If a derivative of s jumps at a joint, that polynomial
-jumps too, and a free vibration cancels the jump: joints excite the mode, and nothing else does.
-Numbers in brackets are those of docs/proofs.md, part 2, whose symbols the names follow.
+jumps too, and a free vibration cancels the jump. Only these jumps excite the mode.
+
+Numbers in brackets are those of docs/proofs.md, part 2. The names follow the symbols there.
 """
 
 from __future__ import annotations
@@ -21,38 +22,39 @@ from cam_rig.dynamics.events.run_table import CamWeights
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, min_of
 from cam_rig.units import TURN
 
-#: Relative size of two successive terms of the series, after the second, that are rounding.
+#: Size of a term, relative to the largest term, below which it is rounding. The series stops after
+#: two such terms in a row.
 SERIES_RTOL = 1e-14
-#: Largest rounding of the terms as a fraction of the output.
+#: Largest rounding error of the terms of P, as a fraction of the terms with s, s' and s''.
 MAX_ROUNDING = 1e-5
 #: Distance between 1 and the next float.
 EPS = 2.0**-52
-#: Logarithm of the fraction of a vibration that counts as zero, e⁻³⁹ = 1e-17.
+#: Logarithm of the fraction of a vibration that counts as zero: e⁻³⁹ = 1e-17 is below rounding.
 LOG_FADED = -39.0
 #: Smallest ρ as a fraction of δ: near critical damping the two rates become equal (16).
 MIN_RHO = 0.5
 
-#: Fields of a stored `Flow`.
+#: Fields of a `Flow` in a record.
 FLOW_FIELDS = [(name, "f8") for name in ("eta_eta", "eta_rate", "rate_eta", "rate_rate")]
-#: Flow over a span of the law, and the fraction e^{−λt} of a norm that remains (16).
+#: Flow over one span of the law, and e^{−λt}, the fraction of the norm N after it (16).
 SPAN_FLOW = np.dtype([*FLOW_FIELDS, ("remainder", "f8")], align=True)
-#: Free vibration at the start of a piece, in any turn.
+#: Free vibration at the start of a piece. `min_output.free_at` combines it with that of a turn.
 PIECE_START = np.dtype(
     [
-        *FLOW_FIELDS,  # from the start of the turn
-        ("displacement", "f8"),  # η excited by the joints of the turn so far, m
+        *FLOW_FIELDS,  # from the start of the turn to the start of the piece
+        ("displacement", "f8"),  # η excited by the joints of the turn up to the piece, m
         ("velocity", "f8"),  # η̇ excited by them, m/s
-        ("remainder", "f8"),  # e^{−λt} since the start of the turn (16)
+        ("remainder", "f8"),  # e^{−λt} from the start of the turn to the start of the piece (16)
         ("floor", "f8"),  # lower bound of the output in the piece in all turns (19)
     ],
     align=True,
 )
-#: Free vibration at the start of a turn.
+#: Free vibration (η, η̇) at the start of a turn, m and m/s.
 TURN_START = np.dtype([("displacement", "f8"), ("velocity", "f8")], align=True)
 
 
 class GroupRow(IntEnum):
-    """Rows of `LawSeries.groups`, each with one number per derivative of s and group."""
+    """Index of a matrix ``(p + 2, g)`` in `LawSeries.groups`."""
 
     MAX = 0  #: upper bound of |s⁽ᵏ⁾| in the group
     START_JUMP = 1  #: |jump| at the start of the group
@@ -60,16 +62,19 @@ class GroupRow(IntEnum):
 
 
 class LawSeries(NamedTuple):
-    """A law of n pieces of degree p with all its derivatives; g groups of neighbouring pieces."""
+    """Derivatives and harmonics of a law of n pieces of degree p.
 
-    derivatives: Matrices  #: ordinate j of s⁽ᵏ⁾(θ) in piece i, ``(p + 1, p + 2, n)``
-    jumps: Matrix  #: of s⁽ᵏ⁾ at the start of each piece, ``(p + 2, n)``
-    breaks: Vector  #: ``(n + 1,)``, rad
-    spans: Vector  #: different spans of pieces, ``(m,)``, rad
+    Adjacent pieces form g groups.
+    """
+
+    derivatives: Matrices  #: Bernstein ordinate j of s⁽ᵏ⁾(θ) in piece i, ``(p + 1, p + 2, n)``
+    jumps: Matrix  #: jumps of s⁽ᵏ⁾ at the start of each piece, ``(p + 2, n)``
+    breaks: Vector  #: cam angles of the joints, ``(n + 1,)``, rad
+    spans: Vector  #: distinct spans of pieces, ``(m,)``, rad
     span_index: NDArray[np.intp]  #: index of each piece's span in ``spans``, ``(n,)``
-    first_pieces: NDArray[np.intp]  #: first piece of each group, and n, ``(g + 1,)``
+    first_pieces: NDArray[np.intp]  #: index of the first piece of each group, and n, ``(g + 1,)``
     max_derivatives: Vector  #: upper bounds of |s⁽ᵏ⁾|, ``(p + 2,)``
-    groups: Matrices  #: rows of `GroupRow`, ``(3, p + 2, g)``
+    groups: Matrices  #: matrices of `GroupRow`, ``(3, p + 2, g)``
     piece_maxima: Matrix  #: upper bounds of |s| to |s⁗| in each piece, ``(n, 5)``
     harmonics: Vector  #: Cₖ ≥ |cₖ| of s = Σ cₖ e^{ikθ} (28), for k = 1 … h
     tails: Vector  #: Σ Cⱼ/j for j ≥ k, ``(h,)``
@@ -77,26 +82,26 @@ class LawSeries(NamedTuple):
 
 
 class Oscillator(NamedTuple):
-    """η̈ = −κ η − d η̇ + drive · (s, ṡ, s̈), one output of it, and the duration of a run."""
+    """Mode η̈ = −κ η − d η̇ + drive · (s, ṡ, s̈), its output and its duration."""
 
     stiffness: float  #: κ, 1/s²
     damping: float  #: d, 1/s
-    drive: CamWeights  #: d₀, d₁, d₂; its constant is not used
+    drive: CamWeights  #: d₀, d₁, d₂. The constant is not used.
     per_displacement: float  #: p, weight of η in the output
     per_velocity: float  #: q, weight of η̇ in the output
     cam: CamWeights  #: m₀, m₁, m₂, weights of s, ṡ and s̈ in the output, and its constant
-    duration: float  #: s from rest at θ = 0; infinite in steady state
+    duration: float  #: duration of a run from rest at θ = 0, s, or infinite for steady state
 
 
 class Series(NamedTuple):
     """Taylor coefficients, ``(p + 1,)`` each (15)."""
 
-    own: Vector  #: hₖ of η
+    eta: Vector  #: hₖ of η
     output: Vector  #: gₖ of the output
 
 
 class ModeOnLaw(NamedTuple):
-    """A mode that is excited by a law."""
+    """Mode that is excited by a law."""
 
     law: LawSeries
     mode: Oscillator
@@ -113,7 +118,10 @@ class Flow(NamedTuple):
 
 
 class VibrationNorm(NamedTuple):
-    """Norm N = √((ρη)² + (η̇ + δη)²) of a free vibration, which fades at least as e^{−λt} (16)."""
+    """Norm N = √((ρη)² + (η̇ + δη)²) of a free vibration (16).
+
+    It fades at least as fast as e^{−λt}.
+    """
 
     delta: float  #: δ, half of the mode's damping, 1/s
     rho: float  #: ρ, 1/s
@@ -127,19 +135,23 @@ class OscillatorMotion(NamedTuple):
 
     speed: float  #: Ω, rad/s
     norm: VibrationNorm
-    own: Vector  #: significant terms hₖ Ωᵏ
+    eta_terms: Vector  #: significant terms hₖ Ωᵏ
     forced: Matrix  #: ordinates of the output's polynomial part P, ``(p + 1, n)``
     min_forced: Vector  #: least ordinate of P in each piece, ``(n,)``
-    group_min_forced: Vector  #: the least of each group, ``(g,)``
+    group_min_forced: Vector  #: least ordinate of P in each group, ``(g,)``
     max_forced: Vector  #: largest absolute ordinate of P in each piece, ``(n,)``
     span_flows: Records  #: records of `SPAN_FLOW` for ``LawSeries.spans``, ``(m,)``
     piece_starts: Records  #: records of `PIECE_START`, ``(n,)``
     turn_starts: Records  #: records of `TURN_START` until the motion repeats or ends, ``(t,)``
-    repeating: StemVibration  #: (η, η̇) at the start of a turn in steady state; infinite if none
+    #: (η, η̇) at the start of a turn in steady state. Infinite if there is no steady state.
+    steady_start: StemVibration
 
 
 def norm_of(mode: Oscillator) -> VibrationNorm:
-    """Return the norm of (16); it fades as the slower rate, less near critical damping."""
+    """Return the norm of (16).
+
+    Its decay λ is the slower of the two rates of the mode. It is smaller near critical damping.
+    """
     delta = 0.5 * mode.damping
     square = mode.stiffness - delta * delta
     root = math.sqrt(abs(square))
@@ -176,46 +188,49 @@ def _spectral_norm(a: float, b: float, c: float, d: float) -> float:
 
 
 def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
-    """Return the mode on a law, with one coefficient per derivative of a piece (long division)."""
+    """Return the mode on a law, with p + 1 Taylor coefficients (15).
+
+    Long division of the transfer function gives them.
+    """
     count = len(law.jumps) - 1
-    own, output = np.zeros(count), np.zeros(count)
+    eta, output = np.zeros(count), np.zeros(count)
     drive = mode.drive.lift, mode.drive.velocity, mode.drive.acceleration
     cam = mode.cam.lift, mode.cam.velocity, mode.cam.acceleration
     for k in range(count):
         remainder = drive[k] if k < 3 else 0.0
         if k > 0:
-            remainder -= mode.damping * own[k - 1]
+            remainder -= mode.damping * eta[k - 1]
         if k > 1:
-            remainder -= own[k - 2]
-        own[k] = remainder / mode.stiffness
-        output[k] = mode.per_displacement * own[k] + (cam[k] if k < 3 else 0.0)
+            remainder -= eta[k - 2]
+        eta[k] = remainder / mode.stiffness
+        output[k] = mode.per_displacement * eta[k] + (cam[k] if k < 3 else 0.0)
         if k > 0:
-            output[k] += mode.per_velocity * own[k - 1]
-    return ModeOnLaw(law, mode, Series(own, output))
+            output[k] += mode.per_velocity * eta[k - 1]
+    return ModeOnLaw(law, mode, Series(eta, output))
 
 
 def is_resolved(run: ModeOnLaw, speed: float) -> bool:
-    """Return True if rounding leaves the output accurate.
+    """Return True if the rounding error of the output is within `MAX_ROUNDING`.
 
     If the mode has few periods in a short piece of high degree, the terms of P grow and cancel
     against the free vibration.
     """
-    output, power, largest, first = run.series.output, 1.0, 0.0, 0.0
+    output, power, max_term, reference = run.series.output, 1.0, 0.0, 0.0
     for k in range(len(output)):
-        largest = max(largest, abs(output[k]) * power * run.law.max_derivatives[k])
+        max_term = max(max_term, abs(output[k]) * power * run.law.max_derivatives[k])
         if k < 3:
-            first = largest
+            reference = max_term
         power *= speed
-    return EPS * largest <= MAX_ROUNDING * first
+    return EPS * max_term <= MAX_ROUNDING * reference
 
 
 def count_terms(law: LawSeries, series: Series, speed: float) -> int:
-    """Return the number of terms of the series until two successive ones are rounding."""
-    power, largest, was_small = 1.0, 0.0, False
+    """Return the number of terms of the series before two that are rounding."""
+    power, max_term, was_small = 1.0, 0.0, False
     for k in range(len(series.output)):
         size = abs(series.output[k]) * power * law.max_derivatives[k]
-        largest = max(largest, size)
-        is_small = size <= SERIES_RTOL * largest
+        max_term = max(max_term, size)
+        is_small = size <= SERIES_RTOL * max_term
         if k > 2 and is_small and was_small:
             return k
         was_small = is_small
@@ -223,32 +238,32 @@ def count_terms(law: LawSeries, series: Series, speed: float) -> int:
     return len(series.output)
 
 
-def forced_vibration(law: LawSeries, own: Vector, speed: float, piece: int) -> StemVibration:
+def forced_vibration(law: LawSeries, eta_terms: Vector, speed: float, piece: int) -> StemVibration:
     """Return (η, η̇) of the polynomial X at the start of a piece (15)."""
     displacement, velocity = 0.0, 0.0
-    for k in range(len(own)):
-        displacement += own[k] * law.derivatives[0][k][piece]
-        velocity += own[k] * law.derivatives[0][k + 1][piece]
+    for k in range(len(eta_terms)):
+        displacement += eta_terms[k] * law.derivatives[0][k][piece]
+        velocity += eta_terms[k] * law.derivatives[0][k + 1][piece]
     return StemVibration(displacement, velocity * speed)
 
 
 def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None:
     """Add Σ weights[k] rows[first + k] to ``out``.
 
-    Two rows at a time halve the number of accesses to ``out``; compiled code uses SIMD.
+    Two rows at a time halve the number of accesses to ``out``. Compiled code uses SIMD.
     """
     for k in range(0, len(weights) - 1, 2):
-        a, b, one, other = weights[k], weights[k + 1], rows[first + k], rows[first + k + 1]
+        a, b, row, next_row = weights[k], weights[k + 1], rows[first + k], rows[first + k + 1]
         for i in range(len(out)):
-            out[i] += a * one[i] + b * other[i]
+            out[i] += a * row[i] + b * next_row[i]
     if len(weights) % 2 == 1:
-        a, one = weights[-1], rows[first + len(weights) - 1]
+        a, row = weights[-1], rows[first + len(weights) - 1]
         for i in range(len(out)):
-            out[i] += a * one[i]
+            out[i] += a * row[i]
 
 
 def scale_terms(terms: Vector, count: int, speed: float) -> Vector:
-    """Return the first ``count`` terms of a series times Ωᵏ."""
+    """Return the first ``count`` terms of a series, term k times Ωᵏ."""
     out, power = np.zeros(count), 1.0
     for k in range(count):
         out[k] = terms[k] * power
@@ -279,7 +294,7 @@ def read_flow(record: np.void) -> Flow:
 
 
 def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
-    """Return a free vibration after a flow."""
+    """Return the free vibration at the end of a flow."""
     return StemVibration(
         flow.eta_eta * free.displacement + flow.eta_rate * free.velocity,
         flow.rate_eta * free.displacement + flow.rate_rate * free.velocity,
@@ -295,7 +310,8 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     for m in range(len(span_flows)):
         write_flow(span_flows[m], flow_over(mode, law.spans[m] / speed))
         span_flows[m]["remainder"] = math.exp(-norm.decay * law.spans[m] / speed)
-    weights, own = scale_terms(series.output, terms, speed), scale_terms(series.own, terms, speed)
+    weights = scale_terms(series.output, terms, speed)
+    eta_terms = scale_terms(series.eta, terms, speed)
     min_forced, max_forced = np.zeros(count), np.zeros(count)
     forced = _forced_ordinates(law, weights, mode.cam.constant, min_forced, max_forced)
     group_min_forced = np.zeros(len(law.first_pieces) - 1)
@@ -303,27 +319,27 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
         first, end = law.first_pieces[g], law.first_pieces[g + 1]
         group_min_forced[g] = min_of(min_forced[first:end])
     jumps = np.zeros((2, count))
-    for k in range(2):  # of η, and of η̇
-        add_weighted(jumps[k], own, law.jumps, k)
+    for k in range(2):  # jumps of η, then of η̇
+        add_weighted(jumps[k], eta_terms, law.jumps, k)
     for i in range(count):
         jumps[1][i] *= speed
     piece_starts = np.zeros(count, PIECE_START)
     turn_flow, excited = _pass_turn(law, span_flows, jumps, piece_starts)
-    x = forced_vibration(law, own, speed, 0)
-    steady = _repeating_start(turn_flow, excited)
+    x = forced_vibration(law, eta_terms, speed, 0)
+    steady = _steady_vibration(turn_flow, excited)
     turn_starts = _turn_starts(mode, norm, speed, x, turn_flow, excited, steady)
-    largest = 0.0
+    max_reach = 0.0
     for i in range(len(turn_starts)):
         start = StemVibration(turn_starts[i]["displacement"], turn_starts[i]["velocity"])
-        largest = max(largest, norm.reach * amplitude(norm, start))
+        max_reach = max(max_reach, norm.reach * amplitude(norm, start))
     for i in range(count):  # (19)
         start = StemVibration(piece_starts[i]["displacement"], piece_starts[i]["velocity"])
         floor = min_forced[i] - norm.reach * amplitude(norm, start)
-        piece_starts[i]["floor"] = floor - largest * piece_starts[i]["remainder"]
+        piece_starts[i]["floor"] = floor - max_reach * piece_starts[i]["remainder"]
     return OscillatorMotion(
         speed=speed,
         norm=norm,
-        own=own,
+        eta_terms=eta_terms,
         forced=forced,
         min_forced=min_forced,
         group_min_forced=group_min_forced,
@@ -331,16 +347,18 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
         span_flows=span_flows,
         piece_starts=piece_starts,
         turn_starts=turn_starts,
-        repeating=StemVibration(x.displacement + steady.displacement, x.velocity + steady.velocity),
+        steady_start=StemVibration(
+            x.displacement + steady.displacement, x.velocity + steady.velocity
+        ),
     )
 
 
 def _pass_turn(
     law: LawSeries, span_flows: Records, jumps: Matrix, piece_starts: Records
 ) -> tuple[Flow, StemVibration]:
-    """Write the start of each piece; return the flow of the turn and what its joints excite.
+    """Write ``piece_starts``, and return the flow and the excited vibration of a turn.
 
-    ``jumps`` are those of X, ``(2, n)``. The jump at angle 0 counts at the end of the turn.
+    ``jumps`` are those of X and Ẋ, ``(2, n)``. The jump at angle 0 counts at the end of the turn.
     """
     first = StemVibration(jumps[0][0], jumps[1][0])
     displacement, velocity = first.displacement, first.velocity
@@ -361,10 +379,14 @@ def _pass_turn(
 
 
 def _forced_ordinates(
-    law: LawSeries, weights: Vector, constant: float, lowest: Vector, highest: Vector
+    law: LawSeries, weights: Vector, constant: float, minima: Vector, maxima: Vector
 ) -> Matrix:
-    """Return the ordinates of P; write the least and the largest absolute one of each piece."""
-    out = np.zeros((len(law.derivatives), len(lowest)))
+    """Return the ordinates of P, ``(p + 1, n)``.
+
+    The least ordinate of each piece is written to ``minima``, the largest absolute one to
+    ``maxima``, ``(n,)`` each.
+    """
+    out = np.zeros((len(law.derivatives), len(minima)))
     for j in range(len(out)):
         row = out[j]
         for i in range(len(row)):
@@ -372,15 +394,15 @@ def _forced_ordinates(
         add_weighted(row, weights, law.derivatives[j], 0)
         if j == 0:
             for i in range(len(row)):
-                lowest[i], highest[i] = row[i], abs(row[i])
+                minima[i], maxima[i] = row[i], abs(row[i])
         else:
             for i in range(len(row)):
-                lowest[i], highest[i] = min(lowest[i], row[i]), max(highest[i], abs(row[i]))
+                minima[i], maxima[i] = min(minima[i], row[i]), max(maxima[i], abs(row[i]))
     return out
 
 
-def _repeating_start(flow: Flow, excited: StemVibration) -> StemVibration:
-    """Return the free vibration that a turn reproduces; infinite if it reproduces any."""
+def _steady_vibration(flow: Flow, excited: StemVibration) -> StemVibration:
+    """Return the free vibration that a turn reproduces, infinite if not unique."""
     a, d = 1.0 - flow.eta_eta, 1.0 - flow.rate_rate
     determinant = a * d - flow.eta_rate * flow.rate_eta
     if determinant == 0.0:
@@ -399,7 +421,10 @@ def _turn_starts(
     excited: StemVibration,
     steady: StemVibration,
 ) -> Records:
-    """Return the free vibration at the start of each turn; ``forced`` is X at the run's start."""
+    """Return the free vibration at the start of each turn, records of `TURN_START`.
+
+    ``forced`` is (X, Ẋ) at the start of the run.
+    """
     if math.isinf(mode.duration):
         starts = np.zeros(1, TURN_START)
         starts[0]["displacement"], starts[0]["velocity"] = steady.displacement, steady.velocity

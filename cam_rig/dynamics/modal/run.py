@@ -1,4 +1,4 @@
-"""Run of one mode on a law at any speed: its least output, and where that is first zero."""
+"""Run of one mode on a law at any speed: its least output and the first zero."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ from cam_rig.laws import Law
 from cam_rig.laws.vectors import index_at
 from cam_rig.units import TURN, FloatArray
 
-#: Evaluations after which a search can be interrupted: about 20 ms compiled, 1 s in plain Python.
+#: Number of evaluations per call of the search: about 20 ms compiled, 1 s in plain Python. Ctrl-C
+#: takes effect between two calls.
 EVALUATIONS_PER_CALL = 5e5
 
 
 @dataclass(frozen=True)
 class ModalRun:
-    """A mode on a law, from rest or in steady state."""
+    """Mode on a law, in a run from rest or in steady state."""
 
     law: Law
     mode: Oscillator
@@ -46,10 +47,17 @@ class ModalRun:
     def of(
         cls, response: LinearResponse, outputs: Outputs, duration: float | None, row: int = 0
     ) -> ModalRun:
-        """Return the run of one row of a model's outputs.
+        """Return the run of one output of a model.
 
-        It takes ``duration`` s from rest at θ = 0, or is in steady state for None. The speed of the
-        response is not used.
+        Parameters
+        ----------
+        response : LinearResponse
+            Response of two states (η, η̇). Its speed is not used.
+        outputs : Outputs
+        duration : float or None
+            Duration of the run from rest at θ = 0 in s, or None for the steady state.
+        row : int
+            Index of the output (default: 0).
         """
         drive, cam = response.drive[1].tolist(), outputs.law[row].tolist()
         mode = Oscillator(
@@ -64,7 +72,7 @@ class ModalRun:
         return cls(response.law, mode)
 
     def min_outputs(self, speeds: FloatArray) -> FloatArray:
-        """Return the least output of the run at each speed (rad/s), ``(m,)``, to rounding."""
+        """Return the least output at each speed (rad/s), shape (m,), to rounding."""
         return np.array([self.min_output(speed) for speed in speeds.tolist()])
 
     def min_output(self, speed: float) -> float:
@@ -72,11 +80,19 @@ class ModalRun:
         return float(dispatch(min_output_at, law_series(self.law), self.mode, float(speed)))
 
     def is_resolved(self, speed: float) -> bool:
-        """Return True if rounding leaves the output accurate at a speed (rad/s)."""
+        """Return True if the rounding error of the output is small at a speed (rad/s)."""
         return is_resolved(mode_on_law(law_series(self.law), self.mode), speed)
 
     def steady(self, speed: float, angle: float) -> FloatArray:
-        """Return free (η, η̇) in steady state at a speed (rad/s) and a cam angle (rad), ``(2,)``."""
+        """Return the free vibration (η, η̇) in steady state, shape (2,).
+
+        The speed is in rad/s. The cam angle is in rad, within the first turn.
+
+        Raises
+        ------
+        DynamicsError
+            If the mode has no steady state at this speed.
+        """
         mode, law = self.mode, law_series(self.law)
         half, period = 0.5 * mode.damping, TURN / speed
         root = cmath.sqrt(half**2 - mode.stiffness)
@@ -88,7 +104,11 @@ class ModalRun:
         return np.array(apply_flow(flow, free_at(motion, piece, 0)))
 
     def climb(self, low: float, last: float, max_evaluations: float) -> Climb:
-        """Climb from a speed (rad/s) to the first zero of the output, as `first_zero.climb`."""
+        """Find the first zero of the least output between two speeds (rad/s).
+
+        `first_zero.climb` describes the result. Its status is PAUSED if ``max_evaluations`` are
+        not sufficient.
+        """
         step, evaluations, law = 1.0, 0.0, law_series(self.law)
         while evaluations < max_evaluations:
             count = min(EVALUATIONS_PER_CALL, max_evaluations - evaluations)

@@ -1,4 +1,4 @@
-"""From rest means one thing, also on a law that rises where a turn begins."""
+"""Runs from rest agree, also on a law that rises at the start of a turn."""
 
 import math
 from dataclasses import fields, replace
@@ -23,23 +23,23 @@ RUN = 0.4
 
 @pytest.fixture(scope="module")
 def steep(laws):
-    """Laws with s′(0) ≠ 0, rising and falling: their zero is in the middle of a motion."""
-    found = [turned(laws["poly345"], np.radians(degrees)) for degrees in (90.0, 270.0)]
-    assert [np.sign(law(np.zeros(1), 1)[0]) for law in found] == [1.0, -1.0]
-    return found
+    """Two laws that rise and fall at angle 0, s'(0) > 0 and s'(0) < 0."""
+    steep_laws = [turned(laws["poly345"], np.radians(degrees)) for degrees in (90.0, 270.0)]
+    assert [np.sign(law(np.zeros(1), 1)[0]) for law in steep_laws] == [1.0, -1.0]
+    return steep_laws
 
 
-def test_every_place_that_starts_from_rest_means_the_same(steep, paper_rig, two_mass):
-    """A simulation, the search for the jump speed, a search over rigs, and plain integration."""
+def test_all_runs_from_rest_agree(steep, paper_rig, two_mass):
+    """A simulation, the jump speed, minima of many rigs and an integration agree."""
     p = two_mass
     for law in steep:
-        jump, lowest = find_jump_speed(law, p, RUN), force_run(law, p, RUN).min_output
-        assert lowest(jump * (1 - 1e-4)) > 0.0 > lowest(jump * (1 + 1e-4))
+        jump, min_force = find_jump_speed(law, p, RUN), force_run(law, p, RUN).min_output
+        assert min_force(jump * (1 - 1e-4)) > 0.0 > min_force(jump * (1 + 1e-4))
         speed = 0.8 * jump
         turns = int(speed * RUN / TURN)
         motion = cam_rig.simulate(law, paper_rig, model="two_mass", rpm=speed / RPM, turns=turns)
-        every = slice(None, None, max(1, motion.time.size // 4000))
-        times, force = motion.time[every], motion.force[every]
+        subset = slice(None, None, max(1, motion.time.size // 4000))
+        times, force = motion.time[subset], motion.force[subset]
         assert force == pytest.approx(integrated(law, p, speed, times), abs=1e-5 * force.max())
         least = force_run(law, p, turns * TURN / speed).min_output(speed)
         assert least <= motion.force.min() <= least + 0.01 * motion.force.max()
@@ -48,14 +48,14 @@ def test_every_place_that_starts_from_rest_means_the_same(steep, paper_rig, two_
         assert table.force.min() == pytest.approx(least, abs=1e-3 * motion.force.max())
 
 
-# The least force of each turn of many rigs at once is that of the model for one rig.
+# Least force of each turn of many rigs at once, against the model of one rig.
 
 CAMS = ("bezier15", "poly345", "tm21", "cycloidal", "bezier_segments", "half_rises")
 TURNS = 6
 
 
 def random_rigs(rng, count):
-    """Followers from nearly undamped to stiffly damped, with ten periods a turn and more."""
+    """Return random followers of any damping with ten or more periods per turn."""
     share = rng.uniform(0.1, 0.9, count)
     mass = rng.uniform(0.5, 2.0, count)
     damping = 10.0 ** rng.uniform(-2.0, 1.3, (2, count))
@@ -66,27 +66,27 @@ def random_rigs(rng, count):
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", CAMS)
-def test_of_one_rig_as_of_many(laws, name):
-    """The least force up to each turn, within the grid's 2 % of the vibration: here 1 N or 2 %."""
+def test_minima_of_many_rigs_are_those_of_each_rig(laws, name):
+    """The least force up to each turn agrees to 1 N or 2 %, the error of the grid."""
     rng, law = np.random.default_rng(CAMS.index(name)), laws[name]
     rigs, rpm = random_rigs(rng, 5), float(rng.uniform(250.0, 600.0))
     spans = np.repeat(law.spans[None], 5, axis=0)
-    found = turn_minima(ShapeTable.of(law, 4000), spans, rigs, rpm * RPM, TURNS)
-    lowest = np.minimum.accumulate(found.force, axis=1)
+    minima = turn_minima(ShapeTable.of(law, 4000), spans, rigs, rpm * RPM, TURNS)
+    min_forces = np.minimum.accumulate(minima.force, axis=1)
     for i in range(5):
         numbers = (float(getattr(rigs, f.name)[i]) for f in fields(TwoMassParameters)[:7])
         follower = TwoMassParameters(*numbers)
         for turn in (0, 1, TURNS - 1):
             run = force_run(law, follower, (turn + 1) * 60.0 / rpm * (1.0 - 1e-12))
             exact = run.min_output(rpm * RPM)
-            assert lowest[i, turn] == pytest.approx(exact, rel=0.02, abs=1.0)
+            assert min_forces[i, turn] == pytest.approx(exact, rel=0.02, abs=1.0)
 
 
-# A search for a jump speed looks at no more values than it may, whatever the rig.
+# Number of evaluations of a search for a jump speed.
 
-#: Looks that a test lets a search have.
-MOST = 1e6
-#: Least and largest of each number that is drawn: as far as a rig file lets it go.
+#: Largest number of evaluations that these tests allow.
+MAX_TEST_EVALUATIONS = 1e6
+#: Range of each random number, which is the range that a rig file allows.
 RANGES = {
     "roller_mass": (1e-9, 1e6),
     "end_mass": (1e-9, 1e6),
@@ -101,20 +101,20 @@ RANGES = {
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("stiffness", [1e9, 1e12, 1e15])
 @pytest.mark.parametrize("duration", [1.7, None])
-def test_a_stiffer_stem_takes_no_more_looks(laws, two_mass, monkeypatch, stiffness, duration):
-    """3-4-5 on a stem of any stiffness comes to the rigid follower's speed in a step or two.
+def test_a_stiffer_stem_takes_no_more_evaluations(laws, two_mass, monkeypatch, stiffness, duration):
+    """The search on a very stiff stem finds the rigid speed in few steps.
 
-    There are 10⁷ resonances below the jump speed at 10¹⁵ N/m: where contact is proved over a wide
-    range of speeds they are not gone through.
+    There are 10⁷ resonances below the jump speed at 10¹⁵ N/m. The search proves contact over wide
+    ranges of the speed, and does not evaluate each resonance.
     """
-    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MOST)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MAX_TEST_EVALUATIONS)
     stiff = replace(two_mass, stem_stiffness=stiffness)
-    found = find_jump_speed(laws["poly345"], stiff, duration) / RPM
-    assert found == pytest.approx(458.67, abs=5.0)
+    jump_rpm = find_jump_speed(laws["poly345"], stiff, duration) / RPM
+    assert jump_rpm == pytest.approx(458.67, abs=5.0)
 
 
-def drawn(two_mass, seed):
-    """A rig whose numbers are at their limits, those of the paper, or anywhere between."""
+def random_rig(two_mass, seed):
+    """Return a rig with numbers at the limits, between them, or from the paper."""
     rng = np.random.default_rng(seed)
     numbers = {}
     for name, (low, high) in RANGES.items():
@@ -126,23 +126,22 @@ def drawn(two_mass, seed):
 
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(312))
-def test_any_rig_is_answered(laws, two_mass, monkeypatch, seed):
-    """A speed, or one line that says what is allowed: by a count of looks, not by the time.
-
-    At the limits of what a rig file may say too.
-    """
-    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MOST)
+def test_any_rig_has_a_jump_speed_or_an_error(laws, two_mass, monkeypatch, seed):
+    """Within the allowed evaluations each rig gets a speed, or an error with a remedy."""
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MAX_TEST_EVALUATIONS)
     rng = np.random.default_rng(seed)
     law = laws[str(rng.choice(["poly345", "cycloidal", "bezier15", "bezier_segments"]))]
     duration = [1.7, None][int(rng.integers(2))]
     try:
-        assert find_jump_speed(law, drawn(two_mass, seed), duration) >= 0.0
+        assert find_jump_speed(law, random_rig(two_mass, seed), duration) >= 0.0
     except DynamicsError as error:
         assert "allowed" in str(error)
 
 
-def test_what_takes_too_many_looks_is_refused_in_a_line(laws, two_mass, monkeypatch):
-    """With the speed that was come to, the stem's frequency, the limit and what to do."""
+def test_a_search_with_too_many_evaluations_is_refused(laws, two_mass, monkeypatch):
+    """The error contains the speed that was reached, the limit and remedies."""
     monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", 2e3)
-    with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 2000 looks .*stem"):
+    with pytest.raises(
+        DynamicsError, match=r"contact holds up to .* more than 2000 evaluations .*stem"
+    ):
         find_jump_speed(laws["cycloidal"], two_mass, 1.7)

@@ -1,4 +1,4 @@
-"""The first zero of the least force: no loss of contact is stepped over, however narrow."""
+"""The search for the first zero steps over no loss of contact, however narrow."""
 
 import math
 
@@ -14,7 +14,7 @@ from cam_rig.dynamics.jump.two_masses import SLOWEST, find_two_mass_jump, force_
 from cam_rig.dynamics.modal.group_error import GROUP_ERROR, bound_groups
 from cam_rig.dynamics.modal.harmonic_error import (
     bound_output,
-    bound_settled,
+    bound_steady,
     can_use_harmonics,
 )
 from cam_rig.dynamics.modal.law_series import law_series
@@ -23,14 +23,17 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
-#: Runs from rest (s), and the steady state.
+#: Durations of the runs from rest (s), and None for the steady state.
 DURATIONS = (1.7, 0.4, None)
-#: How far the lift and its derivatives at joints are from those of an eccentric.
+#: Relative scatter of the lift and its derivatives at joints about those of an eccentric.
 SCATTER = 0.1
 
 
 def random_law(rng):
-    """1 to 60 pieces of degree 3 to 15, C1 to C7 at joints, some with one of 0.03°."""
+    """Return a law of 1 to 60 pieces of degree 3 to 15 that is C¹ to C⁷ at joints.
+
+    Some laws have one piece that is shorter than the others by a factor of up to 1000.
+    """
     count = int(rng.choice([1, 2, 3, 5, 8, 12, 30, 60]))
     order = int(rng.integers(1, 8))
     widths = rng.uniform(0.3, 1.0, count)
@@ -50,7 +53,10 @@ def random_law(rng):
 
 
 def random_rig(rng):
-    """Stems of 1e3 to 1e10 N/m, damping none to three times critical, shares of 0.02 to 0.98."""
+    """Return two masses with a random stem of 1e3 to 1e10 N/m.
+
+    The damping is 0 to three times critical, the roller's share of the mass 0.02 to 0.98.
+    """
     mass, share = 10.0 ** rng.uniform(-1.0, 1.0), rng.uniform(0.02, 0.98)
     stem, spring = 10.0 ** rng.uniform(3.0, 10.0), 10.0 ** rng.uniform(2.0, 5.0)
     ratio = rng.choice([0.0, 10.0 ** rng.uniform(-4.0, -1.0), 10.0 ** rng.uniform(-2.0, 0.5)])
@@ -61,39 +67,44 @@ def random_rig(rng):
 
 
 def case(seed):
-    """A law, a rig and how long it runs."""
+    """Return a random law, a random rig and the duration of a run."""
     rng = np.random.default_rng(seed)
     law, rig = random_law(rng), random_rig(rng)
     duration = DURATIONS[int(rng.integers(3))]
-    still = rig.stem_damping + rig.damping == 0.0
-    return law, rig, DURATIONS[0] if still and duration is None else duration
+    is_undamped = rig.stem_damping + rig.damping == 0.0
+    return law, rig, DURATIONS[0] if is_undamped and duration is None else duration
 
 
-#: Speeds between the slowest and the one found, of which so many dips are looked into.
-SPEEDS, DIPS = 400, 4
-#: Rounding of the terms of a sliver's force, of their size.
+#: Number of speeds of the scan from the slowest speed to the jump speed.
+SPEEDS = 400
+#: Number of the lowest minima of the scan that are refined.
+DIPS = 4
+#: Rounding error of a force, relative to its terms.
 ROUNDING = 1e-11
 
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch):
-    """Thousands of looks a case: by compiled code."""
+    """Use compiled code, because each case takes thousands of evaluations."""
     monkeypatch.setenv(VARIABLE, "compiled")
 
 
 def noise(law, rig, speed):
-    """What rounding may take from a force, N."""
-    one = mode_on_law(law_series(law), force_run(law, rig, None).mode)
-    sizes, series = one.law.max_derivatives, one.series.output
+    """Return the rounding error of a force (N) at a speed (rad/s)."""
+    on_law = mode_on_law(law_series(law), force_run(law, rig, None).mode)
+    sizes, series = on_law.law.max_derivatives, on_law.series.output
     return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))
 
 
 def require_first(seed):
-    """Above zero at every speed of a fine grid below, and in its dips; zero where it was found."""
+    """Check that the least force is positive below the jump speed, and zero at it.
+
+    The speeds below it are those of a fine grid, and the minima of the force between them.
+    """
     law, rig, duration = case(seed)
     try:
         jump = find_two_mass_jump(law, rig, duration)
-    except DynamicsError as error:  # it has none, and the reason is stated
+    except DynamicsError as error:  # the case has no jump speed
         assert "allowed" in str(error)
         return
     run, small = force_run(law, rig, duration), noise(law, rig, jump.speed)
@@ -106,7 +117,7 @@ def require_first(seed):
     assert run.min_output(jump.speed * (1.0 + 1e-7)) < small
     length = duration or TURN / jump.speed
     assert jump.time <= length * (1.0 + 1e-9)
-    if jump.time < length * (1.0 - 1e-9):  # else the run ends where the force falls, or jumps down
+    if jump.time < length * (1.0 - 1e-9):  # else the force falls or jumps down at the run's end
         size = rig.preload + np.abs(least).max()
         assert abs(run.min_output(jump.speed)) < 1e-6 * size + small
 
@@ -120,19 +131,19 @@ def require_first(seed):
     ids=str,
 )
 def test_no_loss_of_contact_is_stepped_over(seeds):
-    """Random laws and rigs, from rest and settled, against a fine scan by the least force."""
+    """Jump speeds of random cases are the first zero of a fine scan of the force."""
     for seed in seeds:
         require_first(seed)
 
 
 @pytest.mark.parametrize("seed", [3809, 3873, 4417])
-def test_contact_that_is_lost_where_the_run_ends(seed):
-    """The run ends in a fall of the force, or beside a joint where it jumps down: no later."""
+def test_contact_that_is_lost_at_the_end_of_the_run(seed):
+    """A loss at the end of the run is found, also at a joint with a jump of the force."""
     require_first(seed)
 
 
 def forces(law, rig, speed, duration, angles):
-    """The exact model's contact force (N) at angles (rad) of the run."""
+    """Return the contact force (N) of the exact model at angles (rad) of the run."""
     response, output = contact_response(law, rig, speed), force_output(rig)
     start = response.periodic() if duration is None else np.zeros(2)
     states = response.states(start, 0.0, angles / speed)
@@ -143,7 +154,7 @@ def forces(law, rig, speed, duration, angles):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(30))
 def test_no_chord_error_exceeds_its_bound(seed):
-    """(27) and (29) to (32) half-way between two speeds, at angles of a run of the exact model."""
+    """(27) and (29) to (32) bound the chord error of the exact model."""
     law, rig, duration = case(seed)
     rng = np.random.default_rng(seed)
     low = 10.0 ** rng.uniform(0.0, 2.0)
@@ -155,32 +166,32 @@ def test_no_chord_error_exceeds_its_bound(seed):
     bounds = np.zeros(table.first_pieces.size - 1, GROUP_ERROR)
     norm = norm_of(run.mode)
     bound_groups(on_law, norm, low, high, bounds)
-    end = min(TURN if duration is None else high * duration, 40.0 * TURN)
-    angles = np.sort(rng.uniform(0.0, end, 3000))
+    last_angle = min(TURN if duration is None else high * duration, 40.0 * TURN)
+    angles = np.sort(rng.uniform(0.0, last_angle, 3000))
     middle = 0.5 * (low + high)
-    begin, between, last = (forces(law, rig, x, duration, angles) for x in (low, middle, high))
+    start, between, end = (forces(law, rig, x, duration, angles) for x in (low, middle, high))
     eighth = (high - low) ** 2 / 8.0
     forced = bounds["forced_curvature"] * eighth
     bound = np.minimum(bounds["curvature"] * eighth, 2.0 * bounds["vibration"] + forced)
     starts = table.breaks[table.first_pieces]
     group = np.searchsorted(starts, angles % TURN, side="right") - 1
-    error = 0.5 * (begin + last) - between
+    error = 0.5 * (start + end) - between
     small = 1e-12 * np.abs(between).max() + noise(law, rig, high)
     assert (error <= bound[group] * (1.0 + 1e-9) + small).all()
     if can_use_harmonics(run.mode, norm):
-        first, after = (motion_at(on_law, x) for x in (low, high))
-        settled = bound_settled(on_law, first, high)
-        largest = min(bound_output(on_law, first, settled, after.repeating, high))
-        assert np.abs(error).max() <= largest * (1.0 + 1e-9) + small
+        motion, next_motion = (motion_at(on_law, x) for x in (low, high))
+        steady = bound_steady(on_law, motion, high)
+        limit = min(bound_output(on_law, motion, steady, next_motion.steady_start, high))
+        assert np.abs(error).max() <= limit * (1.0 + 1e-9) + small
 
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(200, 208))
 def test_plain_and_compiled_find_the_same_bits(seed, monkeypatch):
-    """One source in both forms: how far they come, and the zero, to the last bit."""
+    """Both backends reach the same speed and the same zero."""
     law, rig, duration = case(seed)
-    run, found = force_run(law, rig, duration), []
-    for form in ("plain", "compiled"):
-        monkeypatch.setenv(VARIABLE, form)
-        found.append(run.climb(SLOWEST * RPM, 1e5 * RPM, 2e4))
-    assert found[0] == found[1]
+    run, climbs = force_run(law, rig, duration), []
+    for value in ("plain", "compiled"):
+        monkeypatch.setenv(VARIABLE, value)
+        climbs.append(run.climb(SLOWEST * RPM, 1e5 * RPM, 2e4))
+    assert climbs[0] == climbs[1]

@@ -1,4 +1,4 @@
-"""A mode at many speeds at once, held against the exact response at one speed."""
+"""Least output of a mode against the exact response at one speed."""
 
 from dataclasses import asdict, replace
 
@@ -26,7 +26,7 @@ from .test_first_zero import forces
 
 
 def test_exactly_critical_damping(laws, two_mass):
-    """Where two modes become one their amplitudes are endless, their sum is not."""
+    """At critical damping two modes coincide, and the least force is that of samples."""
     critical = 2.0 * np.sqrt(two_mass.stiffness * two_mass.end_mass)
     parameters = replace(two_mass, stem_damping=0.5 * critical, damping=0.5 * critical)
     law, speed, count = laws["poly345"], 300.0 * RPM, 200_000
@@ -36,7 +36,7 @@ def test_exactly_critical_damping(laws, two_mass):
 
 
 def test_no_steady_state_at_undamped_resonance(laws, two_mass):
-    """Without damping a harmonic of the speed at the mode's own frequency grows for ever."""
+    """Without damping, a harmonic at the frequency of the mode is refused."""
     parameters = replace(two_mass, stem_damping=0.0, damping=0.0)
     run = force_run(laws["poly345"], parameters, None)
     speed = np.sqrt(parameters.stiffness / parameters.end_mass) / 30.0
@@ -45,14 +45,17 @@ def test_no_steady_state_at_undamped_resonance(laws, two_mass):
         run.steady(speed, 0.0)
 
 
-# The least force of long laws: no bound cuts a touch; the least is the exhaustive search's.
+# Least force of long laws, against an exhaustive search.
 
-#: Pieces of a law, and the damping of its rig over the paper's: none, light, near critical, heavy.
+#: Number of pieces of a law, and the damping of its rig as a multiple of that of the paper.
 CASES = [(1, 1.0), (2, 0.3), (7, 0.0), (7, 400.0), (30, 1.0), (90, 228.8), (360, 1.0), (1440, 3.0)]
 
 
 def random_law(rng, count):
-    """A smooth spline of degree 3, 5 or 7 on uneven knots; one piece is a Bézier curve."""
+    """Return a random spline of degree 3, 5 or 7 on uneven knots.
+
+    A law of one piece is a Bézier curve.
+    """
     if count == 1:
         ordinates = 0.02 * rng.random(10)
         ordinates[-3:] = ordinates[2::-1] = ordinates[0]
@@ -69,24 +72,29 @@ def random_law(rng, count):
 
 
 def random_rig(rng, damping):
-    """The paper's follower, each number up to half as large again; damped so many times as much."""
+    """Return the paper's follower with random factors of 1 to 1.5 on each number.
+
+    ``damping`` is a further factor of both dampers.
+    """
     numbers = {name: x * rng.uniform(1.0, 1.5) for name, x in asdict(TWO).items()}
     rig = TwoMassParameters(**numbers)
     return replace(rig, stem_damping=damping * rig.stem_damping, damping=damping * rig.damping)
 
 
 @pytest.mark.variants(6)
-@pytest.mark.parametrize("rest", [True, False])
+@pytest.mark.parametrize("from_rest", [True, False])
 @pytest.mark.parametrize(("count", "damping"), CASES)
-def test_least_is_the_exhaustive_minimum(count, damping, rest):
-    """40 000 samples of the exact model, and a search about the lowest: 1e-11 of the force."""
-    # What is told of every group of pieces lies below every sample in it.
-    if not rest and damping == 0.0:
+def test_least_force_is_the_exhaustive_minimum(count, damping, from_rest):
+    """The least force is that of the exact model to 1e-11, and floors are lower.
+
+    The exact model has 40 000 samples, and a minimisation next to the lowest sample.
+    """
+    if not from_rest and damping == 0.0:
         return  # no steady state
     rng = np.random.default_rng(count)
     law, rig = random_law(rng, count), random_rig(rng, damping)
     speed = rng.uniform(150.0, 450.0) * RPM
-    duration = rng.uniform(0.2, 0.5) if rest else None
+    duration = rng.uniform(0.2, 0.5) if from_rest else None
     length = duration or TURN / speed
     times = np.linspace(0.0, length, 40_001)[:-1]
     force = forces(law, rig, speed, duration, speed * times)
@@ -95,47 +103,47 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     floors = np.full(table.first_pieces.size - 1, np.inf)
     search = SearchRange(0.0, speed * length, 0.25)
     motion = motion_at(mode_on_law(table, run.mode), speed)
-    nearly = find_min_output(table, run.mode, motion, search, floors)
+    coarse = find_min_output(table, run.mode, motion, search, floors)
     size = np.abs(force).max()
-    begins = table.breaks[table.first_pieces]
-    of = np.searchsorted(begins, (speed * times) % TURN + 1e-12, side="right") - 1
-    assert (force >= np.array(floors)[of] - 1e-11 * size).all()
-    assert nearly.value - 0.25 * abs(nearly.value) <= force.min() + 1e-11 * size
-    at = times[int(np.argmin(force))]
-    step = times[1]
-    low, high = max(0.0, at - step), min(length, at + step)
-    near = minimize_scalar(
+    starts = table.breaks[table.first_pieces]
+    group = np.searchsorted(starts, (speed * times) % TURN + 1e-12, side="right") - 1
+    assert (force >= np.array(floors)[group] - 1e-11 * size).all()
+    assert coarse.value - 0.25 * abs(coarse.value) <= force.min() + 1e-11 * size
+    lowest_time, step = times[int(np.argmin(force))], times[1]
+    low, high = max(0.0, lowest_time - step), min(length, lowest_time + step)
+    refined = minimize_scalar(
         lambda t: forces(law, rig, speed, duration, speed * np.array([t]))[0],
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-12},
     )
-    exact = min(force.min(), near.fun)
+    exact = min(force.min(), refined.fun)
     assert run.min_output(speed) == pytest.approx(exact, abs=1e-11 * size)
 
 
 @pytest.mark.parametrize("count", [1, 8, 60, 360])
-def test_the_batch_leaves_where_the_walk_does(count):
-    """The first lift-off with all bounds at once is that of part after part, or none in both."""
+def test_first_lift_off_is_that_of_a_simulation(count):
+    """`first_lift_off` returns the first event of a run, or None if it has no event."""
     rng = np.random.default_rng(count)
     law, rig = random_law(rng, count), random_rig(rng, 1.0)
-    left = 0
+    lift_offs = 0
     for rpm in rng.uniform(300.0, 1500.0, 8):
         speed = rpm * RPM
-        walked = lift_off(law, rig, speed, np.zeros(2), 0.5)
-        found = first_lift_off(law, rig, speed, np.zeros(2), 0.5)
-        assert (walked is None) == (found is None)
-        if walked is not None:
-            left += 1
-            assert found == pytest.approx(walked, rel=1e-9)
-    assert left
+        simulated = lift_off(law, rig, speed, np.zeros(2), 0.5)
+        time = first_lift_off(law, rig, speed, np.zeros(2), 0.5)
+        assert (simulated is None) == (time is None)
+        if simulated is not None:
+            lift_offs += 1
+            assert time == pytest.approx(simulated, rel=1e-9)
+    assert lift_offs
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [133, 232, 257])
-def test_where_a_part_ends_nothing_leaves(seed):
-    """Just below the jump speed each part's end is passed, however its time is rounded."""
-    # A part searched alone once began anew after its end, an ulp before the time it was given.
+def test_no_lift_off_at_the_end_of_a_part(seed):
+    """Below the jump speed the search passes the end of each part despite rounding."""
+    # Regression: a search of one part restarted after the end of the part, because the end was
+    # one float before the requested time.
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 40))
     law, rig = random_law(rng, count), random_rig(rng, 1.0)
@@ -146,7 +154,7 @@ def test_where_a_part_ends_nothing_leaves(seed):
 
 
 def test_pieces_together_are_pieces_alone():
-    """Mixed spans, slow and fast modes, one part and several: to 1e-13 of each response."""
+    """`pieces` agrees with `piece` to 1e-13 for mixed spans and slow and fast modes."""
     rng = np.random.default_rng(5)
     for matrix in (
         np.array([[0.0, 1.0], [-1.4e6, -20.0]]),
@@ -155,8 +163,9 @@ def test_pieces_together_are_pieces_alone():
     ):
         durations = 10.0 ** rng.uniform(-5.0, -1.0, 40)
         forcing = rng.normal(size=(matrix.shape[0], 6, 40))
-        for i, one in enumerate(pieces(matrix, forcing, durations)):
+        for i, joint in enumerate(pieces(matrix, forcing, durations)):
             alone = piece(matrix, forcing[:, :, i], float(durations[i]))
             size = np.abs(alone.particular).max()
-            np.testing.assert_allclose(one.particular, alone.particular, rtol=0, atol=1e-13 * size)
-            np.testing.assert_allclose(one.part_flow, alone.part_flow, rtol=1e-13, atol=1e-13)
+            atol = 1e-13 * size
+            np.testing.assert_allclose(joint.particular, alone.particular, rtol=0, atol=atol)
+            np.testing.assert_allclose(joint.part_flow, alone.part_flow, rtol=1e-13, atol=1e-13)

@@ -209,7 +209,7 @@ def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monke
     loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
     like = Likelihood(law, measured_holds(run)[1], ("spring_stiffness",), values, None)
     start = Candidate(like, like.start(loose, 0.0, 0.0))
-    with pytest.raises(EndlessEventsError, match="allowed: 0 a turn"):
+    with pytest.raises(EndlessEventsError, match="allowed: 0 per turn"):
         one_mass_turn(law, follower_of(start.values, None), 300.0 * RPM)
     assert start.steady == [0]
     assert (like.residuals(start.x) == FAR).any()
