@@ -21,7 +21,14 @@ import pytest
 from distributed import LocalCluster
 
 from cam_rig import workers as executors
-from cam_rig.errors import BEGIN, END, CamRigError, ConfigError, OutputError, RunError
+from cam_rig.errors import (
+    HEAD_CHARACTERS,
+    TAIL_CHARACTERS,
+    CamRigError,
+    ConfigError,
+    OutputError,
+    RunError,
+)
 from cam_rig.files import temporary_folder
 from cam_rig.interrupts import STOPPING
 from cam_rig.testing.running_rig import hold_domain
@@ -33,13 +40,13 @@ from .processes import ended
 from .references import References
 
 
-def test_a_message_of_thousands_of_numbers_keeps_its_begin_and_its_remedy() -> None:
+def test_a_long_message_keeps_its_start_and_its_remedy() -> None:
     error = ConfigError(f"a: is {list(range(20_000))}; allowed: 3 numbers")
-    for one in (error, copy.copy(error)):
-        assert len(str(one)) < BEGIN + END + 10
-        assert str(one).startswith("a: is [0, 1, 2, ")
-        assert str(one).endswith("; allowed: 3 numbers")
-    whole = "x" * (BEGIN + END)
+    for shortened in (str(error), str(copy.copy(error))):
+        assert len(shortened) < HEAD_CHARACTERS + TAIL_CHARACTERS + 10
+        assert shortened.startswith("a: is [0, 1, 2, ")
+        assert shortened.endswith("; allowed: 3 numbers")
+    whole = "x" * (HEAD_CHARACTERS + TAIL_CHARACTERS)
     assert str(CamRigError(whole)) == whole
 
 
