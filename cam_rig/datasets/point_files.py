@@ -1,7 +1,7 @@
 """A folder of Parquet files, one per batch of points, complete at every moment.
 
 A file gets its name only when all of it is on the disk, so readers can take ``folder/*.parquet``
-while a study runs, and after it was ended by anything. The only writer locks the folder.
+while a study runs, and after it was interrupted. The only writer locks the folder.
 
 The name ends with a digest of the range of points and the bytes of the file, which detects a
 changed bit, a truncated file and the name of another file.
@@ -103,13 +103,13 @@ class PointFiles:
                 part.unlink(missing_ok=True)
 
     def batches(self) -> list[tuple[int, int, Path]]:
-        """Return the first point, the end (exclusive) and the file of each batch, in order."""
+        """Return first point, end (exclusive) and file of each batch, in order."""
         paths = self.folder.glob(FILE_PATTERN)
         matches = ((_NAME.fullmatch(path.name), path) for path in paths)
         return sorted((int(match[1]), int(match[2]), path) for match, path in matches if match)
 
     def missing(self) -> list[tuple[int, int]]:
-        """Return the first missing point and the end (exclusive) of each gap, in order."""
+        """Return first missing point and end (exclusive) of each gap, in order."""
         gaps, start, end = [], 0, self.campaign.total
         for first, last in [*(batch[:2] for batch in self.batches()), (end, end)]:
             if first > start:

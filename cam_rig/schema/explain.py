@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.schema.quantity import IN_PYTHON
+from cam_rig.schema.quantity import PYTHON_CONTEXT
 
 Config = TypeVar("Config", bound=BaseModel)
 #: Other keys that are wrong, named in the same line.
@@ -32,7 +32,7 @@ def kind_of(value: object) -> str:
 def made(kind: type[Config], data: Mapping[str, Any], what: str) -> Config:
     """A model of what Python gives it, plain numbers and texts with their unit among them."""
     try:
-        return kind.model_validate(dict(data), context=IN_PYTHON)
+        return kind.model_validate(dict(data), context=PYTHON_CONTEXT)
     except ValidationError as error:
         raise refused(what, data.get("name"), error, kind) from None
 

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 #: What a rig's dynamics are asked: it stands above this room, which names it in words alone.
 LINEAR = "cam_rig.dynamics.linear.rig_model"
-Mass = Annotated[Quantity, must_be("mass", above=0.0, least=1e-9, most=1e6)]
-Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, least=1e-9, most=1e15)]
-Damping = Annotated[Quantity, must_be("damping", least=0.0, most=1e9)]
-Force = Annotated[Quantity, must_be("force", least=0.0, most=1e9)]
-RollerShare = Annotated[Quantity, must_be("ratio", above=0.0, least=1e-6, most=0.99)]
+Mass = Annotated[Quantity, must_be("mass", gt=0.0, ge=1e-9, le=1e6)]
+Stiffness = Annotated[Quantity, must_be("stiffness", gt=0.0, ge=1e-9, le=1e15)]
+Damping = Annotated[Quantity, must_be("damping", ge=0.0, le=1e9)]
+Force = Annotated[Quantity, must_be("force", ge=0.0, le=1e9)]
+RollerShare = Annotated[Quantity, must_be("ratio", gt=0.0, ge=1e-6, le=0.99)]
 
 
 #: SI units of the follower's numbers that have one.
@@ -52,18 +52,18 @@ class FollowerMechanics(Strict):
     preload: Force
     roller_share: RollerShare | None = None
     stem_damping: Damping | None = None
-    restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)] | None = None
+    restitution: Annotated[Quantity, must_be("ratio", ge=0.0, le=0.999)] | None = None
 
 
 class Radiation(Strict):
     """Contact force to sound: gain and corner of the structure, and the background."""
 
-    gain: Annotated[Quantity, must_be("radiation", above=0.0, most=1e3)]
-    corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)]
-    background: Annotated[Quantity, must_be("level", least=-50.0, most=200.0)]
-    background_at: Annotated[Quantity, must_be("speed", above=0.0)]
-    background_slope: Annotated[Quantity, must_be("level slope", least=-60.0, most=60.0)]
-    background_corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)] = Quantity(
+    gain: Annotated[Quantity, must_be("radiation", gt=0.0, le=1e3)]
+    corner: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)]
+    background: Annotated[Quantity, must_be("level", ge=-50.0, le=200.0)]
+    background_at: Annotated[Quantity, must_be("speed", gt=0.0)]
+    background_slope: Annotated[Quantity, must_be("level slope", ge=-60.0, le=60.0)]
+    background_corner: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)] = Quantity(
         assumed=500.0, unit="Hz", source="motor and bearings; no source prints it"
     )
     calibrated_on: str = ""
@@ -76,12 +76,10 @@ class Shaft(Strict):
     a constant torque, the mean of the load, drives it.
     """
 
-    cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)]
-    stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0, least=1e-9, most=1e15)]
-    damping: Annotated[Quantity, must_be("torsional damping", least=0.0, most=1e9)]
-    flywheel_inertia: (
-        Annotated[Quantity, must_be("inertia", above=0.0, least=1e-6, most=1e9)] | None
-    ) = None
+    cam_inertia: Annotated[Quantity, must_be("inertia", gt=0.0, ge=1e-12, le=1e9)]
+    stiffness: Annotated[Quantity, must_be("torsional stiffness", gt=0.0, ge=1e-9, le=1e15)]
+    damping: Annotated[Quantity, must_be("torsional damping", ge=0.0, le=1e9)]
+    flywheel_inertia: Annotated[Quantity, must_be("inertia", gt=0.0, ge=1e-6, le=1e9)] | None = None
 
 
 #: A number in SI, a text with one and its unit as "3.2 N/mm", or one with its origin.

@@ -16,11 +16,11 @@ from cam_rig.files import MIB, read_bytes, shown
 from cam_rig.schema.quantity import UNITS, Quantity, Strict, must_be
 from cam_rig.units import TURN
 
-Span = Annotated[Quantity, must_be("angle", above=0.0, most=TURN * (1.0 + 1e-12))]
+Span = Annotated[Quantity, must_be("angle", gt=0.0, le=TURN * (1.0 + 1e-12))]
 #: Ordinates, levels and coefficients in fractions of the lift.
-Ratios = Annotated[Quantity, must_be("ratio", many=True, least=-100.0, most=100.0)]
+Ratios = Annotated[Quantity, must_be("ratio", is_list=True, ge=-100.0, le=100.0)]
 #: A length of the cam's own shape.
-Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
+Length = Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
 
 
 class SegmentBase(Strict):
@@ -176,9 +176,9 @@ def _read(value: Any, info: ValidationInfo) -> Any:
 class MeasuredDwell(Strict):
     """A stretch in which the follower rests, exactly: ``level`` as the file's lifts have it."""
 
-    start: Annotated[Quantity, must_be("angle", least=0.0, most=TURN)]
-    span: Annotated[Quantity, must_be("angle", above=0.0, most=TURN)]
-    level: Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
+    start: Annotated[Quantity, must_be("angle", ge=0.0, le=TURN)]
+    span: Annotated[Quantity, must_be("angle", gt=0.0, le=TURN)]
+    level: Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
 
     def holds(self, start: float, stop: float) -> bool:
         """Whether a stretch of the turn (rad) lies inside."""
@@ -196,7 +196,7 @@ class Table(WholeTurn):
 
     law: Literal["table"]
     file: Annotated[MeasuredPoints, BeforeValidator(_read)]
-    tolerance: Annotated[Quantity, must_be("length", least=0.0, most=1.0)]
+    tolerance: Annotated[Quantity, must_be("length", ge=0.0, le=1.0)]
     dwells: list[MeasuredDwell] = Field(default=[], max_length=MAX_DWELLS)
     source: str = Field(min_length=1)
 

@@ -20,7 +20,7 @@ MAX_CONDITIONS = 21
 MAX_HARMONICS = 50
 MAX_B_SPLINE_DEGREE = 15
 MAX_B_SPLINE_ORDINATES = 500
-Angles = Annotated[Quantity, must_be("angle", many=True, least=0.0, most=TURN + 1e-12)]
+Angles = Annotated[Quantity, must_be("angle", is_list=True, ge=0.0, le=TURN + 1e-12)]
 Order = Annotated[int, Field(ge=0, lt=MAX_CONDITIONS, strict=True)]
 
 
@@ -48,7 +48,7 @@ class BSpline(SegmentBase):
 
     law: Literal["b_spline"]
     degree: int = Field(ge=1, le=MAX_B_SPLINE_DEGREE, strict=True)
-    knots: Annotated[Quantity, must_be("ratio", many=True)]
+    knots: Annotated[Quantity, must_be("ratio", is_list=True)]
     ordinates: Ratios
 
     @model_validator(mode="after")
@@ -79,7 +79,7 @@ class Trigonometric(WholeTurn):
     """c₀ + Σ cᵢ cos iθ + sᵢ sin iθ over the whole turn, in fractions of the lift (eq. 2.2)."""
 
     law: Literal["trigonometric"]
-    mean: Annotated[Quantity, must_be("ratio", least=-100.0, most=100.0)]
+    mean: Annotated[Quantity, must_be("ratio", ge=-100.0, le=100.0)]
     cosine: Ratios | None = None
     sine: Ratios | None = None
 
@@ -102,7 +102,7 @@ class Polynomial(SegmentBase):
     law: Literal["polynomial"]
     at: Angles
     order: list[Order]
-    value: Annotated[Quantity, must_be("ratio", many=True, least=-1e6, most=1e6)]
+    value: Annotated[Quantity, must_be("ratio", is_list=True, ge=-1e6, le=1e6)]
 
     @model_validator(mode="after")
     def _conditions(self) -> Polynomial:
@@ -135,7 +135,7 @@ class Polynomial(SegmentBase):
 
 
 MAX_ARCS = 100
-SignedLength = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
+SignedLength = Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
 
 
 class TangentArcs(SegmentBase):

@@ -58,15 +58,15 @@ def test_every_unit_fits_its_dimension_alone():
 def test_limits():
     """They are in SI and shown in the unit the number is written in; of a list each is checked."""
     for limits, inside, outside, words in (
-        ({"above": 0.0}, 1e-9, 0.0, "greater than 0 mm"),
-        ({"least": 0.001}, 1.0, 0.999, "at least 1 mm"),
-        ({"most": 0.001}, 1.0, 1.001, "at most 1 mm"),
+        ({"gt": 0.0}, 1e-9, 0.0, "greater than 0 mm"),
+        ({"ge": 0.001}, 1.0, 0.999, "at least 1 mm"),
+        ({"le": 0.001}, 1.0, 1.001, "at most 1 mm"),
     ):
         check = TypeAdapter(Annotated[Quantity, must_be("length", **limits)])
         check.validate_python({"given": inside, "unit": "mm"})
         with pytest.raises(ValidationError, match=words):
             check.validate_python({"given": outside, "unit": "mm"})
-    check = TypeAdapter(Annotated[Quantity, must_be("speed", many=True, above=0.0)])
+    check = TypeAdapter(Annotated[Quantity, must_be("speed", is_list=True, gt=0.0)])
     with pytest.raises(ValidationError, match="is -3 rpm; allowed: greater than 0 rpm"):
         check.validate_python({"given": [1, 2, -3], "unit": "rpm"})
 
