@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from cam_rig.schema.explain import made, refused
+from cam_rig.schema.explain import error_in_python, validate_in_python
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase, Table, quantities
 from cam_rig.schema.segments import Segment
@@ -234,7 +234,9 @@ FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follo
 
 
 class CamConfig(Strict):
-    """Cam: a law as segments of one turn, and a follower. A file of ``config/cams/``.
+    """Cam: a law as segments of one turn, and a follower.
+
+    A file of ``config/cams/`` contains one cam.
 
     Parameters
     ----------
@@ -306,7 +308,7 @@ class CamConfig(Strict):
         try:
             super().__init__(name=name, title=name if title is None else title, **data, **notes)
         except ValidationError as error:
-            raise refused("cam", name, error, CamConfig) from None
+            raise error_in_python("cam", name, error, CamConfig) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 
@@ -342,7 +344,7 @@ class CamConfig(Strict):
         sizes = type(self.follower).model_fields.keys() & changes.keys()
         if sizes:
             data["follower"] = dict(self.follower) | {key: changes.pop(key) for key in sizes}
-        return made(CamConfig, data | changes, "cam")
+        return validate_in_python(CamConfig, data | changes, "cam")
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the cam to a file atomically.

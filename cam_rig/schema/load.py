@@ -18,7 +18,7 @@ from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, OutputError, did_you_mean
 from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.explain import explain, kind_of, made
+from cam_rig.schema.explain import explain, kind_of, validate_in_python
 from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
@@ -226,7 +226,7 @@ def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> N
     target = Path(path)
     if target.suffix != ".yaml":
         raise ConfigError(f"{target}: unknown kind of file; allowed: a name that ends in .yaml")
-    named = made(type(model), {**dict(model), "name": target.stem}, str(target))
+    named = validate_in_python(type(model), {**dict(model), "name": target.stem}, str(target))
     data = file_data(named)
     check_place(target)
     points = target.with_suffix(".csv")

@@ -30,7 +30,9 @@ class Crossover(Strict):
 
 
 class PublishedNoise(Strict):
-    """Published regressions of the sound level. A file of ``config/published/``.
+    """Published regressions of the sound level.
+
+    A file of ``config/published/`` contains the regressions of one source.
 
     Parameters
     ----------
@@ -71,7 +73,18 @@ class PublishedJump(Strict):
 
 
 class PublishedTables(Strict):
-    """Tables of the paper, in ``config/published/tables/paper.yaml``."""
+    """Tables of the paper, in ``config/published/tables/paper.yaml``.
+
+    Parameters
+    ----------
+    name, source : str
+    table_1 : dict
+        Numbers of Table 1. The unit is part of the key.
+    table_2_jump : dict
+        Rows of Table 2 by cam.
+    table_2_defined : list of str
+        Cams of Table 2 whose laws the paper defines.
+    """
 
     name: str
     source: str

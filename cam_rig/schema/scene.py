@@ -1,4 +1,4 @@
-"""Scene files: the cams, the rig, the model and the program of speeds of an experiment."""
+"""Scene files: cams, rig, model and program of speeds of an experiment."""
 
 from __future__ import annotations
 
@@ -74,7 +74,9 @@ class Program(Strict):
 
 
 class SceneConfig(Strict):
-    """Scene: an experiment with some cams on a rig. A file of ``config/scenes/``.
+    """Scene: an experiment with some cams on a rig.
+
+    A file of ``config/scenes/`` contains one scene.
 
     Parameters
     ----------
