@@ -21,11 +21,11 @@ def rows(table):
 def test_what_is_no_mapping(error_of):
     keys = "a mapping with the keys name, title, follower, shaft, "
     for text, words in (
-        ("", f"holds nothing; allowed: {keys}"),
-        ("# only a comment\n", "holds nothing"),
-        ("- 1\n- 2\n", "holds a list; allowed: a mapping"),
-        ("just words", "holds text; allowed: a mapping"),
-        ("3", "holds a int; allowed: a mapping"),
+        ("", f"contains nothing; allowed: {keys}"),
+        ("# only a comment\n", "contains nothing"),
+        ("- 1\n- 2\n", "contains a list; allowed: a mapping"),
+        ("just words", "contains text; allowed: a mapping"),
+        ("3", "contains a int; allowed: a mapping"),
         ("[" * 5000, "not YAML: line 1: nested too deeply"),
         (b"\xff\xfe\x00\x01", "cannot be read ("),
     ):
@@ -214,8 +214,8 @@ SEGMENTS = (
     (spline(3, [0, 0, 0, 1, 1, 1], [0, 1, 0]), "ordinates: are 3; allowed for degree 3: 4 to"),
     (spline(3, [0, 0, 0, 0, 1, 1, 1, 1], [0, 1, 1, 0]), "knots: are 8; allowed for 4 ordinates"),
     (spline(2, [0, 0, 1, 0.5, 2, 2], [0, 0, 1, 0, 0]), "knot 4 is 0.5 after 1; allowed: rising"),
-    (spline(2, [0, 0.5, 1, 1], [0, 1, 0]), "knots: 0 stands 1 times; allowed: 2 times"),
-    (spline(2, [0, 0, 1, 1, 1, 2, 2], [0] * 6), "1 stands 3 times; allowed: at most 2 times"),
+    (spline(2, [0, 0.5, 1, 1], [0, 1, 0]), "knots: 0 occurs 1 times; allowed: 2 times"),
+    (spline(2, [0, 0, 1, 1, 1, 2, 2], [0] * 6), "1 occurs 3 times; allowed: at most 2 times"),
     (spline(0, [0, 1], [0, 1]), "degree: is 0; allowed: greater than or equal to 1"),
     (spline("two", [0, 1], [0, 1]), "degree: is 'two'"),
     (polynomial([0, 360], [0, 0], [0]), "are 2, 2 and 1 numbers; allowed: one of each"),

@@ -62,7 +62,7 @@ def test_points_that_are_taken(load, tmp_path):
 def test_wrong_points_are_refused(load, tmp_path):
     """One line that names the cam's file, the points' file, the value and what is allowed."""
     for text, words in (
-        (None, "measured.csv: no such file beside the cam's file"),
+        (None, "measured.csv: no such file next to the cam's file"),
         ("", "measured.csv: is empty; allowed: a header line, then points"),
         (b"\xff\xfe\x00", "measured.csv: cannot be read"),
         (table(header="angle,lift"), "columns are angle, lift; allowed: one of angle_rad, angle_d"),
@@ -94,7 +94,7 @@ def test_points_lie_beside_the_cam(refuse):
     for name in ("../points.csv", "/etc/points.csv", "points.txt", "points"):
         message = refuse("table", "measured.csv", name)
         assert message.startswith("segments[0].file: is ")
-        assert "allowed: the name of a .csv file beside the cam's file" in message
+        assert "allowed: the name of a .csv file next to the cam's file" in message
 
 
 def test_dwells(load):
@@ -104,11 +104,11 @@ def test_dwells(load):
     load(table(ROWS[4:19]), dwells=[(270, 150)])
     assert "has no point for 90° after 105°" in refusal(load, gap, "0.003", [(110, 100)])
     for dwells, tolerance, words in (
-        ([(100, 50)], "0", "tolerance: is 0; allowed beside dwells: greater than 0"),
-        ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next begins at 150.5°"),
-        ([(200, 50), (100, 20)], "0.003", "dwells[0]: ends at 250°, the next begins at 100°"),
-        ([(100, 20), (300, 170)], "0.003", "dwells[1]: ends at 470°, the next begins at 460°"),
-        ([(100, 360)], "0.003", "dwells[0]: ends at 460°, the next begins at 460°"),
+        ([(100, 50)], "0", "tolerance: is 0; allowed with dwells: greater than 0"),
+        ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next starts at 150.5°"),
+        ([(200, 50), (100, 20)], "0.003", "dwells[0]: ends at 250°, the next starts at 100°"),
+        ([(100, 20), (300, 170)], "0.003", "dwells[1]: ends at 470°, the next starts at 460°"),
+        ([(100, 360)], "0.003", "dwells[0]: ends at 460°, the next starts at 460°"),
         ([(-1, 20)], "0.003", "dwells[0].start: is -1 deg; allowed: at least 0 deg"),
     ):
         assert words in refusal(load, table(), tolerance, dwells)
