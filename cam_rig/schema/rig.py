@@ -50,7 +50,7 @@ class FollowerMechanics(Strict):
     stem_stiffness : Quantity or None
         Stiffness of the stem, N/m. Needed by elastic_stem, two_mass and the sound of a landing.
     damping : Quantity
-        Damping of the spring, N·s/m.
+        Damping parallel to the closing spring, N·s/m.
     preload : Quantity
         Force of the spring at zero lift, N.
     roller_share : Quantity or None
@@ -130,8 +130,8 @@ NumberLike = float | str | Quantity
 class RigConfig(Strict):
     """Rig: a follower on its spring, its shaft and its sound.
 
-    A file of ``config/rigs/`` contains one rig. Numbers are in SI units, or texts with a
-    unit. Their origin is then assumed.
+    A file of ``config/rigs/`` contains one rig. In Python, numbers in SI units and texts with
+    a unit are accepted as assumed numbers.
 
     Parameters
     ----------
