@@ -201,7 +201,9 @@ def check_workplace(jobs: int | None, dask: str | None) -> None:
     """
     if dask is not None:
         if jobs is not None:
-            raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
+            raise ConfigError(
+                "--jobs and --dask: the cluster has its own workers; allowed: one of them"
+            )
         require("distributed")
         _client_arguments(dask)
 

@@ -62,7 +62,7 @@ def compute_missing(
     batches = _batches(dataset.missing(), sizes)
     in_flight: set[Future[Batch]] = set()
     try:
-        with broken_named("; what is finished stays"):
+        with broken_named("; finished batches are kept"):
             while True:
                 while len(in_flight) < sizes.in_flight and (batch := next(batches, None)):
                     in_flight.add(executor.submit(compute, campaign, *batch))

@@ -96,7 +96,8 @@ class PointFiles:
             _sync(self.folder)
         except OSError as error:
             raise OutputError(
-                f"{target}: cannot be written ({error.strerror or error}); what is finished stays"
+                f"{target}: cannot be written ({error.strerror or error}); "
+                "finished batches are kept"
             ) from None
         finally:
             with suppress(OSError):

@@ -129,8 +129,8 @@ class SceneConfig(Strict):
             max_ticks = int(turn / MIN_SAMPLES)
             fewer = f", or ticks_per_turn up to {max_ticks}" if max_ticks else ""
             raise ValueError(
-                f"sample_rate: {rate:g} Hz gives {turn / ticks:.3g} samples a tick at the highest "
-                f"speed, {ticks} ticks_per_turn; allowed: at least {MIN_SAMPLES}, so "
+                f"sample_rate: {rate:g} Hz gives {turn / ticks:.3g} samples per tick at the "
+                f"highest speed, {ticks} ticks_per_turn; allowed: at least {MIN_SAMPLES}, so "
                 f"{math.ceil(MIN_SAMPLES * ticks * rate / turn)} Hz{fewer}"
             )
         ramp = self.program.ramp

@@ -56,7 +56,7 @@ def test_the_date_of_the_source(monkeypatch):
         assert source_date() == right
     for wrong in ("today", "", "1e9", "-1", str(LAST_SECOND + 1), "9" * 30):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
-        with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is not a date; allowed: whole"):
+        with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is not a date; allowed: "):
             source_date()
 
 

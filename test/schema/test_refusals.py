@@ -135,7 +135,7 @@ def test_ticks_and_ramps_need_two_samples(config_dir, load_text):
     text = (config_dir / "scenes" / "tm21_sweep.yaml").read_text(encoding="utf-8")
     slow = re.sub(r"sample_rate:.*", "sample_rate: {given: 8, unit: kHz}", text)
     message = load_text("scene", re.sub(r"ticks_per_turn:.*", "ticks_per_turn: 1000", slow))
-    assert_matches(message, "sample_rate: 8000 Hz gives 1.2 samples a tick at the highest speed")
+    assert_matches(message, "sample_rate: 8000 Hz gives 1.2 samples per tick at the highest speed")
     assert message.endswith("allowed: at least 2, so 13334 Hz, or ticks_per_turn up to 600")
     ramp = '  ramp: {assumed: 0.1, unit: ms, source: "a test"}\n  ticks_per_turn:'
     message = load_text("scene", text.replace("  ticks_per_turn:", ramp))
