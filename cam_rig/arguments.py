@@ -176,14 +176,14 @@ def _refusal(name: str, value: Any, hint: Any) -> str:
                     return _refusal(f"a name in {name}", key, key_hint)
                 if item_hint is not Any and not _fits(item, item_hint):
                     return _refusal(f"{name}[{key!r}]", item, item_hint)
-    shown = type(value).__name__
+    text = type(value).__name__
     if isinstance(value, str | Path | float | list | tuple | NoneType) or _fits(value, int | bool):
-        shown = f"{repr(value)[:60]} ({shown})"
+        text = f"{repr(value)[:60]} ({text})"
     elif isinstance(value, np.ndarray):
-        shown = f"array of {value.dtype}"
+        text = f"array of {value.dtype}"
     elif isinstance(value, int):
-        shown = "int of more than 63 bits"
-    return f"{name}: is {shown}; allowed: {_allowed_text(hint, value)}"
+        text = "int of more than 63 bits"
+    return f"{name}: is {text}; allowed: {_allowed_text(hint, value)}"
 
 
 def _allowed_text(hint: Any, value: Any) -> str:

@@ -131,9 +131,9 @@ class Quantity(Strict):
     def __repr__(self) -> str:
         """Return the numbers with unit and origin, without source."""
         unit = "" if self.unit == "1" else f" {self.unit}"
-        shown = self.numbers[:MAX_SHOWN_NUMBERS]
-        numbers = ", ".join(f"{value:g}" for value in shown)
-        more = f", … {len(self.numbers)}" if len(self.numbers) > len(shown) else ""
+        count = len(self.numbers)
+        numbers = ", ".join(f"{value:g}" for value in self.numbers[:MAX_SHOWN_NUMBERS])
+        more = f", … {count}" if count > MAX_SHOWN_NUMBERS else ""
         return f"{numbers}{more}{unit} ({self.origin})"
 
     __str__ = __repr__
