@@ -160,9 +160,8 @@ def raised() -> Iterator[None]:
             _interrupt.throw()
         yield
     except (SystemError, TypeError, ValueError):
-        if (
-            _interrupt.has_raised
-        ):  # compiled code has replaced it, as matplotlib's code of paths does
+        # Compiled code may replace the interrupt by such an error, as matplotlib's paths do.
+        if _interrupt.has_raised:
             _interrupt.throw()
         raise
     finally:

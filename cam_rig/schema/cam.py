@@ -40,9 +40,9 @@ class ContactParts(Strict):
     follower_youngs_modulus, follower_poisson_ratio : Quantity or None
         The same of the follower (default: the material of the cam).
     most_pressure : Quantity
-        Permissible Hertzian pressure, Pa. It is a lower bound of the base radius.
+        Permissible Hertzian pressure, Pa. It bounds the base radius from below.
     most_sliding_speed : Quantity
-        Permissible sliding speed, m/s. It is an upper bound of the base radius.
+        Permissible sliding speed, m/s. It bounds the base radius from above.
     """
 
     face_width: Width = _assumed(10.0, "mm", "no source prints it; a narrow cam of a test rig")

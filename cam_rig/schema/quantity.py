@@ -106,6 +106,7 @@ class Quantity(Strict):
 
     Examples
     --------
+    >>> from cam_rig.schema.quantity import Quantity
     >>> mass = Quantity(given=1300.0, unit="g", source="paper Table 1")
     >>> mass, mass.si, mass.origin
     (1300 g (given), 1.3, 'given')
