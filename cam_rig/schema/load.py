@@ -88,7 +88,7 @@ def _missing_text(*paths: Path) -> str:
 
 
 def _first_file(paths: list[Path]) -> Path:
-    """Return the first path that is a file. Raise ConfigError if it does not exist."""
+    """Return the first path that is a file. Raise ConfigError if no path is a file."""
     path = next((path for path in paths if path.is_file()), None)
     if path is None:
         raise ConfigError(_missing_text(*paths))
