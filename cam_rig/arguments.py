@@ -1,8 +1,8 @@
-"""What the functions of `import cam_rig` may be given: refused by the argument's name.
+"""Validation of the arguments of the functions that `import cam_rig` exposes.
 
-What a parameter takes is its annotation; `checked` compares each argument with it before the
-function begins, so that no other library meets what it cannot take. Commands call the same
-functions, so what these refuse themselves names options; to Python it names parameters.
+The annotation of a parameter is its rule. `checked` compares each argument with it before the
+function runs, so that no other library receives a value that it cannot use. Commands call the same
+functions, whose messages name options. In Python the messages name parameters instead.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from cam_rig.units import FloatArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
-#: What a parameter of a type takes, in words; of the rig's own with the function that makes one.
-WORDS: dict[Any, str] = {
+#: Allowed values of a parameter by its type, as text for an error.
+ALLOWED_TEXTS: dict[Any, str] = {
     bool: "True or False",
     int: f"a whole number below {2**63:.2g}",
     float: "a finite number",
@@ -36,6 +36,7 @@ WORDS: dict[Any, str] = {
     Callable: "a function",
     np.ndarray: "an array of real numbers",
 }
+#: Classes by name: their description, and the function or module that makes their objects.
 MAKERS = {
     "CamConfig": ("a cam", "load_cam"),
     "RigConfig": ("a rig", "load_rig"),
@@ -45,37 +46,41 @@ MAKERS = {
     "Executor": ("an executor", "concurrent.futures"),
     "Progress": ("a Progress", "cam_rig.show.result"),
 }
+#: A long option in a message.
 OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
-#: Options whose parameter has another name, where the function has it; one with a unit has the
-#: unit behind the option's name.
-RENAMED = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
+#: Options -> parameters of another name. The parameter of an option may also have a unit as suffix.
+ALIASES = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """The same function, which refuses an argument that is not what its annotation says."""
+    """Return the function with a check of each argument against its annotation.
+
+    The returned function raises ConfigError for a wrong value, and ArgumentTypeError for a wrong
+    type. Scalars of NumPy are converted to Python's.
+    """
     signature = inspect.signature(function)
 
     @cache
     def hints() -> dict[str, Any]:
-        own = {name: p.annotation for name, p in signature.parameters.items() if name != "self"}
-        return get_type_hints(SimpleNamespace(__annotations__=own), function.__globals__)
+        every = {name: p.annotation for name, p in signature.parameters.items() if name != "self"}
+        return get_type_hints(SimpleNamespace(__annotations__=every), function.__globals__)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            given = signature.bind(*args, **kwargs)
+            bound = signature.bind(*args, **kwargs)
         except TypeError:
-            return function(*args, **kwargs)  # Python's own words of a name or a number of them
+            return function(*args, **kwargs)  # Python's message on wrong names or numbers of them
         for name, hint in hints().items():
-            if name in given.arguments:
-                value = given.arguments[name]
+            if name in bound.arguments:
+                value = bound.arguments[name]
                 value = value.item() if isinstance(value, np.generic) else value
                 if not _fits(value, hint):
-                    kind = ConfigError if _is_of(value, hint) else ArgumentTypeError
+                    kind = ConfigError if _has_type(value, hint) else ArgumentTypeError
                     raise kind(_refusal(name, value, hint))
-                given.arguments[name] = value
+                bound.arguments[name] = value
         try:
-            return function(*given.args, **given.kwargs)
+            return function(*bound.args, **bound.kwargs)
         except CamRigError as error:
             error.args = (in_python(str(error), signature.parameters),)
             raise
@@ -84,67 +89,76 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def in_python(message: str, parameters: Collection[str]) -> str:
-    """A refusal with the parameters of a function in place of a command's options."""
+    """Return a message with parameters of a function in place of options."""
 
     def parameter(option: re.Match[str]) -> str:
-        own = option[1].replace("-", "_")
-        with_unit = [name for name in parameters if name.startswith(f"{own}_")]
-        names = [RENAMED.get(own, own), own, *with_unit]
+        same = option[1].replace("-", "_")
+        with_unit = [name for name in parameters if name.startswith(f"{same}_")]
+        names = [ALIASES.get(same, same), same, *with_unit]
         return next((name for name in names if name in parameters), option[0])
 
     return OPTION.sub(parameter, message)
 
 
 def on_one_axis(name: str, value: float | Sequence[float] | FloatArray) -> FloatArray:
-    """A number or several as ``(n,)``; refused where there are none, or a table of them."""
-    given = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    if given.ndim > 1 or not given.size:
-        what = f"an array of shape {given.shape}" if given.size else "empty"
-        raise ConfigError(f"{name}: is {what}; allowed: a number, or several on one axis")
-    return given
+    """Convert a number or a sequence of numbers to an array, shape (n,).
+
+    Raise ConfigError with `name` if the sequence is empty or has several axes.
+    """
+    array = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if array.ndim > 1 or not array.size:
+        description = f"an array of shape {array.shape}" if array.size else "empty"
+        raise ConfigError(f"{name}: is {description}; allowed: a number, or several on one axis")
+    return array
 
 
 def _fits(value: Any, hint: Any) -> bool:
+    """Return True if a value fits an annotation and `CONDITIONS`."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
-        return any(_fits(value, one) for one in inner)
+        return any(_fits(value, member) for member in inner)
     if kind is Literal:
         return isinstance(value, str) and value in inner
     if kind is float:
         return _fits(value, int) or (isinstance(value, float) and math.isfinite(value))
     if kind is Sequence:
-        there = isinstance(value, Sequence) and not isinstance(value, str | bytes)
-        return there and all(_fits(one, inner[0]) for one in value)
+        is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+        return is_sequence and all(_fits(item, inner[0]) for item in value)
     if kind is Mapping and inner:
-        there = isinstance(value, Mapping) and all(_fits(key, inner[0]) for key in value)
-        return there and (inner[1] is Any or all(_fits(one, inner[1]) for one in value.values()))
-    return isinstance(value, kind) and MORE.get(kind, lambda _: True)(value)
+        has_keys = isinstance(value, Mapping) and all(_fits(key, inner[0]) for key in value)
+        return has_keys and (
+            inner[1] is Any or all(_fits(item, inner[1]) for item in value.values())
+        )
+    return isinstance(value, kind) and CONDITIONS.get(kind, lambda _: True)(value)
 
 
-def _is_of(value: Any, hint: Any) -> bool:
-    """Whether only the value of an argument is wrong, as NaN is, and not its type."""
+def _has_type(value: Any, hint: Any) -> bool:
+    """Return True if a value has the right type: only the value is wrong, as NaN."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
-        return any(_is_of(value, one) for one in inner)
+        return any(_has_type(value, member) for member in inner)
     if isinstance(value, bool):
         return kind is bool
     if kind in (Literal, float):
         return isinstance(value, str if kind is Literal else int | float)
     if kind is Sequence and not isinstance(value, str | bytes):
-        return isinstance(value, Sequence) and all(_is_of(one, inner[0]) for one in value)
+        return isinstance(value, Sequence) and all(_has_type(item, inner[0]) for item in value)
     return isinstance(value, kind)
 
 
 def _can_be_a_path(value: str | Path) -> bool:
-    """Whether a file can have this name: no text has a NUL, and none is half a character."""
+    """Return True if a file may have this name.
+
+    A name must contain no NUL and no half of a surrogate pair.
+    """
     try:
         return b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:
         return False
 
 
-#: What else is asked of a value of a type.
-MORE: dict[Any, Callable[[Any], bool]] = {
+#: Conditions that a value of a type must satisfy in addition.
+CONDITIONS: dict[Any, Callable[[Any], bool]] = {
     int: lambda value: not isinstance(value, bool) and abs(value) < 2**63,
     str: _can_be_a_path,
     Path: _can_be_a_path,
@@ -153,35 +167,38 @@ MORE: dict[Any, Callable[[Any], bool]] = {
 
 
 def _refusal(name: str, value: Any, hint: Any) -> str:
-    for one in (hint, *get_args(hint)):
-        if get_origin(one) is Mapping and isinstance(value, Mapping):
-            of_key, of_value = get_args(one)
-            for key, inner in value.items():
-                if not _fits(key, of_key):
-                    return _refusal(f"a name in {name}", key, of_key)
-                if of_value is not Any and not _fits(inner, of_value):
-                    return _refusal(f"{name}[{key!r}]", inner, of_value)
-    shown = type(value).__name__
+    """Return the message for a wrong argument, or for the wrong item of a mapping."""
+    for member in (hint, *get_args(hint)):
+        if get_origin(member) is Mapping and isinstance(value, Mapping):
+            key_hint, item_hint = get_args(member)
+            for key, item in value.items():
+                if not _fits(key, key_hint):
+                    return _refusal(f"a name in {name}", key, key_hint)
+                if item_hint is not Any and not _fits(item, item_hint):
+                    return _refusal(f"{name}[{key!r}]", item, item_hint)
+    text = type(value).__name__
     if isinstance(value, str | Path | float | list | tuple | NoneType) or _fits(value, int | bool):
-        shown = f"{repr(value)[:60]} ({shown})"
+        text = f"{repr(value)[:60]} ({text})"
     elif isinstance(value, np.ndarray):
-        shown = f"array of {value.dtype}"
+        text = f"array of {value.dtype}"
     elif isinstance(value, int):
-        shown = "int of more than 63 bits"
-    return f"{name}: is {shown}; allowed: {_words(hint, value)}"
+        text = "int of more than 63 bits"
+    return f"{name}: is {text}; allowed: {_allowed_text(hint, value)}"
 
 
-def _words(hint: Any, value: Any) -> str:
+def _allowed_text(hint: Any, value: Any) -> str:
+    """Return the allowed values as text, with a suggestion that fits the value."""
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
-        return " or ".join(_words(one, value) for one in inner)
+        return " or ".join(_allowed_text(member, value) for member in inner)
     if kind is Sequence:
-        return f"a list, each {_words(inner[0], value)}"
+        return f"a list, each {_allowed_text(inner[0], value)}"
     if kind is Literal:
-        hint_of = did_you_mean(value, inner).strip() if isinstance(value, str) else ""
-        return " ".join(filter(None, (" or ".join(map(repr, inner)), hint_of)))
-    if kind in WORDS:
-        return WORDS[kind]
-    what, maker = MAKERS[kind.__name__]
-    named = maker.startswith("load_") and isinstance(value, str | Path)
-    return f"{what}, of {maker}({str(value)[:60]!r})" if named else f"{what}, of {maker}"
+        similar = did_you_mean(value, inner).strip() if isinstance(value, str) else ""
+        return " ".join(filter(None, (" or ".join(map(repr, inner)), similar)))
+    if kind in ALLOWED_TEXTS:
+        return ALLOWED_TEXTS[kind]
+    description, maker = MAKERS[kind.__name__]
+    is_name = maker.startswith("load_") and isinstance(value, str | Path)
+    call = f"{maker}({str(value)[:60]!r})" if is_name else maker
+    return f"{description}, of {call}"

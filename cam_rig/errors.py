@@ -1,104 +1,121 @@
-"""The errors a user can meet. All share one root, so a command catches one type."""
+"""Exceptions of the package, with one root, so that a command catches one type."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
 
-#: Exit code of a command that Ctrl-C ended, as shells have it.
+#: Exit code of a command that Ctrl-C ended, as in shells.
 INTERRUPTED = 130
-#: Characters of a message that is too long, at its begin and at its end, which has the remedy.
-BEGIN, END = 700, 300
+#: Characters kept from the start of a message that is too long.
+HEAD_CHARACTERS = 700
+#: Characters kept from the end of a message that is too long. The end contains the remedy.
+TAIL_CHARACTERS = 300
 
 
-#: Characters that a terminal obeys instead of printing them, without tab and end of line; and those
-#: that reverse the direction of text.
+#: Characters that control a terminal, except tab and end of line, or reverse the text direction.
 CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 def printable(text: str) -> str:
     """Return a text with its control characters as escapes of Python.
 
-    Titles and names come from files of anybody, and must not command a terminal.
+    Titles and names come from files of other people and must not control a terminal.
     """
     return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class CamRigError(Exception):
-    """Root of every error the rig raises on purpose: thing, value, limit, and what to do about it.
+    """Root of all errors that the rig raises on purpose.
 
-    One that a wrong argument meets is also the ``ValueError``, or of another type the
-    ``TypeError``, that Python's users expect. Of a message longer than a screen, as of a list of
-    thousands of numbers, the middle is left out.
+    The message contains the name of the thing, its value, the limit and the remedy. An error of a
+    wrong argument is also a ``ValueError``, or a ``TypeError`` if the type is wrong. A message
+    longer than a screen, such as one with thousands of numbers, is shortened in the middle.
+
+    Attributes
+    ----------
+    exit_code : int
+        Exit code of a command that fails with this error.
+    in_command : str
+        Message for the command line, which names options. Functions of `import cam_rig` replace
+        them by parameters in ``args``.
     """
 
     exit_code = 1
 
     def __init__(self, message: str) -> None:
         message = printable(message)
-        if len(message) > BEGIN + END:
-            message = f"{message[:BEGIN]} […] {message[-END:]}"
+        if len(message) > HEAD_CHARACTERS + TAIL_CHARACTERS:
+            message = f"{message[:HEAD_CHARACTERS]} […] {message[-TAIL_CHARACTERS:]}"
         super().__init__(message)
-        #: As a command says it, with options; a function of `import cam_rig` says parameters.
         self.in_command = message
 
 
 class ConfigError(CamRigError, ValueError):
-    """A YAML file or an argument is wrong: the message names it, the value and what is allowed."""
+    """Error in a YAML file or in an argument.
+
+    The message contains the key or name, the value and the allowed values.
+    """
 
     exit_code = 2
 
 
 class ArgumentTypeError(ConfigError, TypeError):
-    """An argument of a function is of another type than it takes."""
+    """Error of an argument that has a wrong type."""
 
 
 class LawError(CamRigError, ValueError):
-    """A displacement law cannot exist with the numbers given."""
+    """Error of a displacement law that cannot exist with its numbers."""
 
     exit_code = 2
 
 
 class ProfileError(CamRigError, ValueError):
-    """A cam cannot have this shape: the message gives the angle, the value and the limit."""
+    """Error of a cam that cannot have its shape.
+
+    The message contains the cam angle, the value and the limit.
+    """
 
 
 class ReachError(ProfileError):
-    """A follower does not even reach the base circle with the numbers of its file."""
+    """Error of a follower that does not reach the base circle."""
 
     exit_code = 2
 
 
 class DynamicsError(CamRigError, ValueError):
-    """A model was asked for something it cannot give."""
+    """Error of a model that cannot compute the requested quantity."""
 
 
 class DesignError(CamRigError):
-    """A design has no result: its limits leave no law, or its solver found none."""
+    """Error of a design: its limits are incompatible, or its solver failed."""
 
 
 class BagError(CamRigError, ValueError):
-    """A recording is missing, incomplete, or not one of ours."""
+    """Error in a recording: missing, incomplete, or not made by the rig."""
 
 
 class OutputError(CamRigError):
-    """A result cannot be written where it was asked for."""
+    """Error of a result that cannot be written to the requested path."""
 
 
 class RunError(CamRigError):
-    """A node of the graph died, or did not answer."""
+    """Error of a run: a node or a worker process died, or did not answer."""
 
 
 class RefusedError(CamRigError):
-    """A message that cannot be right: it is refused, and its receiver lives on."""
+    """Error in a received message. The receiver rejects the message and continues."""
 
 
 class MissingLibraryError(CamRigError):
-    """A library is not installed that only part of the rig needs: the message says how to."""
+    """Error of an optional library that is not installed.
+
+    The message contains the command that installs it.
+    """
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The likeliest of the known names, in brackets for an error; empty where none is near."""
+    """Return the most similar known name as " (did you mean 'x'?)", or an empty text."""
     import difflib  # only for an error
 
     near = difflib.get_close_matches(name, list(known), 1)

@@ -1,4 +1,4 @@
-"""Libraries of others: the extra that each comes with, and what they read of the environment."""
+"""Optional libraries: the extra that installs each, and errors if one is missing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 from cam_rig.errors import ConfigError, MissingLibraryError
 
-#: Extra of setup.py by what is imported; the rest is the core, which is always there.
+#: Imported library -> extra of setup.py that installs it. All others are always installed.
 EXTRAS = {
     library: extra
     for extra, libraries in {
@@ -29,22 +29,25 @@ EXTRAS = {
     }.items()
     for library in libraries.split()
 }
-#: Ends of the names of packages of ROS messages, which come with rclpy.
+#: Suffixes of the packages of ROS messages. They are installed together with rclpy.
 ROS_INTERFACES = ("_msgs", "_srvs", "_interfaces")
-#: Libraries that no part of the rig needs, and no extra brings.
+#: Libraries that are used if they are installed. No extra installs them.
 OPTIONAL = ("pandas",)
-#: The end of the year 9999, s since 1970: no calendar goes farther.
+#: Largest time in s since 1970: the end of the year 9999, where Python's calendar ends.
 LAST_SECOND = 253_402_300_799
 
 
 def require(library: str) -> None:
-    """Refuse to begin what needs a library that is not installed; it is not imported."""
+    """Raise MissingLibraryError if a library is not installed, without importing it."""
     if find_spec(library) is None:
         raise MissingLibraryError(_missing(library))
 
 
 def source_date() -> int | None:
-    """What SOURCE_DATE_EPOCH says (s since 1970, or None): numpy reads it, and matplotlib."""
+    """Return SOURCE_DATE_EPOCH in s since 1970, or None if it is not set.
+
+    Raise ConfigError if it is not a time, because numpy and matplotlib read it too.
+    """
     text = os.environ.get("SOURCE_DATE_EPOCH")
     if text is None:
         return None
@@ -54,15 +57,15 @@ def source_date() -> int | None:
         seconds = -1
     if not 0 <= seconds <= LAST_SECOND:
         raise ConfigError(
-            f"SOURCE_DATE_EPOCH: {text[:40]!r} is no date; allowed: whole seconds since 1970, as "
-            "`date +%s` prints; or unset it"
+            f"SOURCE_DATE_EPOCH: {text[:40]!r} is not a date; allowed: whole seconds since 1970, "
+            "as `date +%s` prints; or unset it"
         )
     return seconds
 
 
 @contextmanager
 def libraries_named() -> Iterator[None]:
-    """Turn the import error of a missing library into one line that says how to install it."""
+    """Convert the import error of an optional library to a MissingLibraryError."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -75,6 +78,7 @@ def libraries_named() -> Iterator[None]:
 
 
 def _missing(library: str) -> str:
-    wanted = f"'cam_rig[{EXTRAS[library]}]'" if library in EXTRAS else library
+    """Return the message for a missing library, with the command that installs it."""
+    package = f"'cam_rig[{EXTRAS[library]}]'" if library in EXTRAS else library
     ros = ", or source a ROS 2 installation" if library == "rclpy" else ""
-    return f"{library} is not installed: pip install {wanted}{ros}"
+    return f"{library} is not installed: pip install {package}{ros}"

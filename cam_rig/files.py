@@ -1,4 +1,4 @@
-"""Files: bounded reading of what anybody may have written, temporary folders, whole writes."""
+"""Files: bounded reading of untrusted files, temporary folders and atomic writing."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from typing import Any
 
 from cam_rig.errors import ConfigError, OutputError
 
+#: Bytes in one MiB.
 MIB = 2**20
-#: Characters of a wrong value that an error shows.
+#: Largest number of characters of a wrong value in an error.
 MAX_SHOWN = 60
 #: First characters of a formula in a spreadsheet.
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def shown(text: str, quoted: bool = True) -> str:
-    """A text from a file as an error shows it: one line, the end of a long one left out."""
+    """Return a text for an error: one line, shortened to `MAX_SHOWN` characters."""
     whole = repr(text) if quoted else repr(text)[1:-1]
     return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
 
@@ -36,25 +37,44 @@ def spreadsheet_text(value: Any) -> Any:
     return f"'{value}" if is_formula else value
 
 
-def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
-    """The bytes of a plain file of at most ``most`` bytes; no pipe or device is waited for."""
+def read_bytes(path: Path, max_bytes: int, follow: bool = True) -> bytes:
+    """Return the content of a regular file.
+
+    Parameters
+    ----------
+    path : Path
+    max_bytes : int
+        Largest size of the file.
+    follow : bool
+        True if a symbolic link is followed (default: True).
+
+    Raises
+    ------
+    ConfigError
+        If the file is larger, or is a pipe or a device. Neither is waited for.
+    OSError
+        If the file cannot be read.
+    """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
     with open(os.open(path, flags), "rb") as stream:
-        about = os.fstat(stream.fileno())
-        if stat.S_ISDIR(about.st_mode):
+        status = os.fstat(stream.fileno())
+        if stat.S_ISDIR(status.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        if not stat.S_ISREG(about.st_mode):
+        if not stat.S_ISREG(status.st_mode):
             raise ConfigError("is a pipe or a device; allowed: a file")
-        data = stream.read(most + 1)  # it may grow meanwhile
-    if len(data) > most:
-        size = max(about.st_size, len(data)) / MIB
-        raise ConfigError(f"has {size:.3g} MiB; allowed: {most / MIB:g} MiB")
+        data = stream.read(max_bytes + 1)  # the file may grow meanwhile
+    if len(data) > max_bytes:
+        size = max(status.st_size, len(data)) / MIB
+        raise ConfigError(f"has {size:.3g} MiB; allowed: {max_bytes / MIB:g} MiB")
     return data
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` to write into, which then takes its place whole."""
+    """Write a file atomically: yield a temporary path, then rename it to `path`.
+
+    Raise OutputError if the file cannot be written.
+    """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -68,51 +88,55 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def temporary_folder(prefix: str = "cam_rig_", place: Path | None = None) -> Iterator[Path]:
-    """A folder for as long as the context lasts, in a place or where temporary files are."""
-    place = place or temporary_place()
+def temporary_folder(prefix: str = "cam_rig_", parent: Path | None = None) -> Iterator[Path]:
+    """Yield a new folder in `parent`, and remove it when the context is left.
+
+    The default of `parent` is the system's folder of temporary files. Raise OutputError if the
+    folder cannot be made.
+    """
+    parent = parent or temporary_place()
     try:
-        folder = tempfile.TemporaryDirectory(prefix=prefix, dir=place, ignore_cleanup_errors=True)
+        folder = tempfile.TemporaryDirectory(prefix=prefix, dir=parent, ignore_cleanup_errors=True)
     except OSError as error:
-        raise no_room(place, error) from None
+        raise no_room(parent, error) from None
     with folder as name:
         yield Path(name)
 
 
 def temporary_place() -> Path:
-    """Where temporary files are made."""
+    """Return the system's folder of temporary files."""
     try:
         return Path(tempfile.gettempdir())
     except OSError as error:
         raise OutputError(f"{error.strerror or error}; name a folder with room in TMPDIR") from None
 
 
-def no_room(place: Path, error: OSError) -> OutputError:
-    """What to say of a place where no temporary file can be written."""
+def no_room(folder: Path, error: OSError) -> OutputError:
+    """Return the error of a folder in which no temporary file can be written."""
     return OutputError(
-        f"{place}: no temporary file can be written ({error.strerror}); name a folder with room "
+        f"{folder}: no temporary file can be written ({error.strerror}); name a folder with room "
         "in TMPDIR"
     )
 
 
 def check_place(target: Path) -> None:
-    """Refuse a place where no file can be written."""
+    """Raise OutputError if a file cannot be written to this path."""
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; allowed: a file")
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: is a device; allowed: a file, or - for stdout")
     nearest = next(parent for parent in target.absolute().parents if parent.exists())
-    try:  # who may write is not told by the folder's bits alone: try it
+    try:  # permission bits alone do not determine who may write
         with tempfile.TemporaryFile(dir=nearest):
             pass
     except OSError as error:
         raise OutputError(
-            f"{target}: cannot be written, {nearest} is no writable folder ({error.strerror})"
+            f"{target}: cannot be written, {nearest} is not a writable folder ({error.strerror})"
         ) from None
 
 
 def write_new(folder: Path, texts: dict[str, str]) -> None:
-    """Write files into a folder, none over another."""
+    """Write files into a folder. Raise OutputError if one of them exists."""
     for name in texts:
         require_new(folder / name)
     for name, text in texts.items():
@@ -121,7 +145,11 @@ def write_new(folder: Path, texts: dict[str, str]) -> None:
 
 
 def new_yaml(out: str | Path | None) -> Path | None:
-    """An ``--out``; refused, before anything is computed, if it is no new YAML file."""
+    """Return the path of the option ``--out``, or None without it.
+
+    Raise ConfigError or OutputError if it is not the path of a new YAML file. Commands call this
+    before they compute.
+    """
     if out is None:
         return None
     if Path(out).suffix != ".yaml":
@@ -131,7 +159,7 @@ def new_yaml(out: str | Path | None) -> Path | None:
 
 
 def require_new(target: Path) -> None:
-    """Refuse a file that is there already, or a place that cannot be written."""
+    """Raise OutputError if a file exists, or cannot be written to this path."""
     if target.exists():
         raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
     check_place(target)

@@ -1,10 +1,10 @@
-"""Signals that end a command: raised in its main thread, where nothing is left half made.
+"""Signals that end a command, raised in its main thread after unfinished steps.
 
-A handler that raises wherever it comes leaves locks of imports held, processes that nobody knows,
-folders that nobody removes. So an interrupt waits until the functions have returned that must be
-whole: an import, the begin and the end of a `with`, the start of a worker. It is raised in the line
-after them, once; a signal that follows does not disturb what is being put away. However a command
-ends then, its exit code is 128 and the number of the first signal, as shells have it.
+A handler that raises immediately can leave import locks taken, worker processes without a parent
+and temporary folders on the disk. An interrupt therefore waits until the running functions of
+`UNINTERRUPTED` have returned: an import, the entry and the exit of a `with` block, the start of a
+worker. It is raised once, in the line after them. Later signals do not disturb the cleanup. The
+exit code of the command is then 128 plus the number of the first signal, as in shells.
 """
 
 from __future__ import annotations
@@ -21,96 +21,107 @@ from threading import Thread
 from types import CodeType, FrameType
 from typing import Any, TypeVar, cast
 
-#: Ctrl-C, what ends a service, a terminal that is closed.
+#: Signals that end a command: Ctrl-C, the end of a service, a closed terminal.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Functions that an interrupt does not cut short, and what executes imports.
-WHOLE = {
+#: Names of functions that an interrupt waits for.
+UNINTERRUPTED = {
     "__enter__",
     "__exit__",
     "NodeProcess.__init__",
     "ProcessPoolExecutor.submit",
     "_BaseExitStack.enter_context",
 }
-IMPORTS = "<frozen importlib"
-#: Wall time (s) that a library may take to come back to Python, which alone can unwind; and that a
-#: command has to end in order. A recording that closes on a busy machine takes seconds.
-STUCK_S, LAST_S = 4.0, 60.0
+#: Start of the file names of the code that executes imports. An interrupt waits for it as well.
+IMPORT_CODE = "<frozen importlib"
+#: Wall time (s) after a signal in which a library must return to Python, which alone can unwind.
+UNWIND_S = 4.0
+#: Further wall time (s) in which a command must end. Closing a recording can take seconds.
+CLEANUP_S = 60.0
 Function = TypeVar("Function", bound=Callable[..., Any])
+#: Code of the functions that `interruptible` has wrapped.
 _interruptible: set[CodeType] = set()
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal came; its name is the message."""
+    """Interrupt by a signal. The message contains the signal's name."""
 
     def __init__(self, number: int) -> None:
         super().__init__(f"interrupted by {signal.Signals(number).name}")
 
 
 class _Interrupt:
-    """The first signal of this process, and what has become of it."""
+    """State of the first signal of this process."""
 
     def __init__(self) -> None:
-        self.number: int | None = None
-        self.wanted = self.raised = False
+        self.number: int | None = None  # of the first signal
+        self.enabled = False  # True within `raised`
+        self.has_raised = False
 
     def receive(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal: store it, and raise it if interrupts are enabled."""
         self.number = self.number or number
-        if self.wanted and not self.raised:
+        if self.enabled and not self.has_raised:
             self.deliver(frame)
 
-    def deliver(self, frame: FrameType | None, whole: FrameType | None = None) -> None:
-        """Raise here, or in the line after the outermost of the functions that must be whole."""
+    def deliver(self, frame: FrameType | None, outermost: FrameType | None = None) -> None:
+        """Raise now, or in the line after the outermost uninterrupted function."""
         while frame is not None and frame.f_code not in _interruptible:
             code = frame.f_code
-            named = code.co_name in WHOLE or code.co_qualname in WHOLE
-            if named or code.co_filename.startswith(IMPORTS):
-                whole = frame
+            is_named = code.co_name in UNINTERRUPTED or code.co_qualname in UNINTERRUPTED
+            if is_named or code.co_filename.startswith(IMPORT_CODE):
+                outermost = frame
             frame = frame.f_back
-        if whole is None:
+        if outermost is None:
             self.throw()
-        elif whole.f_back is not None:
-            whole.f_back.f_trace = self.later
-            # with any, or no frame is traced; a Python function would double the time of an import
+        elif outermost.f_back is not None:
+            outermost.f_back.f_trace = self.throw_from_trace
+            # Frames are traced only if a trace function is set. A Python function would double the
+            # time of an import.
             anything: Any = Exception()
             sys.settrace(anything.__init__)
 
-    def later(self, *_event: object) -> None:
+    def throw_from_trace(self, *_event: object) -> None:
+        """Raise in the traced line, and stop tracing."""
         sys.settrace(None)
-        if self.wanted and not self.raised:
+        if self.enabled and not self.has_raised:
             self.throw()
 
     def throw(self) -> None:
+        """Raise the interrupt now."""
         assert self.number is not None
-        self.raised = True
+        self.has_raised = True
         raise Interrupted(self.number)
 
     def retry(self, lost: sys.UnraisableHookArgs) -> None:
-        """One that was raised in a destructor, where nothing can be raised: once more after it."""
+        """Raise an interrupt again after the destructor in which it was lost."""
         if not isinstance(lost.exc_value, Interrupted):
             sys.__unraisablehook__(lost)
-        elif self.wanted:
-            self.raised = False
+        elif self.enabled:
+            self.has_raised = False
             self.deliver(sys._getframe(1), sys._getframe())
 
-    def watch(self, signals: int) -> None:
-        """End the process, whatever hangs; the interpreter writes a signal's number to the pipe."""
-        number = os.read(signals, 1)[0]
-        time.sleep(STUCK_S)
+    def watch(self, pipe: int) -> None:
+        """End the process if it hangs after a signal.
+
+        The interpreter writes the signal's number to the pipe.
+        """
+        number = os.read(pipe, 1)[0]
+        time.sleep(UNWIND_S)
         if self.number is not None:
-            time.sleep(LAST_S)
+            time.sleep(CLEANUP_S)
         os._exit(128 + number)
 
     def end(self) -> None:
-        """The exit code of a command that a signal came to, whatever its own end was.
+        """Exit with the code of the first signal, if there was a signal.
 
-        A later one is ignored: the interpreter resets handlers before it takes modules down, and
-        the default would kill a command that has ended.
+        Later signals are ignored. The interpreter resets handlers before it unloads modules, and
+        the default handler would kill a command that has ended.
         """
         for number in STOPPING:
             signal.signal(number, signal.SIG_IGN)
         if self.number is not None:
             for stream in (sys.stdout, sys.stderr):
-                with suppress(OSError, ValueError):  # nobody reads it; it is closed
+                with suppress(OSError, ValueError):  # its reader is gone, or it is closed
                     stream.flush()
             os._exit(128 + self.number)
 
@@ -119,47 +130,53 @@ _interrupt = _Interrupt()
 
 
 def handle_signals() -> None:
-    """Take the signals that end a command, from its first line on; in `raised` they are raised.
+    """Install the handlers of the signals that end a command.
 
-    One that is ignored on purpose stays so (`nohup`); but Ctrl-C's is taken also of a command that
-    a script has put into the background.
+    They store the signal, and raise it within `raised`.
+
+    A signal that is ignored on purpose (`nohup`) stays ignored. Ctrl-C is handled in any case,
+    because scripts ignore it for the commands that they put into the background.
     """
     for number in STOPPING:
         if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt.receive)
-    signals, told = os.pipe()
-    os.set_blocking(told, False)
-    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-    Thread(target=_interrupt.watch, args=(signals,), daemon=True).start()
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+    Thread(target=_interrupt.watch, args=(read_end,), daemon=True).start()
     sys.unraisablehook = _interrupt.retry
     atexit.register(_interrupt.end)
 
 
 @contextmanager
 def raised() -> Iterator[None]:
-    """A signal is raised here, also one that came before; elsewhere it is taken down alone."""
-    _interrupt.wanted = True
+    """Raise signals within this context, also one that came before it.
+
+    Outside of the context a signal is only stored.
+    """
+    _interrupt.enabled = True
     try:
-        if _interrupt.number is not None and not _interrupt.raised:
+        if _interrupt.number is not None and not _interrupt.has_raised:
             _interrupt.throw()
         yield
     except (SystemError, TypeError, ValueError):
-        if _interrupt.raised:  # compiled code has made its own of it, as matplotlib's of paths does
+        # Compiled code may replace the interrupt by such an error, as matplotlib's paths do.
+        if _interrupt.has_raised:
             _interrupt.throw()
         raise
     finally:
-        _interrupt.wanted = False
+        _interrupt.enabled = False
 
 
 def interruptible(function: Function) -> Function:
-    """A function that may be cut short although it waits within the begin of a `with`."""
+    """Return a function that may be interrupted in the entry of a `with` block."""
 
     @wraps(function)
-    def begun(*arguments: Any, **options: Any) -> Any:
+    def call(*arguments: Any, **options: Any) -> Any:
         if _interrupt.number is not None:
-            _interrupt.later()
+            _interrupt.throw_from_trace()
         return function(*arguments, **options)
 
-    whole = cast("Function", begun)
-    _interruptible.update((function.__code__, whole.__code__))
-    return whole
+    wrapped = cast("Function", call)
+    _interruptible.update((function.__code__, wrapped.__code__))
+    return wrapped

@@ -1,4 +1,4 @@
-"""Units that the rig meets beside SI, as factors to SI: each stands here once."""
+"""Units other than SI, as factors to SI, and small functions of arrays."""
 
 from __future__ import annotations
 
@@ -15,25 +15,31 @@ TURN = 2.0 * math.pi
 RPM = math.pi / 30.0
 #: Revolutions per minute in 1 rad/s.
 RPM_PER_RAD_S = 30.0 / math.pi
-#: ns in one second; times of messages are whole nanoseconds.
+#: ns in one second. Times of messages are whole nanoseconds.
 NS = 1_000_000_000
 Speed = TypeVar("Speed", float, NDArray[np.float64])
 
 
 def to_rpm(speed: Speed) -> Speed:
-    """A speed in rad/s as revolutions per minute; 200 rpm come back as 200, to rounding."""
+    """Convert a speed in rad/s to revolutions per minute.
+
+    A speed of 200 rpm in rad/s returns 200, apart from rounding.
+    """
     return speed * 30.0 / math.pi
 
 
 def rounded_to_error(value: float, error: float) -> str:
-    """A value to the second significant digit of its standard error; to six digits without one."""
+    """Return a value as text, rounded to two digits of its standard error.
+
+    An error that is not positive and finite gives six significant digits.
+    """
     if not 0.0 < error < math.inf:
         return f"{value:.6g}"
-    place = int(f"{error:.1e}".partition("e")[2]) - 1
-    if place > -8 and abs(value) < 1e7:
-        return f"{round(value, -place) + 0.0:.{max(0, -place)}f}"
+    exponent = int(f"{error:.1e}".partition("e")[2]) - 1  # of the last digit
+    if exponent > -8 and abs(value) < 1e7:
+        return f"{round(value, -exponent) + 0.0:.{max(0, -exponent)}f}"
     leading = int(f"{value:e}".partition("e")[2])
-    return f"{value:.{max(0, leading - place)}e}"
+    return f"{value:.{max(0, leading - exponent)}e}"
 
 
 #: Seconds from which on a time is printed as a date: 115 days, longer than any recording.
@@ -55,28 +61,36 @@ def duration_words(seconds: float) -> str:
     return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
 
 
-#: The rig's arrays: double precision throughout.
+#: Real array of the rig, in double precision.
 FloatArray = NDArray[np.float64]
+#: Complex array of the rig.
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 
 def rms(values: ArrayLike) -> float:
-    """Root of the mean square, in the unit of the values."""
+    """Return the root of the mean square, in the unit of the values."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def autocorrelation(residual: FloatArray) -> FloatArray:
-    """Of a residual ``(n,)``, from lag 0 (1) to before the first lag at which there is none."""
+    """Return the autocorrelation of a residual, shape (m,), from lag 0, where it is 1.
+
+    The residual has the shape (n,), m ≤ n. The array ends before the first lag at which the
+    autocorrelation is below 2/√n, the level of white noise.
+    """
     size = residual.size
     spectrum = np.fft.rfft(residual - residual.mean(), 2 * size)
     product = np.fft.irfft(np.abs(spectrum) ** 2)[:size]
     if product[0] <= 0.0:
         return np.ones(1)
     rho = np.asarray(product / product[0])
-    none = np.flatnonzero(rho < 2.0 / math.sqrt(size))
-    return rho[: max(1, none[0]) if none.size else size]
+    uncorrelated = np.flatnonzero(rho < 2.0 / math.sqrt(size))
+    return rho[: max(1, uncorrelated[0]) if uncorrelated.size else size]
 
 
 def correlation_length(residual: FloatArray) -> float:
-    """How many neighbours of a residual ``(n,)`` are as one: 1 + 2 Σ ρₖ, 1 where each is free."""
+    """Return the correlation length 1 + 2 Σ ρₖ of a residual, shape (n,), in samples.
+
+    It is the number of samples that count as one independent sample: 1 for white noise.
+    """
     return 1.0 + 2.0 * float(autocorrelation(residual)[1:].sum())

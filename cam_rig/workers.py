@@ -1,4 +1,4 @@
-"""Several processes for work that is many alike: this machine's, or a Dask cluster."""
+"""Worker processes for many similar tasks: on this machine or in a Dask cluster."""
 
 from __future__ import annotations
 
@@ -21,41 +21,46 @@ from cam_rig.errors import ConfigError, RunError
 from cam_rig.extras import libraries_named, require
 from cam_rig.interrupts import STOPPING, interruptible
 
-#: Of a command that was killed outright, Python's own process removes what it left, and says so.
-UNTOLD = "ignore:resource_tracker:UserWarning"
-#: What a worker begins with: one core for matrices, and memory (glibc's, in bytes) that is kept for
-#: the next point, not given back and asked for anew.
+#: Warning filter. After a command was killed, Python's resource tracker cleans up, and would
+#: print a warning.
+TRACKER_FILTER = "ignore:resource_tracker:UserWarning"
+#: Environment of a worker: one core for matrices. The limits of glibc (bytes) make it keep freed
+#: memory for the next point instead of returning it to the system.
 WORKER_ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
 }
+#: Longest wait (s) for a scheduler, and for its first worker.
+WAIT_S = 15.0
 
 
 class _Worker(SpawnProcess):
-    """A process that no signal to a command reaches: it would print where it was.
+    """Process that ignores the signals that end a command.
 
-    The command alone is interrupted, and kills it.
+    A signal of the terminal reaches all processes, and a worker would print a traceback. Only the
+    command is interrupted, and kills its workers.
     """
 
     def start(self) -> None:
-        _start_tracker()  # it takes signals off the mask when it starts
+        _start_tracker()  # it unblocks signals when it starts
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
         try:
             super().start()
         except OSError as error:
-            raise _none_left(error) from None
+            raise _start_error(error) from None
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 class _Workers(SpawnContext):
-    """Where a pool has such processes from."""
+    """Multiprocessing context whose processes are `_Worker`."""
 
     Process = _Worker
 
 
-def _none_left(error: OSError) -> RunError:
+def _start_error(error: OSError) -> RunError:
+    """Return the error for a worker that cannot be started."""
     return RunError(
         f"no worker can be started ({error.strerror or error}); allowed: as many processes as "
         "/dev/shm has room for and the user may have (df /dev/shm, ulimit -u), so make room, or "
@@ -64,9 +69,11 @@ def _none_left(error: OSError) -> RunError:
 
 
 def _start_tracker() -> None:
-    """Start Python's own process that removes what a command leaves, deaf to a hang-up too."""
-    # It ignores the other signals, and inherits the mask for this one. Another that took its place
-    # would know nothing of what there is to remove, and print tracebacks of it.
+    """Start Python's resource tracker so that it ignores SIGHUP as well.
+
+    It ignores the other signals itself, and inherits the mask for SIGHUP. If it were killed, the
+    tracker that replaces it would not know the resources, and print a traceback for each.
+    """
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
         resource_tracker.ensure_running()
@@ -75,9 +82,9 @@ def _start_tracker() -> None:
 
 
 def _end_with_parent() -> None:
-    """End this worker when the command is gone: one that was killed could not end it itself."""
+    """End this worker when its command is gone: a killed command cannot end it."""
     parent = parent_process()
-    assert parent is not None  # a worker has one
+    assert parent is not None  # a worker has a parent
 
     def follow() -> None:
         wait([parent.sentinel])
@@ -88,36 +95,47 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes, as many as there are cores; work not begun is dropped at an error.
+    """Yield a pool of worker processes.
 
-    Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
+    Each worker computes on one core, because the matrices are too small to share. After an error,
+    tasks that have not started are dropped. An interrupt kills the workers at once.
+
+    Parameters
+    ----------
+    count : int or None
+        Number of processes (default: the number of cores).
+
+    Raises
+    ------
+    RunError
+        If a process cannot be started.
     """
     for name, value in WORKER_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
-    if UNTOLD not in sys.warnoptions:
-        sys.warnoptions.append(UNTOLD)
+    if TRACKER_FILTER not in sys.warnoptions:
+        sys.warnoptions.append(TRACKER_FILTER)
     try:
         _start_tracker()
         pool = ProcessPoolExecutor(
             count or os.cpu_count(), mp_context=_Workers(), initializer=_end_with_parent
         )
     except OSError as error:
-        raise _none_left(error) from None
+        raise _start_error(error) from None
     try:
         yield pool
     except KeyboardInterrupt:
-        follower: Any = pool._executor_manager_thread
-        sent = pool._result_queue._writer  # type: ignore[attr-defined]
-        # First: Python 3.11 prints a traceback of one that is broken and has work that was dropped.
+        manager: Any = pool._executor_manager_thread
+        results = pool._result_queue._writer  # type: ignore[attr-defined]
+        # First, because Python 3.11 prints a traceback of a broken pool with dropped tasks.
         pool.shutdown(wait=False, cancel_futures=True)
         for child in active_children():
             if isinstance(child, _Worker):
                 child.kill()
-        # Of a result that a worker was sending, the rest would be waited for as long as a process
-        # could write it, this one too.
-        sent.close()
-        if follower is not None:  # no work was given before
-            follower.join()
+        # The manager waits for the rest of a result that a killed worker was sending, as long as
+        # any process could write it. This process could, too.
+        results.close()
+        if manager is not None:  # None before the first task
+            manager.join()
         raise
     finally:
         pool.shutdown(cancel_futures=True)
@@ -125,7 +143,10 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 @contextmanager
 def broken_named(then: str = "") -> Iterator[None]:
-    """Whatever an executor says when it breaks down, in one line."""
+    """Convert the errors of a broken executor to a RunError.
+
+    `then` is inserted into the message, after the cause.
+    """
     try:
         yield
     except (BrokenExecutor, CancelledError) as error:
@@ -136,13 +157,9 @@ def broken_named(then: str = "") -> Iterator[None]:
         ) from None
 
 
-#: Longest wait for a scheduler, and for its first worker, s.
-WAIT_S = 15.0
-
-
 @dataclass(frozen=True)
 class Workplace:
-    """An executor and how many pieces of work it takes at a time."""
+    """Executor, and the number of tasks that it computes at a time."""
 
     executor: Executor
     count: int
@@ -150,28 +167,49 @@ class Workplace:
 
 @contextmanager
 def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
-    """So many processes (None is one a core), or the cluster at an address."""
+    """Yield an executor: worker processes of this machine, or a Dask cluster.
+
+    Parameters
+    ----------
+    jobs : int or None
+        Number of processes (default: the number of cores).
+    dask : str or None
+        Address of a scheduler, or path of its file. None selects this machine.
+
+    Raises
+    ------
+    ConfigError
+        If both parameters are given, or `dask` is neither an address nor a file.
+    RunError
+        If no scheduler answers, the cluster lacks workers, or a worker dies.
+    """
     if dask is None:
         with workers(jobs) as pool, broken_named():
             yield Workplace(pool, jobs or os.cpu_count() or 1)
         return
     check_workplace(jobs, dask)
     with _client(dask) as client:
-        found = Workplace(client.get_executor(pure=False), _count(client, dask))
+        cluster = Workplace(client.get_executor(pure=False), _thread_count(client, dask))
         with broken_named():
-            yield found
+            yield cluster
 
 
 def check_workplace(jobs: int | None, dask: str | None) -> None:
-    """Refuse, before anything runs, a cluster that cannot be asked, and two places at once."""
+    """Raise ConfigError for both `jobs` and `dask`, or a wrong `dask`.
+
+    Commands call this before they compute.
+    """
     if dask is not None:
         if jobs is not None:
-            raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
+            raise ConfigError(
+                "--jobs and --dask: the cluster has its own workers; allowed: one of them"
+            )
         require("distributed")
-        _where(dask)
+        _client_arguments(dask)
 
 
-def _where(dask: str) -> dict[str, str]:
+def _client_arguments(dask: str) -> dict[str, str]:
+    """Return the arguments of Dask's client for an address or a scheduler file."""
     if "://" in dask:
         return {"address": dask}
     if not Path(dask).is_file():
@@ -184,21 +222,22 @@ def _where(dask: str) -> dict[str, str]:
 
 @interruptible
 def _client(dask: str) -> Any:  # Dask's functions are untyped
+    """Return a client of a Dask scheduler."""
     with libraries_named():
         from distributed import Client
     connect: Any = Client
-    for name in list(logging.root.manager.loggerDict):  # its errors are ours to tell
+    for name in list(logging.root.manager.loggerDict):  # errors are raised here instead
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        return connect(**_where(dask), timeout=WAIT_S, set_as_default=False)
-    except (OSError, ValueError) as error:  # of no connection, and of what is no address
+        return connect(**_client_arguments(dask), timeout=WAIT_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # no connection, or an invalid address
         raise RunError(f"--dask {dask}: no scheduler answers ({type(error).__name__})") from None
 
 
 @interruptible
-def _count(client: Any, dask: str) -> int:
-    """How many pieces of work a cluster takes at a time."""
+def _thread_count(client: Any, dask: str) -> int:
+    """Return the number of tasks that a cluster computes at a time."""
     try:
         client.wait_for_workers(1, timeout=WAIT_S)
     except TimeoutError:

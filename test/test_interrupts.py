@@ -1,4 +1,4 @@
-"""An interrupt is raised where nothing is left half made, once, and decides the exit code."""
+"""Interrupts: where they are raised, and the exit code that follows from them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from cam_rig.interrupts import STOPPING
 from .processes import ended
 
 pytestmark = pytest.mark.usefixtures("heard_hangup")
-#: What every script begins with; `now` sends itself a signal.
-BEGIN = """
+#: Start of every script. `send_signal` sends a signal to the script itself.
+PRELUDE = """
 import signal, sys, threading, time
 from contextlib import ExitStack, contextmanager
 from cam_rig.interrupts import Interrupted, handle_signals, interruptible, raised
 
-def now(number=signal.SIGTERM):
+def send_signal(number=signal.SIGTERM):
     signal.raise_signal(number)
 
 @contextmanager
@@ -37,12 +37,12 @@ handle_signals()
 
 
 def run(script: str, folder: Path) -> tuple[int, list[str], str]:
-    """The exit code of a script, the lines that it prints, and its stderr."""
-    done = ended(sys.executable, "-c", BEGIN + script, cwd=folder)
+    """Run a script and return its exit code, the lines of its stdout, and its stderr."""
+    done = ended(sys.executable, "-c", PRELUDE + script, cwd=folder)
     return done.returncode, done.stdout.splitlines(), done.stderr
 
 
-#: Where most scenes act: what is raised within is printed.
+#: Frame of most scenes: prints the interrupt that its body raises.
 SCENE = """
 try:
     with raised():
@@ -52,13 +52,13 @@ except Interrupted as error:
     print(error)
 """
 RAISED = "interrupted by SIGTERM"
-#: Scripts by what they show, with the lines that each prints; each ends with 143.
+#: Promise -> script and the lines that it prints. Each script ends with exit code 143.
 SCENES = {
-    "an import is finished, and no lock of it is held": (
+    "an import is completed, and its lock released": (
         """
-open("slow.py", "w").write("import __main__; __main__.now(); done = True")
+open("slow.py", "w").write("import __main__; __main__.send_signal(); done = True")
 sys.path.insert(0, ".")
-def ask():
+def import_again():
     import slow
     print("imported", slow.done)
 try:
@@ -66,63 +66,63 @@ try:
         import slow
         print("never")
 except Interrupted:
-    thread = threading.Thread(target=ask)
+    thread = threading.Thread(target=import_again)
     thread.start()
     thread.join(50)
 """,
         ["imported True"],
     ),
-    "what a `with` makes is removed": (
-        SCENE.format("with resource(enter=now):\n            print('never')"),
+    "the resource of a `with` block is removed": (
+        SCENE.format("with resource(enter=send_signal):\n            print('never')"),
         ["made", "removed", RAISED],
     ),
-    "also of an ExitStack": (
+    "the resource of an ExitStack is removed": (
         """
 try:
     with raised(), ExitStack() as stack:
-        stack.enter_context(resource(enter=now))
+        stack.enter_context(resource(enter=send_signal))
         print("never")
 except Interrupted:
     pass
 """,
         ["made", "removed"],
     ),
-    "signals do not disturb what is being removed": (
-        "more = lambda: (now(), now(signal.SIGINT), now(signal.SIGHUP))"
-        + SCENE.format("with resource(leave=more):\n            now()"),
+    "later signals do not disturb the removal of a resource": (
+        "more = lambda: (send_signal(), send_signal(signal.SIGINT), send_signal(signal.SIGHUP))"
+        + SCENE.format("with resource(leave=more):\n            send_signal()"),
         ["made", "removed", RAISED],
     ),
-    "one that comes while a resource is removed is raised afterwards": (
-        SCENE.format("with resource(leave=now):\n            print('body')"),
+    "a signal during the removal of a resource is raised afterwards": (
+        SCENE.format("with resource(leave=send_signal):\n            print('body')"),
         ["made", "body", "removed", RAISED],
     ),
-    "a wait within the begin of a `with` is cut short": (
+    "an interruptible wait in the entry of a `with` block is interrupted": (
         """
 @interruptible
 def wait():
-    now()
+    send_signal()
     print("never")
 """
         + SCENE.format("with resource(enter=wait):\n            print('never')"),
         [RAISED],
     ),
-    "and so is one that begins after the signal": (
+    "an interruptible wait that starts after the signal is interrupted": (
         """
 @interruptible
 def wait():
     print("never")
 def both():
-    now()
+    send_signal()
     wait()
 """
         + SCENE.format("with resource(enter=both):\n            print('never')"),
         [RAISED],
     ),
-    "in a destructor, where nothing can be raised, it is raised after it": (
+    "a signal in a destructor is raised after it": (
         """
 class Dying:
     def __del__(self):
-        now()
+        send_signal()
         for _ in range(3):
             pass
 def let_die():
@@ -132,22 +132,25 @@ def let_die():
         + SCENE.format("let_die()"),
         [RAISED],
     ),
-    "what compiled code makes of it is an interrupt again": (
+    "an interrupt that compiled code replaces by another error is raised again": (
         """
 from matplotlib import _path
 class Lost:
     def __array__(self, *_, **__):
-        now()
+        send_signal()
 """
         + SCENE.format("_path.affine_transform([[0.0, 0.0]], Lost())"),
         [RAISED],
     ),
-    "one that came before is raised at the begin": ("now()" + SCENE.format(""), [RAISED]),
-    "whoever keeps what there is ends with its code all the same": (
+    "an earlier signal is raised at the start of the context": (
+        "send_signal()" + SCENE.format(""),
+        [RAISED],
+    ),
+    "a command that catches the interrupt ends with its exit code": (
         """
 with raised():
     try:
-        now()
+        send_signal()
     except KeyboardInterrupt:
         print("kept")
 print("written")
@@ -155,15 +158,24 @@ sys.exit(0)
 """,
         ["kept", "written"],
     ),
-    "also where it came when all was done": ("now()\nprint('done')\n", ["done"]),
-    "also where it came at the very end": ("import atexit; atexit.register(now)", []),
-    "also where an error follows from it": ("now()\nsys.exit('gone')", []),
+    "a command ends with the exit code of a signal after its work": (
+        "send_signal()\nprint('done')\n",
+        ["done"],
+    ),
+    "a command ends with the exit code of a signal in an atexit function": (
+        "import atexit; atexit.register(send_signal)",
+        [],
+    ),
+    "a command ends with the exit code of a signal before an error": (
+        "send_signal()\nsys.exit('gone')",
+        [],
+    ),
 }
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
-    """The scene's lines, no traceback, and 128 + signal."""
+    """The script prints its lines without a traceback and ends with 128 + signal."""
     script, lines = SCENES[name]
     code, printed, errors = run(script, tmp_path)
     assert printed == lines
@@ -171,8 +183,8 @@ def test_where_an_interrupt_is_raised(name: str, tmp_path: Path) -> None:
     assert code == 128 + signal.SIGTERM
 
 
-def test_a_library_that_never_comes_back_is_left(tmp_path: Path) -> None:
-    """Its call holds the main thread, in which alone an interrupt can be raised."""
+def test_a_library_that_never_returns_is_ended(tmp_path: Path) -> None:
+    """Its call blocks the main thread, so that no interrupt can be raised."""
     script = """
 import ctypes, os
 lock, held = ctypes.CDLL(None).pthread_mutex_lock, ctypes.byref((ctypes.c_char * 64)())
@@ -187,7 +199,7 @@ with raised():
 
 @pytest.mark.parametrize("number", STOPPING)
 def test_a_signal_after_the_end_changes_nothing(number: signal.Signals, tmp_path: Path) -> None:
-    """The interpreter takes its modules down: the command's work and code are settled."""
+    """While the interpreter unloads modules, the exit code of the command is fixed."""
     script = f"""
 class Last:
     def __del__(self, number={int(number)}, send=signal.raise_signal):
@@ -200,22 +212,22 @@ last = Last()
 
 @pytest.mark.parametrize("number", STOPPING)
 def test_the_code_is_that_of_the_first_signal(number: signal.Signals, tmp_path: Path) -> None:
-    """As a shell has it; the others change nothing."""
-    others = "".join(f"now({int(one)})\n" for one in STOPPING)
-    code, _, errors = run(f"now({int(number)})\n{others}", tmp_path)
+    """Later signals are ignored."""
+    others = "".join(f"send_signal({int(other)})\n" for other in STOPPING)
+    code, _, errors = run(f"send_signal({int(number)})\n{others}", tmp_path)
     assert (code, errors) == (128 + number, "")
 
 
-def test_what_is_ignored_on_purpose_stays_so(tmp_path: Path) -> None:
-    """Behind nohup a closed terminal ends nothing; Ctrl-C's signal is taken wherever it is sent."""
+def test_an_ignored_hangup_stays_ignored_but_not_an_ignored_interrupt(tmp_path: Path) -> None:
+    """With nohup, a closed terminal does not end a command. Ctrl-C does."""
     script = """
 for number in (signal.SIGHUP, signal.SIGINT):
     signal.signal(number, signal.SIG_IGN)
 handle_signals()
-now(signal.SIGHUP)
+send_signal(signal.SIGHUP)
 print("on")
 with raised():
-    now(signal.SIGINT)
+    send_signal(signal.SIGINT)
 """
     code, printed, errors = run(script, tmp_path)
     assert (code, printed) == (128 + signal.SIGINT, ["on"])

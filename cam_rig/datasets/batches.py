@@ -1,4 +1,4 @@
-"""Batches of points sent to an executor, and written to a dataset as they are computed."""
+"""Batches of points: computed by an executor, and written to a dataset."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from cam_rig.datasets.point_files import Batch, PointFiles
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.workers import broken_named
 
-#: Processor time a batch should take, s, and more for each worker: twice what a batch costs the
-#: scheduler and the one writer, so that they are never what all others wait for.
-BATCH_S, EACH_WORKER_S = 1.0, 0.01
-
-#: Batches of a campaign, and so its files, at most or little more.
+#: Smallest processor time (s) of a batch that is aimed at.
+BATCH_S = 1.0
+#: Processor time (s) of a batch per worker, if that is longer: twice the cost of a batch in the
+#: scheduler and in the only writer, so that workers never wait for them.
+BATCH_PER_WORKER_S = 0.01
+#: Approximate upper limit of the number of batches, and so of files.
 MAX_BATCHES = 20_000
-
-#: Batches of one point that are sent before a cost is known, at most.
-PILOTS = 64
-
-#: A batch has at most so many points, and so many times those of the one measured before it.
-MAX_BATCH, GROWTH = 1 << 16, 4
-
-#: Batches in flight for each worker: one at work and others waiting.
-IN_FLIGHT = 3
+#: Largest number of batches in flight, of one point each, until the first cost is measured.
+MAX_PILOTS = 64
+#: Largest number of points of a batch.
+MAX_POINTS = 1 << 16
+#: Largest ratio of the size of a batch to that of the last measured batch.
+MAX_GROWTH = 4
+#: Batches in flight per worker: one is computed, the others wait.
+IN_FLIGHT_PER_WORKER = 3
 
 
 def compute_missing(
@@ -34,69 +34,94 @@ def compute_missing(
     workers: int,
     progress: Progress = NULL_PROGRESS,
 ) -> None:
-    """Compute the points that an open dataset lacks, and write them.
+    """Compute the missing points of an open dataset, and write them.
 
-    `compute` takes the study and the first and last point of a batch. The size of a batch follows
-    from the cost of those before it, and the executor has as many batches at a time as it has
-    `workers`. The rows do not depend on the batches, on their order or on the executor.
+    The size of a batch follows from the cost of the batches before it. The rows do not depend on
+    the batches, on their order or on the executor.
+
+    Parameters
+    ----------
+    dataset : PointFiles
+        Dataset within its context `opened`.
+    compute : callable
+        Function of the study, the first point and the end (exclusive) of a batch. It returns its
+        rows.
+    executor : Executor
+    workers : int
+        Number of batches that the executor computes at a time.
+    progress : Progress
+        Receives the number of written points.
+
+    Raises
+    ------
+    RunError
+        If a worker or the scheduler dies. Written batches remain.
     """
     campaign = dataset.campaign
     sizes = BatchSizes(campaign.total, workers)
-    todo = _batches(dataset.missing(), sizes)
-    flying: set[Future[Batch]] = set()
+    batches = _batches(dataset.missing(), sizes)
+    in_flight: set[Future[Batch]] = set()
     try:
-        with broken_named("; what is finished stays"):
+        with broken_named("; finished batches are kept"):
             while True:
-                while len(flying) < sizes.in_flight and (batch := next(todo, None)) is not None:
-                    flying.add(executor.submit(compute, campaign, *batch))
-                if not flying:
+                while len(in_flight) < sizes.in_flight and (batch := next(batches, None)):
+                    in_flight.add(executor.submit(compute, campaign, *batch))
+                if not in_flight:
                     return
-                finished, flying = wait(flying, return_when=FIRST_COMPLETED)
+                finished, in_flight = wait(in_flight, return_when=FIRST_COMPLETED)
                 for future in finished:
                     rows = future.result()
                     dataset.write(rows)
                     sizes.take(rows)
                     progress.advance(rows.last - rows.first)
     finally:
-        for future in flying:
+        for future in in_flight:
             future.cancel()
 
 
 class InThisProcess(Executor):
-    """Does each piece of work where it is submitted, before it goes on."""
+    """Executor that runs each task in this process when it is submitted."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The work, done; an error is raised here."""
+        """Run a task and return its completed future. An exception is raised at once."""
         future: Future[Any] = Future()
         future.set_result(fn(*args, **kwargs))
         return future
 
 
 class BatchSizes:
-    """How many points the next batch has, and how many batches are sent ahead.
+    """Sizes of the batches of a dataset of `total` points.
 
-    From one point on as many as last `BATCH_S`, or `EACH_WORKER_S` times the workers; more where
-    there would be more batches than `MAX_BATCHES`.
+    The first batches have one point. The next batches take `BATCH_S`, or `BATCH_PER_WORKER_S` times
+    the number of workers if that is longer. They are larger if there would be more than
+    `MAX_BATCHES`.
+
+    Attributes
+    ----------
+    next : int
+        Number of points of the next batch.
+    in_flight : int
+        Number of batches to send before the first of them returns.
     """
 
     def __init__(self, total: int, workers: int) -> None:
-        self._most = max(1, min(MAX_BATCH, total // (2 * workers)))
-        self._least = min(self._most, -(-total // MAX_BATCHES))
-        self._seconds, self._workers = max(BATCH_S, EACH_WORKER_S * workers), workers
-        self.next, self.in_flight = 1, min(PILOTS, IN_FLIGHT * workers)
+        self._max_size = max(1, min(MAX_POINTS, total // (2 * workers)))
+        self._min_size = min(self._max_size, -(-total // MAX_BATCHES))
+        self._seconds, self._workers = max(BATCH_S, BATCH_PER_WORKER_S * workers), workers
+        self.next, self.in_flight = 1, min(MAX_PILOTS, IN_FLIGHT_PER_WORKER * workers)
 
     def take(self, rows: Batch) -> None:
-        """Learn from a batch's cost."""
+        """Set the sizes from the measured cost of a batch."""
         count = rows.last - rows.first
-        wanted = int(self._seconds * count / max(rows.seconds, 1e-9))
-        self.next = max(1, min(max(wanted, self._least), GROWTH * count, self._most))
-        self.in_flight = IN_FLIGHT * self._workers
+        size = int(self._seconds * count / max(rows.seconds, 1e-9))
+        self.next = max(1, min(max(size, self._min_size), MAX_GROWTH * count, self._max_size))
+        self.in_flight = IN_FLIGHT_PER_WORKER * self._workers
 
 
 def _batches(gaps: list[tuple[int, int]], sizes: BatchSizes) -> Iterator[tuple[int, int]]:
-    """The gaps in pieces, each as long as a batch is to be when it is asked for."""
-    for at, last in gaps:
-        first = at
+    """Divide gaps into batches, each of the size that is current when it is requested."""
+    for start, last in gaps:
+        first = start
         while first < last:
             end = min(last, first + sizes.next)
             yield first, end

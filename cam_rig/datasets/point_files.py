@@ -1,7 +1,7 @@
 """A folder of Parquet files, one per batch of points, complete at every moment.
 
 A file gets its name only when all of it is on the disk, so readers can take ``folder/*.parquet``
-while a study runs, and after it was ended by anything. The only writer holds a lock on the folder.
+while a study runs, and after it was interrupted. The only writer locks the folder.
 
 The name ends with a digest of the range of points and the bytes of the file, which detects a
 changed bit, a truncated file and the name of another file.
@@ -25,57 +25,62 @@ from typing import Any, Protocol
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.show.tables import pluralize
 
-LOCK = ".lock"
-
-
-FILES = "points-*.parquet"
-
-
+#: File in the folder whose lock the only writer has.
+LOCK_FILE = ".lock"
+#: Glob pattern of the files of batches.
+FILE_PATTERN = "points-*.parquet"
+#: Name of a file: first point, end (exclusive), digest.
 _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
-
-
-#: What is added to the name of a file whose rows are made again.
-DAMAGED = ".damaged"
-
-
-#: Of such files so many are named.
-NAMED = 3
+#: Suffix of the name of a damaged file, whose points are computed again.
+DAMAGED_SUFFIX = ".damaged"
+#: Largest number of damaged files that a message names.
+MAX_NAMED_FILES = 3
+#: Packages on whose versions rows may depend.
+PACKAGES = ("cam_rig", "numpy", "scipy")
+#: Largest number of differences between two studies that a message names.
+MAX_NAMED_DIFFERENCES = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Rows of the points ``first`` to ``last`` (exclusive), made in so many s of a processor."""
+    """Rows of consecutive points. A subclass adds the rows."""
 
-    first: int
-    last: int
-    seconds: float
+    first: int  #: index of the first point
+    last: int  #: end of the points, exclusive
+    seconds: float  #: processor time of the computation, s
 
 
 class Study(Protocol):
-    """What rows are of, and how many there are to be."""
+    """Study whose points are the rows of a dataset."""
 
     @property
     def text(self) -> str:
-        """All that a row depends on beside its index, as JSON."""
+        """All data that a row depends on, apart from its index, as JSON."""
 
     @property
     def total(self) -> int:
-        """Points in all."""
+        """Number of points."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointFiles:
-    """The rows of any study in a folder; a subclass says what a row has."""
+    """Rows of a study in a folder of Parquet files.
+
+    A subclass defines the columns in `_table`.
+    """
 
     folder: Path
     campaign: Study
 
     def _table(self, rows: Any) -> Any:
-        """A batch as a `pyarrow.Table`; its schema has `own` as metadata."""
+        """Return a batch as a `pyarrow.Table` with `own` as metadata of its schema."""
         raise NotImplementedError
 
     def write(self, rows: Batch) -> None:
-        """Put a batch onto the disk, whole or not at all."""
+        """Write the file of a batch atomically, and wait until it is on the disk.
+
+        Raise OutputError if it cannot be written.
+        """
         import pyarrow.parquet as pq
 
         sink = io.BytesIO()
@@ -86,70 +91,91 @@ class PointFiles:
         part = target.with_name(f".{target.name}.part")
         try:
             part.write_bytes(data)
-            _to_disk(part)
+            _sync(part)
             part.replace(target)
-            _to_disk(self.folder)
+            _sync(self.folder)
         except OSError as error:
             raise OutputError(
-                f"{target}: cannot be written ({error.strerror or error}); what is finished stays"
+                f"{target}: cannot be written ({error.strerror or error}); "
+                "finished batches are kept"
             ) from None
         finally:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
 
     def batches(self) -> list[tuple[int, int, Path]]:
-        """First point, the point after the last, and the file of each batch, in order."""
-        named = ((_NAME.fullmatch(path.name), path) for path in self.folder.glob(FILES))
-        return sorted((int(match[1]), int(match[2]), path) for match, path in named if match)
+        """Return first point, end (exclusive) and file of each batch, in order."""
+        paths = self.folder.glob(FILE_PATTERN)
+        matches = ((_NAME.fullmatch(path.name), path) for path in paths)
+        return sorted((int(match[1]), int(match[2]), path) for match, path in matches if match)
 
     def missing(self) -> list[tuple[int, int]]:
-        """The ranges of points that are in no file, in order."""
-        gaps, at, end = [], 0, self.campaign.total
+        """Return first missing point and end (exclusive) of each gap, in order."""
+        gaps, start, end = [], 0, self.campaign.total
         for first, last in [*(batch[:2] for batch in self.batches()), (end, end)]:
-            if first > at:
-                gaps.append((at, first))
-            at = max(at, last)
+            if first > start:
+                gaps.append((start, first))
+            start = max(start, last)
         return gaps
 
     def size(self) -> tuple[float, float]:
-        """Bytes of the files there are, and about those of all when every point is made.
+        """Return the bytes of the files, and an estimate for the complete dataset.
 
-        A file has bytes of its own, as many as the smallest, and others for each row; the files
-        to come are as long as the longest.
+        The estimate assumes that a file has as many fixed bytes as the smallest file, and the same
+        number of bytes for each row. The missing files have as many rows as the largest one.
         """
         batches = self.batches()
         if not batches:
             return 0.0, 0.0
         sizes = [path.stat().st_size for _, _, path in batches]
         counts = [last - first for first, last, _ in batches]
-        own, made = min(sizes), sum(counts)
-        left = max(0, self.campaign.total - made)
-        row = (sum(sizes) - own * len(sizes)) / made
-        return float(sum(sizes)), sum(sizes) + row * left + own * -(-left // max(counts))
+        fixed, count = min(sizes), sum(counts)
+        missing = max(0, self.campaign.total - count)
+        row = (sum(sizes) - fixed * len(sizes)) / count
+        return float(sum(sizes)), sum(sizes) + row * missing + fixed * -(-missing // max(counts))
 
     def tables(self, columns: list[str] | None = None) -> Iterator[Any]:
-        """The rows of each batch in the order of the points, a `pyarrow.Table`."""
+        """Yield a `pyarrow.Table` per batch, in the order of the points.
+
+        Raise OutputError for a file that is damaged or cannot be read.
+        """
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         for _, _, path in self.batches():
-            # In this thread: one of Arrow's that lets go of Python's bytes while the interpreter
-            # ends aborts the process.
+            # Without threads of Arrow: a thread that releases Python's bytes while the interpreter
+            # shuts down aborts the process.
             with pq.ParquetFile(
-                pa.BufferReader(_intact(path)), page_checksum_verification=True
+                pa.BufferReader(_read_intact(path)), page_checksum_verification=True
             ) as file:
                 yield file.read(columns, use_threads=False)
 
     @contextmanager
     def opened(self, resume: bool) -> Iterator[str]:
-        """Hold the folder for one writer; what a killed one left half written is removed.
+        """Lock the folder for this writer.
 
-        It gives a line that names the files whose points are to be made again, which are kept
-        under another name; empty where all are whole.
+        Incomplete files of a killed writer are removed. Damaged files get the suffix ".damaged",
+        and their points become missing points. The context yields a message that names them, or an
+        empty text.
+
+        Parameters
+        ----------
+        resume : bool
+            True if the folder may contain files of the same study.
+
+        Raises
+        ------
+        ConfigError
+            If the folder contains files and `resume` is False, or files of another study, of
+            another version or without a digest.
+        OutputError
+            If the folder cannot be written, or has another writer.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            descriptor = os.open(
+                self.folder / LOCK_FILE, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644
+            )
         except OSError as error:
             raise OutputError(f"{self.folder}: cannot be written ({error.strerror})") from None
         with os.fdopen(descriptor, "r+b") as lock:
@@ -160,111 +186,113 @@ class PointFiles:
                     f"{self.folder}: another run writes into it; allowed: to wait for its "
                     "end, or another folder"
                 ) from None
-            damaged = self._require_own(resume)
+            damaged = self._find_damaged(resume)
             for path in self.folder.glob(".points-*.part"):
                 path.unlink()
             for path in damaged:
-                path.rename(path.with_name(path.name + DAMAGED))
-            yield _made_again(damaged)
+                path.rename(path.with_name(path.name + DAMAGED_SUFFIX))
+            yield _damage_message(damaged)
 
-    def _require_own(self, resume: bool) -> list[Path]:
-        """Refuse a folder of other rows; files that are damaged, or have another file's points."""
-        found = sorted(self.folder.glob(FILES))
-        if found and not resume:
+    def _find_damaged(self, resume: bool) -> list[Path]:
+        """Return the files that are damaged, or have points of another file.
+
+        Raise ConfigError for a folder with rows of another study.
+        """
+        paths = sorted(self.folder.glob(FILE_PATTERN))
+        if paths and not resume:
             raise ConfigError(
-                f"{self.folder}: holds {pluralize(len(found), 'file')} of points already; "
-                "allowed: --resume to go on with them, or another folder"
+                f"{self.folder}: contains {pluralize(len(paths), 'file')} of points already; "
+                "allowed: --resume to continue with them, or another folder"
             )
-        for path in found:
+        for path in paths:
             if not _NAME.fullmatch(path.name):
                 raise ConfigError(
                     f"{path}: has no digest in its name, so that its rows cannot be checked (it is "
                     "of an earlier version, or was renamed); allowed: a folder without it"
                 )
-        damaged, at = [], 0
+        damaged, end = [], 0
         for first, last, path in self.batches():
             try:
-                about = _about(_intact(path))
+                origin = _read_origin(_read_intact(path))
             except OutputError:
                 damaged.append(path)
                 continue
-            if about != self.own:
+            if origin != self.own:
                 raise ConfigError(
                     f"{path}: is of another study, or of another version: "
-                    f"{differences(about, self.own)}; allowed with --resume: the same, else "
-                    "another folder"
+                    f"{describe_differences(origin, self.own)}; allowed with --resume: the same, "
+                    "else another folder"
                 )
-            if first < at:
+            if first < end:
                 damaged.append(path)
-            at = max(at, last)
+            end = max(end, last)
         return damaged
 
     @property
     def own(self) -> dict[str, str]:
-        """What every file says of its origin."""
+        """Origin of the rows, stored in every file: study and versions of packages."""
         return {"study": self.campaign.text, **versions()}
 
 
-#: Packages whose versions rows may depend on.
-VERSIONS = ("cam_rig", "numpy", "scipy")
-
-
-#: Differences between two studies that are named.
-DIFFERENCES = 3
-
-
-def differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    """What differs between two origins of rows, with the old and the new value of each."""
+def describe_differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """Return the differences between two origins as text, with both values of each."""
     before, after = (
-        _leaves(json.loads(one.get("study") or "{}")) | {name: one.get(name) for name in VERSIONS}
-        for one in (old, new)
+        _leaves(json.loads(origin.get("study") or "{}"))
+        | {name: origin.get(name) for name in PACKAGES}
+        for origin in (old, new)
     )
-    found = [
-        f"{key} is {_shown(after.get(key))}, was {_shown(before.get(key))}"
+    texts = [
+        f"{key} is {_value_text(after.get(key))}, was {_value_text(before.get(key))}"
         for key in dict.fromkeys([*before, *after])
         if before.get(key) != after.get(key)
     ]
-    rest = len(found) - DIFFERENCES
-    return ", ".join(found[:DIFFERENCES]) + (f" and {rest} more" if rest > 0 else "")
+    more = len(texts) - MAX_NAMED_DIFFERENCES
+    return ", ".join(texts[:MAX_NAMED_DIFFERENCES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _leaves(node: Any, path: str = "") -> dict[str, Any]:
-    """The numbers and words of plain data by their paths; those of the study without a prefix."""
+    """Return the numbers and texts of JSON data by path, without the prefix "config."."""
     if isinstance(node, dict):
-        parts = [(f"{path}.{key}" if path else key, one) for key, one in node.items()]
+        children = [(f"{path}.{key}" if path else key, child) for key, child in node.items()]
     elif isinstance(node, list):
-        parts = [(f"{path}[{i}]", one) for i, one in enumerate(node)]
+        children = [(f"{path}[{i}]", child) for i, child in enumerate(node)]
     else:
         return {path.removeprefix("config."): node}
-    return {key: value for name, one in parts for key, value in _leaves(one, name).items()}
+    return {key: value for name, child in children for key, value in _leaves(child, name).items()}
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
     return "not there" if value is None else str(value)
 
 
-def _made_again(damaged: list[Path]) -> str:
-    """What is said of files that were set aside; empty for none."""
+def _damage_message(damaged: list[Path]) -> str:
+    """Return the message on damaged files, or an empty text if the list is empty."""
     if not damaged:
         return ""
-    named = ", ".join(path.name for path in damaged[:NAMED])
-    more = f" and {len(damaged) - NAMED} more" if len(damaged) > NAMED else ""
+    names = ", ".join(path.name for path in damaged[:MAX_NAMED_FILES])
+    count = len(damaged) - MAX_NAMED_FILES
+    more = f" and {count} more" if count > 0 else ""
     return (
         f"{damaged[0].parent}: {pluralize(len(damaged), 'file')} not as written, or with another "
-        f"file's points: {named}{more}; their points are made again, the files kept as *{DAMAGED}"
+        f"file's points: {names}{more}; their points are made again, the files kept as "
+        f"*{DAMAGED_SUFFIX}"
     )
 
 
 def _digest(first: int, last: int, data: bytes) -> str:
-    """Of a batch's range and its file, as the file's name has it."""
+    """Return the digest of the range and the file of a batch, as in the file's name."""
     return hashlib.sha256(b"%d-%d\n" % (first, last) + data).hexdigest()[:16]
 
 
-def _intact(path: Path) -> bytes:
+def _read_intact(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raise OutputError if it does not match the digest in its name.
+    """
     match = _NAME.fullmatch(path.name)
-    assert match is not None  # only such are batches
-    if not path.is_file():  # a pipe would never end
-        raise OutputError(f"{path}: is no file; remedy: --resume makes its points again")
+    assert match is not None  # `batches` returns no other files
+    if not path.is_file():  # reading a pipe might never end
+        raise OutputError(f"{path}: is not a file; remedy: --resume makes its points again")
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -277,26 +305,26 @@ def _intact(path: Path) -> bytes:
     return data
 
 
-def _about(data: bytes) -> dict[str, str]:
-    """What an intact file's schema says of its origin."""
+def _read_origin(data: bytes) -> dict[str, str]:
+    """Return the origin of the rows from the content of an intact file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    found = pq.read_metadata(pa.BufferReader(data)).metadata or {}
-    return {key: found.get(key.encode(), b"").decode() for key in ("study", *VERSIONS)}
+    metadata = pq.read_metadata(pa.BufferReader(data)).metadata or {}
+    return {key: metadata.get(key.encode(), b"").decode() for key in ("study", *PACKAGES)}
 
 
 def versions() -> dict[str, str]:
-    """Versions of what rows may depend on."""
-    found = dict.fromkeys(VERSIONS, "not installed")
-    for name in VERSIONS:
+    """Return the installed versions of `PACKAGES`."""
+    installed = dict.fromkeys(PACKAGES, "not installed")
+    for name in PACKAGES:
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+            installed[name] = version(name)
+    return installed
 
 
-def _to_disk(path: Path) -> None:
-    """Wait until a file or a folder's names are on the disk."""
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""A cam file: its law as segments around the turn, its follower, and where they come from."""
+"""Cam files: the law as segments of one turn, the follower, and the contact."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from cam_rig.schema.explain import made, refused
+from cam_rig.schema.explain import error_in_python, validate_in_python
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase, Table, quantities
 from cam_rig.schema.segments import Segment
 
-Width = Annotated[Quantity, must_be("length", above=0.0, least=1e-6, most=10.0)]
-Modulus = Annotated[Quantity, must_be("pressure", above=0.0, least=1e6, most=1e13)]
-#: An incompressible solid has 0.5.
-Poisson = Annotated[Quantity, must_be("ratio", least=0.0, most=0.5)]
-Pressure = Annotated[Quantity, must_be("pressure", above=0.0, most=1e13)]
-Sliding = Annotated[Quantity, must_be("linear speed", above=0.0, most=1e4)]
+Width = Annotated[Quantity, must_be("length", gt=0.0, ge=1e-6, le=10.0)]
+Modulus = Annotated[Quantity, must_be("pressure", gt=0.0, ge=1e6, le=1e13)]
+#: Poisson ratio. The largest value, 0.5, is that of an incompressible solid.
+Poisson = Annotated[Quantity, must_be("ratio", ge=0.0, le=0.5)]
+Pressure = Annotated[Quantity, must_be("pressure", gt=0.0, le=1e13)]
+Sliding = Annotated[Quantity, must_be("linear speed", gt=0.0, le=1e4)]
 
 
 def _assumed(value: float, unit: str, source: str) -> Quantity:
@@ -27,11 +27,22 @@ def _assumed(value: float, unit: str, source: str) -> Quantity:
 
 
 class ContactParts(Strict):
-    """The section ``contact`` of a cam file; every key may be left out.
+    """Section ``contact`` of a cam file. Every key has a default.
 
-    ``tip_radius`` is that of a point follower: an actual point would have infinite pressure. By
-    default the follower is of the cam's material. ``most_pressure`` and ``most_sliding_speed``
-    bound the base radius from below and from above.
+    Parameters
+    ----------
+    face_width : Quantity
+        Width of the line contact, m.
+    tip_radius : Quantity
+        Radius of the tip of a point follower, m. An ideal point would have infinite pressure.
+    youngs_modulus, poisson_ratio : Quantity
+        Young's modulus (Pa) and Poisson ratio of the cam.
+    follower_youngs_modulus, follower_poisson_ratio : Quantity or None
+        The same of the follower (default: the material of the cam).
+    most_pressure : Quantity
+        Permissible Hertzian pressure, Pa. It bounds the base radius from below.
+    most_sliding_speed : Quantity
+        Permissible sliding speed, m/s. It bounds the base radius from above.
     """
 
     face_width: Width = _assumed(10.0, "mm", "no source prints it; a narrow cam of a test rig")
@@ -56,37 +67,46 @@ class ContactParts(Strict):
         return 1.0 / (cam + (1.0 - poisson.si**2) / young.si)
 
 
-Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
-Offset = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
-#: A face is inclined by less than a right angle.
-Inclination = Annotated[Quantity, must_be("angle", least=-1.5, most=1.5)]
-Steepest = Annotated[Quantity, must_be("angle", above=0.0, most=0.5 * math.pi)]
-#: Between two arms of one rocker.
-ArmsAngle = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi)]
-Radius = Annotated[Quantity, must_be("length", least=0.0, most=100.0)]
+Length = Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
+Offset = Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
+#: Inclination of a face. The limits are a little less than a right angle.
+Inclination = Annotated[Quantity, must_be("angle", ge=-1.5, le=1.5)]
+#: Largest permissible pressure angle, up to a right angle.
+MaxPressureAngle = Annotated[Quantity, must_be("angle", gt=0.0, le=0.5 * math.pi)]
+#: Angle between the two arms of a rocker.
+ArmsAngle = Annotated[Quantity, must_be("angle", gt=0.0, le=2.0 * math.pi)]
+Radius = Annotated[Quantity, must_be("length", ge=0.0, le=100.0)]
 
 
 class BaseFollower(Strict):
-    """What every follower has.
+    """Base class of the followers.
 
-    ``least_curvature_radius`` (0 when not given) is what contact stress asks of convex parts,
-    ``most_pressure_angle`` what the guide or the pivot bears: 30° and 45° when not given.
+    Parameters
+    ----------
+    base_radius : Quantity
+        Radius of the base circle, m.
+    least_curvature_radius : Quantity or None
+        Smallest permissible radius of convex parts, for the contact stress, m (default: 0).
+    most_pressure_angle : Quantity or None
+        Largest permissible pressure angle, rad (default: 30° in a guide, 45° on a pivot).
     """
 
-    #: Whether a spring alone holds it on the cam, as the dynamic models take it.
+    #: True if only a spring keeps the follower on the cam, as the dynamic models assume.
     sprung: ClassVar[bool] = True
 
     base_radius: Length
     least_curvature_radius: Radius | None = None
-    most_pressure_angle: Steepest | None = None
+    most_pressure_angle: MaxPressureAngle | None = None
 
     @property
     def roller(self) -> float:
-        """Roller radius in m, 0 for a follower without one."""
+        """Roller radius in m, 0 for a follower without a roller."""
         return 0.0
 
 
 class _Rolling(BaseFollower):
+    """Follower with a roller of `roller_radius` (m)."""
+
     roller_radius: Length
 
     @property
@@ -96,16 +116,17 @@ class _Rolling(BaseFollower):
 
 
 class _Guided(BaseFollower):
-    """Its guide runs past the cam's axis at ``eccentricity``, towards +x."""
+    """Follower in a guide that passes the cam's axis at `eccentricity` (m, to +x)."""
 
     eccentricity: Offset | None = None
 
 
 class _Pivoted(BaseFollower):
-    """Swings about a pivot at ``pivot_distance`` from the cam's axis; the law is at ``arm``.
+    """Follower on a pivot at `pivot_distance` (m) from the cam's axis.
 
-    A rig's numbers are those at the arm's end, along its arc: mass J/arm², stiffness and damping
-    of the arm over arm², moments over arm. Then J φ'' = M is m s'' = F with s = arm φ, exactly.
+    The law is the displacement s = arm φ of the end of the arm of length `arm` (m), along its arc.
+    The numbers of a rig apply to this point: mass J/arm², rotational stiffness and damping divided
+    by arm², moments divided by arm. Then J φ'' = M and m s'' = F are equivalent.
     """
 
     pivot_distance: Length
@@ -113,71 +134,79 @@ class _Pivoted(BaseFollower):
 
 
 class _Positive(BaseFollower):
-    """The cam moves it both ways: it cannot leave the cam."""
+    """Follower that the cam moves in both directions, so that it cannot leave the cam."""
 
     sprung: ClassVar[bool] = False
 
 
 class Point(_Guided):
-    """A knife edge in a guide."""
+    """Knife edge in a guide."""
 
     type: Literal["point"]
 
 
 class Roller(_Guided, _Rolling):
-    """A roller in a guide."""
+    """Roller in a guide."""
 
     type: Literal["roller"]
 
 
 class Flat(_Guided):
-    """A face square to its guide."""
+    """Flat face perpendicular to its guide."""
 
     type: Literal["flat"]
 
 
 class InclinedFlat(_Guided):
-    """A face turned by ``inclination``, counterclockwise from square to its guide."""
+    """Flat face in a guide, turned by `inclination` (rad) from its perpendicular.
+
+    A positive angle is counterclockwise.
+    """
 
     type: Literal["inclined_flat"]
     inclination: Inclination
 
 
 class OscillatingPoint(_Pivoted):
-    """A knife edge at the end of an arm."""
+    """Knife edge at the end of an arm."""
 
     type: Literal["oscillating_point"]
 
 
 class OscillatingRoller(_Pivoted, _Rolling):
-    """A roller at the end of an arm."""
+    """Roller at the end of an arm."""
 
     type: Literal["oscillating_roller"]
 
 
 class OscillatingFlat(_Pivoted):
-    """A face along an arm, ``face_offset`` from the pivot away from the cam (0: through it)."""
+    """Flat face along an arm.
+
+    `face_offset` (m) is its distance from the pivot, away from the cam (default: 0, the face
+    passes through the pivot).
+    """
 
     type: Literal["oscillating_flat"]
     face_offset: Offset | None = None
 
 
 class ConstantBreadth(_Positive):
-    """A frame of two parallel faces around one cam."""
+    """Frame with two parallel faces around one cam."""
 
     type: Literal["constant_breadth"]
 
 
 class ConstantDiameter(_Positive, _Rolling):
-    """A frame of two rollers, opposite each other on one cam."""
+    """Frame with two rollers on opposite sides of one cam."""
 
     type: Literal["constant_diameter"]
 
 
 class Conjugate(_Positive, _Guided, _Rolling):
-    """A frame of two rollers, each on its own cam of one shaft.
+    """Frame with two rollers, each on a separate cam of one shaft.
 
-    ``roller_distance`` of the axes is 2 (R_b + R_r) + s_max, for one prime circle, if not given.
+    `roller_distance` (m) is the distance of their axes. The default 2 (R_b + R_r) + s_max gives
+    both cams the same prime circle.
     """
 
     type: Literal["conjugate"]
@@ -185,10 +214,11 @@ class Conjugate(_Positive, _Guided, _Rolling):
 
 
 class OscillatingConjugate(_Positive, _Pivoted, _Rolling):
-    """Two arms about one pivot, a roller at the end of each on its own cam of one shaft.
+    """Two arms on one pivot with a roller each, on separate cams of one shaft.
 
-    The second arm is as long, on the other side of the cam's axis. ``arms_angle`` is between them:
-    2 γ + s_max / arm, for one prime circle, if not given; γ is the first arm's angle at no lift.
+    The arms have the same length and are on opposite sides of the cam's axis. `arms_angle` (rad)
+    is the angle between them. The default 2 γ + s_max / arm gives both cams the same prime circle.
+    γ is the angle of the first arm at zero lift.
     """
 
     type: Literal["oscillating_conjugate"]
@@ -199,28 +229,39 @@ Translating = Point | Roller | Flat | InclinedFlat
 Oscillating = OscillatingPoint | OscillatingRoller | OscillatingFlat
 Desmodromic = ConstantBreadth | ConstantDiameter | Conjugate | OscillatingConjugate
 Follower = Annotated[Translating | Oscillating | Desmodromic, Field(discriminator="type")]
-#: Frames of the rig's robot besides one for each cam, which bears the cam's name.
+#: Frames of the rig's robot model. In addition, each cam has a frame of its name.
 FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follower_arc")
 
 
 class CamConfig(Strict):
-    """One file of ``config/cams/``; in Python a law as segments around the turn, and a follower.
+    """Cam: a law as segments of one turn, and a follower.
 
-    `parts` has the defaults of ``contact``; ``cannot_be_made`` says why a cam fails a check and is
-    meant to, to be looked at only.
+    A file of ``config/cams/`` contains one cam.
 
     Parameters
     ----------
-    name, title : of the cam; the name is its file's
-    lift : m, or a text with its unit
-    segments : in the order of the cam angle, as a file has them: mappings of ``law``, ``span`` (rad
-        or a text) and the law's own keys; their spans are one turn together
-    follower : its ``type`` and sizes, as a file has them
-    contact : width, material and permissible values
+    name : str
+        Name of the cam, and of its file: small letters, digits and _ (default: own_cam).
+    title : str or None
+        Title in figures and reports (default: the name).
+    lift : float, str or Quantity
+        Lift h in m, or a text with a unit.
+    segments : sequence of mapping
+        Segments in the order of the cam angle, as in a file: ``law``, ``span`` (rad, or a text
+        with a unit) and the keys of the law. The sum of the spans is one turn.
+    follower : mapping
+        ``type`` and sizes of the follower, as in a file.
+    contact : mapping or None
+        Width, material and permissible values of the contact (default: see `parts`).
+    identified_from : str or None
+        Data from which the dimensions of the cam were identified.
+    cannot_be_made : str or None
+        Reason why the cam fails a check on purpose. Such a cam can only be displayed.
 
     Raises
     ------
-    ConfigError : something is missing, out of range, or none
+    ConfigError
+        If a value is missing, out of range, or of a wrong type.
 
     Examples
     --------
@@ -245,7 +286,7 @@ class CamConfig(Strict):
     title: str
     identified_from: str | None = None
     cannot_be_made: str | None = Field(default=None, min_length=1)
-    lift: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
+    lift: Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
     follower: Follower
     contact: ContactParts | None = None
     segments: list[Segment] = Field(min_length=1)
@@ -263,16 +304,16 @@ class CamConfig(Strict):
         cannot_be_made: str | None = None,
     ) -> None:
         data = {"lift": lift, "segments": segments, "follower": follower, "contact": contact}
-        words = {"identified_from": identified_from, "cannot_be_made": cannot_be_made}
+        notes = {"identified_from": identified_from, "cannot_be_made": cannot_be_made}
         try:
-            super().__init__(name=name, title=name if title is None else title, **data, **words)
+            super().__init__(name=name, title=name if title is None else title, **data, **notes)
         except ValidationError as error:
-            raise refused("cam", name, error, CamConfig) from None
+            raise error_in_python("cam", name, error, CamConfig) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 
     def __repr__(self) -> str:
-        """Name, lift, follower and how many segments."""
+        """Return name, lift, type of follower and number of segments."""
         lift = str(self.lift).partition(" (")[0]
         kind, count = self.follower.type, len(self.segments)
         return f"Cam({self.name!r}: lift {lift}, {kind}, {count} segment{'s' * (count > 1)})"
@@ -280,13 +321,18 @@ class CamConfig(Strict):
     __str__ = __repr__
 
     def replace(self, **changes: object) -> CamConfig:
-        """The same cam with something else: a section, its name or lift, a size of its follower.
+        """Return the cam with other values.
 
-        Numbers are plain in SI, or texts with a unit.
+        Parameters
+        ----------
+        **changes
+            Parameters of the cam or sizes of its follower, by name. A number is in SI units, or a
+            text with a unit.
 
         Raises
         ------
-        ConfigError : no such name, or a value out of range
+        ConfigError
+            If a name is unknown, or a value is out of range.
 
         Examples
         --------
@@ -295,20 +341,30 @@ class CamConfig(Strict):
         60 mm (assumed)
         """
         data: dict[str, Any] = dict(self)
-        own = type(self.follower).model_fields.keys() & changes.keys()
-        if own:
-            data["follower"] = dict(self.follower) | {key: changes.pop(key) for key in own}
-        return made(CamConfig, data | changes, "cam")
+        sizes = type(self.follower).model_fields.keys() & changes.keys()
+        if sizes:
+            data["follower"] = dict(self.follower) | {key: changes.pop(key) for key in sizes}
+        return validate_in_python(CamConfig, data | changes, "cam")
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the cam's file, whole or not at all; it has the name of the file.
+        """Write the cam to a file atomically.
 
-        The points of a law of points are a .csv file beside it.
+        The written cam has the name of the file. The points of a measured law are written to a
+        .csv file of the same name.
+
+        Parameters
+        ----------
+        path : str or Path
+            Path of the file, which ends in .yaml.
+        overwrite : bool
+            True if existing files are replaced (default: False).
 
         Raises
         ------
-        ConfigError : the file's name is none of a cam
-        OutputError : it cannot be written, or is there already without ``overwrite``
+        ConfigError
+            If the name of the file is not valid for a cam.
+        OutputError
+            If the file cannot be written, or exists and `overwrite` is False.
 
         Examples
         --------
@@ -323,7 +379,7 @@ class CamConfig(Strict):
         save_model(self, path, overwrite)
 
     @model_validator(mode="after")
-    def _named_and_whole(self) -> CamConfig:
+    def _check_name_and_spans(self) -> CamConfig:
         if self.name in FRAMES:
             raise ValueError(
                 f"name: is {self.name!r}, another frame of the rig; allowed: any name but "
@@ -338,15 +394,18 @@ class CamConfig(Strict):
         return self
 
     def numbers(self) -> dict[str, Quantity]:
-        """Every number of the file by its key, the follower's by theirs alone."""
+        """Return the numbers of the file by their paths, such as "segments[0].span".
+
+        The paths of the follower's numbers are without the prefix "follower.".
+        """
         return {key.removeprefix("follower."): number for key, number in quantities(self, "")}
 
     @property
     def parts(self) -> ContactParts:
-        """Width, material and permissible values of the contact, assumed where not given."""
+        """Width, material and permissible values of the contact, with defaults."""
         return self.contact or ContactParts()
 
     @property
     def files(self) -> list[str]:
-        """Names of the files beside the cam's own that it is made of."""
+        """Names of the files of points that the cam's file refers to."""
         return [segment.file.file for segment in self.segments if isinstance(segment, Table)]

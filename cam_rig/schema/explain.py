@@ -1,4 +1,4 @@
-"""A pydantic error in one line: the key, its value, and what is allowed."""
+"""One-line messages for errors of pydantic: key, value and allowed values."""
 
 from __future__ import annotations
 
@@ -12,100 +12,109 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.schema.quantity import IN_PYTHON
+from cam_rig.schema.quantity import PYTHON_CONTEXT
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Other keys that are wrong, named in the same line.
-NAMED = 3
-POINT = "a number has a decimal point, not a comma"
-QUANTITY = "a number by its origin, with its unit, as {given: 15, unit: mm, source: drawing}"
+#: Largest number of other wrong keys that a message names.
+MAX_OTHER_KEYS = 3
+#: Remedy for a decimal comma.
+DECIMAL_POINT = "a number has a decimal point, not a comma"
+#: Allowed form of a quantity, with an example.
+QUANTITY_FORM = "a number by its origin, with its unit, as {given: 15, unit: mm, source: drawing}"
 
 
 def kind_of(value: object) -> str:
-    """What a YAML value is, in words."""
+    """Return the kind of a YAML value as text."""
     if value is None:
         return "nothing"
     names: dict[type, str] = {list: "a list", str: "text", dict: "a mapping"}
     return names.get(type(value), f"a {type(value).__name__}")
 
 
-def made(kind: type[Config], data: Mapping[str, Any], what: str) -> Config:
-    """A model of what Python gives it, plain numbers and texts with their unit among them."""
+def validate_in_python(kind: type[Config], data: Mapping[str, Any], label: str) -> Config:
+    """Validate data from Python, with plain numbers and texts with a unit.
+
+    Raise ConfigError if the data are wrong. `label` is the kind of the thing, for the message.
+    """
     try:
-        return kind.model_validate(dict(data), context=IN_PYTHON)
+        return kind.model_validate(dict(data), context=PYTHON_CONTEXT)
     except ValidationError as error:
-        raise refused(what, data.get("name"), error, kind) from None
+        raise error_in_python(label, data.get("name"), error, kind) from None
 
 
 def validated(kind: type[Config], data: object) -> Config:
-    """A model of what a file would hold; what is wrong with it is said in one line."""
+    """Validate data in the form of a file. Raise ConfigError if they are wrong."""
     try:
         return kind.model_validate(data)
     except ValidationError as error:
         raise ConfigError(explain(error, kind)) from None
 
 
-def refused(what: str, name: object, error: ValidationError, kind: type[BaseModel]) -> ConfigError:
-    """What is said of a cam or a rig that Python has made wrongly."""
-    return ConfigError(f"{what} {_shown(name)}: {explain(error, kind)}")
+def error_in_python(
+    label: str, name: object, error: ValidationError, kind: type[BaseModel]
+) -> ConfigError:
+    """Return the error for a wrong cam or rig that was made in Python."""
+    return ConfigError(f"{label} {_value_text(name)}: {explain(error, kind)}")
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:
-    """The problem that tells most, in words, and the keys of the others, each once."""
-    problems = error.errors()  # an unknown key is often one that is missing, misspelt
+    """Return the most informative problem as text, and the keys of the others."""
+    problems = error.errors()
+    # first an unknown key, because it is often the misspelt name of a missing key
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
-    wrong = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
-    others = [key for key in dict.fromkeys(wrong) if key != _key(first, kind)]
-    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
-    also = f" (also wrong: {', '.join(others[:NAMED])}{more})" if others else ""
-    return _sentence(first, kind) + also
+    keys = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
+    others = [key for key in dict.fromkeys(keys) if key != _key(first, kind)]
+    count = len(others) - MAX_OTHER_KEYS
+    more = f" and {count} more" if count > 0 else ""
+    also = f" (also wrong: {', '.join(others[:MAX_OTHER_KEYS])}{more})" if others else ""
+    return _problem_text(first, kind) + also
 
 
-def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
-    key, shown, context = _key(problem, kind), _shown(problem["input"]), problem.get("ctx", {})
+def _problem_text(problem: ErrorDetails, kind: type[BaseModel]) -> str:
+    """Return a problem as text: key, value and allowed values."""
+    key, value, context = _key(problem, kind), _value_text(problem["input"]), problem.get("ctx", {})
     tag = str(context.get("discriminator", "")).strip("'")
     match problem["type"]:
         case "extra_forbidden":
-            above = problem["loc"][:-1]
-            properties = _along(kind, above)[-1].get("properties", {})
-            allowed = sorted(properties if above else kind.model_fields)
+            parents = problem["loc"][:-1]
+            properties = _nodes(kind, parents)[-1].get("properties", {})
+            allowed = sorted(properties if parents else kind.model_fields)
             hint = did_you_mean(str(problem["loc"][-1]), allowed)
             listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
-            text = f"{key}: unknown key, value {shown}{hint}{listing}"
+            text = f"{key}: unknown key, value {value}{hint}{listing}"
         case "missing":
             text = f"{key}: missing; it is required"
         case "value_error":
             text = f"{key}: {context['error']}" if key else str(context["error"])
         case "union_tag_not_found":
-            node = _along(kind, problem["loc"])[-1]
-            known = ", ".join(node.get("discriminator", {}).get("mapping", {}))
-            text = f"{key}.{tag}: missing; allowed: one of {known}"
+            node = _nodes(kind, problem["loc"])[-1]
+            names = ", ".join(node.get("discriminator", {}).get("mapping", {}))
+            text = f"{key}.{tag}: missing; allowed: one of {names}"
         case "union_tag_invalid":
-            known = str(context["expected_tags"])
-            name = context["tag"]
-            text = f"{key}.{tag}: is {name!r}{_hint(name, known)}; allowed: {known}"
+            names, name = str(context["expected_tags"]), context["tag"]
+            text = f"{key}.{tag}: is {name!r}{_suggestion(name, names)}; allowed: {names}"
         case "literal_error":
-            known = str(context["expected"])
-            text = f"{key}: is {shown}{_hint(problem['input'], known)}; allowed: {known}"
+            names = str(context["expected"])
+            text = f"{key}: is {value}{_suggestion(problem['input'], names)}; allowed: {names}"
         case "string_pattern_mismatch":
-            text = f"{key}: is {shown}; allowed: lower case letters, digits and _"
+            text = f"{key}: is {value}; allowed: lower case letters, digits and _"
         case "too_short":
-            text = f"{key}: is {shown}; allowed: at least {context['min_length']} of them"
+            text = f"{key}: is {value}; allowed: at least {context['min_length']} of them"
         case "model_type" if context.get("class_name") == "Quantity":
-            text = f"{key}: is {shown}; allowed: {QUANTITY}"
+            text = f"{key}: is {value}; allowed: {QUANTITY_FORM}"
         case "invalid_key":  # {assumed: 7,4} is the number 7 and a key 4
-            text = f"{key.rpartition('[')[0]}: the key {shown} is no text; {POINT}"
+            text = f"{key.rpartition('[')[0]}: the key {value} is not a text; {DECIMAL_POINT}"
         case _:
             rule = problem["msg"].removeprefix("Input should be ")
-            text = f"{key}: is {shown}; allowed: {rule.replace('valid integer', 'whole number')}"
-            if re.fullmatch(r"'-?\d+,\d+'", shown):
-                text += f"; {POINT}"
+            text = f"{key}: is {value}; allowed: {rule.replace('valid integer', 'whole number')}"
+            if re.fullmatch(r"'-?\d+,\d+'", value):
+                text += f"; {DECIMAL_POINT}"
     return text
 
 
-def _hint(name: object, known: str) -> str:
-    """The likeliest of the names that pydantic lists in quotes."""
-    return did_you_mean(str(name), re.findall(r"'([^']*)'", known))
+def _suggestion(name: object, names: str) -> str:
+    """Return a suggestion from the names that pydantic lists in quotes."""
+    return did_you_mean(str(name), re.findall(r"'([^']*)'", names))
 
 
 @cache
@@ -113,41 +122,46 @@ def _schema(kind: type[BaseModel]) -> Any:
     return kind.model_json_schema()
 
 
-def _along(kind: type[BaseModel], loc: tuple[int | str, ...]) -> list[Any]:
-    """The node of a model's schema that each part of a location leads to, the model's first."""
+def _nodes(kind: type[BaseModel], loc: tuple[int | str, ...]) -> list[Any]:
+    """Return the nodes of a JSON schema along a location, that of the model first."""
     schema = _schema(kind)
     nodes = [_resolve(schema, schema)]
     for part in loc:
-        nodes.append(_resolve(_step(nodes[-1], part), schema))
+        nodes.append(_resolve(_child(nodes[-1], part), schema))
     return nodes
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
+    """Return a value as text, shortened to 60 characters."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     try:
         text = kind_of(value) if isinstance(value, dict) else repr(value)
-    except ValueError:  # a whole number of thousands of digits
+    except ValueError:  # an integer with thousands of digits cannot be printed
         text = kind_of(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
-    """``segments[1].span`` from pydantic's location, without the names of union members."""
+    """Return the path of a problem, such as "segments[1].span".
+
+    Pydantic's location also contains names of union members, which are left out.
+    """
     out = ""
-    for part, node in zip(problem["loc"], _along(kind, problem["loc"]), strict=False):
+    for part, node in zip(problem["loc"], _nodes(kind, problem["loc"]), strict=False):
         if isinstance(part, int):
             out += f"[{part}]"
         elif "discriminator" in node:
             continue  # the tag of a union
         elif part in ("float", "list[float]") or part.startswith(("constrained-", "list[")):
-            continue  # a member of number | list of numbers
+            continue  # a member of the union of number and list of numbers
         else:
             out += f".{part}" if out else part
     return out
 
 
 def _resolve(node: Any, schema: Any) -> Any:
+    """Return the node that a reference or an optional node leads to."""
     while isinstance(node, dict):
         if "$ref" in node:
             node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
@@ -158,8 +172,8 @@ def _resolve(node: Any, schema: Any) -> Any:
     return {}
 
 
-def _step(node: Any, part: int | str) -> Any:
-    """From a resolved node to what a key, a place in a list, or a union's tag leads to."""
+def _child(node: Any, part: int | str) -> Any:
+    """Return the child of a resolved node: for a key, an index, or the tag of a union."""
     if isinstance(part, int):
         return node.get("items")
     if "discriminator" in node:

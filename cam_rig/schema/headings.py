@@ -1,7 +1,7 @@
-"""Grammar of the headings of measured tables: the quantity, the factor and the unit of a column.
+"""Grammar of the headings of measured tables: quantity, factor and unit.
 
 A heading consists of words for a quantity, an optional factor and a unit, such as ``Lift (0.001
-in)``, ``Nockenwinkel / °`` or ``cycle [%]``. Words that do not change the meaning may stand next to
+in)``, ``Nockenwinkel / °`` or ``cycle [%]``. Words that do not change the meaning may be next to
 them. Everything else makes the heading unclear, because a word that is not understood could be
 another unit.
 """
@@ -20,12 +20,16 @@ _POUND_FORCE = 4.4482216152605
 
 
 def _names(dimension: str, names: dict[str | float, str]) -> dict[str, float]:
-    """Return the factor by name. Keys are units of the rig's files, or factors of other units."""
+    """Return the factors of units by name.
+
+    A key of `names` is a unit of the rig's files, or the factor of another unit. Its value contains
+    the other names of the unit.
+    """
     factors = dict[str, float]()
     for key, listed in names.items():
         factor = key if isinstance(key, float) else RIG_UNITS[dimension][key]
-        own = [] if isinstance(key, float) else [key.casefold()]
-        factors |= dict.fromkeys((*own, *listed.split()), factor)
+        first = [] if isinstance(key, float) else [key.casefold()]
+        factors |= dict.fromkeys((*first, *listed.split()), factor)
     return factors
 
 
@@ -189,7 +193,7 @@ _NEUTRAL = (
 NEUTRAL = frozenset(_NEUTRAL.split())
 #: Letters that distinguish columns of lifts and angles, but are a frequency weighting of a level.
 LETTERS = frozenset("abcd")
-#: Words that say how many units a division of a dial has: they need a factor.
+#: Words for the divisions of a dial, whose size is not part of the word: they need a factor.
 DIVISIONS = frozenset(("div", "divs", "division", "divisions", "teilstrich", "teilstriche"))
 #: Largest number that counts as the index of a column, such as in "lift 2".
 MAX_INDEX = 99
@@ -200,7 +204,7 @@ _TOKEN = re.compile(
     r"10\s*(?:\^|\*\*)\s*-?\s*\d+|1\s*/\s*10+(?!\d)|min\s*\^?-1|s\^?-1|1/(?:min|s)\b"
     rf"|{_NUMBER}|[^\W\d_]+|''|[°%\"×*·/^]"
 )
-#: Most tokens of the name of a unit, such as ``rad / s``.
+#: Largest number of tokens of the name of a unit, such as ``rad / s``.
 _MAX_UNIT_TOKENS = 3
 _JOINING = ("of", "an", "a", "de", "di", "von", "d", "x", "×", "*", "·", "=")
 
@@ -220,7 +224,7 @@ class Heading:
     is_crank
         True if an angle is that of the crankshaft. `factor` does not contain the ratio 1/2.
     unclear
-        Why the heading is not understood, empty if it is.
+        Reason why the heading is not understood, or empty.
     """
 
     text: str
@@ -241,26 +245,26 @@ def parse_heading(text: str) -> Heading:
     """Return the meaning of a heading.
 
     A heading that is not understood is returned with the reason in `unclear`, because a table may
-    have columns that nobody needs.
+    have columns that are not used.
 
     Examples
     --------
-    >>> found = parse_heading("Lift (0.001 in)")
-    >>> found.quantity, found.factor
+    >>> heading = parse_heading("Lift (0.001 in)")
+    >>> heading.quantity, heading.factor
     ('lift', 2.54e-05)
     """
     plain = plain_text(text)
-    units, rest = list[_Unit](), list[str]()
+    units, words_in_brackets = list[_Unit](), list[str]()
     try:
         for inner in _BRACKETS.findall(plain):
-            found, left = _take_units(_tokens(inner), alone=True)
-            units += found
-            rest += left
-        found, left = _take_units(_tokens(_BRACKETS.sub(" ", plain)), alone=not units)
+            new_units, words = _take_units(_tokens(inner), alone=True)
+            units += new_units
+            words_in_brackets += words
+        new_units, words = _take_units(_tokens(_BRACKETS.sub(" ", plain)), alone=not units)
     except ValueError as error:
         return Heading(text, _quantity(_tokens(plain), units) or "other", None, unclear=str(error))
-    units += found
-    words = left + rest
+    units += new_units
+    words += words_in_brackets
     quantity = _quantity(words, units)
     if quantity in ("", "other"):
         return Heading(text, "other", None)
@@ -280,19 +284,19 @@ def plain_text(text: str) -> str:
 
 
 def _tokens(text: str) -> list[str]:
-    found = _TOKEN.findall(text.replace("_", " "))
-    return ["".join(token.split()).replace("**", "^") for token in found]
+    tokens = _TOKEN.findall(text.replace("_", " "))
+    return ["".join(token.split()).replace("**", "^") for token in tokens]
 
 
 def _take_units(tokens: list[str], alone: bool) -> tuple[list[_Unit], list[str]]:
-    """Return the units among tokens with their factors, and the tokens that are left.
+    """Return the units among tokens with their factors, and the other tokens.
 
     `alone` allows a unit whose name is ambiguous at the end.
     """
-    units, rest, i, end = list[_Unit](), list[str](), 0, 0
+    units, words, i, end = list[_Unit](), list[str](), 0, 0
     while i < len(tokens):
         unit, size = _unit_at(tokens, i)
-        factor, kept = _factor_before(rest)
+        factor, before = _factor_before(words)
         last = alone and i + size == len(tokens)
         if unit is None and tokens[i] in FRACTIONS:
             unit = _fraction_alone(tokens, i)
@@ -300,19 +304,19 @@ def _take_units(tokens: list[str], alone: bool) -> tuple[list[_Unit], list[str]]
         elif unit is not None and unit.name in AMBIGUOUS and factor is None and not last:
             unit = None
         if unit is None:
-            rest.append(tokens[i])
+            words.append(tokens[i])
             i += 1
             continue
         if factor is not None:
             if factor > 1.0:
                 raise ValueError(f"a factor of {factor:g} before {unit.name!r} has two meanings")
-            rest = kept
+            words = before
         if units and i == end + 1 and tokens[end] == "/":
             raise ValueError(f"'{units[-1].name}/{unit.name}' is not a known unit")
         units.append(replace(unit, factor=unit.factor * (factor or 1.0)))
         i += size
         end = i
-    return units, rest
+    return units, words
 
 
 def _unit_at(tokens: list[str], i: int) -> tuple[_Unit | None, int]:
@@ -330,7 +334,7 @@ def _unit_at(tokens: list[str], i: int) -> tuple[_Unit | None, int]:
 
 
 def _fraction_alone(tokens: list[str], i: int) -> _Unit | None:
-    """Return the unit of a fraction without another unit behind it, None if one follows."""
+    """Return the unit of a fraction, or None if another unit follows it."""
     after = [token for token in tokens[i + 1 :] if token not in _JOINING]
     if after and _unit_at(after, 0)[0] is not None:
         return None
@@ -340,18 +344,18 @@ def _fraction_alone(tokens: list[str], i: int) -> _Unit | None:
     return _Unit(tokens[i], "length", fraction * metres)
 
 
-def _factor_before(rest: list[str]) -> tuple[float | None, list[str]]:
-    """Return the factor at the end of the tokens before a unit, and the tokens before it."""
-    kept = list(rest)
-    while kept and kept[-1] in _JOINING:
-        kept.pop()
-    value = _number(kept[-1]) if kept else None
+def _factor_before(tokens: list[str]) -> tuple[float | None, list[str]]:
+    """Return the factor directly before a unit, and the tokens before the factor."""
+    before = list(tokens)
+    while before and before[-1] in _JOINING:
+        before.pop()
+    value = _number(before[-1]) if before else None
     if value is None:
-        return None, rest
-    kept.pop()
-    if kept and kept[-1] in ("x", "×", "*", "·"):
-        kept.pop()
-    return value, kept
+        return None, tokens
+    before.pop()
+    if before and before[-1] in ("x", "×", "*", "·"):
+        before.pop()
+    return value, before
 
 
 def _number(token: str) -> float | None:
@@ -365,7 +369,7 @@ def _number(token: str) -> float | None:
 
 
 def _quantity(words: list[str], units: list[_Unit]) -> str:
-    """Return the quantity that words and units mean, empty if none."""
+    """Return the quantity that words and units mean, or an empty text."""
     dimensions = [unit.dimension for unit in units]
     for name, quantity in QUANTITIES.items():
         is_point = name in ("x", "y", "z")
@@ -397,7 +401,7 @@ def _wrong_unit(quantity: str, units: list[_Unit], factors: set[float]) -> str:
 
 
 def _first_names(dimension: str) -> str:
-    """Return one name of each unit of a dimension, that of the rig's files if they have it."""
+    """Return a name of each unit of a dimension, that of the rig's files if possible."""
     by_factor = {factor: name for name, factor in RIG_UNITS[dimension].items()}
     for name, factor in UNITS[dimension].items():
         by_factor.setdefault(factor, name)
@@ -405,7 +409,7 @@ def _first_names(dimension: str) -> str:
 
 
 def _leftover(quantity: str, words: list[str], has_unit: bool) -> str:
-    """Return why words or numbers of a heading are not understood, empty if they are."""
+    """Return the reason why words or numbers are not understood, or an empty text."""
     known = QUANTITIES[quantity]
     for i, word in enumerate(words):
         value = _number(word)

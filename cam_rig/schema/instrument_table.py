@@ -1,7 +1,8 @@
-"""A table of numbers as gauges, spreadsheets and people write it: lines cut into cells.
+"""Tables of numbers from gauges, spreadsheets and text editors.
 
-Any separator, decimal comma or point, UTF-8, UTF-16 or what Windows writes. `headings` has the
-grammar of the headings.
+A file is divided into lines and cells. Its separator may be semicolon, tab, comma or space, its
+decimal mark comma or point, and its encoding UTF-8, UTF-16 or Windows-1252. The module `headings`
+contains the grammar of the headings.
 """
 
 from __future__ import annotations
@@ -15,40 +16,49 @@ from cam_rig.files import read_bytes, shown
 from cam_rig.schema.headings import Heading, parse_heading
 from cam_rig.schema.segment_base import MAX_BYTES
 
+#: Separators of cells, and their names in messages.
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
+#: Number with decimal point or comma.
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
-#: The number of an empty cell.
+#: Text of the number of an empty cell.
 NOTHING = "nan"
-#: Two lines above the numbers may be one heading: names, and units under them.
+#: Largest number of lines of a heading: names, and units under them.
 HEADING_LINES = 2
-#: Lines of a file, at most.
+#: Largest number of lines of a file.
 MAX_LINES = 100_000
 
 
 def read_lines(
-    path: Path, wanted: str, max_bytes: int = MAX_BYTES
+    path: Path, content: str, max_bytes: int = MAX_BYTES
 ) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
-    """Return the lines of a file with their numbers, and those that are comments (#)."""
+    """Return the lines of a table and its comments (#), each with its line number.
+
+    Empty lines are left out. `content` describes the lines of numbers for messages. Raise
+    ConfigError if the file cannot be read, is empty, or has more than `MAX_LINES` lines.
+    """
     lines = [
-        (i, line) for i, line in enumerate(_text(path, max_bytes).splitlines(), 1) if line.strip()
+        (i, line)
+        for i, line in enumerate(_read_text(path, max_bytes).splitlines(), 1)
+        if line.strip()
     ]
     comments = [(i, line) for i, line in lines if line.lstrip().startswith("#")]
     lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
     if not 0 < len(lines) <= MAX_LINES:
         has = f"has {len(lines)} lines" if lines else "is empty"
         raise ConfigError(
-            f"{path.name}: {has}; allowed: a heading and up to {MAX_LINES} lines of {wanted}"
+            f"{path.name}: {has}; allowed: a heading and up to {MAX_LINES} lines of {content}"
         )
     return lines, comments
 
 
-def _text(path: Path, max_bytes: int) -> str:
+def _read_text(path: Path, max_bytes: int) -> str:
+    """Return the text of a file in UTF-16 with a mark, UTF-8, or Windows-1252."""
     try:
         data = read_bytes(path, max_bytes)
     except FileNotFoundError:
-        near = ", ".join(sorted(other.name for other in path.parent.glob("*.csv"))[:10])
-        there = f"; there are: {near}" if near else ""
-        raise ConfigError(f"{path}: no such file{there}") from None
+        names = ", ".join(sorted(other.name for other in path.parent.glob("*.csv"))[:10])
+        listing = f"; there are: {names}" if names else ""
+        raise ConfigError(f"{path}: no such file{listing}") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
     except ConfigError as error:
@@ -58,11 +68,24 @@ def _text(path: Path, max_bytes: int) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")  # what Windows programs write
+        return data.decode("cp1252", errors="replace")  # as Windows programs write
 
 
 class CellTable:
-    """One file's lines, cut into cells; ``first`` is the first row of numbers, None without any."""
+    """Lines of a file, divided into cells.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file, for messages.
+    separator : str
+    separator_name : str
+        Name of the separator, for messages.
+    rows : list of (int, list of str)
+        Line number and cells of each line.
+    first : int or None
+        Index in `rows` of the first row of numbers, or None.
+    """
 
     def __init__(self, file: str, lines: list[tuple[int, str]]) -> None:
         self.file = file
@@ -70,30 +93,38 @@ class CellTable:
         if declared:
             lines = lines[1:]
         self.separator = declared[1] if declared else _separator([line for _, line in lines])
-        self.seen = SEPARATORS.get(self.separator, repr(self.separator))
+        self.separator_name = SEPARATORS.get(self.separator, repr(self.separator))
         self.rows = [(i, self._cells(i, line)) for i, line in lines]
-        self.first = self._first()
+        self.first = self._find_first()
 
-    def _first(self) -> int | None:
-        """The first row of numbers: two at least, or one among empty cells right above of such."""
+    def _find_first(self) -> int | None:
+        """Return the index of the first row of numbers.
+
+        It has at least two numbers. Rows directly above it with the same number of cells belong
+        to the numbers too, if they contain only numbers and empty cells.
+        """
         rows = [cells for _, cells in self.rows]
         first = next((k for k, cells in enumerate(rows) if count_numbers(cells) > 1), None)
         while first and len(rows[first - 1]) == len(rows[first]):
-            said = [cell for cell in rows[first - 1] if cell]
-            if not said or count_numbers(said) < len(said):
+            filled = [cell for cell in rows[first - 1] if cell]
+            if not filled or count_numbers(filled) < len(filled):
                 break
             first -= 1
         return first
 
-    def refused(self, words: str) -> ConfigError:
-        """What is wrong in the file, and which separator it was read with."""
-        return ConfigError(f"{self.file}: {words} (separator seen: {self.seen})")
+    def refused(self, problem: str) -> ConfigError:
+        """Return the error for a problem in the file, with the detected separator."""
+        return ConfigError(f"{self.file}: {problem} (separator seen: {self.separator_name})")
 
     def how_read(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
-        """A note of lines, separator, and decimal comma or point: a file has one of them."""
-        marked = [(line, cells[i]) for line, cells in body for i in used]
-        commas = [(line, cell) for line, cell in marked if "," in cell]
-        points = [(line, cell) for line, cell in marked if "." in cell]
+        """Return a note on the number of lines, the separator and the decimal mark.
+
+        `used` are the indices of the used columns. Raise ConfigError if some of their cells have a
+        decimal comma and others a decimal point.
+        """
+        used_cells = [(line, cells[i]) for line, cells in body for i in used]
+        commas = [(line, cell) for line, cell in used_cells if "," in cell]
+        points = [(line, cell) for line, cell in used_cells if "." in cell]
         if commas and points:
             line, cell = points[0]
             raise self.refused(
@@ -101,7 +132,7 @@ class CellTable:
                 f"{commas[0][0]} a decimal comma; allowed: one of them"
             )
         mark = "comma" if commas else "point"
-        return f"{len(body)} lines read, separator {self.seen}, decimal {mark}"
+        return f"{len(body)} lines read, separator {self.separator_name}, decimal {mark}"
 
     def _cells(self, line: int, text: str) -> list[str]:
         if self.separator == " ":
@@ -113,7 +144,11 @@ class CellTable:
         return [cell.strip() for cell in cells]
 
     def headings(self, width: int) -> list[Heading]:
-        """Of each column, from up to two lines above the numbers; "column 2" without any."""
+        """Return the heading of each of `width` columns.
+
+        Up to `HEADING_LINES` lines above the numbers are the heading. Without such a line, the
+        headings are "column 1", "column 2" and so on.
+        """
         above = [cells for _, cells in self.rows[: self.first]][-HEADING_LINES:]
         line = self.rows[self.first or 0][0]
         if above and len(above[-1]) > 1 and len(above[-1]) != width:
@@ -121,16 +156,16 @@ class CellTable:
         above = [cells for cells in above if len(cells) == width]
         if not above:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
-        found = []
+        headings = []
         for name, *unit in zip(*above, strict=True):
             text = f"{name} [{unit[0]}]" if name and unit and unit[0] else " ".join((name, *unit))
-            # in one line, as files and messages can hold it
+            # one line of printable characters, for files and messages
             printable = "".join(c if c.isprintable() else " " for c in text)
-            found.append(parse_heading(" ".join(printable.split())))
-        return found
+            headings.append(parse_heading(" ".join(printable.split())))
+        return headings
 
     def require_clear(self, headings: list[Heading], used: list[int]) -> None:
-        """Refuse headings of used columns that are not understood."""
+        """Raise ConfigError if the heading of a used column is not understood."""
         for i in used:
             if headings[i].unclear:
                 raise self.refused(
@@ -141,30 +176,39 @@ class CellTable:
     def numbers(
         self, line: int, cells: list[str], headings: list[Heading], used: list[int]
     ) -> list[str]:
-        """The cells of a line as texts of numbers, `NOTHING` of an empty one; unused ones as is."""
+        """Return the cells of a line as texts of numbers with a decimal point.
+
+        An empty cell, and a text in an unused column, gives `NOTHING`. Raise ConfigError for a text
+        in a used column, or a wrong number of cells.
+        """
         if len(cells) != len(headings):
             raise self._uneven(line, len(cells), len(headings))
-        found = []
-        for i, (cell, one) in enumerate(zip(cells, headings, strict=True)):
+        numbers = []
+        for i, (cell, heading) in enumerate(zip(cells, headings, strict=True)):
             text = plain_number(cell)
             if text is None and cell and i in used:
                 raise self.refused(
-                    f"line {line}: {one.text} is {shown(cell)}; allowed: a number, so correct the "
-                    "line or put # before it"
+                    f"line {line}: {heading.text} is {shown(cell)}; allowed: a number, so correct "
+                    "the line or put # before it"
                 )
-            found.append(text or NOTHING)
-        return found
+            numbers.append(text or NOTHING)
+        return numbers
 
     def _uneven(self, line: int, cells: int, columns: int) -> ConfigError:
+        """Return the error for a line with a wrong number of cells."""
         return ConfigError(
             f"{self.file}: line {line}: has {cells} cells under {columns} columns (separator seen: "
-            f"{self.seen}); allowed: as many, and ; or tab between them where the comma is the "
-            "decimal mark"
+            f"{self.separator_name}); allowed: as many, and ; or tab between them where the comma "
+            "is the decimal mark"
         )
 
 
 def _separator(lines: list[str]) -> str:
-    """The one that cuts most lines; a comma between digits may be a decimal mark."""
+    """Return the separator of the lines.
+
+    It is a semicolon or tab if most lines contain it, a space if it divides each line of numbers
+    into numbers, and otherwise a comma. The comma is last, because it may be a decimal mark.
+    """
     for mark in (";", "\t"):
         if 2 * sum(mark in line for line in lines) > len(lines):
             return mark
@@ -175,11 +219,11 @@ def _separator(lines: list[str]) -> str:
 
 
 def plain_number(cell: str) -> str | None:
-    """A number's text with a decimal point; None for what is none."""
+    """Return the text of a number with a decimal point, or None if it is not a number."""
     text = cell.strip().removesuffix("°").strip().replace("−", "-").lower()
     return text.replace(",", ".") if NUMBER.fullmatch(text) else None
 
 
 def count_numbers(cells: list[str]) -> int:
-    """How many cells are numbers."""
+    """Return the number of cells that are numbers."""
     return sum(plain_number(cell) is not None for cell in cells)

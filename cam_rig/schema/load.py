@@ -1,4 +1,4 @@
-"""Reading YAML files into config models, with one-line errors that name file and key."""
+"""Reading and writing of YAML files, with one-line errors that name file and key."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, OutputError, did_you_mean
 from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.explain import explain, kind_of, made
+from cam_rig.schema.explain import explain, kind_of, validate_in_python
 from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
@@ -26,44 +26,52 @@ from cam_rig.schema.scene import SceneConfig
 from cam_rig.schema.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Bytes of a YAML file, at most.
+#: Largest size of a YAML file in bytes.
 MAX_BYTES = MIB
+#: Name of a file, without its suffix.
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
 def config_root() -> Path:
-    """The shipped ``config`` folder: the source tree's, else the installed share folder's."""
-    shared, above = Path("share/cam_rig/config"), Path(__file__).parents
-    places = [above[2] / "config", *(parent / shared for parent in above)]
-    found = next((place for place in places if place.is_dir()), None)
-    return found or Path(sysconfig.get_path("data")) / shared
+    """Return the shipped folder ``config``, of the source tree or the installation."""
+    shared, parents = Path("share/cam_rig/config"), Path(__file__).parents
+    folders = [parents[2] / "config", *(parent / shared for parent in parents)]
+    folder = next((folder for folder in folders if folder.is_dir()), None)
+    return folder or Path(sysconfig.get_path("data")) / shared
 
 
 def named_path(folder: str, name: str | Path) -> Path:
-    """The file that a path means; a word without folder and suffix is one's of a config folder."""
+    """Return the path of a file that is given by its path or name.
+
+    A name without folder and suffix is that of a file in a folder of ``config``, unless there is
+    a file of this path.
+    """
     path = Path(name)
     return path if is_path(name) or is_there(path) else config_root() / folder / f"{name}.yaml"
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is such a file: none has a name that is too long."""
-    with suppress(OSError):
+    """Return True if a file exists."""
+    with suppress(OSError):  # the name may be too long
         return path.is_file()
     return False
 
 
 def is_path(name: str | Path) -> bool:
-    """Whether a text can only be a path: it has a folder, or the suffix of a YAML file."""
+    """Return True if a text is a path: it has a folder, or the suffix of a YAML file."""
     path = Path(name)
     return path.name != str(name) or path.suffix in (".yaml", ".yml")
 
 
-def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
-    """The one document of a YAML file of at most ``most`` bytes."""
+def read_yaml(path: Path, max_bytes: int = MAX_BYTES) -> Any:
+    """Return the only document of a YAML file of at most `max_bytes`.
+
+    Raise ConfigError if the file cannot be read, or is not YAML.
+    """
     try:
-        return parse_yaml(read_bytes(path, most).decode("utf-8-sig"))
+        return parse_yaml(read_bytes(path, max_bytes).decode("utf-8-sig"))
     except FileNotFoundError:
-        raise ConfigError(_not_there(path)) from None
+        raise ConfigError(_missing_text(path)) from None
     except IsADirectoryError:
         raise ConfigError(f"{path}: is a folder; allowed: a YAML file") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -72,27 +80,44 @@ def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def _not_there(*paths: Path) -> str:
-    """That there is no such file in any of these places, and what there is in their folders."""
-    there = sorted({p.stem for path in paths for p in path.parent.glob("*.yaml")})
-    known = f"{did_you_mean(paths[-1].stem, there)}; there are: {', '.join(there)}" if there else ""
-    return f"{', '.join(map(str, paths))}: no such file{known}"
+def _missing_text(*paths: Path) -> str:
+    """Return the message for a missing file, with the names of existing files."""
+    names = sorted({p.stem for path in paths for p in path.parent.glob("*.yaml")})
+    listing = f"{did_you_mean(paths[-1].stem, names)}; there are: {', '.join(names)}"
+    return f"{', '.join(map(str, paths))}: no such file{listing if names else ''}"
 
 
-def _first(places: list[Path]) -> Path:
-    """The first of some places in which there is a file."""
-    found = next((path for path in places if path.is_file()), None)
-    if found is None:
-        raise ConfigError(_not_there(*places))
-    return found
+def _first_file(paths: list[Path]) -> Path:
+    """Return the first path that is a file. Raise ConfigError if no path is a file."""
+    path = next((path for path in paths if path.is_file()), None)
+    if path is None:
+        raise ConfigError(_missing_text(*paths))
+    return path
 
 
 def load(path: Path, kind: type[Config]) -> Config:
-    """Read and check one file."""
+    """Read a config file and validate its content.
+
+    Parameters
+    ----------
+    path : Path
+    kind : subclass of BaseModel
+        Config model of the file.
+
+    Returns
+    -------
+    Object of the model
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, or a key or value is wrong. The message names the file and the
+        key.
+    """
     data = read_yaml(path)
     if not isinstance(data, dict):
         raise ConfigError(
-            f"{path}: holds {kind_of(data)}; allowed: a mapping with the keys "
+            f"{path}: contains {kind_of(data)}; allowed: a mapping with the keys "
             f"{', '.join(kind.model_fields)}"
         )
     try:
@@ -103,26 +128,31 @@ def load(path: Path, kind: type[Config]) -> Config:
 
 @dataclass(frozen=True)
 class Library:
-    """The folders that the names in a file refer to, the file's own before the shipped one."""
+    """Folders in which names of files are searched for, in this order."""
 
-    roots: tuple[Path, ...]
-    here: Path = Path()  # what paths in the file are relative to: its folder
+    roots: tuple[Path, ...]  #: folders like ``config``
+    folder: Path = Path()  #: folder of the file, to which paths in it are relative
 
     @classmethod
     def beside(cls, scene: Path) -> Library:
-        """For a scene in ``X/scenes/``: names are looked up in ``X``, then in ``config``."""
-        own = scene.absolute().parent.parent
-        return cls(tuple(dict.fromkeys((own, config_root()))), scene.parent)
+        """Return the folders for a scene in ``X/scenes/``: first ``X``, then ``config``."""
+        root = scene.absolute().parent.parent
+        return cls(tuple(dict.fromkeys((root, config_root()))), scene.parent)
 
     def path(self, folder: str, name: str) -> Path:
-        """The file ``folder/name.yaml`` of the first root that has it; it must be a plain name."""
-        return _first(self._places(folder, name))
+        """Return the path of ``folder/name.yaml`` in the first root that contains it.
+
+        Raise ConfigError if `name` is not a plain name, or the file does not exist.
+        """
+        return _first_file(self._candidates(folder, name))
 
     def file(self, folder: str, name: str) -> Path:
-        """The file that a path means, or as `path` the one that a name does; it must be there."""
-        return _first([self.here / name] if is_path(name) else self._places(folder, name))
+        """Return the path of a file that is given by its path or name, see `path`."""
+        paths = [self.folder / name] if is_path(name) else self._candidates(folder, name)
+        return _first_file(paths)
 
-    def _places(self, folder: str, name: str) -> list[Path]:
+    def _candidates(self, folder: str, name: str) -> list[Path]:
+        """Return the possible paths of ``folder/name.yaml``."""
         if not NAME.fullmatch(name):
             raise ConfigError(
                 f"{folder}: is {name[:40]!r}; allowed: a name of up to 100 small letters, digits "
@@ -131,31 +161,37 @@ class Library:
         return [root / folder / f"{name}.yaml" for root in self.roots]
 
 
-# One file of a folder of ``config``, read and checked.
+# Functions of a path that read and validate a file of a folder of ``config``.
 load_cam = partial(load, kind=CamConfig)
 load_rig = partial(load, kind=RigConfig)
 load_scene = partial(load, kind=SceneConfig)
 load_published = partial(load, kind=PublishedNoise)
 load_tables = partial(load, kind=PublishedTables)
-# Its path: of a path that a command is given, or of the name of a shipped one.
+# Functions that return the path of a file that is given by its path, or by its shipped name.
 scene_path = partial(named_path, "scenes")
 cam_path = partial(named_path, "cams")
 rig_path = partial(named_path, "rigs")
 
 
 def rig_beside(rig: str | Path, scene: Path) -> Path:
-    """A rig by its path, or by its name beside a scene, then in ``config/rigs``."""
+    """Return the path of the file of a rig that is given by its path or name.
+
+    A name is searched for in the folder of rigs of the scene, then in ``config/rigs``.
+    """
     path = named_path("rigs", rig)
     return path if path == Path(rig) else Library.beside(scene).path("rigs", str(rig))
 
 
 def tables_path() -> Path:
-    """The paper's tables as data."""
+    """Return the path of the file with the tables of the paper."""
     return config_root() / "published" / "tables" / "paper.yaml"
 
 
 def one_scene(names: Sequence[Any] | None) -> Path | None:
-    """The scene's file that is named in place of cams; None where cams are, by name or as such."""
+    """Return the path of the scene that is given instead of cams, or None for cams.
+
+    The only name must be that of a YAML file with a program of speeds.
+    """
     if not names or len(names) > 1 or not isinstance(names[0], str | Path):
         return None
     path = scene_path(names[0])
@@ -163,21 +199,24 @@ def one_scene(names: Sequence[Any] | None) -> Path | None:
     return path if isinstance(data, dict) and "program" in data else None
 
 
-#: Keys of a config file that say where a number comes from.
+#: Keys of a quantity that describe the origin of its number.
 WORDS = frozenset({"source", "residual"})
 
 
 def same_as_shipped(cam: CamConfig, without: frozenset[str] = WORDS) -> bool:
-    """Whether a cam moves as the shipped one of its name does."""
+    """Return True if lift and segments of a cam are those of the shipped cam.
+
+    The shipped cam is that of the same name. Keys in `without` are not compared.
+    """
     path = config_root() / "cams" / f"{cam.name}.yaml"
     if not path.is_file():
         return False
-    one, other = (bare([each.lift, each.segments], without) for each in (cam, load_cam(path)))
-    return bool(one == other)
+    motion, shipped = (bare([c.lift, c.segments], without) for c in (cam, load_cam(path)))
+    return bool(motion == shipped)
 
 
 def bare(value: Any, without: frozenset[str]) -> Any:
-    """Plain data without some of its keys."""
+    """Return models, mappings and lists as plain data, without some keys."""
     if isinstance(value, BaseModel):
         value = value.model_dump()
     if isinstance(value, dict):
@@ -188,13 +227,16 @@ def bare(value: Any, without: frozenset[str]) -> Any:
 def quantity(
     origin: str, value: float | list[float], unit: str, source: str, residual: str = ""
 ) -> dict[str, Any]:
-    """A number as the rig's files have it."""
-    words = {"residual": residual} if residual else {}
-    return {origin: value, "unit": unit, "source": source, **words}
+    """Return a number in the form of a file, with its unit and origin."""
+    fit = {"residual": residual} if residual else {}
+    return {origin: value, "unit": unit, "source": source, **fit}
 
 
 def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
-    """The numbers of a rig's follower or radiation as another's file has them: all assumed."""
+    """Return the numbers of a section of a rig as assumed numbers of a file.
+
+    They are used for another rig, in which they were not measured.
+    """
     return {
         key: quantity("assumed", number.raw, number.unit, source)
         for key, number in section
@@ -203,38 +245,42 @@ def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
 
 
 def to_yaml(data: dict[str, Any]) -> str:
-    """A file of the rig: a number is one line, and so is a follower's or a segment's key."""
+    """Return a config file as text. Each quantity is one line."""
     return "\n".join(_lines(data, 0)) + "\n"
 
 
 def file_data(model: BaseModel) -> dict[str, Any]:
-    """What a model's file holds: nothing that is left out, no empty words."""
-    found: dict[str, Any] = _without_empty(model.model_dump(exclude_none=True))
-    return found
+    """Return a model in the form of a file, without missing and empty values."""
+    data: dict[str, Any] = _without_empty(model.model_dump(exclude_none=True))
+    return data
 
 
 def _without_empty(value: Any) -> Any:
+    """Return plain data without empty texts, lists and mappings."""
     if isinstance(value, dict):
-        kept = ((key, _without_empty(one)) for key, one in value.items())
-        return {key: one for key, one in kept if one not in ("", [], {})}
-    return [_without_empty(one) for one in value] if isinstance(value, list | tuple) else value
+        items = ((key, _without_empty(item)) for key, item in value.items())
+        return {key: item for key, item in items if item not in ("", [], {})}
+    return [_without_empty(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 @checked
 def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> None:
-    """Write a cam or a rig under the name of its file, a table's points beside it."""
+    """Write the file of a cam or a rig, see `CamConfig.save`.
+
+    The points of laws ``table`` are written to a .csv file of the same name.
+    """
     target = Path(path)
     if target.suffix != ".yaml":
         raise ConfigError(f"{target}: unknown kind of file; allowed: a name that ends in .yaml")
-    named = made(type(model), {**dict(model), "name": target.stem}, str(target))
-    data = file_data(named)
+    renamed = {**dict(model), "name": target.stem}
+    data = file_data(validate_in_python(type(model), renamed, str(target)))
     check_place(target)
     points = target.with_suffix(".csv")
     tables = [segment for segment in data.get("segments", ()) if "file" in segment]
     for file in (target, points) if tables else (target,):
         if file.exists() and not overwrite:
             raise OutputError(
-                f"{file}: exists already, not overwriting; name another, or say overwrite=True"
+                f"{file}: exists already, not overwriting; name another, or set overwrite=True"
             )
     for segment in tables:
         table, segment["file"] = segment["file"], points.name
@@ -247,6 +293,7 @@ def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> N
 
 
 def _lines(data: dict[str, Any], indent: int) -> list[str]:
+    """Return the lines of a mapping in block style, indented."""
     space, out = " " * indent, []
     for key, value in data.items():
         if isinstance(value, dict) and "unit" not in value:
@@ -254,15 +301,15 @@ def _lines(data: dict[str, Any], indent: int) -> list[str]:
         elif isinstance(value, list) and value and isinstance(value[0], dict):
             out.append(f"{space}{key}:")
             for item in value:
-                first, *rest = _lines(item, indent + 4)
-                out += [f"{space}  - {first.lstrip()}", *rest]
+                first, *others = _lines(item, indent + 4)
+                out += [f"{space}  - {first.lstrip()}", *others]
         else:
             out.append(f"{space}{key}: {_flow(value)}")
     return out
 
 
 def _flow(value: Any) -> str:
-    """A value in one line; JSON's texts are YAML's."""
+    """Return a value in flow style, as one line. Texts are quoted as in JSON."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, str) and value.replace("_", "").isalnum() and not value[0].isdigit():
@@ -271,7 +318,7 @@ def _flow(value: Any) -> str:
 
 
 def valid_cam(data: dict[str, Any]) -> CamConfig:
-    """The cam that a file of this content has."""
+    """Return the cam of the content of a file. Raise ConfigError if it is wrong."""
     try:
         return CamConfig.model_validate(data)
     except ValidationError as error:

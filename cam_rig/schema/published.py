@@ -11,25 +11,38 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from cam_rig.schema.quantity import Strict
 
-#: Coefficients c0 to c3.
+#: Coefficients c0 to c3 of a cubic regression.
 Cubic = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 
 
 def _require_known(key: str, cams: Iterable[str], known: Collection[str]) -> None:
+    """Raise ValueError with `key` if a cam is not a known cam."""
     for cam in cams:
         if cam not in known:
             raise ValueError(f"{key}: has {cam!r}; allowed: {', '.join(known)}")
 
 
 class Crossover(Strict):
-    """Where the noise of two cams is equal."""
+    """Speed (rpm) at which two cams have the same sound level."""
 
     between: tuple[str, str]
     rpm: FiniteFloat = Field(gt=0.0)
 
 
 class PublishedNoise(Strict):
-    """One file of ``config/published/``: level in dB = c0 + c1 x + c2 x² + c3 x³, x in rpm."""
+    """Published regressions of the sound level.
+
+    A file of ``config/published/`` contains the regressions of one source.
+
+    Parameters
+    ----------
+    name, source : str
+    range_rpm : tuple of float
+        Smallest and largest speed of the regressions, rpm.
+    regression_db : dict
+        Coefficients c0 to c3 by cam: level in dB = c0 + c1 x + c2 x² + c3 x³, x in rpm.
+    crossover : Crossover
+    """
 
     name: str
     source: str
@@ -48,19 +61,30 @@ class PublishedNoise(Strict):
         return self
 
     def level(self, cam: str, rpm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Published level of ``cam`` in dB at speeds in rpm."""
+        """Return the published level of a cam in dB at speeds in rpm."""
         return np.asarray(np.polynomial.polynomial.polyval(rpm, self.regression_db[cam]))
 
 
 class PublishedJump(Strict):
-    """A row of the paper's Table 2: speed and time of the first lift-off."""
+    """Row of the paper's Table 2: speed (rpm) and time (s) of the first lift-off."""
 
     rpm: FiniteFloat = Field(gt=0.0)
     time_s: FiniteFloat = Field(gt=0.0)
 
 
 class PublishedTables(Strict):
-    """``config/published/tables/paper.yaml``: what the paper prints in its tables."""
+    """Tables of the paper, in ``config/published/tables/paper.yaml``.
+
+    Parameters
+    ----------
+    name, source : str
+    table_1 : dict
+        Numbers of Table 1. The unit is part of the key.
+    table_2_jump : dict
+        Rows of Table 2 by cam.
+    table_2_defined : list of str
+        Cams of Table 2 whose laws the paper defines.
+    """
 
     name: str
     source: str
@@ -69,6 +93,6 @@ class PublishedTables(Strict):
     table_2_defined: list[str] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _known(self) -> PublishedTables:
+    def _check_cams(self) -> PublishedTables:
         _require_known("table_2_defined", self.table_2_defined, self.table_2_jump)
         return self

@@ -1,23 +1,26 @@
-"""A number with its unit and its origin: the only way a number enters the rig.
+"""Numbers with unit and origin: the form of every number in the files of the rig.
 
 In YAML::
 
     mass: {given: 1.3, unit: kg, source: paper Table 1}
     span: {identified: 117.5, unit: deg, source: fit to Table 2, residual: 0.37 % RMS}
 
-In Python a plain number in SI, or a text with a unit as ``"3.2 N/mm"``, stands for one as well
-where a cam or a rig is made: it is assumed. In a file neither does.
+Exactly one of these keys contains the number:
 
-Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it says why) or
-``identified`` (fitted, and it says to what) carries the number.
+- ``given``: a source prints the number.
+- ``assumed``: no source prints it. ``source`` gives the reason for the value.
+- ``identified``: it was fitted. ``source`` gives the data.
+
+In Python the constructors of a cam and a rig also accept a plain number in SI, or a text with a
+unit such as ``"3.2 N/mm"``. Its origin is then assumed. Files must not contain either of them.
 """
 
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections.abc import Mapping
-from operator import ge, gt, le
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -32,9 +35,11 @@ from pydantic import (
 
 from cam_rig.units import RPM, TURN
 
+#: Key that contains the number.
 Origin = Literal["given", "assumed", "identified"]
+#: All origins, in the order of messages.
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
-#: dimension -> unit -> factor to SI
+#: Dimension -> unit -> factor to SI.
 UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0, "turn": TURN},
@@ -57,38 +62,55 @@ UNITS: dict[str, dict[str, float]] = {
     "pressure": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
     "linear speed": {"m/s": 1.0},
 }
-
-
-#: unit -> factor to SI
+#: Unit -> factor to SI. Each unit has one dimension.
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
-#: Numbers of a list that are shown.
-SHOWN = 6
-#: A number as YAML means it: neither text nor true.
+#: Largest number of list items in a ``repr``.
+MAX_SHOWN_NUMBERS = 6
+#: Number of YAML. Texts and booleans are errors.
 Number = Annotated[float, Field(strict=True)]
-
-
-#: How other programs write a unit, as this one does.
-WRITTEN = str.maketrans({"·": "*", "²": "^2", "µ": "u", "μ": "u", "°": "deg"})
-#: A number and its unit in one text.
-WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
-#: Context of a validation that takes plain numbers: of a model made in Python, not of a file's.
-IN_PYTHON: dict[str, Any] = {"in_python": True}
+#: Translation of the characters of other spellings of a unit.
+UNIT_SPELLINGS = str.maketrans({"·": "*", "²": "^2", "µ": "u", "μ": "u", "°": "deg"})
+#: Number and unit in one text.
+NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+#: Context of a validation that accepts plain numbers: of a model made in Python, not in a file.
+PYTHON_CONTEXT: dict[str, Any] = {"in_python": True}
 
 
 class Strict(BaseModel):
-    """Base of every config model: unknown keys are errors, values do not change."""
+    """Base class of the config models: unknown keys are errors, values are constant."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     def __init__(self, /, **data: Any) -> None:
-        self.__pydantic_validator__.validate_python(data, self_instance=self, context=IN_PYTHON)
+        self.__pydantic_validator__.validate_python(
+            data, self_instance=self, context=PYTHON_CONTEXT
+        )
 
-    # else pydantic would build what a file has by __init__ too, and take plain numbers there
+    # Without this, pydantic would call __init__ for files as well, and accept plain numbers.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class Quantity(Strict):
-    """One number, or a list of them, with unit, origin and where it comes from."""
+    """Number or list of numbers with unit, origin and source.
+
+    Parameters
+    ----------
+    given, assumed, identified : float or list of float or None
+        The number in `unit`. Exactly one of the three is not None.
+    unit : str
+        A unit of `UNITS`.
+    source : str
+        Source of a given number, reason of an assumed one, data of an identified one.
+    residual : str
+        Residual of the fit of an identified number, as text.
+
+    Examples
+    --------
+    >>> from cam_rig.schema.quantity import Quantity
+    >>> mass = Quantity(given=1300.0, unit="g", source="paper Table 1")
+    >>> mass, mass.si, mass.origin
+    (1300 g (given), 1.3, 'given')
+    """
 
     given: Number | list[Number] | None = None
     assumed: Number | list[Number] | None = None
@@ -99,77 +121,92 @@ class Quantity(Strict):
 
     @model_validator(mode="after")
     def _one_origin(self) -> Quantity:
-        named = [origin for origin in ORIGINS if getattr(self, origin) is not None]
-        if len(named) != 1:
-            found = " and ".join(named) or "none"
-            raise ValueError(f"has {found}; allowed: exactly one of given, assumed, identified")
+        origins = [origin for origin in ORIGINS if getattr(self, origin) is not None]
+        if len(origins) != 1:
+            names = " and ".join(origins) or "none"
+            raise ValueError(f"has {names}; allowed: exactly one of given, assumed, identified")
         if not all(math.isfinite(v) for v in self.numbers):
             raise ValueError(f"is {self.raw}; allowed: finite numbers")
         return self
 
     def __repr__(self) -> str:
-        """With its unit and its origin, without its source."""
+        """Return the numbers with unit and origin, without source."""
         unit = "" if self.unit == "1" else f" {self.unit}"
-        numbers = ", ".join(f"{value:g}" for value in self.numbers[:SHOWN])
-        more = f", … {len(self.numbers)}" if len(self.numbers) > SHOWN else ""
+        count = len(self.numbers)
+        numbers = ", ".join(f"{value:g}" for value in self.numbers[:MAX_SHOWN_NUMBERS])
+        more = f", … {count}" if count > MAX_SHOWN_NUMBERS else ""
         return f"{numbers}{more}{unit} ({self.origin})"
 
     __str__ = __repr__
 
     @property
     def origin(self) -> Origin:
-        """given, assumed or identified."""
+        """Origin of the number: given, assumed or identified."""
         if self.given is not None:
             return "given"
         return "identified" if self.assumed is None else "assumed"
 
     @property
     def raw(self) -> float | list[float]:
-        """The number or numbers as written, in the written unit."""
+        """Number or list of numbers as written, in `unit`."""
         value: float | list[float] = getattr(self, self.origin)
         return value
 
     @property
     def numbers(self) -> list[float]:
-        """The numbers as written, always as a list."""
+        """Numbers as written, in `unit`, always as a list."""
         raw = self.raw
         return raw if isinstance(raw, list) else [raw]
 
     @property
     def factor(self) -> float:
-        """Factor from the written unit to SI."""
+        """Factor from `unit` to SI."""
         return FACTORS[self.unit]
 
     @property
     def si(self) -> float:
-        """The number in SI units."""
+        """Number in SI units. For a list, the first number."""
         return self.numbers[0] * self.factor
 
     @property
     def si_list(self) -> list[float]:
-        """The numbers in SI units."""
+        """Numbers in SI units, always as a list."""
         return [value * self.factor for value in self.numbers]
 
     def with_si(self, value: float) -> Quantity:
-        """Another number (SI) of the same origin and unit."""
+        """Return a quantity of the same origin, unit and source with another number (SI)."""
         return self.model_copy(update={self.origin: value / self.factor})
 
 
 def must_be(
     dimension: str,
     *,
-    many: bool = False,
-    above: float | None = None,
-    least: float | None = None,
-    most: float | None = None,
+    is_list: bool = False,
+    gt: float | None = None,
+    ge: float | None = None,
+    le: float | None = None,
 ) -> WrapValidator:
-    """Annotation of a config key: its dimension, and limits in SI units."""
+    """Return the annotation of a config key that checks its quantity.
+
+    Parameters
+    ----------
+    dimension : str
+        A dimension of `UNITS`.
+    is_list : bool
+        True if the quantity must be a list of at least one number, each within the limits.
+    gt, ge, le : float or None
+        Limits in SI units: greater than, at least, at most.
+    """
     units = UNITS[dimension]
-    limits = ((above, gt, "greater than"), (least, ge, "at least"), (most, le, "at most"))
+    limits = (
+        (gt, operator.gt, "greater than"),
+        (ge, operator.ge, "at least"),
+        (le, operator.le, "at most"),
+    )
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Quantity:
         if (info.context or {}).get("in_python"):
-            value = _in_python(value, units)
+            value = _to_file_form(value, units)
         quantity: Quantity = handler(value)
         if quantity.unit not in units:
             article = "an" if dimension[0] in "aeiou" else "a"
@@ -177,38 +214,42 @@ def must_be(
             raise ValueError(
                 f"has unit {quantity.unit!r}, not {article} {dimension}; allowed: {allowed}"
             )
-        if isinstance(quantity.raw, list) != many:
-            wanted = "a list of numbers" if many else "one number"
-            raise ValueError(f"is {quantity.raw}; allowed: {wanted}")
-        if many and not quantity.numbers:
+        if isinstance(quantity.raw, list) != is_list:
+            form = "a list of numbers" if is_list else "one number"
+            raise ValueError(f"is {quantity.raw}; allowed: {form}")
+        if is_list and not quantity.numbers:
             raise ValueError("is an empty list; allowed: at least one number")
         factor, unit = quantity.factor, "" if quantity.unit == "1" else f" {quantity.unit}"
         for value in quantity.numbers:
-            for limit, holds, words in limits:
-                if limit is not None and not holds(value * factor, limit):
-                    shown = limit / factor
-                    raise ValueError(f"is {value:g}{unit}; allowed: {words} {shown:g}{unit}")
+            for limit, compare, text in limits:
+                if limit is not None and not compare(value * factor, limit):
+                    bound = f"{limit / factor:g}{unit}"
+                    raise ValueError(f"is {value:g}{unit}; allowed: {text} {bound}")
         return quantity
 
     return WrapValidator(check)
 
 
-def _in_python(value: Any, units: Mapping[str, float]) -> Any:
-    """A plain number in SI, or a text with its unit, as a file has it; all else as it is."""
+def _to_file_form(value: Any, units: Mapping[str, float]) -> Any:
+    """Convert a plain number in SI, or a text with its unit, to the mapping of a file.
+
+    Quantities and mappings are returned unchanged.
+    """
     value = value.item() if hasattr(value, "item") and not getattr(value, "ndim", 0) else value
     value = value.tolist() if hasattr(value, "tolist") else value
     unit = next(name for name, factor in units.items() if factor == 1.0)
     if isinstance(value, str):
-        found = WITH_UNIT.fullmatch(value)
-        if found is None or not (found[2] or unit == "1"):
-            known = ", ".join(units)
+        match = NUMBER_WITH_UNIT.fullmatch(value)
+        if match is None or not (match[2] or unit == "1"):
             raise ValueError(
                 f"is {value[:40]!r}; allowed: a number in {unit}, or a text with one and its "
-                f"unit: {known}"
+                f"unit: {', '.join(units)}"
             )
-        value, unit = float(found[1]), found[2].translate(WRITTEN) or "1"
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
-    if plain or (isinstance(value, list | tuple) and not any(isinstance(x, dict) for x in value)):
+        value, unit = float(match[1]), match[2].translate(UNIT_SPELLINGS) or "1"
+    is_plain = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_plain or (
+        isinstance(value, list | tuple) and not any(isinstance(x, dict) for x in value)
+    ):
         number = list(value) if isinstance(value, list | tuple) else value
         return {"assumed": number, "unit": unit, "source": "in Python"}
     if not isinstance(value, Quantity | dict):

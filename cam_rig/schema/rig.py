@@ -1,4 +1,4 @@
-"""A rig file: the follower's mechanics and the sound they make."""
+"""Rig files: the mechanics of the follower, the shaft and the radiated sound."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, ValidationError
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.explain import made, refused
+from cam_rig.schema.explain import error_in_python, validate_in_python
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 
 if TYPE_CHECKING:
@@ -18,16 +18,14 @@ if TYPE_CHECKING:
 
     from cam_rig.units import ComplexArray, FloatArray
 
-#: What a rig's dynamics are asked: it stands above this room, which names it in words alone.
+#: Module of the linear models. It is imported on demand, because it belongs to a higher layer.
 LINEAR = "cam_rig.dynamics.linear.rig_model"
-Mass = Annotated[Quantity, must_be("mass", above=0.0, least=1e-9, most=1e6)]
-Stiffness = Annotated[Quantity, must_be("stiffness", above=0.0, least=1e-9, most=1e15)]
-Damping = Annotated[Quantity, must_be("damping", least=0.0, most=1e9)]
-Force = Annotated[Quantity, must_be("force", least=0.0, most=1e9)]
-RollerShare = Annotated[Quantity, must_be("ratio", above=0.0, least=1e-6, most=0.99)]
-
-
-#: SI units of the follower's numbers that have one.
+Mass = Annotated[Quantity, must_be("mass", gt=0.0, ge=1e-9, le=1e6)]
+Stiffness = Annotated[Quantity, must_be("stiffness", gt=0.0, ge=1e-9, le=1e15)]
+Damping = Annotated[Quantity, must_be("damping", ge=0.0, le=1e9)]
+Force = Annotated[Quantity, must_be("force", ge=0.0, le=1e9)]
+RollerShare = Annotated[Quantity, must_be("ratio", gt=0.0, ge=1e-6, le=0.99)]
+#: SI units of the follower's numbers. All others are ratios.
 SI_UNITS = {
     "mass": "kg",
     "spring_stiffness": "N/m",
@@ -39,10 +37,28 @@ SI_UNITS = {
 
 
 class FollowerMechanics(Strict):
-    """The follower on its closing spring; what may be None is asked for by `RigConfig.need`.
+    """Follower on its closing spring.
 
-    The stem by an elastic stem, two masses, the sound of a landing; ``restitution`` by a model that
-    lands; ``roller_share``, the mass on the cam's side, and ``stem_damping`` by two masses.
+    A model that needs an optional number calls `RigConfig.need`, which raises ConfigError for None.
+
+    Parameters
+    ----------
+    mass : Quantity
+        Mass of the follower, kg.
+    spring_stiffness : Quantity
+        Stiffness of the closing spring, N/m.
+    stem_stiffness : Quantity or None
+        Stiffness of the stem, N/m. Needed by elastic_stem, two_mass and the sound of a landing.
+    damping : Quantity
+        Damping parallel to the closing spring, N·s/m.
+    preload : Quantity
+        Force of the spring at zero lift, N.
+    roller_share : Quantity or None
+        Fraction of the mass on the cam's side of the stem. Needed by two_mass.
+    stem_damping : Quantity or None
+        Damping of the stem, N·s/m. Needed by two_mass.
+    restitution : Quantity or None
+        Coefficient of restitution of a landing. Needed by models with landings.
     """
 
     mass: Mass
@@ -52,58 +68,90 @@ class FollowerMechanics(Strict):
     preload: Force
     roller_share: RollerShare | None = None
     stem_damping: Damping | None = None
-    restitution: Annotated[Quantity, must_be("ratio", least=0.0, most=0.999)] | None = None
+    restitution: Annotated[Quantity, must_be("ratio", ge=0.0, le=0.999)] | None = None
 
 
 class Radiation(Strict):
-    """Contact force to sound: gain and corner of the structure, and the background."""
+    """Radiation of sound by the contact force, and the background noise.
 
-    gain: Annotated[Quantity, must_be("radiation", above=0.0, most=1e3)]
-    corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)]
-    background: Annotated[Quantity, must_be("level", least=-50.0, most=200.0)]
-    background_at: Annotated[Quantity, must_be("speed", above=0.0)]
-    background_slope: Annotated[Quantity, must_be("level slope", least=-60.0, most=60.0)]
-    background_corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)] = Quantity(
+    Parameters
+    ----------
+    gain : Quantity
+        Gain of the structure, Pa·s/N.
+    corner : Quantity
+        Corner frequency of the structure, Hz.
+    background : Quantity
+        Level of the background at the speed `background_at` (rad/s), dB.
+    background_slope : Quantity
+        Increase of the background with the speed, dB per octave.
+    background_corner : Quantity
+        Corner frequency of the background, Hz (default: 500 Hz, assumed).
+    calibrated_on : str
+        Cam whose levels gain and corner were fitted to, or empty.
+    """
+
+    gain: Annotated[Quantity, must_be("radiation", gt=0.0, le=1e3)]
+    corner: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)]
+    background: Annotated[Quantity, must_be("level", ge=-50.0, le=200.0)]
+    background_at: Annotated[Quantity, must_be("speed", gt=0.0)]
+    background_slope: Annotated[Quantity, must_be("level slope", ge=-60.0, le=60.0)]
+    background_corner: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)] = Quantity(
         assumed=500.0, unit="Hz", source="motor and bearings; no source prints it"
     )
     calibrated_on: str = ""
 
 
 class Shaft(Strict):
-    """The shaft between flywheel and cam, for the model ``torsional``.
-
-    Without ``flywheel_inertia`` the flywheel holds its speed, as in eq. 10 of the paper; with it,
-    a constant torque, the mean of the load, drives it.
-    """
-
-    cam_inertia: Annotated[Quantity, must_be("inertia", above=0.0, least=1e-12, most=1e9)]
-    stiffness: Annotated[Quantity, must_be("torsional stiffness", above=0.0, least=1e-9, most=1e15)]
-    damping: Annotated[Quantity, must_be("torsional damping", least=0.0, most=1e9)]
-    flywheel_inertia: (
-        Annotated[Quantity, must_be("inertia", above=0.0, least=1e-6, most=1e9)] | None
-    ) = None
-
-
-#: A number in SI, a text with one and its unit as "3.2 N/mm", or one with its origin.
-Given = float | str | Quantity
-
-
-class RigConfig(Strict):
-    """One file of ``config/rigs/``; in Python a follower on its spring, and what it turns on.
+    """Shaft between flywheel and cam, for the model torsional.
 
     Parameters
     ----------
-    name, title : of the rig; the name is its file's
-    follower, shaft, radiation : sections as a file has them, their numbers plain in SI, or texts
-        with a unit
-    mass, spring, preload, damping : of the follower, in place of ``follower``: kg, N/m, N, N·s/m;
-        plain in SI or texts with a unit; all are then assumed
-    others : ``stem_stiffness`` (N/m), ``roller_share``, ``stem_damping`` (N·s/m),
-        ``restitution``, as a file has them
+    cam_inertia : Quantity
+        Moment of inertia of the cam, kg·m².
+    stiffness : Quantity
+        Torsional stiffness, N·m/rad.
+    damping : Quantity
+        Torsional damping, N·m·s/rad.
+    flywheel_inertia : Quantity or None
+        Moment of inertia of the flywheel, kg·m². A constant torque, the mean of the load, drives
+        the flywheel. By default its speed is constant, as in eq. 10 of the paper.
+    """
+
+    cam_inertia: Annotated[Quantity, must_be("inertia", gt=0.0, ge=1e-12, le=1e9)]
+    stiffness: Annotated[Quantity, must_be("torsional stiffness", gt=0.0, ge=1e-9, le=1e15)]
+    damping: Annotated[Quantity, must_be("torsional damping", ge=0.0, le=1e9)]
+    flywheel_inertia: Annotated[Quantity, must_be("inertia", gt=0.0, ge=1e-6, le=1e9)] | None = None
+
+
+#: Number in SI, text with number and unit such as "3.2 N/mm", or quantity with its origin.
+NumberLike = float | str | Quantity
+
+
+class RigConfig(Strict):
+    """Rig: a follower on its spring, its shaft and its sound.
+
+    A file of ``config/rigs/`` contains one rig. In Python, numbers in SI units and texts with
+    a unit are accepted as assumed numbers.
+
+    Parameters
+    ----------
+    name : str
+        Name of the rig, and of its file: small letters, digits and _ (default: own_rig).
+    title : str or None
+        Title in figures and reports (default: the name).
+    follower, shaft, radiation : mapping or None
+        Sections, as in a file.
+    mass, spring, preload, damping : float, str or Quantity
+        Numbers of the follower in kg, N/m, N, N·s/m, instead of `follower`. The default of the
+        damping is 0.
+    **others
+        Further numbers of the follower, as in a file: `stem_stiffness` (N/m), `roller_share`,
+        `stem_damping` (N·s/m), `restitution`.
 
     Raises
     ------
-    ConfigError : a number is missing, out of range, or none
+    ConfigError
+        If a number is missing, out of range, or not a number.
 
     Examples
     --------
@@ -130,14 +178,14 @@ class RigConfig(Strict):
         follower: FollowerMechanics | Mapping[str, object] | None = None,
         shaft: Shaft | Mapping[str, object] | None = None,
         radiation: Radiation | Mapping[str, object] | None = None,
-        mass: Given | None = None,
-        spring: Given | None = None,
-        preload: Given | None = None,
-        damping: Given | None = None,
-        **others: Given,
+        mass: NumberLike | None = None,
+        spring: NumberLike | None = None,
+        preload: NumberLike | None = None,
+        damping: NumberLike | None = None,
+        **others: NumberLike,
     ) -> None:
-        named = {"mass": mass, "spring_stiffness": spring, "preload": preload, "damping": damping}
-        numbers = {key: one for key, one in named.items() if one is not None} | others
+        main = {"mass": mass, "spring_stiffness": spring, "preload": preload, "damping": damping}
+        numbers = {key: number for key, number in main.items() if number is not None} | others
         if follower is None:
             follower = {"damping": 0.0, **numbers}
         elif numbers:
@@ -149,40 +197,54 @@ class RigConfig(Strict):
         try:
             super().__init__(**data, shaft=shaft, radiation=radiation)
         except ValidationError as error:
-            raise refused("rig", name, error, RigConfig) from None
+            raise error_in_python("rig", name, error, RigConfig) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 
     def __repr__(self) -> str:
-        """Name and the follower's numbers."""
-        numbers = ((key, one) for key, one in self.follower if one is not None)
-        words = ", ".join(f"{key} {str(one).partition(' (')[0]}" for key, one in numbers)
-        return f"Rig({self.name!r}: {words})"
+        """Return the name and the numbers of the follower."""
+        numbers = ((key, number) for key, number in self.follower if number is not None)
+        texts = (f"{key} {str(number).partition(' (')[0]}" for key, number in numbers)
+        return f"Rig({self.name!r}: {', '.join(texts)})"
 
     __str__ = __repr__
 
     @property
     def calibrated_on(self) -> str:
-        """The cam whose noise the sound was fitted to; empty for none."""
+        """Name of the cam whose levels the radiation was fitted to, or empty."""
         return "" if self.radiation is None else self.radiation.calibrated_on
 
     def need(self, key: str, by: str, instead: str = "") -> Quantity:
-        """A number that the file may leave out: what needs it, another remedy than to add it."""
+        """Return an optional number of the follower. Raise ConfigError if it is missing.
+
+        Parameters
+        ----------
+        key : str
+            Key of the number in the section ``follower``.
+        by : str
+            Model or quantity that needs it, for the message.
+        instead : str
+            Remedy other than to add the number, for the message.
+        """
         number: Quantity | None = getattr(self.follower, key)
         if number is None:
             raise self.missing(f"follower.{key}", by, instead)
         return number
 
     def need_radiation(self, by: str) -> Radiation:
-        """The section ``radiation``, for what is named by ``by``."""
+        """Return the section ``radiation``. Raise ConfigError if it is missing.
+
+        `by` is the quantity that needs it, for the message.
+        """
         if self.radiation is None:
             raise self.missing("radiation", by)
         return self.radiation
 
     def missing_for_sound(self, lands: bool) -> tuple[str, ...]:
-        """Return the keys that a sound level needs and the file leaves out.
+        """Return the missing keys that a sound level needs.
 
-        With `lands` the follower may land, whose sound depends on its stem.
+        `lands` is True if the follower may land, because the sound of a landing depends on the
+        stem.
         """
         keys = [] if self.radiation is not None else ["radiation"]
         if lands and self.follower.stem_stiffness is None:
@@ -190,7 +252,7 @@ class RigConfig(Strict):
         return tuple(keys)
 
     def missing(self, key: str, by: str, instead: str = "") -> ConfigError:
-        """What is said where a key is used that the file leaves out."""
+        """Return the error for a missing key that is needed, see `need`."""
         other = f", or {instead}" if instead else ""
         python = f"rig.replace({key.rpartition('.')[2]}=...)"
         return ConfigError(
@@ -199,11 +261,17 @@ class RigConfig(Strict):
         )
 
     def with_follower(self, **numbers: float) -> RigConfig:
-        """The same rig with other numbers of its follower, in SI units; their origin is assumed.
+        """Return the rig with other numbers of its follower. Their origin is assumed.
+
+        Parameters
+        ----------
+        **numbers : float
+            Numbers of the section ``follower`` by key, in SI units.
 
         Raises
         ------
-        ConfigError : no such number, or a value out of range
+        ConfigError
+            If a key is unknown, or a value is out of range.
 
         Examples
         --------
@@ -212,31 +280,41 @@ class RigConfig(Strict):
         >>> rig.follower.preload.origin, rig.follower.preload.si
         ('assumed', 45.0)
         """
-        given = {
+        changes = {
             key: {"assumed": value, "unit": SI_UNITS.get(key, "1"), "source": "with_follower"}
             for key, value in numbers.items()
         }
-        return made(RigConfig, self._changed(given), "rig")
+        return validate_in_python(RigConfig, self._data_with(changes), "rig")
 
-    def _changed(self, numbers: Mapping[str, object]) -> dict[str, Any]:
-        """What the rig holds, with other numbers of its follower."""
+    def _data_with(self, numbers: Mapping[str, object]) -> dict[str, Any]:
+        """Return the rig as data, with other numbers of its follower.
+
+        Gain and corner of the radiation, which were fitted with the old numbers, are then assumed.
+        """
         data = self.model_dump(exclude_none=True)
         data["follower"] |= numbers
-        for key in ("gain", "corner") if numbers else ():  # fitted with the other follower
+        for key in ("gain", "corner") if numbers else ():
             number = data.get("radiation", {}).get(key, {})
             if "identified" in number:
                 number["assumed"] = number.pop("identified")
         return data
 
     def replace(self, **changes: object) -> RigConfig:
-        """The same rig with something else: a section, the name, or numbers of the follower.
+        """Return the rig with other values.
 
-        Numbers of the follower are plain in SI, or texts with a unit, by the names of `Rig` or of
-        a rig file; gain and corner of the sound, fitted with the other, are then assumed.
+        If a number of the follower changes, gain and corner of the radiation are then assumed,
+        because they were fitted with the old follower.
+
+        Parameters
+        ----------
+        **changes
+            Parameters of `Rig` or keys of the section ``follower``. A number is in SI units, or a
+            text with a unit.
 
         Raises
         ------
-        ConfigError : no such name, or a value out of range
+        ConfigError
+            If a name is unknown, or a value is out of range.
 
         Examples
         --------
@@ -246,25 +324,32 @@ class RigConfig(Strict):
         """
         if "spring" in changes:
             changes["spring_stiffness"] = changes.pop("spring")
-        own = {key: changes.pop(key) for key in tuple(changes) if key in RigConfig.model_fields}
-        return made(RigConfig, self._changed(changes) | own, "rig")
+        fields = {key: changes.pop(key) for key in tuple(changes) if key in RigConfig.model_fields}
+        return validate_in_python(RigConfig, self._data_with(changes) | fields, "rig")
 
     def state_space(self, model: str | None = None) -> StateSpace:
-        """The rig's own linear model in contact, for scipy.signal and python-control.
+        """Return the linear model of the follower in contact, for scipy.signal.
 
-        Inputs are the law and its derivatives in time (s, ṡ, s̈), so that no output is improper;
-        outputs displacement (m), velocity and acceleration of the follower, of two masses of the
-        end mass, and the contact force (N), all less what the preload alone makes. The state is
-        the vibration about the static share of the lift. ``control.ss`` takes the matrices
-        ``A``, ``B``, ``C``, ``D``.
+        The inputs are the law and its time derivatives (s, ṡ, s̈), so that every output is proper.
+        The outputs are displacement (m), velocity (m/s) and acceleration (m/s²) of the follower, or
+        of the end mass in two_mass, and the contact force (N). All are deviations from the state
+        under preload alone. The state is the vibration about the static fraction of the lift.
+        ``control.ss`` of python-control accepts the matrices ``A``, ``B``, ``C``, ``D``.
 
         Parameters
         ----------
-        model : ``two_mass`` or ``elastic_stem``; None: the fullest that the rig has numbers for
+        model : str or None
+            two_mass or elastic_stem (default: the most detailed model that the rig has the numbers
+            for).
+
+        Returns
+        -------
+        scipy.signal.StateSpace
 
         Raises
         ------
-        ConfigError : no such model, or a rig without a stem, which has no state in contact
+        ConfigError
+            If the model is unknown, or the rig has no stem and thus no state in contact.
 
         Examples
         --------
@@ -273,26 +358,31 @@ class RigConfig(Strict):
         >>> system.A.shape, system.B.shape, system.C.shape
         ((2, 2), (2, 3), (4, 2))
         """
-        found: StateSpace = import_module(LINEAR).state_space(self, model)
-        return found
+        system: StateSpace = import_module(LINEAR).state_space(self, model)
+        return system
 
     def frequency_response(self, w: float | FloatArray, model: str | None = None) -> ComplexArray:
-        """What a lift of amplitude 1 m at angular frequencies makes of the follower in contact.
+        """Return the response of the follower in contact to a lift of amplitude 1 m.
 
         Parameters
         ----------
-        w : rad/s, one or an array of any shape
-        model : ``two_mass``, ``elastic_stem`` or ``one_mass``; None: as `state_space`
+        w : float or array
+            Angular frequencies, rad/s, any shape.
+        model : str or None
+            two_mass, elastic_stem or one_mass (default: the most detailed model that the rig has
+            the numbers for).
 
         Returns
         -------
-        ``(4, *w.shape)`` complex: displacement (m/m), velocity (1/s), acceleration (1/s²), contact
-        force (N/m)
+        complex array, shape (4, *w.shape)
+            Displacement (m/m), velocity (1/s), acceleration (1/s²), contact force (N/m).
 
         Raises
         ------
-        ConfigError : no such model, a number that the rig lacks, or frequencies that are none
-        DynamicsError : the frequency of a mode without damping
+        ConfigError
+            If the model is unknown, the rig lacks a number, or a frequency is not a number.
+        DynamicsError
+            If a frequency is that of a mode without damping.
 
         Examples
         --------
@@ -302,16 +392,25 @@ class RigConfig(Strict):
         >>> force.real.round(6).tolist()
         [4000.0, -9000.0]
         """
-        found: ComplexArray = import_module(LINEAR).frequency_response(self, w, model)
-        return found
+        response: ComplexArray = import_module(LINEAR).frequency_response(self, w, model)
+        return response
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the rig's file, whole or not at all; it has the name of the file.
+        """Write the rig to a file atomically. The written rig has the name of the file.
+
+        Parameters
+        ----------
+        path : str or Path
+            Path of the file, which ends in .yaml.
+        overwrite : bool
+            True if an existing file is replaced (default: False).
 
         Raises
         ------
-        ConfigError : the file's name is none of a rig
-        OutputError : it cannot be written, or is there already without ``overwrite``
+        ConfigError
+            If the name of the file is not valid for a rig.
+        OutputError
+            If the file cannot be written, or exists and `overwrite` is False.
 
         Examples
         --------

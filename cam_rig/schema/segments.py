@@ -1,4 +1,4 @@
-"""Segments given by numbers of their own, by circular arcs, or by the name of a rise."""
+"""Segments of a cam: named rises, curves by ordinates or conditions, arcs."""
 
 from __future__ import annotations
 
@@ -13,25 +13,33 @@ from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import Length, Ratios, SegmentBase, Span, Table, WholeTurn
 from cam_rig.units import TURN
 
-#: Degree 100 is far beyond any cam, and still stable.
+#: Largest number of ordinates of a Bézier curve. Degree 100 is far beyond any cam, and stable.
 MAX_ORDINATES = 101
-#: A polynomial through more conditions than this oscillates between them.
+#: Largest number of conditions of a polynomial, which would oscillate between more of them.
 MAX_CONDITIONS = 21
+#: Largest number of harmonics of a trigonometric law.
 MAX_HARMONICS = 50
+#: Largest degree of a B-spline.
 MAX_B_SPLINE_DEGREE = 15
+#: Largest number of ordinates of a B-spline.
 MAX_B_SPLINE_ORDINATES = 500
-Angles = Annotated[Quantity, must_be("angle", many=True, least=0.0, most=TURN + 1e-12)]
+#: Cam angles of conditions, up to one turn.
+Angles = Annotated[Quantity, must_be("angle", is_list=True, ge=0.0, le=TURN + 1e-12)]
+#: Order of a derivative.
 Order = Annotated[int, Field(ge=0, lt=MAX_CONDITIONS, strict=True)]
 
 
 class Bezier(SegmentBase):
-    """A Bézier curve by its ordinates, in fractions of the lift; they set both end levels."""
+    """Bézier curve by its ordinates, as fractions of the lift.
+
+    The first and the last ordinate are the levels of the ends.
+    """
 
     law: Literal["bezier"]
     ordinates: Ratios
 
     @model_validator(mode="after")
-    def _degree(self) -> Bezier:
+    def _check_count(self) -> Bezier:
         count = len(self.ordinates.numbers)
         if not 2 <= count <= MAX_ORDINATES:
             raise ValueError(f"ordinates: are {count}; allowed: 2 to {MAX_ORDINATES}")
@@ -39,20 +47,20 @@ class Bezier(SegmentBase):
 
 
 class BSpline(SegmentBase):
-    """A B-spline of one degree over knots, which are stretched to the span.
+    """B-spline by degree, knots and ordinates (profile thesis §2.1.2).
 
-    The first and the last knot stand ``degree`` times, so that the curve begins and ends on its
-    first and last ordinate: for L pieces of degree n there are L + n ordinates and
-    L + 2n − 1 knots (profile thesis §2.1.2).
+    The knots are scaled to the span. The ordinates are fractions of the lift. The first and the
+    last knot are repeated `degree` times, so that the curve starts at the first ordinate and ends
+    at the last. L pieces of degree n have L + n ordinates and L + 2n − 1 knots.
     """
 
     law: Literal["b_spline"]
     degree: int = Field(ge=1, le=MAX_B_SPLINE_DEGREE, strict=True)
-    knots: Annotated[Quantity, must_be("ratio", many=True)]
+    knots: Annotated[Quantity, must_be("ratio", is_list=True)]
     ordinates: Ratios
 
     @model_validator(mode="after")
-    def _fit_each_other(self) -> BSpline:
+    def _check_counts(self) -> BSpline:
         knots, count = self.knots.numbers, len(self.ordinates.numbers)
         if not self.degree + 1 <= count <= MAX_B_SPLINE_ORDINATES:
             raise ValueError(
@@ -64,48 +72,58 @@ class BSpline(SegmentBase):
                 f"knots: are {len(knots)}; allowed for {count} ordinates of degree "
                 f"{self.degree}: {count + self.degree - 1}, the ends counted {self.degree} times"
             )
-        for i, (one, other) in enumerate(pairwise(knots)):
-            if other < one:
-                raise ValueError(f"knots: knot {i + 2} is {other:g} after {one:g}; allowed: rising")
+        for i, (before, after) in enumerate(pairwise(knots)):
+            if after < before:
+                text = f"knot {i + 2} is {after:g} after {before:g}"
+                raise ValueError(f"knots: {text}; allowed: rising")
         for knot, times in Counter(knots).items():
-            at_end = knot in (knots[0], knots[-1])
-            if (at_end and times != self.degree) or times > self.degree:
-                limit = f"{self.degree} times" if at_end else f"at most {self.degree} times"
-                raise ValueError(f"knots: {knot:g} stands {times} times; allowed: {limit}")
+            is_end = knot in (knots[0], knots[-1])
+            if (is_end and times != self.degree) or times > self.degree:
+                limit = f"{self.degree} times" if is_end else f"at most {self.degree} times"
+                raise ValueError(f"knots: {knot:g} occurs {times} times; allowed: {limit}")
         return self
 
 
 class Trigonometric(WholeTurn):
-    """c₀ + Σ cᵢ cos iθ + sᵢ sin iθ over the whole turn, in fractions of the lift (eq. 2.2)."""
+    """Trigonometric polynomial c₀ + Σ cᵢ cos iθ + sᵢ sin iθ of a whole turn (eq. 2.2).
+
+    `mean` is c₀, `cosine` and `sine` are cᵢ and sᵢ from i = 1 on. All are fractions of the lift.
+    """
 
     law: Literal["trigonometric"]
-    mean: Annotated[Quantity, must_be("ratio", least=-100.0, most=100.0)]
+    mean: Annotated[Quantity, must_be("ratio", ge=-100.0, le=100.0)]
     cosine: Ratios | None = None
     sine: Ratios | None = None
 
     @model_validator(mode="after")
-    def _harmonics(self) -> Trigonometric:
-        for key, sizes in (("cosine", self.cosine), ("sine", self.sine)):
-            if sizes is not None and len(sizes.numbers) > MAX_HARMONICS:
-                count = len(sizes.numbers)
+    def _check_harmonics(self) -> Trigonometric:
+        for key, amplitudes in (("cosine", self.cosine), ("sine", self.sine)):
+            count = 0 if amplitudes is None else len(amplitudes.numbers)
+            if count > MAX_HARMONICS:
                 raise ValueError(f"{key}: are {count}; allowed: at most {MAX_HARMONICS}")
         return self
 
 
 class Polynomial(SegmentBase):
-    """The polynomial of lowest degree through conditions: one ``value`` at one angle each.
+    """Polynomial of the lowest degree that satisfies conditions.
 
-    ``at`` counts from the segment's start. ``order`` 0 is a level in fractions of the lift,
-    ``order`` r the r-th derivative in lift per span to the r.
+    Parameters
+    ----------
+    at : Quantity
+        Cam angle of each condition from the start of the segment, rad.
+    order : list of int
+        Order r of the derivative of each condition.
+    value : Quantity
+        Value of each condition: for order 0 a fraction of the lift, for order r in lift/span^r.
     """
 
     law: Literal["polynomial"]
     at: Angles
     order: list[Order]
-    value: Annotated[Quantity, must_be("ratio", many=True, least=-1e6, most=1e6)]
+    value: Annotated[Quantity, must_be("ratio", is_list=True, ge=-1e6, le=1e6)]
 
     @model_validator(mode="after")
-    def _conditions(self) -> Polynomial:
+    def _check_conditions(self) -> Polynomial:
         counts = {len(self.at.numbers), len(self.order), len(self.value.numbers)}
         if len(counts) != 1:
             raise ValueError(
@@ -126,22 +144,25 @@ class Polynomial(SegmentBase):
                     f"order: is {order}; allowed: at most {count - 1}, the degree that "
                     f"{count} conditions give"
                 )
-        for (at, order), times in Counter(zip(self.at.numbers, self.order, strict=True)).items():
+        for (angle, order), times in Counter(zip(self.at.numbers, self.order, strict=True)).items():
             if times > 1:
                 raise ValueError(
-                    f"at: has {at:g} {self.at.unit} of order {order} twice; allowed: once"
+                    f"at: has {angle:g} {self.at.unit} of order {order} twice; allowed: once"
                 )
         return self
 
 
+#: Largest number of parts of a contour.
 MAX_ARCS = 100
-SignedLength = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
+#: Length with a sign: a coordinate, or a radius that is negative for concave arcs.
+SignedLength = Annotated[Quantity, must_be("length", ge=-100.0, le=100.0)]
 
 
 class TangentArcs(SegmentBase):
-    """The whole event of a concave-flank arc cam, from base circle over the nose and back.
+    """Event of a cam of arcs with concave flanks, by its angles.
 
-    Given by its event angles: ``span``, and ``nose_span`` of the nose's arc on the pitch curve.
+    `span` (rad) is the angle of the event, from the base circle over the nose and back. `nose_span`
+    (rad) is the angle of the nose's arc on the pitch curve.
     """
 
     law: Literal["tangent_arcs"]
@@ -149,9 +170,10 @@ class TangentArcs(SegmentBase):
 
 
 class ArcsByRadii(WholeTurn):
-    """The follower's base circle, two equal flanks and a nose, by their radii on the contour.
+    """Contour of base circle, two equal flanks and a nose, by their radii (m).
 
-    The nose's top stands one lift above it at 180°; the event's angles follow from the radii.
+    The base circle is that of the follower. The top of the nose is one lift above it, at 180°. The
+    angles of the event follow from the radii. A straight flank is without radius.
     """
 
     law: Literal["arcs_by_radii"]
@@ -160,7 +182,7 @@ class ArcsByRadii(WholeTurn):
     nose_radius: Length
 
     @model_validator(mode="after")
-    def _flank(self) -> ArcsByRadii:
+    def _check_flank(self) -> ArcsByRadii:
         if (self.flank == "straight") != (self.flank_radius is None):
             need = "has no" if self.flank == "straight" else "needs"
             raise ValueError(f"flank: {self.flank} {need} flank_radius")
@@ -168,9 +190,13 @@ class ArcsByRadii(WholeTurn):
 
 
 class ArcSpec(Strict):
-    """One part of a contour: with ``x`` and ``y`` an arc about that centre, below 0 if concave.
+    """Part of a contour: an arc or a line.
 
-    With a ``radius`` alone the arc that joins its neighbours; with nothing the line between them.
+    - With `radius`, `x` and `y` (m): an arc about the centre (x, y).
+    - With `radius` only: the arc of this radius that joins its neighbours.
+    - Without numbers: the line that joins its neighbours.
+
+    The radius of a concave arc is negative.
     """
 
     radius: SignedLength | None = None
@@ -178,20 +204,21 @@ class ArcSpec(Strict):
     y: SignedLength | None = None
 
     @model_validator(mode="after")
-    def _complete(self) -> ArcSpec:
-        given = [key for key in ("x", "y") if getattr(self, key) is not None]
-        if len(given) == 1 or (given and self.radius is None):
-            has = ", ".join([*given, *([] if self.radius is None else ["radius"])])
-            raise ValueError(f"has {has}; allowed: radius, x and y, or radius alone, or nothing")
+    def _check_keys(self) -> ArcSpec:
+        centre = [key for key in ("x", "y") if getattr(self, key) is not None]
+        if len(centre) == 1 or (centre and self.radius is None):
+            keys = ", ".join([*centre, *([] if self.radius is None else ["radius"])])
+            raise ValueError(f"has {keys}; allowed: radius, x and y, or radius alone, or nothing")
         if self.radius is not None and self.radius.si == 0.0:
             raise ValueError("radius: is 0; allowed: positive (convex) or negative (concave)")
         return self
 
 
 class ArcsByCentres(WholeTurn):
-    """A contour of arcs by centres and radii, in the order of the cam angle, from +y towards +x.
+    """Contour of arcs by centres and radii.
 
-    Centres are in the cam's frame: the follower stands above the cam on +y at cam angle 0.
+    The arcs are in the order of the cam angle, from +y towards +x. Their centres are in the cam's
+    frame. At cam angle 0 the follower is above the cam, on +y.
     """
 
     law: Literal["arcs_by_centres"]
@@ -205,28 +232,29 @@ _Polynomial = Literal["poly345", "poly4567", "bezier5", "bezier7", "bezier9"]
 _HalfRise = Literal[
     "bezier4_start", "bezier6_start", "bezier8_start", "bezier4_end", "bezier6_end", "bezier8_end"
 ]
+#: Names of rises.
 RiseName = Literal[_Classical, _Polynomial, _HalfRise]
 
 
 class Dwell(SegmentBase):
-    """The follower rests at the level where the segment before it ended."""
+    """Dwell at the level of the end of the segment before it."""
 
     law: Literal["dwell"]
 
 
 class Rise(SegmentBase):
-    """A rise or a fall from the level reached so far to ``to`` (fraction of the lift).
+    """Rise or fall from the level of the segment before it to `to`.
 
-    The half-rises ``…_start`` and ``…_end`` go from rest to constant velocity and back to rest;
-    a ``constant_velocity`` segment of the same slope fits between them.
+    `to` is a fraction of the lift. The half-rises ``…_start`` lead from rest to a constant
+    velocity, and ``…_end`` back to rest. A ``constant_velocity`` segment of the same slope fits
+    between them.
     """
 
     law: RiseName
     to: float = Field(ge=-1.0, le=1.0, allow_inf_nan=False, strict=True)
 
 
-# What may stand in a cam's ``segments``: one model a law, told apart by the key ``law``.
-
+#: Segment of a cam: one model per law. The key ``law`` selects the model.
 Segment = Annotated[
     Dwell
     | Rise

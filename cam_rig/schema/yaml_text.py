@@ -15,7 +15,9 @@ MAX_DEPTH = 32
 MAX_DIGITS = 300
 #: Largest number of values in a document.
 MAX_VALUES = 1_000_000
+#: Loader of PyYAML, the compiled one if it is available.
 BASE: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+#: Prefix of the tags of YAML.
 TAG = "tag:yaml.org,2002:"
 #: Tags that a document may contain explicitly, such as ``!!str 3``.
 EXPLICIT_TAGS = (None, f"{TAG}str", f"{TAG}int", f"{TAG}float")
@@ -37,7 +39,7 @@ class Loader(BASE):  # type: ignore[misc]
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Return a mapping; raise ConfigError for a repeated key or one that is not a scalar."""
+        """Return a mapping. Raise ConfigError for a repeated key, or a list as a key."""
         keys = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
@@ -74,7 +76,7 @@ for kind in ("int", "float"):
 
 
 def parse_yaml(text: str) -> Any:
-    """Return the value of the only document of a text, or None if it has none.
+    """Return the value of the only document of a text, or None for an empty text.
 
     Raise ConfigError with the line if the text is not YAML, or exceeds a limit of this module.
     Aliases are refused, because a few lines of them expand to any number of values.

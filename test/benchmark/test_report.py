@@ -135,7 +135,7 @@ app.command()(bench.bench)
     [
         (["--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
         (["--plot", "{tmp}/a.png/"], 1, "is a folder; allowed: a file"),
-        (["--json", "{tmp}/file/x.json"], 1, "is no writable folder"),
+        (["--json", "{tmp}/file/x.json"], 1, "is not a writable folder"),
     ],
 )
 def test_a_place_is_refused_before_the_study(tmp_path, monkeypatch, arguments, code, words):

@@ -40,7 +40,7 @@ REFUSED = [
     ("listen quick --out {tmp}/a.wav --rpm 0", 2, "--rpm: is '0'; allowed: greater than"),
     ("listen quick --seconds 3 --out {tmp}/a.wav", 2, "--seconds is 3 without --rpm"),
     ("report quick --out {tmp}/a.pdf", 2, "unknown kind of page; allowed: .html, .md"),
-    ("report quick --out /dev/null/a.html", 1, "/dev/null is no writable folder"),
+    ("report quick --out /dev/null/a.html", 1, "/dev/null is not a writable folder"),
     ("report no_such --out {tmp}/a.html", 2, "no such file"),
     ("profile", 2, "no cam is named; allowed: "),
     ("profile no_such_cam", 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),

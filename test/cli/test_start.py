@@ -41,7 +41,7 @@ def test_a_date_that_is_none_is_one_line(program, tmp_path):
     assert done.returncode == ConfigError.exit_code
     (line,) = done.stderr.splitlines()
     assert line.partition(": ")[2] == (
-        "SOURCE_DATE_EPOCH: 'abc' is no date; allowed: whole seconds since 1970, as `date +%s` "
+        "SOURCE_DATE_EPOCH: 'abc' is not a date; allowed: whole seconds since 1970, as `date +%s` "
         "prints; or unset it"
     )
     assert list(tmp_path.iterdir()) == []
@@ -56,7 +56,7 @@ def test_the_date_of_the_source(monkeypatch):
         assert source_date() == right
     for wrong in ("today", "", "1e9", "-1", str(LAST_SECOND + 1), "9" * 30):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
-        with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is no date; allowed: whole"):
+        with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is not a date; allowed: "):
             source_date()
 
 

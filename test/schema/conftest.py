@@ -1,4 +1,4 @@
-"""A config file made wrong in one place, and the error it gives."""
+"""Error messages of config files that are wrong at one position."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 
+#: Kinds of files: a shipped file, and the function that loads it.
 KINDS = {
     "cam": ("cams/poly345.yaml", load_cam),
     "table": ("cams/measured.yaml", load_cam),
@@ -20,22 +21,22 @@ KINDS = {
 }
 
 
-def refusal(function: Callable[..., object], *given: object, **named: object) -> str:
-    """The one line with which something is refused."""
+def catch_error(function: Callable[..., object], *args: object, **kwargs: object) -> str:
+    """Return the message of the ConfigError of a call, which must be one line."""
     with pytest.raises(ConfigError) as caught:
-        function(*given, **named)
+        function(*args, **kwargs)
     assert "\n" not in str(caught.value) and caught.value.exit_code == 2
     return str(caught.value)
 
 
 @pytest.fixture
-def error_of(tmp_path: Path) -> Callable[[str, str | bytes], str]:
-    """Load a text as a file of a kind; the one line that it is refused with."""
+def load_text(tmp_path: Path) -> Callable[[str, str | bytes], str]:
+    """Function that loads a text as a file of a kind, and returns the error message."""
 
     def load(kind: str, text: str | bytes) -> str:
         path = tmp_path / "continuity.yaml"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        message = refusal(KINDS[kind][1], path)
+        message = catch_error(KINDS[kind][1], path)
         assert message.startswith(f"{path}: ")
         return message.removeprefix(f"{path}: ")
 
@@ -43,13 +44,18 @@ def error_of(tmp_path: Path) -> Callable[[str, str | bytes], str]:
 
 
 @pytest.fixture
-def refuse(config_dir: Path, error_of: Callable[[str, str], str]) -> Callable[[str, str, str], str]:
-    """Replace one piece of the shipped file of a kind; the line that it is refused with."""
+def load_edited(
+    config_dir: Path, load_text: Callable[[str, str], str]
+) -> Callable[[str, str, str], str]:
+    """Function that edits the shipped file of a kind, and returns the error message.
 
-    def spoil(kind: str, old: str, new: str) -> str:
+    It replaces a pattern by a text. The groups of the pattern precede the new text.
+    """
+
+    def edit(kind: str, old: str, new: str) -> str:
         text = (config_dir / KINDS[kind][0]).read_text(encoding="utf-8")
-        wrong, count = re.subn(old, lambda match: "".join(match.groups()) + new, text, count=1)
-        assert count == 1, f"the shipped {kind} file has no {old!r}"
-        return error_of(kind, wrong)
+        edited, count = re.subn(old, lambda match: "".join(match.groups()) + new, text, count=1)
+        assert count == 1, f"the shipped {kind} file does not contain {old!r}"
+        return load_text(kind, edited)
 
-    return spoil
+    return edit

@@ -1,8 +1,9 @@
-"""Hostile and clumsy YAML and CSV files, from a seed: each is read, or refused with one line.
+"""Generator of hostile YAML and CSV files from a seed.
 
-Run by hand as ``python test/schema/fuzz_files.py yaml 300 1``: kind, cases, seed. It prints JSON:
-cases, how many were refused, the most CPU time (s) of one, the process's memory (MB) at its most,
-and what else than one of our errors came, with the case's number.
+Each file must load, or raise an error of one line. The command
+``python test/schema/fuzz_files.py yaml 300 1`` (kind, number of cases, seed) prints JSON: number of
+cases and of errors, largest CPU time of a case (s), peak memory of the process (MB), and the
+failures with their case numbers. A failure is any other exception, or a message that is too long.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from cam_rig.profile.contour_files import read_contour_table
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root, load_tables
 
+#: Shipped files, and the functions that load them.
 SHIPPED: dict[str, Callable[[Path], object]] = {
     "cams/tm21.yaml": load_cam,
     "cams/bezier15.yaml": load_cam,
@@ -33,21 +35,21 @@ SHIPPED: dict[str, Callable[[Path], object]] = {
     "published/tm21_noise.yaml": load_published,
     "published/tables/paper.yaml": load_tables,
 }
-#: A little under and far over what may be read.
+#: Sizes of generated files in bytes, below and above the limit of 1 MiB.
 SIZES = (100, 10_000, 600_000, 1_040_000, 3_000_000, 10_000_000)
-#: Bytes that mean something to YAML or CSV.
+#: Characters with a meaning in YAML or CSV.
 SIGNS = "[]{}:,-?&*!|>'\"%@`#\n\t \r.~<=0123456789eE+_xob\x00\x07\ufeff\u2028é\U0001f600"
 
 
 def yaml_text(rng: random.Random, name: str) -> bytes:
-    """A hostile file of its own, or a shipped one with something else in it."""
+    """Return a generated file, or a shipped file with random changes."""
     if rng.random() < 0.35:
         return piece(rng).encode("utf-8", "surrogatepass")
     return damaged(rng, (config_root() / name).read_text(encoding="utf-8"))
 
 
 def piece(rng: random.Random) -> str:
-    """Something that is too long, too deep, too many or of another kind."""
+    """Return a text that is too long, too deep, too large or otherwise hostile."""
     n, sign = rng.choice(SIZES), rng.choice(SIGNS)
     chain = "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, rng.randint(2, 99)))
     deep = "".join(f"b{i}: &b{i} [*b{i - 1}]\n" for i in range(1, min(n, 90_000) // 10))
@@ -75,15 +77,18 @@ def piece(rng: random.Random) -> str:
 
 
 def damaged(rng: random.Random, text: str) -> bytes:
-    """A text with a few characters, lines or values changed; sometimes in another encoding."""
+    """Return a text with up to four changes of characters, lines or values.
+
+    5 % of the texts are in another encoding.
+    """
     for _ in range(rng.randint(1, 4)):
-        lines, place = text.splitlines() or [""], rng.randrange(len(text) or 1)
+        lines, index = text.splitlines() or [""], rng.randrange(len(text) or 1)
         row, other = rng.randrange(len(lines)), rng.choice(SIGNS)
         match rng.randrange(4):
             case 0:
-                text = text[:place] + other + text[place + rng.randint(0, 2) :]
+                text = text[:index] + other + text[index + rng.randint(0, 2) :]
             case 1:
-                text = text[:place]
+                text = text[:index]
             case 2:
                 text = "\n".join(lines[: row + 1] + lines[row + rng.choice((0, 2)) :])
             case 3:
@@ -95,7 +100,7 @@ def damaged(rng: random.Random, text: str) -> bytes:
 
 
 def csv_text(rng: random.Random) -> bytes:
-    """A hostile table, or the shipped one with something else in it."""
+    """Return a generated table, or the shipped table with random changes."""
     n, text = rng.choice(SIZES), (config_root() / "cams" / "measured.csv").read_text("utf-8")
     header = rng.choice(["angle_deg,lift_mm\n", "x_mm,y_mm\n", "disc,x_mm,y_mm\n", ""])
     rows = [
@@ -115,17 +120,17 @@ def csv_text(rng: random.Random) -> bytes:
 
 
 def read_yaml_case(rng: random.Random, folder: Path) -> None:
-    """Every kind of config may be meant by the file."""
+    """Load a random file as one of the kinds of config."""
     path = folder / "any.yaml"
     name = rng.choice(list(SHIPPED))
     path.write_bytes(yaml_text(rng, name))
-    found = SHIPPED[name](path)
-    if type(found).__name__ == "CamConfig":
-        build_law(found)  # type: ignore[arg-type]
+    config = SHIPPED[name](path)
+    if type(config).__name__ == "CamConfig":
+        build_law(config)  # type: ignore[arg-type]
 
 
 def read_csv_case(rng: random.Random, folder: Path) -> None:
-    """A cam's law, or the contour of one."""
+    """Load a random table as points of a law, or as points of a contour."""
     cam, table = folder / "measured.yaml", folder / "measured.csv"
     cam.write_bytes((config_root() / "cams" / "measured.yaml").read_bytes())
     table.write_bytes(csv_text(rng))
@@ -138,31 +143,31 @@ def read_csv_case(rng: random.Random, folder: Path) -> None:
 CASES = {"yaml": read_yaml_case, "csv": read_csv_case}
 
 
-def wrongs(kind: str, cases: int, seed: int, tally: dict[str, float]) -> Iterator[str]:
-    """What else than a line of ours came of the cases."""
+def find_failures(kind: str, cases: int, seed: int, tally: dict[str, float]) -> Iterator[str]:
+    """Run the cases, count them in `tally`, and yield the failures."""
     with tempfile.TemporaryDirectory() as folder:
         for i in range(cases):
-            begun = time.process_time()
+            start = time.process_time()
             try:
                 CASES[kind](random.Random(f"{kind} {seed} {i}"), Path(folder))
             except CamRigError as error:
-                tally["refused"] += 1
+                tally["errors"] += 1
                 if "\n" in str(error) or len(str(error)) > 2000:
                     yield f"case {i}: {str(error)[:300]!r}"
             except Exception:
                 yield f"case {i}: {traceback.format_exc()}"
-            took = time.process_time() - begun
-            tally["most_cpu_s"] = max(tally["most_cpu_s"], took)
+            cpu_s = time.process_time() - start
+            tally["max_cpu_s"] = max(tally["max_cpu_s"], cpu_s)
 
 
 def main(kind: str, cases: str, seed: str) -> None:
-    """Print what came of it."""
-    tally = {"cases": int(cases), "refused": 0, "most_cpu_s": 0.0}
-    wrong = list(wrongs(kind, int(cases), int(seed), tally))
-    # not ru_maxrss, which begins with what the parent had
+    """Run the cases and print the results as JSON."""
+    tally = {"cases": int(cases), "errors": 0, "max_cpu_s": 0.0}
+    failures = list(find_failures(kind, int(cases), int(seed), tally))
+    # not ru_maxrss, which starts from the memory of the parent process
     status = Path("/proc/self/status").read_text(encoding="ascii")
     memory = float(status.split("VmHWM:")[1].split()[0]) / 1024.0
-    print(json.dumps({**tally, "memory_mb": memory, "wrong": wrong}))
+    print(json.dumps({**tally, "memory_mb": memory, "failures": failures}))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Headings of tables: quantity, factor and unit, or the reason why a heading is unclear."""
+"""Headings of tables: quantity, factor and unit, or why a heading is unclear."""
 
 import math
 
@@ -46,19 +46,21 @@ UNCLEAR = [
     ("quantity", "table"), [("lift", LIFTS), ("angle", ANGLES)], ids=["lift", "angle"]
 )
 def test_headings_have_a_factor_and_a_unit(quantity, table):
-    """Factors, spelt-out units and words around them, in several languages and forms."""
+    """Headings contain factors, names of units and other words, in several languages."""
     for factor, texts in table.items():
         for text in texts.split("|"):
-            found = parse_heading(text)
-            assert (found.quantity, found.unclear, found.is_crank) == (quantity, "", False), text
-            assert found.factor == pytest.approx(factor, rel=1e-12), text
+            heading = parse_heading(text)
+            assert (heading.quantity, heading.unclear, heading.is_crank) == (quantity, "", False), (
+                text
+            )
+            assert heading.factor == pytest.approx(factor, rel=1e-12), text
 
 
 def test_degrees_of_the_crank_are_recognised():
     for text in CRANK.split("|"):
-        found = parse_heading(text)
-        assert (found.quantity, found.is_crank, found.unclear) == ("angle", True, ""), text
-        assert found.factor == pytest.approx(DEGREE), text
+        heading = parse_heading(text)
+        assert (heading.quantity, heading.is_crank, heading.unclear) == ("angle", True, ""), text
+        assert heading.factor == pytest.approx(DEGREE), text
 
 
 def test_other_quantities_are_not_lifts():
@@ -68,12 +70,12 @@ def test_other_quantities_are_not_lifts():
         *(("radius_mm", "radius"), ("X (in)", "x"), ("y [mm]", "y"), ("encoder counts", "count")),
         *(("Drehzahl [1/min]", "speed"), ("dB(Z)", "level"), ("spring_N/m", "stiffness")),
     ):
-        found = parse_heading(text)
-        assert (found.quantity, found.unclear) == (quantity, ""), text
+        heading = parse_heading(text)
+        assert (heading.quantity, heading.unclear) == (quantity, ""), text
 
 
-def test_what_is_not_understood_is_unclear():
-    """A word, a factor or a unit that could change the numbers is reported, never dropped."""
+def test_unknown_words_factors_and_units_make_a_heading_unclear():
+    """A word, factor or unit that could change the numbers is reported."""
     for text in UNCLEAR:
         assert parse_heading(text).unclear, text
 
@@ -91,13 +93,13 @@ def test_a_unit_of_another_dimension_is_named_with_the_allowed_units():
     st.sampled_from(["{} [{} {}]", "{} ({} {})", "{} / {} {}", "{}_{} {}"]),
 )
 def test_every_unit_has_its_factor_in_every_form(word, unit, factor, form):
-    found = parse_heading(form.format(word, factor, unit))
-    assert found.unclear == ""
-    assert found.factor == pytest.approx(factor * UNITS["length"][unit], rel=1e-12)
+    heading = parse_heading(form.format(word, factor, unit))
+    assert heading.unclear == ""
+    assert heading.factor == pytest.approx(factor * UNITS["length"][unit], rel=1e-12)
 
 
 @given(st.text(max_size=40))
 def test_any_text_has_a_quantity(text):
-    found = parse_heading(text)
-    assert found.quantity in QUANTITIES
-    assert found.factor is None or found.factor > 0.0
+    heading = parse_heading(text)
+    assert heading.quantity in QUANTITIES
+    assert heading.factor is None or heading.factor > 0.0

@@ -1,4 +1,4 @@
-"""Cams and rigs made, changed and saved in Python: plain numbers, texts with units, files."""
+"""Cams and rigs in Python: plain numbers, texts with units, changes and files."""
 
 import math
 from pathlib import Path
@@ -11,7 +11,7 @@ from cam_rig.errors import OutputError
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import UNITS, Quantity
 
-from .conftest import refusal
+from .conftest import catch_error
 
 CAMS = sorted((config_root() / "cams").glob("*.yaml"))
 RIGS = sorted((config_root() / "rigs").glob("*.yaml"))
@@ -36,20 +36,20 @@ def spring_of(**numbers):
     ],
 )
 def test_a_number_is_plain_or_a_text_with_its_unit(written, si):
-    """Assumed, unless it says whence it is."""
-    found = spring_of(spring=written)
-    assert found.si == pytest.approx(si, rel=1e-15)
-    assert found.origin == ("given" if isinstance(written, Quantity) else "assumed")
+    """It is an assumed number, unless it is a quantity with another origin."""
+    stiffness = spring_of(spring=written)
+    assert stiffness.si == pytest.approx(si, rel=1e-15)
+    assert stiffness.origin == ("given" if isinstance(written, Quantity) else "assumed")
 
 
-def test_every_unit_that_a_file_may_have_is_read_in_a_text():
+def test_a_text_may_contain_every_unit_of_a_file():
     for unit, factor in UNITS["length"].items():
         cam = cam_rig.Cam(lift=f"0.5 {unit}", segments=SEGMENTS, follower=POINT)
         assert cam.lift.si == pytest.approx(0.5 * factor)
 
 
 @pytest.mark.parametrize(
-    ("wrong", "words"),
+    ("wrong", "message"),
     [
         ("3.2", "allowed: a number in N/m, or a text with one and its unit: N/m, N/mm"),
         ("3.2 kg", "has unit 'kg', not a stiffness"),
@@ -63,25 +63,27 @@ def test_every_unit_that_a_file_may_have_is_read_in_a_text():
         ({"given": 3.0}, "unit: missing"),
     ],
 )
-def test_what_is_no_number_is_refused_in_one_line(wrong, words):
-    assert words in refusal(lambda: spring_of(spring=wrong))
+def test_a_wrong_number_raises_an_error_of_one_line(wrong, message):
+    assert message in catch_error(lambda: spring_of(spring=wrong))
 
 
-def test_a_rig_of_python_is_that_of_a_file():
-    """The same force, to the last bit."""
+def test_a_rig_made_in_python_computes_the_same_bits_as_one_from_a_file():
     rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
-    own = rig.follower
-    mine = cam_rig.Rig(
-        **{"mass": own.mass.si, "spring": own.spring_stiffness.si, "preload": own.preload.si},
-        **{"damping": own.damping.si, "restitution": own.restitution.si},
+    numbers = rig.follower
+    made = cam_rig.Rig(
+        mass=numbers.mass.si,
+        spring=numbers.spring_stiffness.si,
+        preload=numbers.preload.si,
+        damping=numbers.damping.si,
+        restitution=numbers.restitution.si,
     )
-    one, other = (cam_rig.simulate(law, each, rpm=450, turns=1) for each in (rig, mine))
-    assert np.array_equal(one.force, other.force)
+    expected, actual = (cam_rig.simulate(law, r, rpm=450, turns=1) for r in (rig, made))
+    assert np.array_equal(actual.force, expected.force)
 
 
 @pytest.mark.parametrize("path", [*CAMS, *RIGS], ids=lambda path: path.stem)
-def test_what_is_saved_is_what_is_loaded(path, tmp_path):
-    """Every shipped file; points of a table too, which stand in a file beside it."""
+def test_a_shipped_file_is_unchanged_by_saving_and_loading(path, tmp_path):
+    """The points of a table are saved in a second file."""
     load = cam_rig.load_cam if path.parent.name == "cams" else cam_rig.load_rig
     model = load(path)
     model.save(tmp_path / path.name)
@@ -89,54 +91,54 @@ def test_what_is_saved_is_what_is_loaded(path, tmp_path):
     assert again.replace(title="") == model.replace(title="") or "table" in repr(model.segments)
     assert len(repr(model)) < 300 and "\n" not in repr(model)
     if path.parent.name == "cams":
-        one, other = (cam_rig.build_law(each) for each in (model, again))
-        assert np.array_equal(one.ordinates, other.ordinates)
+        expected, actual = (cam_rig.build_law(cam) for cam in (model, again))
+        assert np.array_equal(actual.ordinates, expected.ordinates)
 
 
-def test_a_file_s_name_is_its_name(tmp_path):
+def test_a_saved_rig_has_the_name_of_its_file(tmp_path):
     rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30)
     rig.save(str(tmp_path / "other.yaml"))
     assert cam_rig.load_rig(tmp_path / "other.yaml") == rig.replace(name="other")
     for name in ("a.txt", "Ä b.yaml", "f"):
-        assert "allowed" in refusal(rig.save, tmp_path / name)
+        assert "allowed" in catch_error(rig.save, tmp_path / name)
     (tmp_path / "folder.yaml").mkdir()
     with pytest.raises(OutputError, match="is a folder"):
         rig.save(tmp_path / "folder.yaml")
     assert {path.name for path in Path(tmp_path).iterdir()} == {"other.yaml", "folder.yaml"}
 
 
-def test_a_file_that_is_there_is_written_over_only_where_that_is_said(tmp_path):
-    """As commands do, which write no file over another; the points of a table alike."""
+def test_saving_replaces_an_existing_file_only_with_overwrite(tmp_path):
+    """The same applies to the file of the points of a table."""
     rig, cam = cam_rig.load_rig("tm21"), cam_rig.load_cam("measured")
-    for model, beside in ((rig, "yaml"), (cam, "yaml"), (cam, "csv")):
-        folder = tmp_path / f"{model.name}_{beside}"
+    for model, suffix in ((rig, "yaml"), (cam, "yaml"), (cam, "csv")):
+        folder = tmp_path / f"{model.name}_{suffix}"
         folder.mkdir()
-        (folder / f"mine.{beside}").write_text("before", encoding="utf-8")
-        with pytest.raises(OutputError, match=rf"mine.{beside}: exists already.*overwrite=True"):
+        (folder / f"mine.{suffix}").write_text("before", encoding="utf-8")
+        with pytest.raises(OutputError, match=rf"mine.{suffix}: exists already.*overwrite=True"):
             model.save(folder / "mine.yaml")
         assert [file.read_text() for file in folder.iterdir()] == ["before"]
         model.save(folder / "mine.yaml", overwrite=True)
         assert all(file.read_text() != "before" for file in folder.iterdir())
 
 
-def test_another_spring_leaves_the_sound_uncalibrated():
+def test_another_spring_makes_the_radiation_assumed():
     rig = cam_rig.load_rig("tm21")
     assert rig.replace(name="same").radiation == rig.radiation
     changed = rig.replace(spring="6 N/mm")
     assert changed.radiation.gain.origin == "assumed" and rig.radiation.gain.origin == "identified"
     for wrong in ({"sprung": 1.0}, {"spring": "1 kg"}, {"name": "Ä"}, {"follower": 3}):
-        assert "allowed" in refusal(rig.replace, **wrong)
+        assert "allowed" in catch_error(rig.replace, **wrong)
 
 
-def test_a_cam_of_other_sizes():
+def test_replace_changes_sizes_of_a_cam_and_rejects_wrong_values():
     cam = cam_rig.Cam("lug", lift="20 mm", segments=SEGMENTS, follower=POINT)
     assert cam.replace(base_radius="50 mm", lift=0.01).numbers()["lift"].si == 0.01
     assert cam.title == "lug"
-    for wrong, words in (
+    for wrong, message in (
         ({"segments": SEGMENTS[:2]}, "spans sum to 240"),
         ({"segments": [{"law": "poly354"}]}, "did you mean 'poly345'"),
         ({"follower": {"type": "rollr"}}, "did you mean 'roller'"),
         ({"lift": math.nan}, "finite"),
         ({"lft": 1.0}, "unknown key"),
     ):
-        assert words in refusal(cam.replace, **wrong)
+        assert message in catch_error(cam.replace, **wrong)

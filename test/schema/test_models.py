@@ -1,4 +1,4 @@
-"""Quantities and names of models: one origin, one unit, one name in every table."""
+"""Quantities, and the names of models in scenes, tables and panel texts."""
 
 import json
 import math
@@ -24,8 +24,7 @@ from cam_rig.studies.fit_rig.study import MODELS as FITTED
 from cam_rig.studies.orders.steady_force import BUILDERS
 
 
-def test_origin_and_si():
-    """Given, assumed and identified stay apart; a checked number does not change."""
+def test_a_quantity_has_an_origin_an_si_value_and_is_constant():
     for origin in ORIGINS:
         quantity = Quantity.model_validate({origin: 2.5, "unit": "kg"})
         assert (quantity.origin, quantity.raw) == (origin, 2.5)
@@ -40,45 +39,45 @@ def test_origin_and_si():
         Quantity(given=1.0, unit="kg").given = 2.0
 
 
-def test_every_unit_fits_its_dimension_alone():
-    """No unit belongs to two, so the factor to SI is known by the unit; the allowed are listed."""
+def test_every_unit_belongs_to_one_dimension():
+    """Thus the unit determines the factor to SI."""
     names = [unit for units in UNITS.values() for unit in units]
     assert len(names) == len(set(names))
     for dimension, units in UNITS.items():
         check = TypeAdapter(Annotated[Quantity, must_be(dimension)])
-        words = f"allowed: {re.escape(next(iter(units)))}"
+        message = f"allowed: {re.escape(next(iter(units)))}"
         for unit in names:
             if unit in units:
                 check.validate_python({"given": 1.0, "unit": unit})
             else:
-                with pytest.raises(ValidationError, match=words):
+                with pytest.raises(ValidationError, match=message):
                     check.validate_python({"given": 1.0, "unit": unit})
 
 
-def test_limits():
-    """They are in SI and shown in the unit the number is written in; of a list each is checked."""
-    for limits, inside, outside, words in (
-        ({"above": 0.0}, 1e-9, 0.0, "greater than 0 mm"),
-        ({"least": 0.001}, 1.0, 0.999, "at least 1 mm"),
-        ({"most": 0.001}, 1.0, 1.001, "at most 1 mm"),
+def test_limits_in_si_are_reported_in_the_unit_of_the_number():
+    """Each number of a list is checked."""
+    for limits, inside, outside, message in (
+        ({"gt": 0.0}, 1e-9, 0.0, "greater than 0 mm"),
+        ({"ge": 0.001}, 1.0, 0.999, "at least 1 mm"),
+        ({"le": 0.001}, 1.0, 1.001, "at most 1 mm"),
     ):
         check = TypeAdapter(Annotated[Quantity, must_be("length", **limits)])
         check.validate_python({"given": inside, "unit": "mm"})
-        with pytest.raises(ValidationError, match=words):
+        with pytest.raises(ValidationError, match=message):
             check.validate_python({"given": outside, "unit": "mm"})
-    check = TypeAdapter(Annotated[Quantity, must_be("speed", many=True, above=0.0)])
+    check = TypeAdapter(Annotated[Quantity, must_be("speed", is_list=True, gt=0.0)])
     with pytest.raises(ValidationError, match="is -3 rpm; allowed: greater than 0 rpm"):
         check.validate_python({"given": [1, 2, -3], "unit": "rpm"})
 
 
-# A model has one name, in every table, error and page; an older one is read alone.
+# A model has the same name in every table, error and page. Old names are only read.
 
 ROOT = Path(__file__).parents[2]
 NAMES = set(get_args(get_args(Model)[0]))
 
 
-def test_every_table_has_the_same_names(make_scene):
-    """What a scene may say is what there is; other tables take some of it."""
+def test_every_table_has_the_same_names_of_models(make_scene):
+    """Scenes, models and panel texts have all names, other tables some of them."""
     assert set(MODELS) == set(setup.MODELS) == NAMES
     assert set(SAMPLED) | set(BUILDERS) | set(FITTED) <= NAMES
     for page in sorted((ROOT / "cam_rig/panel/static/texts").glob("*.json")):
@@ -90,7 +89,7 @@ def test_every_table_has_the_same_names(make_scene):
 
 @pytest.mark.parametrize(("old", "new"), OLD_MODELS.items())
 def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new):
-    """In a scene, a study, an argument and an option."""
+    """This applies to a scene, a study, an argument and an option."""
     scene = make_loaded_scene(model=old).scene
     assert scene.model == json.loads(scene.model_dump_json())["model"] == new
     study = yaml.safe_load((config_root() / "campaigns/tolerance_poly345.yaml").read_text())
@@ -107,7 +106,7 @@ def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new
         assert new in text and old not in text
 
 
-def test_a_fit_reads_an_old_name_and_refuses_another():
-    for name, words in (("separation", "no such file"), ("two", "allowed: one_mass or two_mass")):
+def test_a_fit_accepts_an_old_name_and_rejects_an_unknown_name():
+    for name, message in (("separation", "no such file"), ("two", "allowed: one_mass or two_mass")):
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
-        assert done.exit_code == 2 and words in " ".join(done.output.replace("│", " ").split())
+        assert done.exit_code == 2 and message in " ".join(done.output.replace("│", " ").split())

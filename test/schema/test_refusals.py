@@ -1,4 +1,4 @@
-"""Files that are wrong in one place: one line that names key, value and what is allowed."""
+"""Errors of config files: one line with key, value and allowed values."""
 
 import re
 
@@ -6,69 +6,70 @@ import pytest
 
 from cam_rig.schema import load_cam
 
-from .conftest import refusal
+from .conftest import catch_error
 
 
-def assert_says(message, words):
-    """The words, in their order; … stands for what is left out."""
-    assert re.match(".*".join(map(re.escape, words.split("…"))), message), (words, message)
+def assert_matches(message, expected):
+    """Check that a message starts with the expected text, in which … matches any text."""
+    assert re.match(".*".join(map(re.escape, expected.split("…"))), message), (expected, message)
 
 
 def rows(table):
+    """Return the cells of each line of a table."""
     return [line.split(" | ") for line in table.strip().splitlines()]
 
 
-def test_what_is_no_mapping(error_of):
+def test_files_that_are_not_a_mapping(load_text):
     keys = "a mapping with the keys name, title, follower, shaft, "
-    for text, words in (
-        ("", f"holds nothing; allowed: {keys}"),
-        ("# only a comment\n", "holds nothing"),
-        ("- 1\n- 2\n", "holds a list; allowed: a mapping"),
-        ("just words", "holds text; allowed: a mapping"),
-        ("3", "holds a int; allowed: a mapping"),
+    for text, expected in (
+        ("", f"contains nothing; allowed: {keys}"),
+        ("# only a comment\n", "contains nothing"),
+        ("- 1\n- 2\n", "contains a list; allowed: a mapping"),
+        ("just words", "contains text; allowed: a mapping"),
+        ("3", "contains a int; allowed: a mapping"),
         ("[" * 5000, "not YAML: line 1: nested too deeply"),
         (b"\xff\xfe\x00\x01", "cannot be read ("),
     ):
-        assert_says(error_of("rig", text), words)
-    twice = "a: 1\na: 2\n"  # a key: one of them would be lost
+        assert_matches(load_text("rig", text), expected)
+    twice = "a: 1\na: 2\n"  # one of the values would be lost
     broken = ("a: [1", "a: 1\n b: 2\n", twice, "a: 'unfinished", "a: \x00", "\ta: 1")
     for text in (*broken, "--- 1\n--- 2\n", "a: !!python/object:os.system x"):
-        message = error_of("rig", text)
-        assert_says(message, "not YAML: ")
+        message = load_text("rig", text)
+        assert_matches(message, "not YAML: ")
         assert "line" in message or "position" in message
 
 
 def test_missing_files(tmp_path):
     (tmp_path / "poly345.yaml").touch()
     known = r"there are: poly345$"
-    for name, words in (
+    for name, expected in (
         ("poly34.yaml", rf"poly34\.yaml: no such file \(did you mean 'poly345'\?\); {known}"),
         ("tm21.yaml", rf"tm21\.yaml: no such file; {known}"),
         ("nowhere/poly345.yaml", "no such file$"),
         ("", "is a folder; allowed: a YAML file"),
     ):
-        assert re.search(words, refusal(load_cam, tmp_path / name))
+        assert re.search(expected, catch_error(load_cam, tmp_path / name))
 
 
-def test_missing_and_unknown_keys(error_of, refuse):
-    """An empty mapping lacks its first key, and the line names the next three it must have."""
+def test_missing_and_unknown_keys(load_text, load_edited):
+    """The error of an empty mapping names up to four required keys."""
     for kind in ("cam", "rig", "scene", "published"):
-        message = error_of(kind, "{}")
-        assert_says(message, "name: missing; it is required")
+        message = load_text(kind, "{}")
+        assert_matches(message, "name: missing; it is required")
         others = message.split("(also wrong: ")[1].removesuffix(")").split(" and ")[0].split(", ")
         assert len(others) == (2 if kind == "rig" else 3) and "name" not in others
     for kind in ("cam", "rig", "scene"):
-        message = refuse(kind, "title:", "titel: x\ntitle:")
-        assert_says(message, "titel: unknown key, value 'x' (did you mean 'title'?); allowed: ")
+        message = load_edited(kind, "title:", "titel: x\ntitle:")
+        assert_matches(message, "titel: unknown key, value 'x' (did you mean 'title'?); allowed: ")
     for kind, key, wrong in (
         ("rig", "title", "titel"),
         ("rig", "mass", "mas"),
         ("scene", "model", "modell"),
     ):
-        assert f"did you mean {key!r}?" in refuse(kind, f"{key}:", f"{wrong}:")
+        assert f"did you mean {key!r}?" in load_edited(kind, f"{key}:", f"{wrong}:")
 
 
-# Values: the key, what is there instead, and the words of the line.
+# Cases of wrong values: the key, the wrong value, the message.
 
 RIG = """
 title | [a, b] | title: is …allowed: a valid string
@@ -81,7 +82,7 @@ mass | {unit: kg} | follower.mass: has none; allowed: exactly one of given, assu
 mass | 1.3 | follower.mass: is 1.3; allowed: …
 mass |  | follower.mass: is None; allowed: …
 mass | {given: '1.3', unit: kg} | follower.mass.given: …allowed: …
-mass | {given: 1,3, unit: kg} | follower.mass: the key 3 is no text; a number has a decimal point
+mass | {given: 1,3, unit: kg} | follower.mass: the key 3 is not a text; a number has a decimal point
 mass | {given: '1,3', unit: kg} | follower.mass.given: is '1,3'; …; a number has a decimal point
 mass | {given: true, unit: kg} | follower.mass.given: …allowed: …
 mass | {given: 1.3} | follower.mass.unit: missing; it is required
@@ -122,26 +123,26 @@ crossover | {between: [bezier, tm21], rpm: 335} | …bezier…
 
 
 @pytest.mark.parametrize("kind", ["rig", "scene", "published"])
-def test_wrong_values(refuse, kind):
-    """Each number has its dimension and its limit; text of digits, or true, is no number."""
-    for key, value, words in rows(globals()[kind.upper()]):
+def test_wrong_values(load_edited, kind):
+    """A number must have its dimension and be within its limits."""
+    for key, value, expected in rows(globals()[kind.upper()]):
         line = f"{key}: " + value.replace("\\n", "\n")
-        assert_says(refuse(kind, rf"(?m)^( *){key}:.*$", line), words)
+        assert_matches(load_edited(kind, rf"(?m)^( *){key}:.*$", line), expected)
 
 
-def test_samples_of_ticks_and_ramps(config_dir, error_of):
-    """Each tick must hold at least two samples at the highest speed, or nothing is heard in it."""
+def test_ticks_and_ramps_need_two_samples(config_dir, load_text):
+    """A tick without samples would be without sound level."""
     text = (config_dir / "scenes" / "tm21_sweep.yaml").read_text(encoding="utf-8")
     slow = re.sub(r"sample_rate:.*", "sample_rate: {given: 8, unit: kHz}", text)
-    message = error_of("scene", re.sub(r"ticks_per_turn:.*", "ticks_per_turn: 1000", slow))
-    assert_says(message, "sample_rate: 8000 Hz gives 1.2 samples a tick at the highest speed")
+    message = load_text("scene", re.sub(r"ticks_per_turn:.*", "ticks_per_turn: 1000", slow))
+    assert_matches(message, "sample_rate: 8000 Hz gives 1.2 samples per tick at the highest speed")
     assert message.endswith("allowed: at least 2, so 13334 Hz, or ticks_per_turn up to 600")
     ramp = '  ramp: {assumed: 0.1, unit: ms, source: "a test"}\n  ticks_per_turn:'
-    message = error_of("scene", text.replace("  ticks_per_turn:", ramp))
-    assert_says(message, "program.ramp: 0.0001 s has 1.2 samples at 12000 Hz; allowed: at le")
+    message = load_text("scene", text.replace("  ticks_per_turn:", ramp))
+    assert_matches(message, "program.ramp: 0.0001 s has 1.2 samples at 12000 Hz; allowed: at le")
 
 
-#: What stands in the shipped cam, what is there instead, and the words of the line.
+#: Cases of wrong cams: text in the shipped file, its replacement, the message.
 CAM = """
 117.5, | 100, | segments: spans sum to 342.5°; allowed: 360°
 117.5, | 0, | segments[1].span: is 0 deg; allowed: …
@@ -169,16 +170,16 @@ segments:(?s:.*) | segments: [{law: dwell}] | segments[0].span: …
 """
 
 
-def test_wrong_cams(refuse):
-    """A law that does not exist is answered with those that do."""
-    for old, new, words in rows(CAM):
-        assert_says(refuse("cam", old.replace("{", r"\{"), new), words)
-    message = refuse("cam", "poly345, to", "poly346, to")
+def test_wrong_cams(load_edited):
+    """The error of an unknown law lists the existing laws."""
+    for old, new, expected in rows(CAM):
+        assert_matches(load_edited("cam", old.replace("{", r"\{"), new), expected)
+    message = load_edited("cam", "poly345, to", "poly346, to")
     for law in ("dwell", "poly345", "poly4567", "cycloidal", "bezier", "tangent_arcs"):
         assert f"'{law}'" in message
 
 
-# Segments that describe no curve: each is told which number, and what is allowed.
+# Segments that do not describe a curve. The message contains the number and the allowed values.
 
 HEAD = """
 name: wrong
@@ -214,8 +215,8 @@ SEGMENTS = (
     (spline(3, [0, 0, 0, 1, 1, 1], [0, 1, 0]), "ordinates: are 3; allowed for degree 3: 4 to"),
     (spline(3, [0, 0, 0, 0, 1, 1, 1, 1], [0, 1, 1, 0]), "knots: are 8; allowed for 4 ordinates"),
     (spline(2, [0, 0, 1, 0.5, 2, 2], [0, 0, 1, 0, 0]), "knot 4 is 0.5 after 1; allowed: rising"),
-    (spline(2, [0, 0.5, 1, 1], [0, 1, 0]), "knots: 0 stands 1 times; allowed: 2 times"),
-    (spline(2, [0, 0, 1, 1, 1, 2, 2], [0] * 6), "1 stands 3 times; allowed: at most 2 times"),
+    (spline(2, [0, 0.5, 1, 1], [0, 1, 0]), "knots: 0 occurs 1 times; allowed: 2 times"),
+    (spline(2, [0, 0, 1, 1, 1, 2, 2], [0] * 6), "1 occurs 3 times; allowed: at most 2 times"),
     (spline(0, [0, 1], [0, 1]), "degree: is 0; allowed: greater than or equal to 1"),
     (spline("two", [0, 1], [0, 1]), "degree: is 'two'"),
     (polynomial([0, 360], [0, 0], [0]), "are 2, 2 and 1 numbers; allowed: one of each"),
@@ -240,10 +241,10 @@ SEGMENTS = (
 )
 
 
-def test_wrong_segments(error_of):
-    for segment, words in SEGMENTS:
+def test_wrong_segments(load_text):
+    for segment, expected in SEGMENTS:
         whole = f"{segment}, span: {{assumed: 360, unit: deg}}"
-        assert_says(error_of("cam", HEAD.replace("LAW", whole)), f"segments[0]…{words}")
+        assert_matches(load_text("cam", HEAD.replace("LAW", whole)), f"segments[0]…{expected}")
     half = "trigonometric, span: {assumed: 180, unit: deg}, mean: {assumed: 0, unit: '1'}"
-    message = error_of("cam", HEAD.replace("LAW", half))
-    assert_says(message, "segments[0]…span: is 180°; allowed: 360°, this law is a whole turn")
+    message = load_text("cam", HEAD.replace("LAW", half))
+    assert_matches(message, "segments[0]…span: is 180°; allowed: 360°, this law is a whole turn")

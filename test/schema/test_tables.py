@@ -1,4 +1,4 @@
-"""Tables of readings: points beside a cam's file, a gauge's lifts, jump speeds."""
+"""Tables of numbers: points of a cam, lifts of a gauge, jump speeds."""
 
 import math
 
@@ -15,7 +15,7 @@ from cam_rig.studies.fit_cam.gauge_table import TableOptions, read_gauge_table
 from cam_rig.studies.fit_rig.jump_table import read_jump_table
 from cam_rig.units import RPM
 
-from .conftest import refusal
+from .conftest import catch_error
 
 ROWS = [f"{a},{5.0 - 5.0 * math.cos(math.radians(a)):.4f}" for a in range(0, 360, 15)]
 DWELL = (
@@ -25,12 +25,16 @@ DWELL = (
 
 
 def table(rows=ROWS, header="angle_deg,lift_mm"):
+    """Return the text of a table of points."""
     return "\n".join([header, *rows]) + "\n"
 
 
 @pytest.fixture
 def load(config_dir, tmp_path):
-    """The shipped table cam with another CSV beside it and dwells (start and span in deg)."""
+    """Function that returns the segment of the shipped measured cam with other points.
+
+    The dwells are pairs of start and span in deg.
+    """
 
     def write(text, tolerance="0.003", dwells=()):
         cam = (config_dir / "cams" / "measured.yaml").read_text(encoding="utf-8")
@@ -46,8 +50,8 @@ def load(config_dir, tmp_path):
     return write
 
 
-def test_points_that_are_taken(load, tmp_path):
-    """Columns in any order, comments aside, with or without 360°, as Windows writes it."""
+def test_forms_of_files_of_points(load, tmp_path):
+    """Columns in any order, comments, with or without 360°, BOM, line ends."""
     path = tmp_path / "points.csv"
     path.write_text("# gauge 3\n\n lift_in , note, angle_turn\n1,top,0.5\n0.5,,0.75\n")
     angles, lifts = read_points(path)
@@ -59,10 +63,10 @@ def test_points_that_are_taken(load, tmp_path):
     assert load(table(), tolerance="0").tolerance.si == 0.0
 
 
-def test_wrong_points_are_refused(load, tmp_path):
-    """One line that names the cam's file, the points' file, the value and what is allowed."""
-    for text, words in (
-        (None, "measured.csv: no such file beside the cam's file"),
+def test_wrong_points_raise_an_error_of_one_line(load, tmp_path):
+    """It names the files of the cam and of the points, and the allowed values."""
+    for text, expected in (
+        (None, "measured.csv: no such file next to the cam's file"),
         ("", "measured.csv: is empty; allowed: a header line, then points"),
         (b"\xff\xfe\x00", "measured.csv: cannot be read"),
         (table(header="angle,lift"), "columns are angle, lift; allowed: one of angle_rad, angle_d"),
@@ -80,38 +84,38 @@ def test_wrong_points_are_refused(load, tmp_path):
         (table([*ROWS, "360,0.5"]), "does not close, the lift at 360° is 0.0005 m above"),
         (table([f"{15 * i},3" for i in range(24)]), "all lifts are 0.003 m; allowed: a lift"),
     ):
-        message = refusal(load, text)
+        message = catch_error(load, text)
         assert message.startswith(f"{tmp_path / 'measured.yaml'}: segments[0]")
-        assert words in message and len(message) < 500
+        assert expected in message and len(message) < 500
     (tmp_path / "measured.csv").rename(tmp_path / "mesured.csv")
-    assert "there are: mesured.csv" in refusal(load, None)
-    words = "tolerance: is 0.01 m; allowed: at most 0.0005 m, 0.05"
-    assert words in refusal(load, table(), "10")
+    assert "there are: mesured.csv" in catch_error(load, None)
+    expected = "tolerance: is 0.01 m; allowed: at most 0.0005 m, 0.05"
+    assert expected in catch_error(load, table(), "10")
 
 
-def test_points_lie_beside_the_cam(refuse):
-    """A name, no path: the cam and its points travel together, into a bag too."""
+def test_points_are_in_the_folder_of_the_cam(load_edited):
+    """Their file is given by its name. Both files are copied together, as to a bag."""
     for name in ("../points.csv", "/etc/points.csv", "points.txt", "points"):
-        message = refuse("table", "measured.csv", name)
+        message = load_edited("table", "measured.csv", name)
         assert message.startswith("segments[0].file: is ")
-        assert "allowed: the name of a .csv file beside the cam's file" in message
+        assert "allowed: the name of a .csv file next to the cam's file" in message
 
 
-def test_dwells(load):
-    """A gap is allowed inside of a dwell; dwells follow one another with an event between."""
+def test_dwells_of_a_measured_cam(load):
+    """A dwell may contain a gap. Dwells are in order, with an event between them."""
     gap = table([*ROWS[:8], *ROWS[13:]])
     assert load(gap, dwells=[(100, 120)]).dwells[0].span.si > 2.0
     load(table(ROWS[4:19]), dwells=[(270, 150)])
-    assert "has no point for 90° after 105°" in refusal(load, gap, "0.003", [(110, 100)])
-    for dwells, tolerance, words in (
-        ([(100, 50)], "0", "tolerance: is 0; allowed beside dwells: greater than 0"),
-        ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next begins at 150.5°"),
-        ([(200, 50), (100, 20)], "0.003", "dwells[0]: ends at 250°, the next begins at 100°"),
-        ([(100, 20), (300, 170)], "0.003", "dwells[1]: ends at 470°, the next begins at 460°"),
-        ([(100, 360)], "0.003", "dwells[0]: ends at 460°, the next begins at 460°"),
+    assert "has no point for 90° after 105°" in catch_error(load, gap, "0.003", [(110, 100)])
+    for dwells, tolerance, expected in (
+        ([(100, 50)], "0", "tolerance: is 0; allowed with dwells: greater than 0"),
+        ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next starts at 150.5°"),
+        ([(200, 50), (100, 20)], "0.003", "dwells[0]: ends at 250°, the next starts at 100°"),
+        ([(100, 20), (300, 170)], "0.003", "dwells[1]: ends at 470°, the next starts at 460°"),
+        ([(100, 360)], "0.003", "dwells[0]: ends at 460°, the next starts at 460°"),
         ([(-1, 20)], "0.003", "dwells[0].start: is -1 deg; allowed: at least 0 deg"),
     ):
-        assert words in refusal(load, table(), tolerance, dwells)
+        assert expected in catch_error(load, table(), tolerance, dwells)
 
 
 ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
@@ -119,7 +123,7 @@ ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
 
 @pytest.fixture
 def read(tmp_path):
-    """The table of a text, or its error."""
+    """Function that reads a text as a table of a gauge."""
 
     def read_text(text, column=None):
         path = tmp_path / "lifts.csv"
@@ -129,13 +133,14 @@ def read(tmp_path):
     return read_text
 
 
-def holds_the_readings(found):
-    assert found.angles == pytest.approx([math.radians(a) for a in ANGLES])
-    assert found.columns[0].lifts == pytest.approx([1e-3 * s for s in LIFTS])
+def assert_has_readings(readings):
+    """Check that a table contains `ANGLES` and `LIFTS`."""
+    assert readings.angles == pytest.approx([math.radians(a) for a in ANGLES])
+    assert readings.columns[0].lifts == pytest.approx([1e-3 * s for s in LIFTS])
 
 
 def test_forms_of_one_table(read):
-    """Separator, decimal mark, BOM, encoding, quotes, order, titles, comments: one table."""
+    """Separators, decimal marks, encodings, quotes, orders, titles and comments."""
     comma, semicolon = "angle_deg,lift_mm\n0,0\n10,0.25\n20,1.5\n", "0;0\n10;0,25\n20;1,5\n"
     for text in (
         comma,
@@ -152,13 +157,13 @@ def test_forms_of_one_table(read):
         "# gauge 3\nMeasured on Monday\n\nangle_deg,lift_mm\n0,0\n# again:\n10,0.25\n20,1.5\n",
         "angle_deg,lift_mm\n0°,0\n10°,2.5e-1\n20°,+1.5\n",
     ):
-        holds_the_readings(read(text))
-    # written to 0.01 mm
+        assert_has_readings(read(text))
+    # the lifts have two decimals of a mm
     assert read(comma).columns[0].resolution == pytest.approx(1e-5)
 
 
 def test_headings_in_several_languages(read):
-    """Accents and capitals do not matter, nor what Windows programs write, without Greek."""
+    """The encoding of Windows, which lacks Greek letters, is accepted."""
     for angle, lift in (
         ("Cam angle [deg]", "Displacement [mm]"),
         ("θ / °", "s / mm"),
@@ -174,52 +179,52 @@ def test_headings_in_several_languages(read):
     ):
         for encoding in ("utf-8", "cp1252"):
             text = f"{angle};{lift}\n0;0\n10;0,25\n20;1,5\n"
-            holds_the_readings(read(text.encode(encoding, "replace")))
+            assert_has_readings(read(text.encode(encoding, "replace")))
     assert read("angle_deg;lift\x07 of\x1f A mm\n0;0\n").columns[0].name == "lift of A mm"
 
 
-def test_what_is_not_said_is_assumed_and_said(read):
-    """No headings, or none with units: deg and mm, each with a sentence; few rad are rad."""
-    found = read("0 0\n10 0.25\n20 1.5\n355 0\n")
-    assert "no unit of angle in 'column 1': deg assumed" in found.notes
-    assert "no unit of length in 'column 2': mm assumed" in found.notes
-    assert found.notes[0] == "4 lines read, separator space, decimal point"
+def test_missing_units_are_assumed_and_reported(read):
+    """They are deg and mm. Angles up to one turn in rad are rad."""
+    readings = read("0 0\n10 0.25\n20 1.5\n355 0\n")
+    assert "no unit of angle in 'column 1': deg assumed" in readings.notes
+    assert "no unit of length in 'column 2': mm assumed" in readings.notes
+    assert readings.notes[0] == "4 lines read, separator space, decimal point"
     assert read("theta,s\n0,0\n3,1\n6.2,0\n").angles[1] == 3.0
     assert not any("assumed" in note for note in read("angle_deg,lift_mm\n0,0\n1,1\n").notes)
 
 
-def test_columns_of_lifts(read):
-    """Which is meant is asked for, or all are taken; another may hold words, or nothing."""
+def test_a_table_with_several_columns_of_lifts(read):
+    """All are read, or the requested column. Texts in other columns are ignored."""
     two = "angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n"
-    found = read(two)
-    assert [column.name for column in found.columns] == ["lift_a_mm", "lift_b_mm"]
-    assert found.columns[1].lifts == pytest.approx([0.0, 0.002])
-    assert "has 2 columns of lifts; allowed: one, so name it" in refusal(found.only_column)
-    assert "has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'" in refusal(read, two, "c")
+    readings = read(two)
+    assert [column.name for column in readings.columns] == ["lift_a_mm", "lift_b_mm"]
+    assert readings.columns[1].lifts == pytest.approx([0.0, 0.002])
+    assert "has 2 columns of lifts; allowed: one, so name it" in catch_error(readings.only_column)
+    assert "has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'" in catch_error(read, two, "c")
     text = "angle_deg;lift_a_mm;lift_b_mm;note\n0;0.0;n/a;x\n10;1.5;3,2;\n"
-    found = read(text, "lift_a_mm")
-    assert [column.name for column in found.columns] == ["lift_a_mm"]
-    assert found.columns[0].lifts == pytest.approx([0.0, 0.0015])
-    assert "lift_b_mm is 'n/a'; allowed: a number" in refusal(read, text, "lift_b_mm")
+    readings = read(text, "lift_a_mm")
+    assert [column.name for column in readings.columns] == ["lift_a_mm"]
+    assert readings.columns[0].lifts == pytest.approx([0.0, 0.0015])
+    assert "lift_b_mm is 'n/a'; allowed: a number" in catch_error(read, text, "lift_b_mm")
 
 
-def test_an_empty_cell_is_no_reading(read):
-    """Of its column alone, first rows and last; how many there are is said."""
-    found = read("angle_deg,lift_a_mm,lift_b_mm\n0,,0.0\n10,1,2\n20,,\n,,\n30,2,3\n")
-    assert [math.degrees(angle) for angle in found.angles] == pytest.approx([0, 10, 20, 30])
-    empty = [[math.isnan(lift) for lift in column.lifts] for column in found.columns]
+def test_an_empty_cell_is_a_missing_reading_of_its_column(read):
+    """The notes contain the number of empty cells."""
+    readings = read("angle_deg,lift_a_mm,lift_b_mm\n0,,0.0\n10,1,2\n20,,\n,,\n30,2,3\n")
+    assert [math.degrees(angle) for angle in readings.angles] == pytest.approx([0, 10, 20, 30])
+    empty = [[math.isnan(lift) for lift in column.lifts] for column in readings.columns]
     assert empty == [[True, False, True, False], [False, False, True, False]]
-    assert "2 empty cells in 'lift_a_mm': no reading" in found.notes
-    assert "1 empty cell in 'lift_b_mm': no reading" in found.notes
+    assert "2 empty cells in 'lift_a_mm': no reading" in readings.notes
+    assert "1 empty cell in 'lift_b_mm': no reading" in readings.notes
     gap = "angle_deg,lift_mm\n0,0\n,1\n10,2\n"
-    assert "line 3: angle_deg is empty beside a lift" in refusal(read, gap)
+    assert "line 3: angle_deg is empty beside a lift" in catch_error(read, gap)
 
 
-def test_what_cannot_be_read_is_said_in_one_line(read):
-    """File, line, value, what is allowed, and which separator was seen."""
+def test_wrong_tables_raise_an_error_of_one_line(read):
+    """It names file, line, value, allowed values and the detected separator."""
     comma = "allowed: a number, so correct the line or put # before it (separator seen: comma)"
     four = "winkel,hub\n0,0,0,0\n10,0,0,25\n"
-    for text, words in (
+    for text, expected in (
         ("", "lifts.csv: is empty; allowed: a heading and up to"),
         ("hello\nworld\n", "line 2: 'world' has no two numbers; allowed: lines of cam angle and"),
         ("angle,lift\n0,0\n5,x\n", f"line 3: lift is 'x'; {comma}"),
@@ -232,38 +237,40 @@ def test_what_cannot_be_read_is_said_in_one_line(read):
         ("angle_rad,angle_deg\n1,2\n", "2 of them are angles; allowed: one, such as angle_deg"),
         ("lift_mm,force_N\n1,2\n", "columns are 'lift_mm, force_N', allowed: one of an angle"),
     ):
-        message = refusal(read, text)
-        assert words in message
+        message = catch_error(read, text)
+        assert expected in message
         assert message.startswith("lifts.csv: ") and len(message) < 300
 
 
-def test_files_that_are_none(read, tmp_path):
-    """Missing, a folder, too long: named, with those that are there."""
+def test_files_that_cannot_be_read(read, tmp_path):
+    """The error of a missing file lists the existing files."""
     (tmp_path / "lift.csv").write_text("")
-    message = refusal(read_gauge_table, tmp_path / "lifts.csv")
+    message = catch_error(read_gauge_table, tmp_path / "lifts.csv")
     assert message.endswith("no such file; there are: lift.csv")
-    assert "cannot be read" in refusal(read_gauge_table, tmp_path)
-    assert "allowed: 2 MiB" in refusal(read, b"0 0\n" * 2**20)
-    assert f"has {MAX_LINES + 1} lines" in refusal(read, b"0 0\n" * (MAX_LINES + 1))
+    assert "cannot be read" in catch_error(read_gauge_table, tmp_path)
+    assert "allowed: 2 MiB" in catch_error(read, b"0 0\n" * 2**20)
+    assert f"has {MAX_LINES + 1} lines" in catch_error(read, b"0 0\n" * (MAX_LINES + 1))
 
 
 SIGNS = "0123456789.,;\t -e\n\r°\"'#mangle_deglift\u2028\x07"
 
 
 @given(st.one_of(st.binary(max_size=400), st.text(alphabet=SIGNS, max_size=300)))
-def test_any_bytes_are_read_or_refused_in_one_line(tmp_path_factory, data):
+def test_any_bytes_are_read_or_raise_an_error_of_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "any.csv"
     path.write_bytes(data if isinstance(data, bytes) else data.encode())
     try:
-        found = read_gauge_table(path)
+        readings = read_gauge_table(path)
     except ConfigError as error:
         assert len(str(error).splitlines()) == 1
     else:
-        assert len(found.angles) == len(found.lines) == len(found.columns[0].lifts)
+        assert len(readings.angles) == len(readings.lines) == len(readings.columns[0].lifts)
 
 
 @pytest.fixture
 def read_jumps(tmp_path):
+    """Function that reads a text as a table of jump speeds."""
+
     def read_text(text):
         path = tmp_path / "jumps.csv"
         path.write_text(text, encoding="utf-8")
@@ -273,34 +280,34 @@ def read_jumps(tmp_path):
 
 
 def test_jump_speeds_in_units_and_languages(read_jumps):
-    """The same two readings, however they are written; a missing unit is assumed and said."""
+    """Forms of the same two readings. A missing unit is assumed and reported."""
     for text in (
         "mass_kg,spring_N/m,rpm\n0.5,4030,412.5\n1,4030,380\n",
         "Masse [g];Federrate [N/mm];Drehzahl [1/min]\n500;4,03;412,5\n1000;4,03;380\n",
         "masa (kg)\tmuelle (kN/m)\tvelocidad (rpm)\n0.5\t4.03\t412.5\n1\t4.03\t380\n",
     ):
-        found = read_jumps(text)
-        assert found.columns == ("mass", "spring_stiffness")
-        assert [r.speed / RPM for r in found.readings] == pytest.approx([412.5, 380.0])
-        assert found.readings[0].known == pytest.approx({"mass": 0.5, "spring_stiffness": 4030.0})
-    found = read_jumps("preload,jump speed\n20,300\n")
-    assert found.readings[0].known == {"preload": 20.0}
-    assert sum("assumed" in note for note in found.notes) == 2
-    found = read_jumps("mass_kg,rpm\n0,300\n1,250\n")
-    assert np.isfinite([r.speed for r in found.readings]).all()
+        jumps = read_jumps(text)
+        assert jumps.columns == ("mass", "spring_stiffness")
+        assert [r.speed / RPM for r in jumps.readings] == pytest.approx([412.5, 380.0])
+        assert jumps.readings[0].known == pytest.approx({"mass": 0.5, "spring_stiffness": 4030.0})
+    jumps = read_jumps("preload,jump speed\n20,300\n")
+    assert jumps.readings[0].known == {"preload": 20.0}
+    assert sum("assumed" in note for note in jumps.notes) == 2
+    jumps = read_jumps("mass_kg,rpm\n0,300\n1,250\n")
+    assert np.isfinite([r.speed for r in jumps.readings]).all()
 
 
-def test_wrong_jump_speeds_are_refused(read_jumps):
-    """In a line; a unit is never taken for another: those that are known are listed."""
-    for text, words in (
+def test_wrong_jump_speeds_raise_an_error_of_one_line(read_jumps):
+    """The error of an unknown unit lists the known units."""
+    for text, expected in (
         ("mass_kg,lift_mm\n1,2\n", "jump speed"),
         ("1,2\n3,4\n", "no heading"),
         ("mass_kg,rpm\n1,-5\n", "line 2: speed"),
         ("mass_kg,rpm\n2,300\n1,x\n", "line 3: rpm is 'x'"),
         ("rpm,drehzahl\n300,300\n", "both hold"),
     ):
-        message = refusal(read_jumps, text)
-        assert words in message and "separator seen" in message
+        message = catch_error(read_jumps, text)
+        assert expected in message and "separator seen" in message
     for name in ("spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"):
-        message = refusal(read_jumps, f"{name},preload_N\n1,20\n")
+        message = catch_error(read_jumps, f"{name},preload_N\n1,20\n")
         assert "is unclear, because" in message and "allowed" in message

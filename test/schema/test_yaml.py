@@ -1,4 +1,4 @@
-"""YAML 1.2 within limits, and the shipped files: each loads, no number is without an origin."""
+"""The YAML parser with its limits, and the shipped files."""
 
 import math
 import warnings
@@ -14,13 +14,13 @@ from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.yaml_text import MAX_DEPTH, MAX_DIGITS, MAX_VALUES, parse_yaml
 
-from .conftest import refusal
+from .conftest import catch_error
 
 CONFIG = config_root()
 
 
 def test_scalars_are_those_of_yaml_1_2():
-    """Neither yes nor on is a truth, no date is made, and 1e3 is a number."""
+    """Texts such as yes, on and dates are texts, and 1e3 is a number."""
     scalars = {
         **{"1e3": 1000.0, "12e03": 12000.0, ".5": 0.5, "1.": 1.0, "1_000": 1000, "010": 10},
         **{"0o17": 15, "0x1F": 31, "0b101": 5, "-0b11": -3, "+.inf": math.inf, "TRUE": True},
@@ -28,17 +28,17 @@ def test_scalars_are_those_of_yaml_1_2():
     }
     texts = "yes no on off y tRUE 1:30 0o8 1e = 2001-01-01 2024-99-99"
     for text, value in (scalars | {word: word for word in texts.split()}).items():
-        found = parse_yaml(f"a: {text}")["a"]
-        assert found == value and type(found) is type(value), text
-    assert math.isnan(parse_yaml(".nan"))  # a number, though no file may hold it
+        parsed = parse_yaml(f"a: {text}")["a"]
+        assert parsed == value and type(parsed) is type(value), text
+    assert math.isnan(parse_yaml(".nan"))  # quantities must be finite
 
 
-def test_what_is_refused():
-    """One line, with the line of the file, the limit and no more of the text than that."""
+def test_unsupported_yaml_raises_an_error_of_one_line():
+    """It contains the line number and the limit, and only a short part of the text."""
     deep = "\n".join("  " * i + "a:" for i in range(40))
     bomb = "a0: &a0 [1, 1, 1]\n"
     bomb += "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, 9))
-    for text, words in (
+    for text, expected in (
         ("a: 1\nb: 2\na: 3\n", "line 3: duplicate key 'a'"),
         ("1: a\n1.0: b", "line 2: duplicate key '1.0'"),
         ("a:\n  - !foo 3", "line 2: tag '!foo' is not supported"),
@@ -57,26 +57,26 @@ def test_what_is_refused():
         ("[" * 1000, "line 1: nested too deeply; at most 32 levels"),
         (deep, "line 33: nested too deeply"),
     ):
-        message = refusal(parse_yaml, text)
-        assert message.startswith(f"not YAML: {words}") and len(message) < 200, message
+        message = catch_error(parse_yaml, text)
+        assert message.startswith(f"not YAML: {expected}") and len(message) < 200, message
     parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
     many = f"[{'1,' * MAX_VALUES}]"
-    assert f"line 1: more than {MAX_VALUES} values" in refusal(parse_yaml, many)
+    assert f"line 1: more than {MAX_VALUES} values" in catch_error(parse_yaml, many)
 
 
 def test_a_file_that_is_too_long_is_not_read(tmp_path):
-    """Ten megabytes of a title, and a device without an end."""
+    """Files are a title of 10 MB, and an endless device."""
     path = tmp_path / "long.yaml"
     path.write_text("title: '" + "word " * 2_000_000 + "'")
-    assert "long.yaml: has 9.54 MiB; allowed: 1 MiB" in refusal(read_yaml, path)
+    assert "long.yaml: has 9.54 MiB; allowed: 1 MiB" in catch_error(read_yaml, path)
     path.write_bytes(b"#" * MAX_BYTES)
     assert read_yaml(path) is None
-    words = "zero: is a pipe or a device; allowed: a file"
-    assert words in refusal(read_yaml, path.__class__("/dev/zero"))
+    expected = "zero: is a pipe or a device; allowed: a file"
+    assert expected in catch_error(read_yaml, path.__class__("/dev/zero"))
 
 
-def ruamel(text):
-    """What the parser of the comments-keeping editor reads, or an error."""
+def read_with_ruamel(text):
+    """Return the value that ruamel.yaml reads as text, or None for an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -85,38 +85,41 @@ def ruamel(text):
             return None
 
 
-def test_the_shipped_files_are_what_another_parser_reads():
-    """Which writes identified numbers back."""
+def test_ruamel_reads_the_same_values_from_the_shipped_files():
     for path in CONFIG.rglob("*.yaml"):
-        assert repr(read_yaml(path)) == ruamel(path.read_text(encoding="utf-8"))
+        assert repr(read_yaml(path)) == read_with_ruamel(path.read_text(encoding="utf-8"))
 
 
-WORDS = """1 -2 +3 1e3 1.5 .5 yes no on off true ~ null 0x1f 0o7 010 1_0 a 'a' "b" x:y http://x
+#: Values and signs of YAML.
+VALUES = """1 -2 +3 1e3 1.5 .5 yes no on off true ~ null 0x1f 0o7 010 1_0 a 'a' "b" x:y http://x
 #c 1:30 .inf -.INF - ? {} [] &a *a <<"""
-BEGINS, ENDS = ["", "  ", "- ", "a: ", "b: ", "  c: ", "[", "{a: "], ["", "]", "}", ",", " #x"]
-LINES = st.tuples(*map(st.sampled_from, (BEGINS, WORDS.split(), ENDS))).map("".join)
+#: Text before a value of a line.
+STARTS = ["", "  ", "- ", "a: ", "b: ", "  c: ", "[", "{a: "]
+#: Text after a value of a line.
+ENDS = ["", "]", "}", ",", " #x"]
+LINES = st.tuples(*map(st.sampled_from, (STARTS, VALUES.split(), ENDS))).map("".join)
 
 
 @given(st.lists(LINES, max_size=5).map("\n".join))
 @settings(max_examples=4 * settings.default.max_examples)
-def test_whatever_both_understand_both_read_alike(text):
-    """A second parser of YAML 1.2 is the judge wherever neither refuses."""
+def test_ruamel_reads_the_same_values_from_random_texts(text):
+    """Texts are ignored if one of the parsers raises an error."""
     try:
-        mine = repr(parse_yaml(text))
+        actual = repr(parse_yaml(text))
     except ConfigError:
         return
-    theirs = ruamel(text)
-    if theirs is not None and "[...]" not in theirs and "{...}" not in theirs:
-        assert mine == theirs
+    expected = read_with_ruamel(text)
+    if expected is not None and "[...]" not in expected and "{...}" not in expected:
+        assert actual == expected
 
 
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
-#: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.
+#: Keys of plain numbers without unit and origin: counts, degrees, fractions of the lift.
 BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}
 
 
 def quantities(node, key=""):
-    """Every mapping with a unit, and every number that stands alone, with its key."""
+    """Yield key and value of every mapping with a unit, and of every plain number."""
     if isinstance(node, dict) and "unit" in node:
         yield key, node
     elif isinstance(node, dict):
@@ -129,25 +132,25 @@ def quantities(node, key=""):
         yield key, node
 
 
-def test_every_file_loads_under_its_own_name_and_says_where_its_numbers_come_from():
-    """Given, assumed or identified; a cam's `numbers` are all of its file's, by their keys."""
+def test_shipped_files_have_their_names_and_every_number_an_origin():
+    """`CamConfig.numbers` contains all numbers of the file, by their paths."""
     for folder, load in LOADERS.items():
         for path in sorted((CONFIG / folder).glob("*.yaml")):
             config = load(path)
             assert config.name == path.stem
-            found = [] if folder == "published" else list(quantities(read_yaml(path)))
-            origins = [set(ORIGINS) & set(node) for _, node in found if isinstance(node, dict)]
-            assert all(len(one) == 1 for one in origins), path
-            assert {key for key, node in found if not isinstance(node, dict)} <= BARE, path
+            numbers = [] if folder == "published" else list(quantities(read_yaml(path)))
+            origins = [set(ORIGINS) & set(node) for _, node in numbers if isinstance(node, dict)]
+            assert all(len(names) == 1 for names in origins), path
+            assert {key for key, node in numbers if not isinstance(node, dict)} <= BARE, path
             if folder == "cams":
                 assert len(config.numbers()) == len(origins)
                 assert {"lift", "base_radius", "segments[0].span"} <= set(config.numbers())
 
 
-def test_library_prefers_the_scenes_own_folder(tmp_path):
-    own = tmp_path / "cams" / "poly345.yaml"
-    own.parent.mkdir()
-    own.touch()
+def test_library_prefers_the_folder_of_the_scene(tmp_path):
+    local = tmp_path / "cams" / "poly345.yaml"
+    local.parent.mkdir()
+    local.touch()
     library = Library.beside(tmp_path / "scenes" / "x.yaml")
-    assert library.path("cams", "poly345") == own
+    assert library.path("cams", "poly345") == local
     assert library.path("cams", "poly4567") == CONFIG / "cams" / "poly4567.yaml"

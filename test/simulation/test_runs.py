@@ -170,7 +170,7 @@ def test_any_division_gives_the_same_levels(divided, seed):
         try:
             loaded = divided(scene, ticks)
         except ConfigError as error:
-            assert "samples a tick" in str(error)
+            assert "samples per tick" in str(error)
             most = int(str(error).rpartition("up to ")[2])
             assert most < ticks
             loaded = divided(scene, most)

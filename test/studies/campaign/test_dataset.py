@@ -91,7 +91,7 @@ def test_a_full_disk_ends_in_one_line_and_leaves_nothing_half(dataset, tmp_path,
         monkeypatch.setattr("sys.dont_write_bytecode", True)  # else half of a module's stays
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
         try:
-            with pytest.raises(OutputError, match=r"cannot be written.*what is finished stays"):
+            with pytest.raises(OutputError, match=r"cannot be written.*finished batches are kept"):
                 full.write(measure_batch(campaign, 2, 5))
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -292,7 +292,7 @@ def test_a_killed_process_ends_the_run_in_a_line_and_resuming_makes_the_rest(alo
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         killing = Killing(lambda: next(iter(pool._processes)))
-        with dataset.opened(False), pytest.raises(RunError, match="what is finished stays"):
+        with dataset.opened(False), pytest.raises(RunError, match="finished batches are kept"):
             compute_missing(dataset, measure_batch, pool, 1, killing)
     assert dataset.missing() != []
     run(dataset, resume=True)
