@@ -164,7 +164,7 @@ class SpeedRows:
         first = round(float(tick.time[0]) * self._rate)
         span, turned = (first, first + tick.time.size), tick.turned(self._rate)
         statistics = self._statistics(tick, turned) if tick.steady else _TickStatistics()
-        for completed in self._turns.take(tick.start, tick.steady, turned, span, statistics):
+        for completed in self._turns.add(tick.start, tick.steady, turned, span, statistics):
             self._steps[key] = self._steps.get(key, _TickStatistics()) + completed
 
     def _statistics(self, tick: TickSamples, turned: float) -> _TickStatistics:
