@@ -28,10 +28,10 @@ from cam_rig.schema.load import (
 from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread
 from cam_rig.units import FloatArray
 
-#: One cam or several: names in ``config/cams``, paths or cams. One scene stands for its cams on its
-#: rig. None stands for the cams of the paper's Table 2.
+#: One cam or several: names in ``config/cams``, paths or cams. One scene means its cams on its rig.
+#: None means the cams of the paper's Table 2.
 Cams = str | Path | CamConfig | Sequence[str | Path | CamConfig] | None
-#: A rig: a name in ``config/rigs``, a path or a rig. None stands for the rig of the scene, or the
+#: A rig: a name in ``config/rigs``, a path or a rig. None means the rig of the scene, or the
 #: only rig next to the cams, or paper_table2.
 Rig = str | Path | RigConfig | None
 #: A scene: a name in ``config/scenes``, a path, or a result of `load_scene`.
@@ -81,7 +81,7 @@ def listed(cams: Cams) -> list[str | Path | CamConfig]:
 def named_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str, CamConfig]]:
     """Return each cam with its source: its file, or its name if it is a `CamConfig`.
 
-    An empty sequence stands for the cams of the paper's Table 2.
+    For an empty sequence, the cams of the paper's Table 2 are returned.
     """
     if not cams:
         cams = list(load_tables(tables_path()).table_2_jump)
@@ -171,7 +171,7 @@ def speeds_within(rpm: Speeds) -> list[float]:
 
 
 def scene_speeds(scene: str | Path, max_count: int) -> list[float]:
-    """Return up to `max_count` speeds (rpm) of a scene, including the lowest and the highest."""
+    """Return up to `max_count` speeds (rpm) of a scene, with its lowest and highest."""
     return spread(speeds_of(load_scene(named_path("scenes", scene))), max_count)
 
 

@@ -1,5 +1,6 @@
-"""Table of a run with one row per cam and speed: level, forces, lift-offs, landings and torque.
+"""Table of a run with one row per cam and speed.
 
+A row contains the sound level, forces, lift-offs, landings and torque.
 Everything except the level is computed from the samples. Samples that are simulated and samples
 that are read from a bag give the same row.
 """
@@ -25,7 +26,7 @@ OFF_THE_CAM = 1e-9
 
 @dataclass
 class FlightCount:
-    """Counter of the flights in successive blocks of samples, with the resolution of one sample."""
+    """Counter of the flights in successive blocks of samples, resolved to one sample."""
 
     min_gap: float  #: m; with a smaller gap the follower has not left the cam
     _length: int = field(default=0, init=False)  #: samples of the flight so far
@@ -129,7 +130,7 @@ class _TickStatistics:
 
 
 class SpeedRows:
-    """Accumulator of the samples of a run, tick by tick, into one row per cam and speed.
+    """Accumulator of the ticks of a run into one row per cam and speed.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ def _join(ticks: list[TickSamples]) -> Chunk:
 
 
 def write_csv(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: int) -> None:
-    """Write rows as CSV: one heading, the cam in the second column, numbers with all digits."""
+    """Write rows as CSV, with the cam in the second column and all digits of numbers."""
     time, *others = (column.name for column in COLUMNS)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join([time, CAM, *others]) + "\n")
@@ -170,7 +170,7 @@ def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int
 
 
 def write_parquet(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write rows as Parquet, one row group per chunk, with units and meanings in the schema."""
+    """Write rows as Parquet, one row group per chunk, with units in the schema."""
     with libraries_named():
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -245,7 +245,7 @@ def _require_no_gap(path: Path, times: np.ndarray, rate: int) -> None:
 
 
 def _comment(about: dict[str, str], start: float) -> bytes:
-    """Return the names and units of the channels, with the same length for any start time (s)."""
+    """Return names and units of the channels, of equal length for any start (s)."""
     names = ", ".join(f"{COLUMNS[i].name} [{COLUMNS[i].unit}]" for i in CHANNELS)
     run = ", ".join(f"{name} {text}" for name, text in about.items())
     text = f"channels: {names}; begins at {start:024.12f} s; {run}".encode()
@@ -337,7 +337,7 @@ def export(
 def _select(
     ticks: Iterable[TickSamples], cam: str | None, rpm: float | None, available: dict[str, None]
 ) -> Iterator[TickSamples]:
-    """Yield the ticks of a cam and a speed, and add the other cams and speeds to `available`."""
+    """Yield the ticks of a cam and a speed, and add other steps to `available`."""
     for tick in ticks:
         if tick.is_of(cam, rpm):
             yield tick

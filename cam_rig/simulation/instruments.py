@@ -50,13 +50,13 @@ class Signal:
 
 
 def pulls(force: FloatArray) -> bool:
-    """Return True if a measured contact force (N), shape `(n,)`, has the sign of a pull."""
+    """Return True if a measured contact force (N), `(n,)`, has the sign of a pull."""
     return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """Signals recorded of one cam on a machine. A signal that was not recorded is None."""
+    """Signals recorded of one cam on a machine, None if not recorded."""
 
     source: Path  #: the bag
     cam: str  #: name of the cam in the scene, empty if the bag does not contain it
@@ -80,7 +80,7 @@ MIN_COUNT_RAD = 1e-8
 
 
 def encoder_count(angle: FloatArray) -> float:
-    """Return the count (rad) of the encoder that measured an angle, or 0 if there is none.
+    """Return the count (rad) of the encoder of an angle, or 0 if it has no counts.
 
     Some counts may be missing in the readings. At least two different step sizes are required, and
     a step of zero is one of them: equal steps are those of a cam that turns at constant speed.

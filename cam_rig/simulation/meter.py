@@ -13,11 +13,11 @@ from cam_rig.units import FloatArray
 
 @dataclass
 class MeterSimulator:
-    """Sound-level meter that measures the sound of a scene, also used by the microphone node.
+    """Sound-level meter at a scene's microphone, also used by the microphone node.
 
     A new weighting starts a new measurement with the next block, while the sound continues. A
-    weighting that is changed and changed back between two blocks has no effect, because a recording
-    of it could not be repeated.
+    weighting that is changed and changed back between two blocks does not, because a recording of
+    it could not be repeated.
     """
 
     source: SoundSource
@@ -38,9 +38,9 @@ class MeterSimulator:
         return self._next.quantity
 
     def weigh(self, frequency: str, time: str) -> None:
-        """Set the frequency weighting and the time weighting, effective with the next block.
+        """Set the frequency and time weightings of the next block.
 
-        Setting the present weightings again has no effect.
+        The measurement continues if they are the present ones.
         """
         requested = SoundLevelMeter(self.source.rate, frequency, time)
         self._next = self.meter if requested.quantity == self.meter.quantity else requested

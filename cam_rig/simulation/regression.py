@@ -1,4 +1,4 @@
-"""Cubic regression of sound level over cam speed, as in the paper, and crossings of two of them.
+"""Cubic regression of sound level over cam speed, and crossings of regressions.
 
 The regressions are those of eq. 20-22 of the paper: level in dB over cam speed in rpm.
 """
@@ -47,7 +47,7 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def cubic(rpm: FloatArray) -> FloatArray:
-    """Return the matrix `(n, n)` from levels at n speeds to their regression at these speeds."""
+    """Return the matrix `(n, n)` from levels at n speeds to their regression."""
     powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
     return np.asarray(powers @ np.linalg.pinv(powers))
 
@@ -92,7 +92,7 @@ def nearest_crossing(
     scale: float,
     shift: float = 0.0,
 ) -> float | None:
-    """Return the crossing nearest to `near` (rpm), or None if there is no crossing.
+    """Return the crossing nearest to `near` (rpm), or None without a crossing.
 
     The other parameters are those of `crossings`.
     """
@@ -143,7 +143,7 @@ def compare(
 def _rmse(
     cam: str, rpm: FloatArray, level: FloatArray, published: PublishedNoise | None
 ) -> float | None:
-    """Return the r.m.s. of simulated level minus published regression, in the published range.
+    """Return the r.m.s. difference (dB) to the published regression, in its range.
 
     The result is None if no regression of the cam is published, or no speed is in the range.
     """
@@ -159,7 +159,7 @@ def _rmse(
 def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) -> float | None:
     """Return the speed (rpm) at which the regressions of the two published cams cross.
 
-    Of several crossings the nearest to the published speed is returned, or None if there is none.
+    It is the crossing nearest to the published speed, or None if the regressions do not cross.
     """
     if published is None or not set(published.crossover.between) <= set(curves):
         return None

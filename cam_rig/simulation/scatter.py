@@ -37,10 +37,10 @@ def scatter(angle: FloatArray, value: FloatArray) -> float:
 
 
 def off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
-    """Return the deviation of each value from the line through its neighbours by angle in the turn.
+    """Return the deviation of each value from the line through its neighbours.
 
-    The deviations are scaled to the scatter of a single value. The result has shape `(n - 2,)`, or
-    is empty for fewer than three values.
+    Neighbours are those by angle in the turn. The deviations are scaled to the scatter of a single
+    value. The result has shape `(n - 2,)`, or is empty for fewer than three values.
     """
     angle_in_turn = np.remainder(angle, TURN)
     order = np.argsort(angle_in_turn, kind="stable")

@@ -1,4 +1,4 @@
-"""Scene with every file that it names: mounted cams, rig, published curves, and level origins."""
+"""Scene with the files that it names: cams, rig and published curves."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ build_law = checked(laws.build_law)
 
 @checked
 def load_rig(rig: str | Path) -> RigConfig:
-    """Load a rig: masses, springs and dampers of the follower, the shaft and acoustic constants.
+    """Load a rig: the numbers of the follower, the shaft and the sound.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def load_rig(rig: str | Path) -> RigConfig:
 
 @checked
 def load_scene(scene: str | Path) -> LoadedScene:
-    """Load a scene, an experiment with cams on a rig at several speeds, with every file it names.
+    """Load a scene, an experiment with cams on a rig at several speeds.
 
     Parameters
     ----------
@@ -160,10 +160,10 @@ VALUE_RTOL = 1e-9
 
 
 def is_calibrated(rig: RigConfig, model: str) -> bool:
-    """Return True if the acoustic constants were fitted with this model and the rig's follower.
+    """Return True if the acoustic constants are valid for this model and follower.
 
-    Constants of the shipped rig are valid for its follower and `MODEL` only. Other constants state
-    model and follower in the source of the gain, and are accepted without this statement.
+    They must have been fitted. Constants of the shipped rig are valid for its follower and `MODEL`
+    only. Others are valid for the model and follower in the source of the gain, if it names them.
     """
     radiation, shipped = rig.radiation, _shipped_rig()
     if radiation is None or not radiation.gain.origin == radiation.corner.origin == "identified":
@@ -176,12 +176,12 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
 
 
 def calibrated_on(rig: RigConfig, model: str) -> str:
-    """Return the cam to whose levels a rig was fitted with this model, empty if not calibrated."""
+    """Return the cam to whose levels a rig was fitted, empty if not calibrated."""
     return (rig.calibrated_on or "measured levels") if is_calibrated(rig, model) else ""
 
 
 def fitted_with(rig: RigConfig, model: str) -> str:
-    """Return model and follower as text in SI units, as ``cam-rig fit sound`` writes them."""
+    """Return model and follower in SI units as text, for the source of a fit."""
     numbers = ((key, number) for key, number in rig.follower if number)
     texts = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in numbers)
     return ", ".join((model, *texts))
@@ -211,7 +211,7 @@ def _shipped_rig() -> RigConfig:
 class LoadedScene:
     """Scene with its cams, laws and rig, all validated.
 
-    A scene that is made from arguments has no files.
+    The files are empty for a scene that is made from arguments.
     """
 
     scene: SceneConfig
@@ -257,7 +257,7 @@ class LoadedScene:
         return f"sound level left out: rig {self.rig.name} has no {keys}" if keys else ""
 
     def require_numbers(self) -> None:
-        """Raise `ConfigError` if the rig lacks a number of the scene's model or of its sound."""
+        """Raise `ConfigError` if the rig lacks a number of the model or of the sound."""
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
@@ -303,7 +303,7 @@ class LoadedScene:
 
     @property
     def calibrated(self) -> bool:
-        """True if the levels of the scene are absolute, False if only differences are valid."""
+        """True if the levels are absolute, False if only their differences are valid."""
         return is_calibrated(self.rig, self.scene.model)
 
     def level_origin(self, cam: str) -> LevelOrigin:
@@ -316,7 +316,7 @@ class LoadedScene:
         return origin
 
     def fitted_origin(self, cam: str) -> LevelOrigin:
-        """Return the origin of a cam's level according to the sources in the rig and cam files."""
+        """Return the origin of a cam's level according to the files of rig and cam."""
         if cam == self.rig.calibrated_on:
             return LevelOrigin.CALIBRATED
         source = self.cams[cam].identified_from
@@ -324,7 +324,7 @@ class LoadedScene:
         return LevelOrigin.IDENTIFIED if source and is_known else LevelOrigin.PREDICTED
 
     def published_levels(self, cam: str, rpm: FloatArray) -> FloatArray:
-        """Return the published levels (dB) of a cam at speeds in rpm, shape `(n,)`, for a fit.
+        """Return the published levels (dB) of a cam at speeds in rpm, shape `(n,)`.
 
         Raises
         ------
@@ -382,7 +382,7 @@ ARROW = 0.5
 
 
 def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
-    """Maximum contact force (N) of a follower that stays in contact at a speed (rad/s)."""
+    """Return the maximum contact force (N) at a speed (rad/s), always in contact."""
     return force_extremes(loaded.laws[cam], loaded.follower, speed)[1]
 
 

@@ -1,4 +1,4 @@
-"""Schedule of the drive: the speeds of a scene as a sequence of cam states, one per tick.
+"""Schedule of the drive: the speeds of a scene as cam states, one per tick.
 
 A step is the time that one cam turns at one speed. Ramps to its speed are not part of it.
 """
@@ -18,10 +18,11 @@ from cam_rig.units import NS, TURN
 
 @dataclass(frozen=True)
 class CamState:
-    """Cam angle and speed at a time. The cam turns from it to the next state evenly or on a ramp.
+    """Cam angle and speed at a time.
 
-    The whole turns of the angle are counted separately, so its accuracy does not depend on the
-    number of turns. Whole turns in a given angle are moved to `turns`.
+    The cam turns to the next state at constant speed or on a ramp. The whole turns of the angle are
+    counted separately, so its accuracy does not depend on their number. Whole turns in a given
+    angle are moved to `turns`.
     """
 
     time_ns: int  #: rig time
@@ -128,14 +129,14 @@ def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
 
 
 def _steady_tick(start_ns: int, stop_ns: int, speed: float) -> Interval:
-    """Return a tick at a speed that is constant since time and angle 0, with an exact angle."""
+    """Return a tick at a speed that is constant since time 0, with an exact angle."""
     turned = Fraction(speed) * start_ns / NS
     whole = turned // Fraction(TURN)
     return Interval(start_ns, stop_ns, float(turned - whole * Fraction(TURN)), speed, 0.0, whole)
 
 
 def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list[Interval]:
-    """Return the ticks of the ramp to a speed, not longer than a tick at its higher speed."""
+    """Return the ticks of a ramp, not longer than a tick at its higher speed."""
     if scene.program.ramp is None or previous_speed == speed:
         return []
     length = round(scene.program.ramp.si * NS)

@@ -1,4 +1,4 @@
-"""Simulation of a scene in one process, without ROS. The nodes use the same classes."""
+"""Simulation of a scene in one process, with the classes that the nodes use."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class MeasuredTick:
     def between(
         cls, start: CamState, end: CamState, pressure: float, sample_rate: int
     ) -> MeasuredTick:
-        """Return the tick from one cam state to the next, with samples at `sample_rate` (Hz)."""
+        """Return the tick between two cam states, with samples at `sample_rate` (Hz)."""
         interval = start.until(end)
         count = interval.grid(sample_rate).count
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
@@ -49,9 +49,9 @@ STOP_ATOL_S = 0.1
 
 @dataclass
 class Settling:
-    """Detector of the settled ticks: those after the first turns of one cam at one speed (a step).
+    """Detector of the settled ticks of a run.
 
-    Ticks on a ramp are not settled.
+    They are those after the first turns of a step, the time of one cam at one speed.
     """
 
     turns: float  #: number of turns left out at the start of each step
@@ -73,7 +73,7 @@ class Settling:
 
 
 def _continues(last: CamState, start: CamState) -> bool:
-    """Return True if a cam turned at one speed between two states, with any others missing."""
+    """Return True if a cam turned at one speed between two states."""
     if (start.cam, start.speed) != (last.cam, last.speed):
         return False
     return abs((start.time_ns - last.time_ns) / NS - start.since(last) / last.speed) < STOP_ATOL_S
@@ -84,7 +84,7 @@ Part = TypeVar("Part")
 
 @dataclass
 class WholeTurns(Generic[Part]):
-    """Collector of settled ticks into whole turns: a mean over part of a turn has no meaning."""
+    """Collector of settled ticks into whole turns."""
 
     settling: Settling
     _parts: list[Part] = field(default_factory=list, init=False)
@@ -115,7 +115,7 @@ class WholeTurns(Generic[Part]):
 
 
 class StepLevels:
-    """Level in dB by cam and speed (rad/s): the energy mean over the whole settled turns of a step.
+    """Energy mean level in dB over whole settled turns, by cam and speed (rad/s).
 
     Each tick is weighted by its number of samples, not by its duration. Ticks of equal duration may
     differ by one sample, and the level must not depend on the number of ticks per turn.
@@ -127,7 +127,7 @@ class StepLevels:
         self._turns = WholeTurns[MeasuredTick](Settling(settle_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
-        """Add a tick, and return the new level if it completes a turn, otherwise None."""
+        """Add a tick, and return the new level if it completes a turn, else None."""
         if tick.pressure is None:
             return None
         start, span = tick.start, (tick.start.time_ns, tick.stop_ns)
@@ -242,10 +242,10 @@ class FollowerSimulator:
         return cls(model, model.parameters(loaded.rig), rate, dict(loaded.laws))
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
-        """Simulate the tick that ends at a cam state, and return the follower's state and samples.
+        """Simulate the tick that ends at a cam state.
 
-        The result is None for the first cam state, and if the cam does not turn. On a new cam the
-        next tick starts at rest.
+        The follower's state and samples are returned, or None at the first cam state and if the cam
+        does not turn. On a new cam the next tick starts at rest.
         """
         start, start_state, pending_impulse = self.last, self.state, self.pending_impulse
         self.put_down(state)
@@ -280,7 +280,7 @@ class MicrophoneSimulator:
         return cls(loaded.radiation, int(loaded.scene.sample_rate.si))
 
     def listen(self, block_rows: FloatArray, speed: float) -> float:
-        """Return the r.m.s. pressure (Pa) over a block, `(6, n)` rows, at a cam speed (rad/s)."""
+        """Return the r.m.s. pressure (Pa) over a block `(6, n)` at a cam speed (rad/s)."""
         block = Samples(block_rows)
         self.state, pressure = rms_pressure(
             self.parameters, self.state, block.force, block.impulse, self.sample_rate, speed

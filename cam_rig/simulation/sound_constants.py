@@ -1,4 +1,4 @@
-"""Least-squares fit of the two acoustic constants of a rig to the levels of one or more cams."""
+"""Least-squares fit of the two acoustic constants of a rig to levels of cams."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class PublishedCam:
 
 @dataclass(frozen=True, eq=False)
 class SteadyTurns:
-    """Periodic sound, in closed form, of a cam that keeps contact at all `speeds` (rad/s)."""
+    """Periodic sound in closed form of a cam that keeps contact at all speeds."""
 
     law: Law
     follower: FollowerParameters
-    speeds: FloatArray
+    speeds: FloatArray  #: rad/s
 
     def every(self, step: int) -> SteadyTurns:
         """Return every `step`-th speed only."""
