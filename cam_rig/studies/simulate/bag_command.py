@@ -74,7 +74,7 @@ def export(
     *,
     progress: Progress,
 ) -> None:
-    """Write every sample of a run to a file, with the name, speed and angle of the cam.
+    """Write every sample of a run to a file, with name, speed and angle of the cam.
 
     Columns: time_s, cam, rpm, angle_rad, angle_in_turn_rad, lift_m, velocity_m_s,
     acceleration_m_s2, force_N, impulse_N_s. The schema of a Parquet file contains units and
