@@ -1,4 +1,4 @@
-"""Charts of Rerun recordings that are drawn in the plane, and streams into recording files.
+"""Charts drawn in the plane for Rerun, and streams into recording files.
 
 Rerun has no plot with a quantity other than time along x, and its bar charts have no common scale.
 """
@@ -90,7 +90,7 @@ class Axes:
         x: Mapping[float, str],
         y: Mapping[float, str],
     ) -> None:
-        """Draw the frame, a line at each marked y, and the labels of all marks, as static data.
+        """Draw the frame, a line at each marked y, and all labels, as static data.
 
         `x` and `y` contain the labels by the value of the mark.
         """
@@ -132,7 +132,7 @@ class Axes:
 def plane_view(
     origin: str, name: str, x: Sequence[float], y: Sequence[float], **more: Any
 ) -> rrb.Spatial2DView:
-    """Return a view of the entities below `origin`, with ranges of x and y in the plane."""
+    """Return a view of the entities below `origin`, with ranges in the plane."""
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, **more)
 
@@ -167,9 +167,10 @@ def round_range(low: float, high: float) -> tuple[float, float, float]:
 
 
 def tens_range(low: float, high: float) -> tuple[float, float]:
-    """Return the ends of an axis with numbers set by Rerun, at multiples of a power of ten.
+    """Return the ends of an axis with numbers that Rerun sets, at powers of ten.
 
-    The axis contains at least three of them, and a margin of `ABOVE` above the highest.
+    The axis contains at least three multiples of a power of ten, and a margin of `ABOVE` above the
+    highest.
     """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
@@ -183,7 +184,10 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
 
 
 def step_marks(low: float, high: float, step: float, max_count: int = 4) -> dict[float, str]:
-    """Return the labels of two to `max_count` values, including 0, on an axis of `round_range`."""
+    """Return the labels of two to `max_count` values on an axis of `round_range`.
+
+    Zero is one of the values.
+    """
     for stride in (1, 2, 3, 4):
         first, last = np.ceil(low / step / stride - 1e-9), np.floor(high / step / stride + 1e-9)
         if last - first < max_count:
