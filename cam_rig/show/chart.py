@@ -1,6 +1,6 @@
 """Charts drawn in the plane for Rerun, and streams into recording files.
 
-Rerun has no plot with a quantity other than time along x, and its bar charts have no common scale.
+Rerun plots quantities over time only, and its bar charts do not have a common scale.
 """
 
 from __future__ import annotations
@@ -237,13 +237,10 @@ def chart_stream(
     time_options: dict[str, Any] = {"state": "hidden"}
     if timeline:
         time_options = {"state": "collapsed", "timeline": timeline}
-    panels = (
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(**time_options),
-    )
-    container = rrb.Tabs(*views) if len(views) > 1 else views[0]
-    blueprint = rrb.Blueprint(container, *panels, auto_views=False, auto_layout=False)
+    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    tabs = rrb.Tabs(*views) if len(views) > 1 else views[0]
+    parts = tabs, *panels, rrb.TimePanel(**time_options)
+    blueprint = rrb.Blueprint(*parts, auto_views=False, auto_layout=False)
     with rrd_stream(path, name, blueprint) as stream:
         yield stream
 

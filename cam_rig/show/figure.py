@@ -1,7 +1,7 @@
-"""Common parts of figures on paper: style sheet, empty figure, axes and looks of cams.
+"""Common parts of figures on paper: style sheet, figure, axes and curves.
 
 Figures are made without pyplot. They do not need a screen, and do not change the state of
-matplotlib. Looks can be distinguished in print and by colour-blind readers.
+matplotlib. Cams can be distinguished in print and by colour-blind readers.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def write(
 
 
 def logarithmic(*axes: Axis) -> None:
-    """Set the ticks of logarithmic axes at 1, 3 and 10, or at 1 and 10 over many decades."""
+    """Set the ticks of logarithmic axes to 1, 3 and 10, without 3 over many decades."""
     for axis in axes:
         low, high = axis.get_view_interval()
         is_wide = math.log10(high / low) > MAX_DECADES
@@ -98,9 +98,9 @@ def turn_axis(axes: Axes, step: int = 60) -> None:
 
 
 def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None = None) -> None:
-    """Shade the whole height of the axes at the x `(n,)` that satisfy a condition `(n,)`.
+    """Shade the whole height of the axes, in the colour of lost contact.
 
-    The colour is that of lost contact.
+    `where` `(n,)` is True at the values of `x` `(n,)` that are shaded.
     """
     axes.fill_between(
         x,
@@ -135,12 +135,12 @@ def colour(cam: str) -> str:
 
 
 def series(index: int) -> dict[str, Any]:
-    """Return colour and dash of one of several curves that are not cams, by its index."""
+    """Return colour and dash of the index-th curve that does not belong to a cam."""
     return {"color": web(SERIES[index % len(SERIES)]), "ls": DASHES[index % len(DASHES)]}
 
 
 def series_marker(index: int) -> dict[str, Any]:
-    """Return colour and marker of one of several curves that are not cams, by its index."""
+    """Return colour and marker of the index-th curve that does not belong to a cam."""
     return {"color": web(SERIES[index % len(SERIES)]), "marker": MARKERS[index % len(MARKERS)]}
 
 
@@ -154,7 +154,7 @@ MAX_OVERLAP_IN = 0.02
 
 @styled
 def strips(figure: Figure) -> list[tuple[float, float]]:
-    """Return the lower and upper end of each strip of a figure, the highest strip first.
+    """Return the lower and upper end of each strip of a figure, from top to bottom.
 
     The ends are in inches above the lower edge of the figure. Texts above and below all panels
     belong to the nearest strip. The layout of the figure is computed here, and fixed afterwards.
@@ -192,7 +192,7 @@ def write_strip(
 
 
 def _visible_artists(figure: Figure) -> Iterator[tuple[Artist, tuple[float, float]]]:
-    """Yield visible panels, legends and texts, with their lower and upper end in inches."""
+    """Yield visible panels, legends and texts with their lower and upper end, inches."""
     for artist in (*figure.axes, *figure.legends, *figure.texts):
         box = artist.get_tightbbox() if artist.get_visible() else None
         if box is not None:

@@ -28,7 +28,16 @@ from cam_rig.schema import load_rig, load_scene, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.show import looks as pictures
 from cam_rig.show.figure import WIDTH, empty, logarithmic, series, styled, write
-from cam_rig.show.looks import COLOURS, DASHES, NAMES, SAME, CamLook, cam_look, of_cam, web
+from cam_rig.show.looks import (
+    COLOURS,
+    DASHES,
+    EQUAL_RISES,
+    LISTED_NAMES,
+    CamLook,
+    cam_look,
+    of_cam,
+    web,
+)
 from cam_rig.simulation.asked import asked_cams
 from cam_rig.simulation.regression import compare
 from cam_rig.simulation.scene import open_scene

@@ -254,8 +254,7 @@ class ListenResult(Result):
             f"peak {measured.peak_pa:.3g} Pa"
         ]
         for weighting, description in WEIGHTED.items():
-            symbol = f"L{weighting}"
-            weighted = {n: x for n, x in measured.levels.items() if n.startswith(symbol)}
+            weighted = {n: x for n, x in measured.levels.items() if n.startswith(f"L{weighting}")}
             levels = ", ".join(f"{name} {level:.1f}" for name, level in weighted.items())
             lines.append(f"{description}: {levels} dB")
         lines.append(f"class 1 up to {measured.class_1_up_to_hz / 1000.0:g} kHz")
