@@ -220,7 +220,7 @@ def require_free(path: Path, overwrite: bool) -> None:
     if path.is_dir():
         raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
-        raise ConfigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
+        raise ConfigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd")
     if path.exists() and not overwrite:
         raise CamRigError(f"{path}: exists already, not overwriting; name another, or use --force")
 
@@ -292,4 +292,4 @@ def _require_complete(part: Path) -> None:
         with warnings.catch_warnings(action="ignore"):
             RrdReader(part).recordings()
     except RuntimeError as error:
-        raise OSError(f"it is not whole; is the disk full? {error}") from None
+        raise OSError(f"it is incomplete; is the disk full? {error}") from None

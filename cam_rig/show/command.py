@@ -178,7 +178,7 @@ class StrictCommand(TyperCommand):
         repeated = [p for p, count in counts.items() if count > 1 and not p.multiple]
         if repeated and not any(p.is_eager for p in counts):
             name, count = max(repeated[0].opts, key=len), counts[repeated[0]]
-            print(f"cam-rig: {name}: stands {count} times; allowed: once", file=sys.stderr)
+            print(f"cam-rig: {name}: is given {count} times; allowed: once", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code)
         return super().parse_args(ctx, args)
 

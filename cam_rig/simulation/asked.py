@@ -116,15 +116,14 @@ def own_rig(cams: Sequence[Path], default: str = RIG) -> Path:
     folders = sorted({cam.parent.parent / "rigs" for cam in user_cams})
     rigs = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
     if len(rigs) == 1:
-        _print_note(f"rig {rigs[0]}, the only one beside the cam; another may be named")
+        _print_note(f"rig {rigs[0]}, the only one next to the cam; name a rig to use another")
         return rigs[0]
     if rigs:
         more = f" and {len(rigs) - MAX_LISTED_RIGS} more" if len(rigs) > MAX_LISTED_RIGS else ""
         names = ", ".join(map(str, rigs[:MAX_LISTED_RIGS])) + more
-        raise ConfigError(f"beside the cam there are {len(rigs)} rigs; allowed: one, named {names}")
-    _print_note(
-        f"rig {default}, a shipped one: beside the cam there is no rig; another may be named"
-    )
+        raise ConfigError(f"next to the cam are {len(rigs)} rigs; allowed: name one of {names}")
+    note = f"rig {default}, a shipped one, as no rig is next to the cam; name a rig to use another"
+    _print_note(note)
     return rig_path(default)
 
 

@@ -208,7 +208,7 @@ MAX_BYTES = 2**32 - 2**16
 #: Format code of floating-point samples in a WAV file (WAVE_FORMAT_IEEE_FLOAT).
 IEEE_FLOAT = 3
 #: End of the messages on runs that a WAV file cannot contain.
-REMEDY = "so name one --cam and --rpm, or write .parquet, .npz or .csv"
+REMEDY = "so select one --cam and --rpm, or write .parquet, .npz or .csv"
 
 
 def write_wav(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
@@ -228,7 +228,7 @@ def write_wav(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: 
             _require_no_gap(path, times if last is None else np.append(last, times), rate)
             last, rows = times[-1], rows + times.size
             if rows * 4 * len(CHANNELS) > MAX_BYTES:
-                raise OutputError(f"{path}: more than 4 GiB; allowed: what WAV can hold, {REMEDY}")
+                raise OutputError(f"{path}: more than 4 GiB; allowed: less in a WAV file, {REMEDY}")
             file.write(chunk.numbers[CHANNELS, :].T.astype("<f4").tobytes())
         file.seek(0)
         file.write(_header(rows, rate, _comment(about, start)))
@@ -240,7 +240,7 @@ def _require_no_gap(path: Path, times: np.ndarray, rate: int) -> None:
         i = int(np.argmax(steps != 1.0))
         raise OutputError(
             f"{path}: no samples from {times[i]:.6g} to {times[i + 1]:.6g} s; allowed: a sound "
-            f"file has no gaps, {REMEDY}"
+            f"file without gaps, {REMEDY}"
         )
 
 

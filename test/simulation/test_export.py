@@ -162,5 +162,7 @@ def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypa
 def test_a_wav_larger_than_its_format_is_an_error(tmp_path, run, monkeypatch):
     """The sizes in a WAV file are 32-bit numbers."""
     monkeypatch.setattr(exporting, "MAX_BYTES", 10_000)
-    with pytest.raises(OutputError, match=r"more than 4 GiB; allowed: what WAV can hold, so name"):
+    with pytest.raises(
+        OutputError, match=r"more than 4 GiB; allowed: less in a WAV file, so select"
+    ):
         run.export(tmp_path / "a.wav")

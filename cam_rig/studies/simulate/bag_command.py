@@ -111,7 +111,7 @@ def export(
         except ConfigError as error:
             if is_there(path):
                 raise
-            raise ConfigError(f"{source}: no such bag, nor scene: {error}") from None
+            raise ConfigError(f"{source}: is neither a bag nor a scene: {error}") from None
         ticks = turned_ticks(loaded)
     progress.start(tick_count(loaded.scene), loaded.scene.name)
     contents = write_samples(to, _track(ticks, progress), loaded, cam, rpm)

@@ -59,8 +59,8 @@ def listen(
     check_place(out)
     if seconds is not None and rpm is None:
         raise ConfigError(
-            f"--seconds is {seconds:g} without --rpm, and the scene's program has its own "
-            "times; allowed: both, or neither"
+            f"--seconds is {seconds:g} without --rpm; allowed: both, or neither for the times of "
+            "the scene's program"
         )
     loaded = audition(asked_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
     result = record(loaded, RATE, out, progress)

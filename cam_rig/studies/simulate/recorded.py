@@ -46,7 +46,7 @@ def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
             pressures.update([value])
     if unknown := {state.cam for state in states} - set(loaded.laws):
         raise BagError(
-            f"{bag}: holds {', '.join(sorted(unknown))}; allowed: the cams of scene "
+            f"{bag}: contains {', '.join(sorted(unknown))}; allowed: the cams of scene "
             f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
         )
     rate = int(loaded.scene.sample_rate.si)
