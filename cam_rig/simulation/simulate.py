@@ -73,7 +73,7 @@ class Settling:
 
 
 def _continues(last: CamState, start: CamState) -> bool:
-    """Return True if a cam turned at one speed between two states."""
+    """Return True if a cam turned at one speed between two states, adjacent or not."""
     if (start.cam, start.speed) != (last.cam, last.speed):
         return False
     return abs((start.time_ns - last.time_ns) / NS - start.since(last) / last.speed) < STOP_ATOL_S
@@ -84,7 +84,7 @@ Part = TypeVar("Part")
 
 @dataclass
 class WholeTurns(Generic[Part]):
-    """Collector of settled ticks into whole turns."""
+    """Collector of settled ticks into whole turns: less than a turn has no mean."""
 
     settling: Settling
     _parts: list[Part] = field(default_factory=list, init=False)
