@@ -338,8 +338,8 @@ def simulate(
 #: Sample rate of `settled_turns`, Hz. Levels are within 0.003 dB of those at 384 kHz
 #: (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
-#: Center of the speed response, a polynomial of (rpm − 300)/100, rpm: the middle of 200 to 400.
-RESPONSE_CENTER_RPM = 300.0
+#: Centre of the speed response, a polynomial of (rpm − 300)/100, rpm: the middle of 200 to 400.
+RESPONSE_CENTRE_RPM = 300.0
 #: Unit of the argument of the speed response, rpm: the half of that range.
 RESPONSE_SCALE_RPM = 100.0
 
@@ -437,7 +437,7 @@ class Acoustics:
         """
         r = self.radiation
         background = np.array([r.background_power(float(speed)) for speed in turns.speeds])
-        x = (to_rpm(turns.speeds) - RESPONSE_CENTER_RPM) / RESPONSE_SCALE_RPM
+        x = (to_rpm(turns.speeds) - RESPONSE_CENTRE_RPM) / RESPONSE_SCALE_RPM
         response = np.polynomial.polynomial.polyval(x, (0.0, *self.response))
         contact = r.gain**2 * turns.contact_power(r.corner_rate) * 10.0 ** (response / 10)
         return level_db(np.sqrt(background + contact + turns.landing_power(r)))
