@@ -1,6 +1,6 @@
-"""A chart in the plane, with axes of its own: for what Rerun has no plot.
+"""Charts drawn in the plane for Rerun, and streams into recording files.
 
-Its plots have time along x, and its bars have no common scale.
+Rerun plots quantities over time only, and its bar charts do not have a common scale.
 """
 
 from __future__ import annotations
@@ -23,21 +23,37 @@ from cam_rig.show import looks as colours
 from cam_rig.show.tables import typeset_number
 from cam_rig.units import FloatArray
 
-#: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
-THIN, UNSEEN = -0.5, -0.1
-#: Room for the words around the axes, as shares of width and height: left, right, above, below.
-MARGINS = (0.17, 0.05, 0.1, 0.12)
-#: Room above the highest number of an axis over time, as a share of what is below it.
+#: Radius of a thin line. Rerun takes a negative radius in points of the screen, not in the plane.
+THIN = -0.5
+#: Radius of a point that is not visible, behind a label, in points of the screen.
+UNSEEN = -0.1
+#: Margin for labels on the left of the axes, as a fraction of their width.
+LEFT_MARGIN = 0.17
+#: Margin on the right of the axes, as a fraction of their width.
+RIGHT_MARGIN = 0.05
+#: Margin above the axes, as a fraction of their height.
+TOP_MARGIN = 0.1
+#: Margin for labels below the axes, as a fraction of their height.
+BOTTOM_MARGIN = 0.12
+#: Margin above the highest number of an axis over time, as a fraction of the range below it.
 ABOVE = 0.05
 
 
 @dataclass(frozen=True)
 class Axes:
-    """From two quantities to the plane; its y is down, as in Rerun.
+    """Axes that map two quantities to the plane, in which y points down as in Rerun.
 
-    ``x`` and ``y``: what is shown, from and to; ``width`` and ``height``: the plane's size, any
-    unit; ``top``: where its upper edge is in the plane; ``raised``: share of the height by which
-    words beside y stand above their mark, for they hang.
+    Parameters
+    ----------
+    x, y : tuple of float
+        Lowest and highest value on the axis.
+    width, height : float
+        Size of the axes in the plane, any unit.
+    raised : float
+        Distance of a y label above its mark, as a fraction of the height. Rerun draws a label below
+        its position.
+    top : float
+        Position of the upper edge in the plane.
     """
 
     x: tuple[float, float]
@@ -48,21 +64,23 @@ class Axes:
     top: float = 0.0
 
     def place(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """``(n, 2)`` points in the plane."""
+        """Return the points `(n, 2)` in the plane of values x and y, each `(n,)`."""
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return np.column_stack([across * self.width, self.top + (1.0 - up) * self.height])
 
     def bounds(
-        self, right: float = MARGINS[1], below: float = MARGINS[3]
+        self, right: float = RIGHT_MARGIN, below: float = BOTTOM_MARGIN
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Range of x and y of a view of it all, with shares of width and height left free."""
-        left, _, above, _ = MARGINS
-        x = -left * self.width, (1.0 + right) * self.width
-        return x, (-above * self.height, (1.0 + below) * self.height)
+        """Return the ranges of x and y, in the plane, of a view of the axes with margins.
+
+        `right` and `below` are margins as fractions of width and height.
+        """
+        x = -LEFT_MARGIN * self.width, (1.0 + right) * self.width
+        return x, (-TOP_MARGIN * self.height, (1.0 + below) * self.height)
 
     def view(self, origin: str, name: str, right: float, below: float) -> rrb.Spatial2DView:
-        """A view of what is drawn at ``origin``, with shares of width and height left free."""
+        """Return a view of the entities below `origin`, with the margins of `bounds`."""
         return plane_view(origin, name, *self.bounds(right, below))
 
     def draw(
@@ -72,63 +90,73 @@ class Axes:
         x: Mapping[float, str],
         y: Mapping[float, str],
     ) -> None:
-        """Draw the frame, a line at each marked y, and the words of all marks, once for all."""
+        """Draw the frame, a line at each marked y, and all labels, as static data.
+
+        `x` and `y` contain the labels by the value of the mark.
+        """
         lines = rr.LineStrips2D(self.grid(y), colors=colours.GREY, radii=THIN)
         stream.log(entity, lines, static=True)
         self.draw_words(stream, f"{entity}/x", self.under(x), x)
         self.draw_words(stream, f"{entity}/y", self.beside(y), y)
 
     def grid(self, y: Mapping[float, str]) -> list[FloatArray]:
-        """Strips of the frame, and of a line at each marked y."""
+        """Return the strips of the frame and of a line at each marked y."""
         (left, right), (low, high) = self.x, self.y
         frame = self.place(np.array([left, left, right]), np.array([high, low, low]))
-        return [frame, *(self.place(np.array([left, right]), np.array([at, at])) for at in y)]
+        return [frame, *(self.place(np.array([left, right]), np.array([v, v])) for v in y)]
 
     def under(self, x: Mapping[float, str]) -> FloatArray:
-        """``(n, 2)`` where the words of marked x hang."""
-        along = np.array([*x])
-        places = self.place(along, np.full_like(along, self.y[0]))
-        return places + np.array([0.0, 0.01 * self.height])
+        """Return the positions `(n, 2)` of the labels of marked x."""
+        values = np.array([*x])
+        marks = self.place(values, np.full_like(values, self.y[0]))
+        return marks + np.array([0.0, 0.01 * self.height])
 
     def beside(self, y: Mapping[float, str]) -> FloatArray:
-        """``(n, 2)`` where the words of marked y hang."""
-        up = np.array([*y])
+        """Return the positions `(n, 2)` of the labels of marked y."""
+        values = np.array([*y])
         shift = np.array([-0.05 * self.width, -self.raised * self.height])
-        return self.place(np.full_like(up, self.x[0]), up) + shift
+        return self.place(np.full_like(values, self.x[0]), values) + shift
 
     @staticmethod
     def draw_words(
-        stream: rr.RecordingStream, entity: str, at: FloatArray, marks: Mapping[float, str]
+        stream: rr.RecordingStream, entity: str, positions: FloatArray, marks: Mapping[float, str]
     ) -> None:
-        """Draw the words of marks, once for all."""
-        words = rr.Points2D(
-            at, labels=[*marks.values()], show_labels=True, colors=colours.GREY, radii=UNSEEN
+        """Draw the labels of marks at positions `(n, 2)`, as static data."""
+        labels = [*marks.values()]
+        points = rr.Points2D(
+            positions, labels=labels, show_labels=True, colors=colours.GREY, radii=UNSEEN
         )
-        stream.log(entity, words, static=True)
+        stream.log(entity, points, static=True)
 
 
 def plane_view(
     origin: str, name: str, x: Sequence[float], y: Sequence[float], **more: Any
 ) -> rrb.Spatial2DView:
-    """A view of what is drawn at ``origin`` in a range of x and of y, as the plane has them."""
+    """Return a view of the entities below `origin`, with ranges in the plane."""
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, **more)
 
 
 def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
-    """Four to eight round values from ``low`` to ``high``, the last with its unit if any."""
+    """Return the labels of four to eight round values from `low` to `high`.
+
+    The label of the last value contains the unit, if it is not empty.
+    """
     raw = (high - low) / 4.0
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(max(f * power for f in (1.0, 2.0, 2.5, 5.0) if f * power <= raw))
     values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step
     values += 0.0  # no -0
-    words = [typeset_number(value) for value in values]
-    words[-1] += f" {unit}" if unit else ""
-    return dict(zip(values.tolist(), words, strict=True))
+    labels = [typeset_number(value) for value in values]
+    labels[-1] += f" {unit}" if unit else ""
+    return dict(zip(values.tolist(), labels, strict=True))
 
 
 def round_range(low: float, high: float) -> tuple[float, float, float]:
-    """Ends of an axis that shows two values, and its step: 1, 2 or 5 by ten to n, five at most."""
+    """Return the ends and the step of an axis that contains two values.
+
+    The step is 1, 2 or 5 times a power of ten, and at most five steps lie between the values.
+    """
     if not high > low:
         high = low + 1.0
     raw = (high - low) / 5
@@ -139,7 +167,11 @@ def round_range(low: float, high: float) -> tuple[float, float, float]:
 
 
 def tens_range(low: float, high: float) -> tuple[float, float]:
-    """From and to of an axis that Rerun numbers: at powers of ten, three or more, and some room."""
+    """Return the ends of an axis with numbers that Rerun sets, at powers of ten.
+
+    The axis contains at least three multiples of a power of ten, and a margin of `ABOVE` above the
+    highest.
+    """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
     while last - first < 2.0:
@@ -151,37 +183,44 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
     return low, max(high, last + ABOVE * (last - low))
 
 
-def step_marks(low: float, high: float, step: float, most: int = 4) -> dict[float, str]:
-    """Two to ``most`` values of an axis of `round_range`, 0 among them, and their names."""
+def step_marks(low: float, high: float, step: float, max_count: int = 4) -> dict[float, str]:
+    """Return the labels of two to `max_count` values on an axis of `round_range`.
+
+    Zero is one of the values.
+    """
     for stride in (1, 2, 3, 4):
         first, last = np.ceil(low / step / stride - 1e-9), np.floor(high / step / stride + 1e-9)
-        if last - first < most:
+        if last - first < max_count:
             break
     values = (np.arange(first, last + 1.0) * stride * step).round(12) + 0.0  # no -0
     return {float(v): f"{v:.6g}".replace("-", "−") for v in values}
 
 
-#: The timeline: cam speed in whole rpm.
+#: Name of the timeline of cam speeds, in whole rpm.
 SPEED = "cam_rpm"
+#: Name of the application in recordings.
 APPLICATION = "cam_rig"
 
 
 def name_recording(stream: rr.RecordingStream, name: str) -> None:
-    """Name it, and keep wall time out of it: a run gives the same recording at any time."""
+    """Name a recording, and disable wall-clock time in it.
+
+    The recording of a run then does not depend on when it is made.
+    """
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(name)
 
 
-# A Rerun stream into a file that appears only when it is whole.
+# Rerun streams into a file, which appears when it is complete.
 
 
 def require_free(path: Path, overwrite: bool) -> None:
-    """Raise when a recording cannot have this path."""
+    """Raise `CamRigError` if a recording cannot be written to a path."""
     if path.is_dir():
         raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
-        raise ConfigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
+        raise ConfigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd")
     if path.exists() and not overwrite:
         raise CamRigError(f"{path}: exists already, not overwriting; name another, or use --force")
 
@@ -190,56 +229,67 @@ def require_free(path: Path, overwrite: bool) -> None:
 def chart_stream(
     path: Path, name: str, views: Sequence[rrb.Vertical | rrb.Grid], timeline: str = ""
 ) -> Iterator[rr.RecordingStream]:
-    """A recording that has these tabs alone, over a timeline if any; an older one is replaced."""
+    """Open a recording file with one tab per view, replacing an existing file.
+
+    The time panel shows `timeline`, or is hidden if it is empty.
+    """
     require_free(path, overwrite=True)
-    over: dict[str, Any] = {"state": "hidden"}
+    time_options: dict[str, Any] = {"state": "hidden"}
     if timeline:
-        over = {"state": "collapsed", "timeline": timeline}
+        time_options = {"state": "collapsed", "timeline": timeline}
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    shown = rrb.Tabs(*views) if len(views) > 1 else views[0]
-    plan = rrb.Blueprint(shown, *panels, rrb.TimePanel(**over), auto_views=False, auto_layout=False)
-    with rrd_stream(path, name, plan) as stream:
+    tabs = rrb.Tabs(*views) if len(views) > 1 else views[0]
+    parts = tabs, *panels, rrb.TimePanel(**time_options)
+    blueprint = rrb.Blueprint(*parts, auto_views=False, auto_layout=False)
+    with rrd_stream(path, name, blueprint) as stream:
         yield stream
 
 
 @contextmanager
 def rrd_stream(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """A stream into a file beside ``path``, which takes its place at the end, in reading order."""
-    drawn, part = (path.with_name(f"{path.name}{end}") for end in (".drawn.part", ".part"))
+    """Open a recording stream into a temporary file that replaces `path` at the end.
+
+    The file is sorted before, with static data first: a viewer shows a file while it loads.
+    """
+    unsorted, part = (path.with_name(f"{path.name}{end}") for end in (".drawn.part", ".part"))
     stream, ordered = (rr.RecordingStream(APPLICATION) for _ in range(2))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _save(stream, drawn, blueprint)
+        _save(stream, unsorted, blueprint)
         name_recording(stream, name)
         yield stream
         stream.disconnect()
-        _require_whole(drawn)
+        _require_complete(unsorted)
         _save(ordered, part, blueprint)
-        for static in (True, False):  # a viewer shows a file while it loads, from its beginning
-            ordered.send_chunks(RrdReader(drawn).stream().filter(is_static=static))
+        for static in (True, False):
+            ordered.send_chunks(RrdReader(unsorted).stream().filter(is_static=static))
         ordered.disconnect()
-        _require_whole(part)
+        _require_complete(part)
         os.replace(part, path)
     except OSError as error:
         raise CamRigError(f"{path}: cannot be written ({error})") from None
     finally:
-        for open_stream, file in ((stream, drawn), (ordered, part)):
+        for open_stream, file in ((stream, unsorted), (ordered, part)):
             open_stream.disconnect()
             with suppress(OSError):
                 file.unlink()
 
 
 def _save(stream: rr.RecordingStream, part: Path, blueprint: rrb.Blueprint) -> None:
+    """Direct a stream to a file. Raise `OSError` if it cannot be opened."""
     try:
         stream.save(part, default_blueprint=blueprint)
     except RuntimeError as error:
         raise OSError(error) from None
 
 
-def _require_whole(part: Path) -> None:
-    """Read the file's footer: Rerun only logs what goes wrong while it writes."""
+def _require_complete(part: Path) -> None:
+    """Raise `OSError` if the footer of a file cannot be read.
+
+    Rerun only logs errors that occur while it writes.
+    """
     try:
         with warnings.catch_warnings(action="ignore"):
             RrdReader(part).recordings()
     except RuntimeError as error:
-        raise OSError(f"it is not whole; is the disk full? {error}") from None
+        raise OSError(f"it is incomplete; is the disk full? {error}") from None

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 #: Suffixes of the files that a plot can be written to.
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf", ".jpg")
-#: Target that stands for standard output.
+#: Target of standard output.
 STDOUT = Path("-")
 #: Wall-clock time between progress lines, in s, if there is no terminal for a bar.
 LOG_PERIOD_S = 10.0
@@ -108,7 +108,7 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
 
 
 def write_json(data: dict[str, Any], target: str | None) -> None:
-    """Write JSON to a file, or to stdout for ``-``. None writes nothing."""
+    """Write JSON to a file, or to stdout for ``-``. None: not written."""
     text = json.dumps(data, indent=2)
     if target == "-":
         print(text)
@@ -173,12 +173,12 @@ class StrictCommand(TyperCommand):
     """Typer command that rejects a repeated option instead of using its last value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments, unless an option is repeated and ``--help`` is not requested."""
+        """Parse the arguments. Exit with an error if an option is repeated."""
         counts = Counter(self.make_parser(ctx).parse_args(list(args))[2])
         repeated = [p for p, count in counts.items() if count > 1 and not p.multiple]
         if repeated and not any(p.is_eager for p in counts):
             name, count = max(repeated[0].opts, key=len), counts[repeated[0]]
-            print(f"cam-rig: {name}: stands {count} times; allowed: once", file=sys.stderr)
+            print(f"cam-rig: {name}: is given {count} times; allowed: once", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code)
         return super().parse_args(ctx, args)
 
@@ -302,7 +302,7 @@ def _set_signature(
     parameters: Mapping[str, inspect.Parameter],
     outputs: Iterable[str],
 ) -> None:
-    """Set the signature that Typer reads: parameters of the function, then output options.
+    """Set the signature that Typer reads: the function's, then output options.
 
     Typer derives arguments and options from the signature and the evaluated annotations of a
     callback. The wrapper `run` takes ``**kwargs``, so both are rebuilt here, without `progress` and

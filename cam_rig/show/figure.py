@@ -1,7 +1,7 @@
-"""What all figures on paper share: the style sheet, an empty figure, axes, looks of cams.
+"""Common parts of figures on paper: style sheet, figure, axes and curves.
 
-Figures are made without pyplot: they need no screen and change nothing of matplotlib's state.
-Looks can be told apart in print and by the colour-blind.
+Figures are made without pyplot. They do not need a screen, and do not change the state of
+matplotlib. Cams can be distinguished in print and by colour-blind readers.
 """
 
 from __future__ import annotations
@@ -29,27 +29,32 @@ from cam_rig.errors import CONTROLS, printable
 from cam_rig.show.looks import DASHES, GAP, MARKERS, SERIES, cam_look, log_tick, web
 from cam_rig.units import FloatArray
 
-CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
+#: Label of an axis of cam angles.
+CAM_ANGLE = "cam angle θ [°]"
+#: Label of an axis of cam speeds.
+CAM_SPEED = "cam speed [rpm]"
+#: Label of an axis of sound levels.
 LEVEL = "sound pressure level [dB re 20 µPa]"
-#: Width of a figure in inches: 170 mm, the text of an A4 page.
+#: Width of a figure in inches: 170 mm, the width of the text on an A4 page.
 WIDTH = 170.0 / 25.4
-#: Read once. `styled` has a function draw in it; what matplotlib is set to elsewhere stays.
+#: Style of all figures, in matplotlib's parameters.
 STYLE = mpl.rc_params_from_file(
     Path(__file__).with_name("style.mplstyle"), use_default_template=False
 )
 
+#: Decorator: the function draws with `STYLE`. Matplotlib's parameters are restored afterwards.
 styled = mpl.rc_context(STYLE)
 
-#: Letters of a line over a whole figure, at most.
+#: Largest number of characters of a title line across a whole figure.
 ACROSS = 72
-#: A logarithmic axis over more decades than this has no ticks at 3.
-DECADES = 3.5
-#: Of the side of a panel, between two markers of a curve.
+#: Largest number of decades of a logarithmic axis with ticks at 3. More ticks would overlap.
+MAX_DECADES = 3.5
+#: Distance of two markers of a curve, as a fraction of the diagonal of its panel.
 MARKER_GAP = 0.14
 
 
 def empty(height: float) -> Figure:
-    """A figure of a page's width without axes; its height in inches."""
+    """Return a figure without axes, with the width of a page and a height in inches."""
     return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
@@ -57,7 +62,18 @@ def empty(height: float) -> Figure:
 def write(
     figure: Figure, to: Path | BytesIO, dpi: float | None = None, part: Bbox | None = None
 ) -> None:
-    """Write a figure, or a ``part`` in inches from its lower left; to memory as SVG."""
+    """Write a figure, or the part of it in a box.
+
+    Parameters
+    ----------
+    figure : Figure
+    to : Path or BytesIO
+        File with the format of its suffix, or memory for SVG.
+    dpi : float, optional
+        Resolution (default: that of the style sheet).
+    part : Bbox, optional
+        Box in inches from the lower left corner (default: the whole figure).
+    """
     _escape_controls(figure)
     dpi = STYLE["savefig.dpi"] if dpi is None else dpi
     kind = None if isinstance(to, Path) else "svg"
@@ -72,27 +88,30 @@ def _escape_controls(figure: Figure) -> None:
 
 
 def logarithmic(*axes: Axis) -> None:
-    """Ticks at 1, 3, 10 of each axis, at decades where it has many; numbers written out."""
+    """Set the ticks of logarithmic axes to 1, 3 and 10, without 3 over many decades."""
     for axis in axes:
         low, high = axis.get_view_interval()
-        wide = math.log10(high / low) > DECADES
-        axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 3.0)))
+        is_wide = math.log10(high / low) > MAX_DECADES
+        axis.set_major_locator(LogLocator(subs=(1.0,) if is_wide else (1.0, 3.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: log_tick(value)))
         axis.set_minor_formatter(NullFormatter())
 
 
-def wrapped(title: str, letters: int = ACROSS) -> str:
-    """The words over a whole figure, in lines that it holds; or of fewer letters, over a part."""
-    return "\n".join(line for words in title.split("\n") for line in wrap(words, letters) or [""])
+def wrapped(title: str, width: int = ACROSS) -> str:
+    """Return a title in lines of up to `width` characters."""
+    return "\n".join(line for text in title.split("\n") for line in wrap(text, width) or [""])
 
 
 def turn_axis(axes: Axes, step: int = 60) -> None:
-    """One turn along x, marked every ``step`` degrees."""
+    """Set the x axis to one turn in degrees, with a tick every `step` degrees."""
     axes.set(xlim=(0.0, 360.0), xticks=range(0, 361, step))
 
 
 def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None = None) -> None:
-    """Shade the whole height of the axes along ``x`` ``(n,)``, as where contact is lost."""
+    """Shade the whole height of the axes, in the colour of lost contact.
+
+    `where` `(n,)` is True at the values of `x` `(n,)` that are shaded.
+    """
     axes.fill_between(
         x,
         0.0,
@@ -107,7 +126,7 @@ def shade(axes: Axes, x: FloatArray, where: NDArray[np.bool_], label: str | None
 
 
 def line(cam: str) -> dict[str, Any]:
-    """What a line of a cam, or of a named rise, is drawn with, by its name."""
+    """Return the plot options of a line of a cam or rise, by its name."""
     look = cam_look(cam)
     style = {"color": web(look.colour), "ls": look.dash}
     if look.marked:
@@ -116,62 +135,66 @@ def line(cam: str) -> dict[str, Any]:
 
 
 def marker(cam: str) -> dict[str, Any]:
-    """What points of a cam are drawn with, by its name."""
+    """Return the plot options of points of a cam, by its name."""
     return {"color": colour(cam), "marker": cam_look(cam).marker}
 
 
 def colour(cam: str) -> str:
-    """Colour of a cam by its name, the same as in the viewer."""
+    """Return the colour of a cam by its name, the same as in the viewer."""
     return web(cam_look(cam).colour)
 
 
 def series(index: int) -> dict[str, Any]:
-    """Colour and dash of the index-th of several curves that are no cams."""
+    """Return colour and dash of the index-th curve that does not belong to a cam."""
     return {"color": web(SERIES[index % len(SERIES)]), "ls": DASHES[index % len(DASHES)]}
 
 
 def series_marker(index: int) -> dict[str, Any]:
-    """Colour and marker of the index-th of several curves that are no cams."""
+    """Return colour and marker of the index-th curve that does not belong to a cam."""
     return {"color": web(SERIES[index % len(SERIES)]), "marker": MARKERS[index % len(MARKERS)]}
 
 
-# A tall figure in strips between its rows of panels, so that paper may part it there.
+# Division of a tall figure into strips of panels, between which a page may break.
 
-#: Height of a strip in inches, if its panels are not higher: a third of an A4 page's text.
-STRIP = 3.4
-#: Inches by which rows may overlap: boxes of glyphs are rounded up.
-TOUCH = 0.02
+#: Height of a strip, unless its panels are higher, in inches: a third of the text of an A4 page.
+STRIP_HEIGHT_IN = 3.4
+#: Largest overlap of two rows of panels, in inches: boxes of glyphs are rounded up.
+MAX_OVERLAP_IN = 0.02
 
 
 @styled
 def strips(figure: Figure) -> list[tuple[float, float]]:
-    """From and to of each strip, inches above the foot of the figure, the highest strip first.
+    """Return the lower and upper end of each strip of a figure, from top to bottom.
 
-    What stands above and below all panels goes with the nearest. The figure's layout is done, and
-    stays as it is from then on.
+    The ends are in inches above the lower edge of the figure. Texts above and below all panels
+    belong to the nearest strip. The layout of the figure is computed here, and fixed afterwards.
     """
     _escape_controls(figure)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    panels = [span for artist, span in _parts(figure) if isinstance(artist, Axes)]
+    panels = [span for artist, span in _visible_artists(figure) if isinstance(artist, Axes)]
     rows: list[list[float]] = []
     for low, high in sorted(panels, key=lambda span: -span[1]):
-        if rows and high > rows[-1][0] + TOUCH:
+        if rows and high > rows[-1][0] + MAX_OVERLAP_IN:
             rows[-1][0] = min(low, rows[-1][0])
         else:
             rows.append([low, high])
     cuts = [figure.get_figheight()]
-    for above, row in pairwise(rows):
-        if cuts[-1] - row[0] > STRIP:
-            cuts.append(0.5 * (above[0] + row[1]))
+    for upper, lower in pairwise(rows):
+        if cuts[-1] - lower[0] > STRIP_HEIGHT_IN:
+            cuts.append(0.5 * (upper[0] + lower[1]))
     return list(zip([*cuts[1:], 0.0], cuts, strict=True))
 
 
 def write_strip(
     figure: Figure, low: float, high: float, to: Path | BytesIO, dpi: float | None
 ) -> None:
-    """Write one of the `strips`; what is outside of it is left out of the file too."""
-    outside = [a for a, span in _parts(figure) if not low <= 0.5 * (span[0] + span[1]) <= high]
+    """Write one of the `strips` without the artists outside of it.
+
+    `low` and `high` are its ends. The other parameters are those of `write`.
+    """
+    spans = _visible_artists(figure)
+    outside = [artist for artist, span in spans if not low <= 0.5 * (span[0] + span[1]) <= high]
     for artist in outside:
         artist.set_visible(False)
     write(figure, to, dpi, Bbox([[0.0, low], [figure.get_figwidth(), high]]))
@@ -179,8 +202,8 @@ def write_strip(
         artist.set_visible(True)
 
 
-def _parts(figure: Figure) -> Iterator[tuple[Artist, tuple[float, float]]]:
-    """Panels, legends and words of a figure that are seen, and their heights in inches."""
+def _visible_artists(figure: Figure) -> Iterator[tuple[Artist, tuple[float, float]]]:
+    """Yield visible panels, legends and texts with their lower and upper end, inches."""
     for artist in (*figure.axes, *figure.legends, *figure.texts):
         box = artist.get_tightbbox() if artist.get_visible() else None
         if box is not None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TableLayout:
-    """Arrangement of records in display tables (default: one table with one row per record).
+    """Arrangement of records in display tables (default: one row per record).
 
     Parameters
     ----------

@@ -1,10 +1,13 @@
-"""What a cam is drawn with: one colour, dash and marker by its name, in every picture.
+"""Look of each cam by its name, the palette of all pictures, and texts in them.
 
-The look follows from the name alone, whatever else is in the picture. Shipped cams have their
-place in one table, where those that are shown together have different colours; so have the named
-rises, which look like the cam of their name. Any other name is hashed to a look that none of them
-has. Colours are Tol's "bright" scheme without its grey, with dark blue and dark red of his "dark"
-one, which the colour-blind tell apart; in grey, dash and marker do (Tol, Colour schemes, 2021).
+A look is a colour, a dash and a marker. The look of a cam depends on its name only, not on the
+other contents of a picture. Shipped cams and named rises are in one table, in which cams that are
+shown together have different colours. A rise has the look of the cam with its name. Any other name
+is hashed to a look that is not in the table.
+
+The colours are Tol's "bright" scheme without its grey, with dark blue and dark red of his "dark"
+scheme. Colour-blind readers can distinguish them, and dash and marker differ in grey
+(Tol, Colour schemes, 2021).
 """
 
 from __future__ import annotations
@@ -22,12 +25,13 @@ import numpy as np
 from cam_rig.show.tables import typeset_number
 from cam_rig.units import FloatArray
 
+#: Colours of cams, as 0xRRGGBBAA.
 COLOURS = (
     *(0x4477AAFF, 0xEE6677FF, 0x228833FF, 0xCCBB44FF, 0xAA3377FF, 0x66CCEEFF),
     *(0x222255FF, 0x663333FF),
 )
 
-#: Offset, and ink and gap in line widths, as matplotlib has them; a marker for each dash.
+#: Dashes of cams in matplotlib's form: offset, then dash and gap in line widths.
 DASHES: tuple[Any, ...] = (
     "-",
     (0, (6, 2)),
@@ -39,9 +43,11 @@ DASHES: tuple[Any, ...] = (
     (0, (4, 1.2, 1, 1.2, 1, 1.2)),
 )
 
+#: Markers of cams, one for each dash.
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-#: Shipped cams, then rises that no cam is named after. New ones go to the end: places are for ever.
-NAMES = (
+#: Shipped cams, then rises without a cam of the same name. The index of a name determines its look,
+#: so new names are appended.
+LISTED_NAMES = (
     *("bezier15", "poly345", "poly4567", "cycloidal", "tm21", "flat", "oscillating_flat"),
     *("point", "arcs_convex", "arcs_straight", "arcs_centres", "gunt_gl110", "bezier_segments"),
     *("b_spline", "measured", "modified_sine", "modified_trapezoid"),
@@ -55,170 +61,198 @@ NAMES = (
     "designed",
 )
 
-#: Places for shipped names, those to come among them: no look of one's own cam changes with them.
-PLACES = 48
-#: Rises that are the same curve as another.
-SAME = {"bezier5": "poly345", "bezier7": "poly4567"}
+#: Number of looks reserved for listed names, including future names. The look of a user's cam does
+#: not change if a name is added.
+RESERVED_LOOKS = 48
+#: Rises that are the same curve as another rise.
+EQUAL_RISES = {"bezier5": "poly345", "bezier7": "poly4567"}
 
 
 @dataclass(frozen=True)
 class CamLook:
-    """How a cam is drawn, its colour as 0xRRGGBBAA.
+    """Look of a cam in pictures."""
 
-    Where it is ``marked`` a line carries the marker too, for its dash is another cam's as well.
-    """
-
-    colour: int
-    dash: Any
-    marker: str
-    marked: bool
+    colour: int  #: 0xRRGGBBAA
+    dash: Any  #: in matplotlib's form
+    marker: str  #: of points
+    marked: bool  #: True if a line needs the marker too, because another cam has the same dash
 
 
 def cam_look(name: str) -> CamLook:
-    """The look of a cam or a rise; of a name not in `NAMES` by its CRC-32, as no name there has."""
-    kinds, name = len(DASHES), SAME.get(name, name)
-    if name in NAMES:
-        place = NAMES.index(name)
-        colour = COLOURS[place % len(COLOURS)]
+    """Return the look of a cam or a rise.
+
+    The look of a name that is not listed is made from its CRC-32, and differs from all listed ones.
+    """
+    count, name = len(DASHES), EQUAL_RISES.get(name, name)
+    if name in LISTED_NAMES:
+        index = LISTED_NAMES.index(name)
+        colour = COLOURS[index % len(COLOURS)]
     else:
-        free, code = kinds**2 - PLACES, crc32(name.encode())
-        place, colour = PLACES + code % free, COLOURS[code // free % len(COLOURS)]
-    marker = MARKERS[(place + place // kinds) % kinds]
-    return CamLook(colour, DASHES[place % kinds], marker, marked=place >= kinds)
+        free, code = count**2 - RESERVED_LOOKS, crc32(name.encode())
+        index, colour = RESERVED_LOOKS + code % free, COLOURS[code // free % len(COLOURS)]
+    marker = MARKERS[(index + index // count) % count]
+    return CamLook(colour, DASHES[index % count], marker, marked=index >= count)
 
 
 def of_cam(name: str) -> int:
-    """The colour of a cam, 0xRRGGBBAA."""
+    """Return the colour of a cam, 0xRRGGBBAA."""
     return cam_look(name).colour
 
 
-# The one palette of plots and viewer, 0xRRGGBBAA as Rerun has it.
+# Palette of plots and viewer, as 0xRRGGBBAA for Rerun.
 
-SKY_BLUE, BLUE, GREEN, PURPLE = 0x56B4E9FF, 0x0072B2FF, 0x009E73FF, 0xCC79A7FF
-ORANGE, VERMILION, BLACK, LIGHT_GREY = 0xE69F00FF, 0xD55E00FF, 0x000000FF, 0xCCCCCCFF
-LIFT, LAW, VELOCITY, ACCELERATION = SKY_BLUE, 0x00426BFF, GREEN, PURPLE
-FORCE, LANDING, LIFT_OFF, TWIST = ORANGE, VERMILION, 0x882255FF, 0x332288FF
-LEVEL, SPEED, BANDS = 0x117733FF, 0xAA4499FF, 0x44AA99FF
-GREY, FOLLOWER, GAP, ZERO = 0x999999FF, 0x8C6D31FF, 0xFF0000FF, 0x661100FF
-#: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
+SKY_BLUE = 0x56B4E9FF
+BLUE = 0x0072B2FF
+GREEN = 0x009E73FF
+PURPLE = 0xCC79A7FF
+ORANGE = 0xE69F00FF
+VERMILION = 0xD55E00FF
+BLACK = 0x000000FF
+LIGHT_GREY = 0xCCCCCCFF
+GREY = 0x999999FF
+LIFT = SKY_BLUE  #: displacement of the follower
+LAW = 0x00426BFF  #: displacement law
+VELOCITY = GREEN
+ACCELERATION = PURPLE
+FORCE = ORANGE  #: contact force
+LANDING = VERMILION
+LIFT_OFF = 0x882255FF
+TWIST = 0x332288FF  #: of the shaft
+LEVEL = 0x117733FF  #: sound level
+SPEED = 0xAA4499FF  #: cam speed
+BANDS = 0x44AA99FF  #: third-octave bands
+FOLLOWER = 0x8C6D31FF  #: outline of the follower
+GAP = 0xFF0000FF  #: gap between follower and cam
+ZERO = 0x661100FF  #: line of zero contact force
+#: Curves that do not belong to different cams, such as one cam at several speeds. They are not
+#: colours of cams.
 SERIES = (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)
-#: Behind curves, where the follower is off the cam.
+#: Background of curves during a flight.
 FLIGHT = 0xF2DADAFF
-#: On paper: s to s''', the discs of a cam, their pitch curve, and what may not be passed.
+#: Curves of s, s′, s″ and s‴ on paper.
 DERIVATIVES = (BLUE, GREEN, VERMILION, BLACK)
-#: Names of s, s′, s″ and s‴, and the suffixes of their units after the unit of lift.
+#: Names of s, s′, s″ and s‴.
 DERIVATIVE_NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
+#: Units of s, s′, s″ and s‴ after the unit of lift.
 PER_RADIAN = ("", "/rad", "/rad²", "/rad³")
-DISCS, PITCH_CURVE, LIMIT = (BLUE, VERMILION), GREEN, PURPLE
+#: Discs of a cam on paper.
+DISCS = (BLUE, VERMILION)
+#: Pitch curve of a cam on paper.
+PITCH_CURVE = GREEN
+#: Limits of a check on paper.
+LIMIT = PURPLE
 
 
 def web(colour: int) -> str:
-    """The colour as ``#rrggbb``, without its opacity."""
+    """Return a colour as ``#rrggbb``, without its opacity."""
     return f"#{colour >> 8:06x}"
 
 
 def tokens() -> str:
-    """Colours and sizes of pages in a browser, light and dark, as variables of a style sheet."""
+    """Return the style sheet with colours and sizes of pages in a browser."""
     return Path(__file__).with_name("tokens.css").read_text(encoding="utf-8")
 
 
 def tint(colour: int) -> int:
-    """A colour as it is seen when a quarter of it lies on white, opaque."""
-    parts = (colour >> shift & 255 for shift in (24, 16, 8))
-    mixed = bytes(round(255 + 0.25 * (part - 255)) for part in parts)
+    """Return the opaque mixture of a quarter of a colour and white."""
+    channels = (colour >> shift & 255 for shift in (24, 16, 8))
+    mixed = bytes(round(255 + 0.25 * (channel - 255)) for channel in channels)
     return int.from_bytes(mixed + b"\xff", "big")
 
 
-# Outlines in the plane, in mm, as lists of strips: circles, stems, faces, arms, bearings.
-
-#: mm in a metre, and how many decimals of them a page is sent.
-MM, DECIMALS = 1e3, 4
+#: Millimetres per metre.
+MM = 1e3
+#: Number of decimals of mm that are sent to a page.
+DECIMALS = 4
 
 
 def millimetres(points: FloatArray) -> list[list[float]]:
-    """Points (m) as a page draws them."""
-    found: list[list[float]] = np.round(MM * points, DECIMALS).tolist()
-    return found
+    """Return points `(n, 2)` in m as lists of mm for a page."""
+    rounded: list[list[float]] = np.round(MM * points, DECIMALS).tolist()
+    return rounded
 
 
-# A cam as an instrument: a ring of degrees around it, which way it turns, its body filled.
+# Differences of two signals. A difference that is rounding is plotted as zero, with a text.
 
-
-# How large a difference is drawn: what only rounding makes is drawn as none, and called so.
-
-#: Differences smaller than this, in µm and N, are of rounding: no bench has such gauges.
-LEAST_DIFFERENCE = 1e-3
-#: What is written where there is no other, and how far (µm, N) the axis goes there.
-EQUAL, EQUAL_REACH = "equal to rounding", 1.0
+#: Largest difference that is rounding, in µm and N: below the resolution of any gauge.
+MIN_DIFFERENCE = 1e-3
+#: Text of a difference that is rounding.
+EQUAL = "equal to rounding"
+#: Half of the range of its axis, in µm and N.
+EQUAL_REACH = 1.0
 
 
 def is_rounding(largest: float) -> bool:
-    """Whether a largest difference (µm, N) is only of rounding."""
-    return largest < LEAST_DIFFERENCE
+    """Return True if the largest difference (µm, N) is rounding."""
+    return largest < MIN_DIFFERENCE
 
 
 def reach(largest: float) -> float:
-    """How far to both sides of zero an axis goes for a largest difference (µm, N)."""
+    """Return the half of the range of an axis for a largest difference (µm, N)."""
     return EQUAL_REACH if is_rounding(largest) else 1.15 * largest
 
 
-# What is written in pictures: names in words, powers of ten typeset, a true minus.
+# Texts in pictures.
 
-#: Names that are more than words and digits.
-_POLYNOMIAL, _BEZIER = re.compile(r"poly(\d+)"), re.compile(r"bezier(\d+)(.*)")
-#: Letters of a cam's title in a legend or over a panel, at most.
+#: Name of a polynomial law, such as poly345.
+_POLYNOMIAL = re.compile(r"poly(\d+)")
+#: Name of a Bézier law, such as bezier4_start.
+_BEZIER = re.compile(r"bezier(\d+)(.*)")
+#: Largest number of characters of a cam's title in a legend or above a panel.
 LONGEST_TITLE = 28
-#: Powers of ten from and to which a number is written out.
-PLAIN = (-3, 3)
+#: Smallest power of ten of a number on an axis that is written without an exponent.
+MIN_PLAIN_POWER = -3
+#: Largest power of ten of such a number.
+MAX_PLAIN_POWER = 3
 
 
 def in_words(name: str) -> str:
-    """The name of a cam, rise or rig in words, where its title is not at hand."""
-    if found := _POLYNOMIAL.fullmatch(name):
-        return f"Polynomial {'-'.join(found[1])}"
-    if found := _BEZIER.fullmatch(name):
-        return f"Bézier degree {found[1]}{found[2].replace('_', ', ')}"
-    words = [_word(word) for word in name.split("_")]
+    """Return a title for a name of a cam or rig: "Polynomial 3-4-5" for poly345."""
+    if match := _POLYNOMIAL.fullmatch(name):
+        return f"Polynomial {'-'.join(match[1])}"
+    if match := _BEZIER.fullmatch(name):
+        return f"Bézier degree {match[1]}{match[2].replace('_', ', ')}"
+    words = [_title_word(word) for word in name.split("_")]
     return " ".join([words[0][:1].upper() + words[0][1:], *words[1:]])
 
 
-def shortened(title: str, longest: int) -> str:
-    """A title of so many letters at the most: of a long one its beginning and its end."""
-    if len(title) <= longest:
+def shortened(title: str, max_letters: int) -> str:
+    """Return a title of up to `max_letters` characters, with "…" in its middle if cut."""
+    if len(title) <= max_letters:
         return title
-    half = longest // 2
+    half = max_letters // 2
     return f"{title[:half].rstrip()}…{title[1 - half :].lstrip()}"
 
 
 def title_of(titles: Mapping[str, str], cam: str) -> str:
-    """A cam's title, as `short`; its name in words where there is none."""
+    """Return the title of a cam for a legend, or a title made from its name."""
     return short(titles.get(cam) or in_words(cam))
 
 
 def short(title: str) -> str:
-    """A title that a legend has room for."""
+    """Return a title shortened for a legend."""
     return shortened(title, LONGEST_TITLE)
 
 
 def four_digits(value: float) -> str:
-    """A number of four significant digits, written out."""
-    shown = f"{value:.4g}"
-    return (f"{float(shown):.0f}" if "e+" in shown else shown).replace("-", "−")
+    """Return a number with four significant digits and without an exponent."""
+    text = f"{value:.4g}"
+    return (f"{float(text):.0f}" if "e+" in text else text).replace("-", "−")
 
 
 def log_tick(value: float) -> str:
-    """What a tick of a logarithmic axis is called."""
+    """Return the label of a logarithmic tick, empty if it is not positive."""
     if value <= 0.0:
         return ""
     power = math.floor(math.log10(value) + 1e-9)
-    if PLAIN[0] <= power <= PLAIN[1]:
+    if MIN_PLAIN_POWER <= power <= MAX_PLAIN_POWER:
         return f"{value:g}"
     return typeset_number(float(f"{value:.0e}"), ".0e")
 
 
-def _word(word: str) -> str:
-    """Short letters with digits are a code, TM21; a word with digits is one with a number."""
-    found = re.fullmatch(r"([a-z]+)(\d+)", word)
-    if found is None:
+def _title_word(word: str) -> str:
+    """Return a word of a title: "TM21" for tm21, and "mark 2" for mark2."""
+    match = re.fullmatch(r"([a-z]+)(\d+)", word)
+    if match is None:
         return word
-    return word.upper() if len(found[1]) <= 3 else f"{found[1]} {found[2]}"
+    return word.upper() if len(match[1]) <= 3 else f"{match[1]} {match[2]}"

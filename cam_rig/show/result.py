@@ -1,4 +1,4 @@
-"""Result objects: records, and the column definitions used to display and export them.
+"""Result objects: records, and column definitions to display and export them.
 
 A record stores SI values. A column definition names one field of a record. Terminal tables, report
 pages, CSV, JSON and pandas are all made from these two, so each column is declared once.
@@ -49,7 +49,7 @@ SI_UNITS = {
 
 @dataclass(frozen=True)
 class Column:
-    """Definition of a column: one field of a record, its export key and its display format.
+    """Column definition: one field of a record, its export key and display format.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Column:
         return Header(heading, self.unit, self.number_format, self.missing)
 
     def value(self, record: Any) -> Any:
-        """Return the value of a record in SI units, or None if its path leads through a None."""
+        """Return the value of a record in SI units, or None behind a None in its path."""
         if callable(self.of):
             return self.of(record)
         for name in (self.of or self.key).split("."):
@@ -111,7 +111,7 @@ class Column:
         return record
 
     def display_cell(self, record: Any) -> Cell:
-        """Return the displayed cell: a number in the display unit, a text, or None for NaN."""
+        """Return the displayed cell: number in the display unit, text, or None for NaN."""
         if self.cell is not None:
             return self.cell(record)
         value = self.value(record)
@@ -170,7 +170,7 @@ class Records:
         return replace(self, records=[r for r in self.records if group_of(r) == group])
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a dict per record: column key -> value in SI units, None if it is not finite."""
+        """Return a dict per record: column key -> value in SI units, None if not finite."""
         return [{c.key: to_json_value(c.value(r)) for c in self.columns} for r in self.records]
 
     def data(self) -> Any:
@@ -257,7 +257,7 @@ class Result:
     exit_code : int
         Exit code of the command.
     assumed : tuple of str
-        Sentences on numbers in written files that nobody has measured.
+        Sentences on numbers in written files that were not measured.
     """
 
     columns: ClassVar[Mapping[str, tuple[Column, ...]]]
@@ -293,7 +293,7 @@ class Result:
         return Records(key, caption, self.columns[key], tuple(records), notes, *options)
 
     def array_table(self, key: str) -> ArrayRecords:
-        """Build an exported table whose columns are arrays of this result, one element per row."""
+        """Build an exported table whose columns are arrays of this result."""
         columns = self.columns[key]
         rows = range(len(columns[0].value(self)))
         return ArrayRecords(key, "", columns, rows, hidden=True, source=self)
@@ -329,7 +329,9 @@ class Result:
         return tables[key or next(iter(tables))].to_pandas()
 
     def plot(self, **options: Any) -> Figure:
-        """Plot the result. A notebook displays the figure if it is the last value of a cell.
+        """Plot the result.
+
+        A notebook displays the figure if it is the last value of a cell.
 
         Parameters
         ----------

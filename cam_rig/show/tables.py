@@ -1,4 +1,4 @@
-"""Display tables: headings, units, cells and footnotes, independent of the output medium.
+"""Display tables of any output medium: headings, units, cells and footnotes.
 
 Results build their tables from column definitions (`cam_rig.show.result`). Other code uses
 `tabulate`.

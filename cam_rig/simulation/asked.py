@@ -1,6 +1,7 @@
-"""The cams that a study is asked for, and the rig they turn on: named, given, or those of a scene.
+"""Resolution of the arguments of a study: cams, rig, scene and speeds.
 
-The functions of ``import cam_rig`` and the commands of their names ask alike.
+The functions of ``import cam_rig`` and the commands of the same names accept the same forms: a
+name, a path or an object.
 """
 
 from __future__ import annotations
@@ -27,92 +28,115 @@ from cam_rig.schema.load import (
 from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread
 from cam_rig.units import FloatArray
 
-#: A cam, or several: names in ``config/cams``, paths or cams; or one scene, for its cams on its
-#: rig; None is for those of the paper's Table 2.
+#: One cam or several: names in ``config/cams``, paths or cams. One scene means its cams on its rig.
+#: None means the cams of the paper's Table 2.
 Cams = str | Path | CamConfig | Sequence[str | Path | CamConfig] | None
-#: A rig: a name in ``config/rigs``, a path or a rig; None is the scene's, or the only one beside
-#: the cams, else paper_table2.
+#: A rig: a name in ``config/rigs``, a path or a rig. None means the rig of the scene, or the
+#: only rig next to the cams, or paper_table2.
 Rig = str | Path | RigConfig | None
-#: A scene: a name in ``config/scenes``, a path, or what `load_scene` gave.
+#: A scene: a name in ``config/scenes``, a path, or a result of `load_scene`.
 Scene = str | Path | LoadedScene
-#: A speed, or several, rpm.
+#: One cam speed or several, rpm.
 Speeds = float | Sequence[float] | FloatArray
 
-#: Rigs that are named, at most.
-MOST_NAMED = 5
-#: The rig of cams that are named without one.
+#: Largest number of rigs that an error message lists. More would not fit in one line.
+MAX_LISTED_RIGS = 5
+#: Shipped rig for cams that are named without a rig.
 RIG = "paper_table2"
-#: Speeds at most: a table that nobody reads, minutes.
+#: Largest number of speeds. A longer table takes minutes and is not readable.
 MAX_SPEEDS = 1000
-#: As slow, and as fast, as any cam of a table, rpm.
-SLOWEST_RPM, FASTEST_RPM = 0.01, 1e5
+#: Lowest cam speed, rpm: below the speed of any real cam.
+SLOWEST_RPM = 0.01
+#: Highest cam speed, rpm: above the speed of any real cam.
+FASTEST_RPM = 1e5
 
 
 def asked_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
-    """Cams on a rig, each given or by file or name (None: Table 2), or those of one scene."""
-    asked = listed(cams)
-    if (scene := one_scene(asked)) is not None:
+    """Return cams with their laws on a rig, or the cams of one scene on its rig.
+
+    The default cams are those of the paper's Table 2. The default rig is that of `own_rig`.
+    """
+    items = listed(cams)
+    if (scene := one_scene(items)) is not None:
         loaded = asked_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
-    named = named_cams(asked)
-    files = [where for where, _ in named if isinstance(where, Path)]
+    named = named_cams(items)
+    files = [source for source, _ in named if isinstance(source, Path)]
     return cam_set(named, asked_rig(own_rig(files) if rig is None else rig))
 
 
 def listed(cams: Cams) -> list[str | Path | CamConfig]:
-    """One cam or several as a list, which is empty of None alone."""
+    """Return one cam or several as a list, empty for None.
+
+    Raises
+    ------
+    ConfigError
+        If the sequence is empty.
+    """
     if cams is not None and not isinstance(cams, str | Path | CamConfig) and not cams:
         raise ConfigError("cams: is an empty list; allowed: a cam, several, or None for Table 2's")
     return [cams] if isinstance(cams, str | Path | CamConfig) else list(cams or ())
 
 
 def named_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str, CamConfig]]:
-    """Cams, each with its file, or its name where it is given; of none those of Table 2."""
+    """Return each cam with its source: its file, or its name if it is a `CamConfig`.
+
+    For an empty sequence, the cams of the paper's Table 2 are returned.
+    """
     if not cams:
         cams = list(load_tables(tables_path()).table_2_jump)
-    found: list[tuple[Path | str, CamConfig]] = []
-    for one in cams:
-        if isinstance(one, CamConfig):
-            found.append((one.name, one))
+    pairs: list[tuple[Path | str, CamConfig]] = []
+    for cam in cams:
+        if isinstance(cam, CamConfig):
+            pairs.append((cam.name, cam))
         else:
-            found.append((cam_path(one), load_cam(cam_path(one))))
-    return found
+            pairs.append((cam_path(cam), load_cam(cam_path(cam))))
+    return pairs
 
 
 def asked_rig(rig: str | Path | RigConfig) -> RigConfig:
-    """A rig that is given, or by file or name."""
+    """Return a rig, read from its file if it is a path or a name."""
     return rig if isinstance(rig, RigConfig) else load_rig(rig_path(rig))
 
 
-def own_rig(cams: Sequence[Path], otherwise: str = RIG) -> Path:
-    """Return the only rig beside a user's cams, or a shipped one if there is none, and print it.
+def own_rig(cams: Sequence[Path], default: str = RIG) -> Path:
+    """Return the only rig next to a user's cams, or a shipped rig, and print which.
 
-    Several rigs are refused: a file that is added must not change which one is used.
+    The folder of the rig is ``../rigs`` relative to that of the cam. The shipped rig `default` is
+    used without a message if all cams are shipped.
+
+    Raises
+    ------
+    ConfigError
+        If there are several rigs: adding a file must not change which rig is used.
     """
-    own = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
-    if not own:
-        return rig_path(otherwise)
-    folders = sorted({cam.parent.parent / "rigs" for cam in own})
-    found = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
-    if len(found) == 1:
-        _say(f"rig {found[0]}, the only one beside the cam; another may be named")
-        return found[0]
-    if found:
-        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-        names = ", ".join(map(str, found[:MOST_NAMED])) + more
-        raise ConfigError(
-            f"beside the cam there are {len(found)} rigs; allowed: one, named {names}"
-        )
-    _say(f"rig {otherwise}, a shipped one: beside the cam there is no rig; another may be named")
-    return rig_path(otherwise)
+    user_cams = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
+    if not user_cams:
+        return rig_path(default)
+    folders = sorted({cam.parent.parent / "rigs" for cam in user_cams})
+    rigs = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    if len(rigs) == 1:
+        _print_note(f"rig {rigs[0]}, the only one next to the cam; name a rig to use another")
+        return rigs[0]
+    if rigs:
+        more = f" and {len(rigs) - MAX_LISTED_RIGS} more" if len(rigs) > MAX_LISTED_RIGS else ""
+        names = ", ".join(map(str, rigs[:MAX_LISTED_RIGS])) + more
+        raise ConfigError(f"next to the cam are {len(rigs)} rigs; allowed: name one of {names}")
+    note = f"rig {default}, a shipped one, as no rig is next to the cam; name a rig to use another"
+    _print_note(note)
+    return rig_path(default)
 
 
-def _say(words: str) -> None:
-    print(words, file=sys.stderr)  # the terminal's own needs a library that the core has not
+def _print_note(text: str) -> None:
+    # not `show.terminal`, which needs rich: the rig's packages do not import it
+    print(text, file=sys.stderr)
 
 
 def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
-    """A scene on its rig, or on another that is given, or by file, or name beside it or shipped."""
+    """Return a scene on its rig, or on another rig.
+
+    A rig that is a name is searched for next to the scene first, then among the shipped rigs.
+    """
     loaded = scene if isinstance(scene, LoadedScene) else open_scene(named_path("scenes", scene))
     if rig is None:
         return loaded
@@ -123,28 +147,38 @@ def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
 
 
 def asked_speeds(rpm: Speeds) -> list[float]:
-    """Speeds, rpm."""
-    return [float(one) for one in on_one_axis("rpm", rpm)]
+    """Return one speed or several as a list, rpm."""
+    return [float(speed) for speed in on_one_axis("rpm", rpm)]
 
 
 def speeds_within(rpm: Speeds) -> list[float]:
-    """Speeds, rpm; refused where they are none, too many, too slow or too fast."""
+    """Return speeds (rpm) after checking their number and range.
+
+    Raises
+    ------
+    ConfigError
+        If there are not 1 to `MAX_SPEEDS` speeds, or a speed is outside `SLOWEST_RPM` to
+        `FASTEST_RPM`.
+    """
     speeds = asked_speeds(rpm)
-    wrong = [one for one in speeds if not SLOWEST_RPM <= one <= FASTEST_RPM]
+    wrong = [speed for speed in speeds if not SLOWEST_RPM <= speed <= FASTEST_RPM]
     if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
-        what = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
+        value = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
         limits = f"{SLOWEST_RPM:g} to {FASTEST_RPM:g} rpm"
-        raise ConfigError(f"rpm: {what}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
+        raise ConfigError(f"rpm: {value}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
     return speeds
 
 
-def scene_speeds(scene: str | Path, most: int) -> list[float]:
-    """So many of a scene's speeds (rpm) at most, the slowest and the fastest among them."""
-    return spread(speeds_of(load_scene(named_path("scenes", scene))), most)
+def scene_speeds(scene: str | Path, max_count: int) -> list[float]:
+    """Return up to `max_count` speeds (rpm) of a scene, with its lowest and highest."""
+    return spread(speeds_of(load_scene(named_path("scenes", scene))), max_count)
 
 
 def numbers_in(text: str) -> list[float]:
-    """Numbers of "0.5", "0.3,0.5" or "0:0.9:0.1", the last one included; none of another text."""
+    """Return the numbers of a text, or an empty list if it has another form.
+
+    The forms are "0.5", "0.3,0.5", and "0:0.9:0.1" (start, end and step, with the end included).
+    """
     try:
         if ":" in text:
             low, high, step = map(float, text.split(":"))
@@ -156,11 +190,18 @@ def numbers_in(text: str) -> list[float]:
 
 
 def speeds_in(text: str) -> list[float]:
-    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
-    found = numbers_in(text)
-    if not (found and 0.0 < min(found) <= max(found) <= FASTEST_RPM and len(found) <= MAX_SPEEDS):
+    """Return the speeds (rpm) of a text such as "300", "200,300" or "200:400:10".
+
+    Raises
+    ------
+    ConfigError
+        If the text has another form, or there are too many speeds or a speed out of range.
+    """
+    speeds = numbers_in(text)
+    in_range = speeds and 0.0 < min(speeds) <= max(speeds) <= FASTEST_RPM
+    if not (in_range and len(speeds) <= MAX_SPEEDS):
         raise ConfigError(
             f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "
             f"and at most {FASTEST_RPM:g}, {MAX_SPEEDS} speeds at most"
         )
-    return found
+    return speeds

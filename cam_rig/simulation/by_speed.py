@@ -1,6 +1,8 @@
-"""What a run says of each cam at each speed: level, forces, lift-offs, landings, torque.
+"""Table of a run with one row per cam and speed.
 
-All but the level is of the samples, be they computed or read from a bag: both give the same row.
+A row contains the sound level, forces, lift-offs, landings and torque.
+Everything except the level is computed from the samples. Samples that are simulated and samples
+that are read from a bag give the same row.
 """
 
 from __future__ import annotations
@@ -17,91 +19,99 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Settling, TickSamples, WholeTurns
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: A force of zero is a flight where the follower is off the cam by more than this part of the
-#: lift; else a follower without preload rests on the cam's dwell.
+#: Smallest gap of a flight, as a fraction of the lift, above the rounding of the displacements. A
+#: force of zero with a smaller gap is a follower without preload that rests on the cam's dwell.
 OFF_THE_CAM = 1e-9
 
 
 @dataclass
 class FlightCount:
-    """Counts flights, block after block: times are known to one sample."""
+    """Counter of the flights in successive blocks of samples, resolved to one sample."""
 
-    least_gap: float  #: m; a follower that comes no farther from the cam has not left it
+    min_gap: float  #: m; with a smaller gap the follower has not left the cam
     _length: int = field(default=0, init=False)  #: samples of the flight so far
-    _left: bool = field(default=False, init=False)  #: whether it has come so far
-    _bounced: bool = field(default=False, init=False)  #: whether it began with a bounce
+    _has_left: bool = field(default=False, init=False)  #: True if the gap was above `min_gap`
+    _bounced: bool = field(default=False, init=False)  #: True if the flight started with a bounce
 
-    def take(self, force: FloatArray, gap: FloatArray, impulse: FloatArray) -> tuple[int, int]:
-        """How many lift-offs there are, and how many samples the longest flight has so far.
+    def add(self, force: FloatArray, gap: FloatArray, impulse: FloatArray) -> tuple[int, int]:
+        """Return the lift-offs in a block, and the samples of the longest flight so far.
 
-        A flight begins with a lift-off or a bounce. Samples ``(n,)`` that go on from those before:
-        force (N), follower less cam (m), impulse (N·s).
+        A flight starts with a lift-off or a bounce. A bounce is not counted as a lift-off.
+
+        Parameters
+        ----------
+        force : (n,) array
+            Contact force in N, continuing the previous block.
+        gap : (n,) array
+            Displacement of the follower less that of the cam, m.
+        impulse : (n,) array
+            Impulse of the landings, N·s.
         """
         flying = force == 0.0
         bounced = flying & (impulse > 0.0)
         changes = np.flatnonzero((flying[1:] != flying[:-1]) | bounced[1:]) + 1
         lift_offs, longest = 0, 0
-        for begin, end in pairwise([0, *changes.tolist(), force.size]):
-            if bounced[begin] or not flying[begin]:
-                self._length, self._left, self._bounced = 0, False, bool(bounced[begin])
-            if flying[begin]:
-                self._length += end - begin
-                if not self._left and float(gap[begin:end].max()) > self.least_gap:
-                    self._left, lift_offs = True, lift_offs + (not self._bounced)
-                longest = max(longest, self._length * self._left)
+        for start, end in pairwise([0, *changes.tolist(), force.size]):
+            if bounced[start] or not flying[start]:
+                self._length, self._has_left, self._bounced = 0, False, bool(bounced[start])
+            if flying[start]:
+                self._length += end - start
+                if not self._has_left and float(gap[start:end].max()) > self.min_gap:
+                    self._has_left, lift_offs = True, lift_offs + (not self._bounced)
+                longest = max(longest, self._length * self._has_left)
         return lift_offs, longest
 
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """The whole settled turns of one cam at one speed."""
+    """Quantities of one cam at one speed, over its whole settled turns."""
 
     cam: str
     rpm: float  #: cam speed
-    turns: float  #: how many settled turns there are samples of
-    #: sound level, dB re 20 µPa; None where the microphone's messages are missing
+    turns: float  #: number of settled turns with samples
+    #: sound level, dB re 20 µPa; None if the messages of the microphone are missing
     level_db: float | None
-    force_peak: float  #: N, contact force at the samples, 0 in flight
-    force_least: float  #: N; below 0 in a model that holds the follower on the cam
-    lift_offs: float  #: a turn
-    flight: float  #: s, longest time off the cam, to one sample
-    landing: float  #: N·s, hardest landing (two landings within one sample count as one)
-    torque_peak: float  #: N·m, F s' (eq. 8 of the paper)
-    torque_least: float  #: N·m; below 0 it is the follower that turns the cam
+    force_peak: float  #: N, maximum contact force of the samples, 0 in flight
+    force_least: float  #: N, minimum; below 0 in a model that keeps the follower on the cam
+    lift_offs: float  #: number of lift-offs per turn
+    flight: float  #: s, longest time off the cam, with the resolution of one sample
+    landing: float  #: N·s, largest landing impulse; landings within one sample are added
+    torque_peak: float  #: N·m, maximum of F s' (eq. 8 of the paper)
+    torque_least: float  #: N·m, minimum; below 0 the follower drives the cam
     torque_mean: float  #: N·m
 
 
-#: Of s, s' and s'' the one that makes a torque of a force.
+#: Weights of s, s' and s'' that select s', by which a force becomes a torque.
 SLOPE = np.array([[0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
-class _Part:
-    """What the samples of a tick say, or those of a step's ticks so far."""
+class _TickStatistics:
+    """Statistics of the samples of one tick, or of several ticks at one speed."""
 
     samples: int = 0
-    turned: float = 0.0
-    force: tuple[float, float] = (-math.inf, math.inf)
-    torque: tuple[float, float] = (-math.inf, math.inf)
-    torque_sum: float = 0.0
-    landing: float = 0.0
+    turned: float = 0.0  #: rad
+    force: tuple[float, float] = (-math.inf, math.inf)  #: maximum and minimum, N
+    torque: tuple[float, float] = (-math.inf, math.inf)  #: maximum and minimum, N·m
+    torque_sum: float = 0.0  #: N·m
+    landing: float = 0.0  #: largest impulse, N·s
     lift_offs: int = 0
-    longest: int = 0  #: samples
+    longest: int = 0  #: samples of the longest flight
 
-    def __add__(self, more: _Part) -> _Part:
-        return _Part(
-            self.samples + more.samples,
-            self.turned + more.turned,
-            (max(self.force[0], more.force[0]), min(self.force[1], more.force[1])),
-            (max(self.torque[0], more.torque[0]), min(self.torque[1], more.torque[1])),
-            self.torque_sum + more.torque_sum,
-            max(self.landing, more.landing),
-            self.lift_offs + more.lift_offs,
-            max(self.longest, more.longest),
+    def __add__(self, other: _TickStatistics) -> _TickStatistics:
+        return _TickStatistics(
+            self.samples + other.samples,
+            self.turned + other.turned,
+            (max(self.force[0], other.force[0]), min(self.force[1], other.force[1])),
+            (max(self.torque[0], other.torque[0]), min(self.torque[1], other.torque[1])),
+            self.torque_sum + other.torque_sum,
+            max(self.landing, other.landing),
+            self.lift_offs + other.lift_offs,
+            max(self.longest, other.longest),
         )
 
     def row(self, cam: str, speed: float, rate: int, level: float | None) -> SpeedRow:
-        """The row of a cam at a speed (rad/s) with samples at ``rate`` Hz."""
+        """Return the row of a cam at a speed (rad/s), from samples at `rate` Hz."""
         turns = self.turned / TURN
         return SpeedRow(
             cam=cam,
@@ -120,44 +130,54 @@ class _Part:
 
 
 class SpeedRows:
-    """A run's samples (at ``rate`` Hz), tick by tick as they come: a row each cam and speed."""
+    """Accumulator of the ticks of a run into one row per cam and speed.
+
+    Parameters
+    ----------
+    laws : dict of str to Law
+        Laws by the name of the cam.
+    rate : int
+        Sample rate, Hz.
+    settle_turns : float
+        Number of turns left out at the start of each speed.
+    """
 
     def __init__(self, laws: dict[str, Law], rate: int, settle_turns: float) -> None:
         self._laws, self._rate = laws, rate
-        self._turns = WholeTurns[_Part](Settling(settle_turns))
+        self._turns = WholeTurns[_TickStatistics](Settling(settle_turns))
         self._flights = FlightCount(0.0)
-        self._steps: dict[tuple[str, float], _Part] = {}
-        self._before: tuple[str, float] | None = None
+        self._steps: dict[tuple[str, float], _TickStatistics] = {}
+        self._previous_key: tuple[str, float] | None = None
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> SpeedRows:
-        """The rows of a scene's run."""
+        """Return an empty accumulator for a run of a scene."""
         scene = loaded.scene
         return cls(loaded.laws, int(scene.sample_rate.si), scene.program.settle_turns.si)
 
     def take(self, tick: TickSamples) -> None:
-        """Go on with the samples of the next tick."""
+        """Add the samples of the next tick."""
         key = tick.cam, tick.start.speed
-        here = key if tick.steady else None
-        if here != self._before:
+        steady_key = key if tick.steady else None
+        if steady_key != self._previous_key:
             self._flights = FlightCount(OFF_THE_CAM * self._laws[tick.cam].lift)
-        self._before = here
+        self._previous_key = steady_key
         first = round(float(tick.time[0]) * self._rate)
         span, turned = (first, first + tick.time.size), tick.turned(self._rate)
-        part = self._part(tick, turned) if tick.steady else _Part()
-        for whole in self._turns.take(tick.start, tick.steady, turned, span, part):
-            self._steps[key] = self._steps.get(key, _Part()) + whole
+        statistics = self._statistics(tick, turned) if tick.steady else _TickStatistics()
+        for completed in self._turns.add(tick.start, tick.steady, turned, span, statistics):
+            self._steps[key] = self._steps.get(key, _TickStatistics()) + completed
 
-    def _part(self, tick: TickSamples, turned: float) -> _Part:
+    def _statistics(self, tick: TickSamples, turned: float) -> _TickStatistics:
         law = self._laws[tick.cam]
         angle, force, flying = tick.angle_in_turn, tick.force, tick.force == 0.0
         gap = np.zeros(flying.size)  # on the cam
         if flying.any():
             gap[flying] = tick.lift[flying] - law(angle[flying])
-        lift_offs, longest = self._flights.take(force, gap, tick.impulse)
+        lift_offs, longest = self._flights.add(force, gap, tick.impulse)
         step = tick.start.speed / self._rate
         torque = force * sample(law, angle[0], step, angle.size, SLOPE, np.zeros(1))[0]
-        return _Part(
+        return _TickStatistics(
             torque.size,
             turned,
             (float(force.max()), float(force.min())),
@@ -169,7 +189,10 @@ class SpeedRows:
         )
 
     def rows(self, levels: dict[str, dict[float, float]]) -> tuple[SpeedRow, ...]:
-        """The rows by cam and speed, at the end; ``levels`` in dB as of `step_levels`."""
+        """Return the rows at the end of the run, sorted by cam and speed.
+
+        `levels` contains the level in dB by cam and speed (rad/s), see `step_levels`.
+        """
         order = {cam: i for i, cam in enumerate(dict.fromkeys(cam for cam, _ in self._steps))}
         return tuple(
             step.row(cam, speed, self._rate, levels.get(cam, {}).get(speed))

@@ -1,4 +1,7 @@
-"""The columns of an exported run: names, units, and where each comes from."""
+"""Export of the samples of a run to CSV, NumPy, Parquet and WAV files.
+
+Rows are written in chunks, so memory does not grow with the length of the run.
+"""
 
 from __future__ import annotations
 
@@ -21,21 +24,22 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import FloatArray, to_rpm
 
-#: Rows that are written at once, at least: a tick alone may have a few.
+#: Smallest number of rows of a chunk except the last: one tick may have very few.
 CHUNK_ROWS = 1 << 16
-#: The column of text; the others are numbers.
+#: Column of text. All other columns contain numbers.
 CAM = "cam"
 
 
 class ExportColumn(NamedTuple):
-    """A column of numbers: its name with the unit in it, the unit, what it is, of `TickSamples`."""
+    """Column of numbers in an exported file."""
 
-    name: str
+    name: str  #: contains the unit
     unit: str
     meaning: str
-    of: str
+    attribute: str  #: of `TickSamples`
 
 
+#: Columns of numbers, in the order of the files.
 COLUMNS = (
     ExportColumn("time_s", "s", "rig time", "time"),
     ExportColumn("rpm", "rpm", "cam speed", "rpm"),
@@ -51,36 +55,37 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some rows."""
+    """Successive rows of an export."""
 
-    numbers: FloatArray  #: ``(k, n)`` as in `COLUMNS`
-    cams: tuple[str, ...]  #: run by run
-    counts: tuple[int, ...]  #: rows of each run
+    numbers: FloatArray  #: ``(k, n)``, rows in the order of `COLUMNS`
+    cams: tuple[str, ...]  #: cam of each tick
+    counts: tuple[int, ...]  #: number of rows of each tick
 
     @property
     def names(self) -> NDArray[np.str_]:
-        """The cam of each row, ``(n,)``."""
+        """Cam of each row, shape `(n,)`."""
         return np.repeat(np.array(self.cams), self.counts)
 
 
 @dataclass
 class Contents:
-    """What an export held, known when it is over."""
+    """Summary of the rows of an export, complete when the export is finished."""
 
-    rate: int
+    rate: int  #: Hz
     rows: int = 0
-    #: How often samples are missing: messages were lost, the cam stood, or a step was left out.
+    #: Number of interruptions: lost messages, a stopped cam, or a step that was left out.
     gaps: int = 0
-    begin: float = 0.0  #: of the first sample, s
-    end: float = 0.0  #: of the last sample, s
-    there: dict[str, None] = field(default_factory=dict)
+    start: float = 0.0  #: time of the first sample, s
+    end: float = 0.0  #: time of the last sample, s
+    #: Cams with their speeds that were not selected, as text, in order (a dict as an ordered set).
+    available: dict[str, None] = field(default_factory=dict)
 
-    def follow(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """The same chunks, taken note of."""
+    def track(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        """Yield the same chunks, and update the summary."""
         for chunk in chunks:
             number = np.rint(chunk.numbers[0] * self.rate)
             if not self.rows:
-                self.begin = float(chunk.numbers[0, 0])
+                self.start = float(chunk.numbers[0, 0])
             else:
                 self.gaps += int(number[0] != np.rint(self.end * self.rate) + 1.0)
             self.gaps += int(np.count_nonzero(np.diff(number) != 1.0))
@@ -90,27 +95,27 @@ class Contents:
 
 
 def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
-    """The ticks as chunks of rows; no more than one chunk is held."""
-    held: list[TickSamples] = []
+    """Yield the ticks as chunks of rows, with at most one chunk in memory."""
+    pending: list[TickSamples] = []
     count = 0
     for tick in ticks:
-        held.append(tick)
+        pending.append(tick)
         count += tick.time.size
         if count >= CHUNK_ROWS:
-            yield _joined(held)
-            held, count = [], 0
+            yield _join(pending)
+            pending, count = [], 0
     if count:
-        yield _joined(held)
+        yield _join(pending)
 
 
-def _joined(ticks: list[TickSamples]) -> Chunk:
-    numbers = [np.hstack([getattr(tick, column.of) for tick in ticks]) for column in COLUMNS]
+def _join(ticks: list[TickSamples]) -> Chunk:
+    numbers = [np.hstack([getattr(tick, column.attribute) for tick in ticks]) for column in COLUMNS]
     cams, counts = zip(*((tick.cam, tick.time.size) for tick in ticks), strict=True)
     return Chunk(np.stack(numbers), cams, counts)
 
 
-def write(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: int) -> None:
-    """Rows as CSV: one heading, the cam in the second column, every number with all its digits."""
+def write_csv(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: int) -> None:
+    """Write rows as CSV, with the cam in the second column and all digits of numbers."""
     time, *others = (column.name for column in COLUMNS)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join([time, CAM, *others]) + "\n")
@@ -121,7 +126,10 @@ def write(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: in
 
 
 def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Rows as NumPy's archive; columns lie in temporary files until their length is known."""
+    """Write rows as a NumPy archive (.npz).
+
+    The columns are stored in temporary files until their length is known.
+    """
     rows, cams = 0, dict[str, int]()
     with temporary_folder() as folder:
         with ExitStack() as stack:
@@ -137,12 +145,15 @@ def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: 
             for column in COLUMNS:
                 with (
                     _member(archive, column.name, np.dtype(np.float64), rows) as out,
-                    (folder / column.name).open("rb") as kept,
+                    (folder / column.name).open("rb") as source,
                 ):
-                    shutil.copyfileobj(kept, out)
+                    shutil.copyfileobj(source, out)
             names = np.array(list(cams))
-            with _member(archive, CAM, names.dtype, rows) as out, (folder / CAM).open("rb") as kept:
-                while data := kept.read(1 << 14):
+            with (
+                _member(archive, CAM, names.dtype, rows) as out,
+                (folder / CAM).open("rb") as source,
+            ):
+                while data := source.read(1 << 14):
                     out.write(names[np.frombuffer(data, dtype=np.int32)].tobytes())
             for name, text in {**about, "sample_rate_Hz": str(rate)}.items():
                 with archive.open(f"{name}.npy", "w") as out:
@@ -150,16 +161,16 @@ def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: 
 
 
 def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int) -> IO[bytes]:
-    """A column of the archive, open behind its header."""
+    """Open a column of the archive, write its header, and return it for the data."""
     out = archive.open(f"{name}.npy", "w", force_zip64=True)
-    described = np.lib.format.dtype_to_descr(dtype)
-    header = {"descr": described, "fortran_order": False, "shape": (rows,)}
+    description = np.lib.format.dtype_to_descr(dtype)
+    header = {"descr": description, "fortran_order": False, "shape": (rows,)}
     np.lib.format.write_array_header_1_0(out, header)
     return out
 
 
 def write_parquet(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Rows as Parquet, a row group for each chunk, units and meanings in the schema."""
+    """Write rows as Parquet, one row group per chunk, with units in the schema."""
     with libraries_named():
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -187,33 +198,40 @@ def _schema(pa: Any, about: dict[str, str]) -> Any:
     return pa.schema([time, cam, *others], metadata=about)
 
 
-#: No channels: the sample's place says the time, and 32 bits do not hold an angle of many turns.
-WITHOUT = ("time_s", "angle_rad")
-
-CHANNELS = tuple(i for i, column in enumerate(COLUMNS) if column.name not in WITHOUT)
-#: A format of its time: sizes in it are numbers of 32 bits.
+#: Columns without a channel in a WAV file. The time follows from the index of the sample, and an
+#: angle of many turns loses its digits in 32 bits.
+NO_CHANNEL = ("time_s", "angle_rad")
+#: Indices in `COLUMNS` of the channels of a WAV file.
+CHANNELS = tuple(i for i, column in enumerate(COLUMNS) if column.name not in NO_CHANNEL)
+#: Largest size of the samples of a WAV file, less its header: sizes in it are 32-bit numbers.
 MAX_BYTES = 2**32 - 2**16
-
+#: Format code of floating-point samples in a WAV file (WAVE_FORMAT_IEEE_FLOAT).
 IEEE_FLOAT = 3
-
-REMEDY = "so name one --cam and --rpm, or write .parquet, .npz or .csv"
+#: End of the messages on runs that a WAV file cannot contain.
+REMEDY = "so select one --cam and --rpm, or write .parquet, .npz or .csv"
 
 
 def write_wav(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Rows as a sound file: a channel each quantity, 32-bit floats in SI units."""
-    rows, begin, last = 0, 0.0, None
+    """Write rows as a WAV file: one channel per quantity, 32-bit floats in SI units.
+
+    Raises
+    ------
+    OutputError
+        If samples are missing in the run, or the file would be larger than 4 GiB.
+    """
+    rows, start, last = 0, 0.0, None
     with path.open("w+b") as file:
-        file.write(_head(0, rate, _comment(about, 0.0)))
+        file.write(_header(0, rate, _comment(about, 0.0)))
         for chunk in chunks:
             times = chunk.numbers[0]
-            begin = float(times[0]) if last is None else begin
+            start = float(times[0]) if last is None else start
             _require_no_gap(path, times if last is None else np.append(last, times), rate)
             last, rows = times[-1], rows + times.size
             if rows * 4 * len(CHANNELS) > MAX_BYTES:
-                raise OutputError(f"{path}: more than 4 GiB; allowed: what WAV can hold, {REMEDY}")
+                raise OutputError(f"{path}: more than 4 GiB; allowed: less in a WAV file, {REMEDY}")
             file.write(chunk.numbers[CHANNELS, :].T.astype("<f4").tobytes())
         file.seek(0)
-        file.write(_head(rows, rate, _comment(about, begin)))
+        file.write(_header(rows, rate, _comment(about, start)))
 
 
 def _require_no_gap(path: Path, times: np.ndarray, rate: int) -> None:
@@ -222,20 +240,20 @@ def _require_no_gap(path: Path, times: np.ndarray, rate: int) -> None:
         i = int(np.argmax(steps != 1.0))
         raise OutputError(
             f"{path}: no samples from {times[i]:.6g} to {times[i + 1]:.6g} s; allowed: a sound "
-            f"file has no gaps, {REMEDY}"
+            f"file without gaps, {REMEDY}"
         )
 
 
-def _comment(about: dict[str, str], begin: float) -> bytes:
-    """Names and units of the channels, of the same length for any beginning (s)."""
+def _comment(about: dict[str, str], start: float) -> bytes:
+    """Return names and units of the channels, of equal length for any start (s)."""
     names = ", ".join(f"{COLUMNS[i].name} [{COLUMNS[i].unit}]" for i in CHANNELS)
     run = ", ".join(f"{name} {text}" for name, text in about.items())
-    text = f"channels: {names}; begins at {begin:024.12f} s; {run}".encode()
+    text = f"channels: {names}; begins at {start:024.12f} s; {run}".encode()
     return text + b"\0" * (2 - len(text) % 2)
 
 
-def _head(rows: int, rate: int, comment: bytes) -> bytes:
-    """All chunks before the samples, and the head of theirs."""
+def _header(rows: int, rate: int, comment: bytes) -> bytes:
+    """Return all chunks before the samples, and the header of the chunk of samples."""
     frame = 4 * len(CHANNELS)
     layout = struct.pack("<HHIIHHH", IEEE_FLOAT, len(CHANNELS), rate, rate * frame, frame, 32, 0)
     chunks = (
@@ -251,17 +269,17 @@ def _chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack("<4sI", name, len(data)) + data
 
 
-#: Writers by ending: path, rows, what the run was, samples a second.
+#: Writers by suffix. Their parameters are the path, the rows, metadata by name, and the rate in Hz.
 FORMATS: dict[str, Callable[[Path, Iterable[Chunk], dict[str, str], int], None]] = {
     ".parquet": write_parquet,
-    ".csv": write,
+    ".csv": write_csv,
     ".npz": write_npz,
     ".wav": write_wav,
 }
 
 
 def require_format(path: Path) -> None:
-    """Refuse a file of which nobody knows how to write it."""
+    """Raise `ConfigError` if there is no writer for the suffix of a file."""
     if path.suffix.lower() not in FORMATS:
         raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(FORMATS)}")
     if path.suffix.lower() == ".parquet":
@@ -275,27 +293,53 @@ def export(
     cam: str | None = None,
     rpm: float | None = None,
 ) -> Contents:
-    """Write a run's samples in bounded memory, whole or not at all; of a cam, of a held speed."""
+    """Write the samples of a run to a file, with bounded memory.
+
+    The file is written completely or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        File with a suffix in `FORMATS`.
+    ticks : iterable of TickSamples
+    loaded : LoadedScene
+    cam : str, optional
+        Name of a cam (default: all cams).
+    rpm : float, optional
+        A constant cam speed in rpm (default: all speeds and ramps).
+
+    Returns
+    -------
+    Contents
+        Number of rows and gaps, and the times.
+
+    Raises
+    ------
+    ConfigError
+        If the suffix is unknown, or the run has no samples of the cam at the speed.
+    OutputError
+        If the format cannot contain the samples.
+    """
     require_format(path)
     rate = int(loaded.scene.sample_rate.si)
     contents, scene = Contents(rate), loaded.scene
     about = {"scene": scene.name, "model": scene.model, "rig": loaded.rig.name}
-    rows = contents.follow(chunks(_chosen(ticks, cam, rpm, contents.there)))
+    rows = contents.track(chunks(_select(ticks, cam, rpm, contents.available)))
     with writing(path) as part:
         FORMATS[path.suffix.lower()](part, rows, about, rate)
         if not contents.rows:
-            wanted = f"{cam or 'a cam'} at {'a speed' if rpm is None else f'{rpm:g} rpm'}"
-            there = ", ".join(contents.there) or "a run with ticks"
-            raise ConfigError(f"{path}: no samples of {wanted}; allowed: {there}")
+            selection = f"{cam or 'a cam'} at {'a speed' if rpm is None else f'{rpm:g} rpm'}"
+            available = ", ".join(contents.available) or "a run with ticks"
+            raise ConfigError(f"{path}: no samples of {selection}; allowed: {available}")
     return contents
 
 
-def _chosen(
-    ticks: Iterable[TickSamples], cam: str | None, rpm: float | None, there: dict[str, None]
+def _select(
+    ticks: Iterable[TickSamples], cam: str | None, rpm: float | None, available: dict[str, None]
 ) -> Iterator[TickSamples]:
-    """The ticks of a cam and a speed; ``there`` takes note of what else there is."""
+    """Yield the ticks of a cam and a speed, and add other steps to `available`."""
     for tick in ticks:
         if tick.is_of(cam, rpm):
             yield tick
         elif tick.steady:
-            there[f"{tick.cam} at {to_rpm(tick.start.speed):g} rpm"] = None
+            available[f"{tick.cam} at {to_rpm(tick.start.speed):g} rpm"] = None

@@ -1,4 +1,4 @@
-"""Signals of a measured run: readings, their gaps, and the counts of an encoder."""
+"""Signals of a measured run: readings, gaps in them, and the step of an encoder."""
 
 from __future__ import annotations
 
@@ -9,24 +9,31 @@ import numpy as np
 
 from cam_rig.units import FloatArray
 
-#: Readings of which the usual step is taken, at once; a slower speed has another.
+#: Number of successive time steps whose median is the normal step. It is short, because an encoder
+#: that reports each count has a longer step at a lower speed.
 WINDOW = 64
-#: A step that is so many times the usual one is a gap; of readings at a steady rate, and others.
-GAP_STEADY, GAP = 1.8, 4.0
-#: Steps of which nine of ten differ by less than this part of themselves are of a steady rate.
-STEADY = 0.05
+#: Ratio of a gap to the normal time step, for readings at a constant rate.
+STEADY_GAP_RATIO = 1.8
+#: Ratio of a gap to the normal time step, for other readings: networks deliver in bursts.
+GAP_RATIO = 4.0
+#: Largest relative deviation from the median step, for nine steps of ten, at a constant rate.
+STEADY_RTOL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """One measured quantity."""
+    """Readings of one measured quantity."""
 
     time: FloatArray  #: s, rising, ``(n,)``
     value: FloatArray  #: SI, ``(n,)``
-    source: str = ""  #: the topic and field it was read from
+    source: str = ""  #: topic and field from which it was read
 
     def gaps(self) -> FloatArray:
-        """``(k, 2)`` times (s) around steps far longer than the median nearby: readings missing."""
+        """Return the start and end times (s) of the gaps, shape `(k, 2)`.
+
+        A gap is a time step much longer than the median of the steps near it. `GAP_RATIO` and
+        `STEADY_GAP_RATIO` are the limits of the ratio.
+        """
         steps = np.diff(self.time)
         if steps.size < 3:
             return np.empty((0, 2))
@@ -35,15 +42,15 @@ class Signal:
         blocks = padded.reshape(count, WINDOW)
         usual = np.nanmedian(blocks, axis=1)
         spread = np.nanpercentile(np.abs(blocks - usual[:, None]), 90.0, axis=1)
-        factor = np.where(spread <= STEADY * usual, GAP_STEADY, GAP)
+        factor = np.where(spread <= STEADY_RTOL * usual, STEADY_GAP_RATIO, GAP_RATIO)
         limit = np.pad(factor * usual, 1, mode="edge")
         nearby = np.maximum(np.maximum(limit[:-2], limit[1:-1]), limit[2:])
-        places = np.flatnonzero(steps > np.repeat(nearby, WINDOW)[: steps.size])
-        return np.column_stack([self.time[places], self.time[places + 1]])
+        indices = np.flatnonzero(steps > np.repeat(nearby, WINDOW)[: steps.size])
+        return np.column_stack([self.time[indices], self.time[indices + 1]])
 
 
 def pulls(force: FloatArray) -> bool:
-    """Whether a measured contact force (N), ``(n,)``, has the sign of a pull."""
+    """Return True if a measured contact force (N), `(n,)`, has the sign of a pull."""
     return bool(np.median(force) < 0.0 and -force.min() > 2.0 * force.max())
 
 
@@ -64,46 +71,57 @@ class ReadingCount:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """Signals that were recorded of one cam on a machine; a signal is None if it was not."""
+    """Signals recorded of one cam on a machine, None if not recorded."""
 
     source: Path  #: the bag
-    cam: str  #: name of the cam, as in the scene; empty where the bag does not say
-    angle: Signal  #: cam angle with all its turns, rad; of an encoder, so perhaps in steps
+    cam: str  #: name of the cam in the scene, empty if the bag does not contain it
+    angle: Signal  #: cam angle with all its turns, rad; in steps if an encoder measures it
     lift: Signal | None = None  #: follower displacement, m
     force: Signal | None = None  #: contact force, N
     level: Signal | None = None  #: sound level, dB re 20 µPa
-    notes: tuple[str, ...] = ()  #: what was odd in the bag and what was done, a sentence each
-    begin_ns: int = 0  #: the stamp (ns) from which all times count
-    counts: tuple[ReadingCount, ...] = ()  #: of a bag of another program, for each quantity
+    notes: tuple[str, ...] = ()  #: sentences on anomalies in the bag
+    begin_ns: int = 0  #: stamp of time 0, ns
+    counts: tuple[ReadingCount, ...] = ()  #: per quantity, of a bag of another program
 
 
-#: Angles that rise by whole steps so nearly, in parts of one, were read through an encoder; over a
-#: step of n of them √n times that, as the count is not known better, and at most.
-WHOLE, MOST = 1e-3, 0.05
-#: Angles (rad) that differ by less are equal; a count is no finer than this.
-EQUAL, FINEST = 1e-12, 1e-8
+#: Largest deviation of an angle step from a whole number of counts, in counts. For a step of n
+#: counts it is √n times as large, because the count itself is known to this accuracy only.
+COUNT_ATOL = 1e-3
+#: Largest deviation of an angle step from a whole number of counts, in counts, for any n.
+MAX_COUNT_ATOL = 0.05
+#: Angles that differ by less are equal, rad: rounding.
+EQUAL_ANGLE_ATOL_RAD = 1e-12
+#: Smallest count of an encoder, rad.
+MIN_COUNT_RAD = 1e-8
 
 
 def encoder_count(angle: FloatArray) -> float:
-    """The step (rad) in which angles ``(n,)`` with all their turns come; 0 where they show none.
+    """Return the count (rad) of the encoder of an angle, or 0 if it has no counts.
 
-    Not each count need have been read, but steps of two sizes, standing still among them: equal
-    steps are those of a cam that turns steadily.
+    Some counts may be missing in the readings. At least two different step sizes are required, and
+    a step of zero is one of them: equal steps are those of a cam that turns at constant speed.
+
+    Parameters
+    ----------
+    angle : (n,) array
+        Cam angle with all its turns, rad.
     """
-    every = np.abs(np.diff(angle))
-    steps = every[every > EQUAL]
+    differences = np.abs(np.diff(angle))
+    steps = differences[differences > EQUAL_ANGLE_ATOL_RAD]
     if not steps.size:
         return 0.0
-    apart = np.diff(np.unique(np.round(steps, 9)))
-    least = [float(steps.min()), *apart[:1].tolist(), float(apart.min(initial=np.inf))]
-    for count in sorted(set(least), reverse=True):  # the least step seen may be several counts
-        if not FINEST < count < np.inf:
+    increments = np.diff(np.unique(np.round(steps, 9)))
+    smallest = float(increments.min(initial=np.inf))
+    candidates = [float(steps.min()), *increments[:1].tolist(), smallest]
+    for count in sorted(set(candidates), reverse=True):  # the smallest step may be several counts
+        if not MIN_COUNT_RAD < count < np.inf:
             continue
-        off = steps / count
-        whole = np.rint(off)
+        ratios = steps / count
+        whole = np.rint(ratios)
         if not whole.all():
             continue
-        if np.abs(off - whole).max() < min(MOST, WHOLE * max(1.0, float(np.sqrt(off.max())))):
-            sizes = np.unique(whole).size + (steps.size < every.size)
+        tolerance = min(MAX_COUNT_ATOL, COUNT_ATOL * max(1.0, float(np.sqrt(ratios.max()))))
+        if np.abs(ratios - whole).max() < tolerance:
+            sizes = np.unique(whole).size + (steps.size < differences.size)
             return float(np.median(steps / whole)) if sizes > 1 else 0.0
     return 0.0

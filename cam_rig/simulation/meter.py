@@ -13,35 +13,39 @@ from cam_rig.units import FloatArray
 
 @dataclass
 class MeterSimulator:
-    """The sound of a scene at a sound-level meter. Used by the node too.
+    """Sound-level meter at a scene's microphone, also used by the microphone node.
 
-    Another weighting begins a new measurement with the next block; the sound goes on. One that was
-    changed and changed back between two blocks changes nothing, as it could not be repeated.
+    A new weighting starts a new measurement with the next block, while the sound continues. A
+    weighting that is changed and changed back between two blocks does not, because a recording of
+    it could not be repeated.
     """
 
     source: SoundSource
     meter: SoundLevelMeter = field(init=False)
-    _next: SoundLevelMeter = field(init=False)
+    _next: SoundLevelMeter = field(init=False)  #: meter of the next block
 
     def __post_init__(self) -> None:
         self.meter = self._next = SoundLevelMeter(self.source.rate)
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> MeterSimulator:
-        """The meter of a scene."""
+        """Return the meter of a scene."""
         return cls(SoundSource(loaded.radiation, int(loaded.scene.sample_rate.si)))
 
     @property
     def quantity(self) -> str:
-        """What is read next, as IEC 61672-1 writes it: LZF, LAS."""
+        """Symbol of the next reading in the notation of IEC 61672-1: LZF, LAS."""
         return self._next.quantity
 
     def weigh(self, frequency: str, time: str) -> None:
-        """Set the weightings; those that are set already change nothing."""
-        wanted = SoundLevelMeter(self.source.rate, frequency, time)
-        self._next = self.meter if wanted.quantity == self.meter.quantity else wanted
+        """Set the frequency and time weightings of the next block.
+
+        The measurement continues if they are the present ones.
+        """
+        requested = SoundLevelMeter(self.source.rate, frequency, time)
+        self._next = self.meter if requested.quantity == self.meter.quantity else requested
 
     def read(self, block_rows: FloatArray, speed: float) -> Reading:
-        """The reading over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        """Return the reading over a block, `(6, n)` rows, at a cam speed (rad/s)."""
         self.meter, block = self._next, Samples(block_rows)
         return self.meter.read(self.source.pressure(block.force, block.impulse, speed))

@@ -1,4 +1,7 @@
-"""Cubic regression of level over speed, as the paper's, and where two of them cross."""
+"""Cubic regression of sound level over cam speed, and crossings of regressions.
+
+The regressions are those of eq. 20-22 of the paper: level in dB over cam speed in rpm.
+"""
 
 from __future__ import annotations
 
@@ -10,39 +13,75 @@ from cam_rig.schema import PublishedNoise
 from cam_rig.simulation.scene import LevelOrigin
 from cam_rig.units import FloatArray, rms, to_rpm
 
+#: Degree of the paper's regressions (eq. 20-22).
 REGRESSION_DEGREE = 3
-#: A number of a polynomial below this part of its largest is rounding; and such an imaginary part.
-ROUNDING, ALMOST_REAL = 1e-12, 1e-9
+#: Leading coefficients below this fraction of the largest coefficient are rounding.
+COEFFICIENT_RTOL = 1e-12
+#: Largest absolute imaginary part of a root that counts as real.
+REAL_ROOT_ATOL = 1e-9
+#: Smallest number of speeds of a regression in a figure. A cubic through fewer would show features
+#: that were not measured.
+MIN_SPEEDS = 6
 
 
 def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
-    """Least-squares coefficients c0 … c3 of level in dB over rpm."""
+    """Return the least-squares coefficients c0 to c3 of level (dB) over speed (rpm).
+
+    Parameters
+    ----------
+    rpm : (n,) array
+        Cam speeds, rpm.
+    level : (n,) array
+        Levels, dB.
+
+    Returns
+    -------
+    (4,) array
+        Coefficients in dB/rpm^k, NaN for fewer than four speeds.
+    """
     if rpm.size <= REGRESSION_DEGREE:
         return np.full(REGRESSION_DEGREE + 1, np.nan)
     fit = np.polynomial.Polynomial.fit(rpm, level, REGRESSION_DEGREE)
-    found = fit.convert().coef  # without trailing zeros
-    return np.pad(found, (0, REGRESSION_DEGREE + 1 - found.size))
+    coefficients = fit.convert().coef  # without trailing zeros
+    return np.pad(coefficients, (0, REGRESSION_DEGREE + 1 - coefficients.size))
 
 
 def cubic(rpm: FloatArray) -> FloatArray:
-    """``(n, n)``: takes levels at the speeds to the values of their regression there."""
+    """Return the matrix `(n, n)` from levels at n speeds to their regression."""
     powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
     return np.asarray(powers @ np.linalg.pinv(powers))
 
 
 def real_roots(coefficients: FloatArray) -> FloatArray:
-    """Real roots of c0 + c1 x + …, x about one; a leading number of mere rounding is zero."""
-    kept = np.polynomial.polynomial.polytrim(coefficients, ROUNDING * np.abs(coefficients).max())
-    roots = np.polynomial.polynomial.polyroots(kept)
-    return np.asarray(roots.real[np.abs(roots.imag) < ALMOST_REAL])
+    """Return the real roots of c0 + c1 x + …, for x of the order of 1.
+
+    Leading coefficients that are rounding are treated as zero.
+    """
+    tolerance = COEFFICIENT_RTOL * np.abs(coefficients).max()
+    trimmed = np.polynomial.polynomial.polytrim(coefficients, tolerance)
+    roots = np.polynomial.polynomial.polyroots(trimmed)
+    return np.asarray(roots.real[np.abs(roots.imag) < REAL_ROOT_ATOL])
 
 
 def crossings(
     difference: FloatArray, speeds: tuple[float, float], *, scale: float, shift: float = 0.0
 ) -> FloatArray:
-    """Speeds (rpm) between ``speeds`` at which regressions cross that differ by c0 … c3 (dB)."""
-    found = (real_roots(difference) + shift) * scale
-    return np.sort(found[(found >= speeds[0]) & (found <= speeds[1])])
+    """Return the speeds (rpm) at which two regressions cross, sorted.
+
+    Parameters
+    ----------
+    difference : (4,) array
+        Coefficients c0 to c3 of the difference of the regressions, dB over x, with a speed of
+        (x + shift)·scale.
+    speeds : tuple of float
+        Lowest and highest speed of the search, rpm.
+    scale : float
+        Unit of x, rpm.
+    shift : float
+        Speed at x = 0, in units of `scale`.
+    """
+    crossing_rpm = (real_roots(difference) + shift) * scale
+    return np.sort(crossing_rpm[(crossing_rpm >= speeds[0]) & (crossing_rpm <= speeds[1])])
 
 
 def nearest_crossing(
@@ -53,29 +92,32 @@ def nearest_crossing(
     scale: float,
     shift: float = 0.0,
 ) -> float | None:
-    """The one of the `crossings` nearest to ``near`` (rpm); None when there is none."""
+    """Return the crossing nearest to `near` (rpm), or None without a crossing.
+
+    The other parameters are those of `crossings`.
+    """
     inside = crossings(difference, speeds, scale=scale, shift=shift)
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseCurve:
-    """Measured level (dB) of one cam at each speed, and its cubic regression in rpm."""
+    """Level of one cam at each speed of a run, and its cubic regression in rpm."""
 
     cam: str
     role: LevelOrigin
-    rpm: FloatArray
-    level_db: FloatArray
-    coefficients: FloatArray
-    rmse_db: float | None
+    rpm: FloatArray  #: ``(n,)``, rising
+    level_db: FloatArray  #: ``(n,)``, dB
+    coefficients: FloatArray  #: c0 to c3, dB/rpm^k; NaN for fewer than four speeds
+    rmse_db: float | None  #: r.m.s. difference to the published regression; None without one
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseResult:
-    """The noise comparison of a run."""
+    """Noise of a run compared with published regressions."""
 
-    curves: dict[str, NoiseCurve]
-    crossover_rpm: float | None
+    curves: dict[str, NoiseCurve]  #: by cam
+    crossover_rpm: float | None  #: speed of equal levels; None if the regressions do not cross
 
 
 def compare(
@@ -83,7 +125,11 @@ def compare(
     roles: dict[str, LevelOrigin],
     published: PublishedNoise | None,
 ) -> NoiseResult:
-    """Regressions of all cams, their r.m.s. difference to the published ones, the crossover."""
+    """Compare levels (dB) by cam and speed (rad/s) with published regressions.
+
+    The result contains the regressions of all cams, their r.m.s. differences to the published
+    regressions, and the crossover of the two published cams.
+    """
     curves = {}
     for cam, steps in levels.items():
         rpm = to_rpm(np.array(sorted(steps)))
@@ -97,7 +143,10 @@ def compare(
 def _rmse(
     cam: str, rpm: FloatArray, level: FloatArray, published: PublishedNoise | None
 ) -> float | None:
-    """r.m.s. of simulated level minus published regression, within the published range."""
+    """Return the r.m.s. difference (dB) to the published regression, in its range.
+
+    The result is None if no regression of the cam is published, or no speed is in the range.
+    """
     if published is None or cam not in published.regression_db:
         return None
     low, high = published.range_rpm
@@ -108,17 +157,16 @@ def _rmse(
 
 
 def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) -> float | None:
-    """Speed (rpm) where the regressions of the two published cams meet, None when nowhere."""
+    """Return the speed (rpm) at which the regressions of the two published cams cross.
+
+    It is the crossing nearest to the published speed, or None if the regressions do not cross.
+    """
     if published is None or not set(published.crossover.between) <= set(curves):
         return None
-    one, two = (curves[cam] for cam in published.crossover.between)
-    difference = one.coefficients - two.coefficients
+    first, second = (curves[cam] for cam in published.crossover.between)
+    difference = first.coefficients - second.coefficients
     if not np.isfinite(difference).all():
         return None
-    low, high = max(one.rpm[0], two.rpm[0]), min(one.rpm[-1], two.rpm[-1])
+    low, high = max(first.rpm[0], second.rpm[0]), min(first.rpm[-1], second.rpm[-1])
     scaled = difference * high ** np.arange(difference.size)
     return nearest_crossing(scaled, (low, high), published.crossover.rpm, scale=high)
-
-
-#: A cubic through fewer speeds than this would show what nobody measured.
-MIN_SPEEDS = 6

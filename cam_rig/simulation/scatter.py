@@ -6,39 +6,49 @@ import numpy as np
 
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Parts of a turn in which noise is estimated, and over which differences are averaged.
+#: Number of bins of a turn in which noise is estimated, and over which differences are averaged.
 BINS = 180
-#: Readings in a part of a turn from which its noise is estimated, at least: of fewer, the square
-#: of the median is too large.
-LEAST = 40
+#: Smallest number of readings in a bin. With fewer, the square of the median is too large.
+MIN_READINGS = 40
 #: Median of the absolute value of normal noise, in standard deviations.
 MEDIAN = 0.6744897501960817
 
 
 def scatter(angle: FloatArray, value: FloatArray) -> float:
-    """r.m.s. of what differs from turn to turn, of readings at any angles.
+    """Return the r.m.s. scatter of readings from turn to turn, in the unit of `value`.
 
-    Readings that are neighbours by their angle in the turn are of different turns mostly: each is
-    taken less what its two neighbours have there on a straight line. The median of each part of a
-    turn counts, so that a departure that moves quickly there (a landing) is no more than its part.
+    Readings that are neighbours by their angle in the turn are mostly of different turns. Each
+    reading is compared with the straight line through its two neighbours. The median of each bin of
+    the turn is used, so that a fast change of the signal, such as a landing, affects one bin only.
+
+    Parameters
+    ----------
+    angle : (n,) array
+        Cam angles in rad, in any order.
+    value : (n,) array
+        Readings at these angles.
     """
-    off = np.abs(off_neighbours(angle, value))
-    if not off.size:
+    deviations = np.abs(off_neighbours(angle, value))
+    if not deviations.size:
         return 0.0
-    bins = max(1, min(BINS, off.size // LEAST))
-    medians = [float(np.median(part)) for part in np.array_split(off, bins)]
+    bins = max(1, min(BINS, deviations.size // MIN_READINGS))
+    medians = [float(np.median(part)) for part in np.array_split(deviations, bins)]
     return rms(medians) / MEDIAN
 
 
 def off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
-    """Each value less that of its neighbours by the angle in the turn, with its scatter."""
-    inside = np.remainder(angle, TURN)
-    order = np.argsort(inside, kind="stable")
-    places, values = inside[order], value[order]
+    """Return the deviation of each value from the line through its neighbours.
+
+    Neighbours are those by angle in the turn. The deviations are scaled to the scatter of a single
+    value. The result has shape `(n - 2,)`, or is empty for fewer than three values.
+    """
+    angle_in_turn = np.remainder(angle, TURN)
+    order = np.argsort(angle_in_turn, kind="stable")
+    angles, values = angle_in_turn[order], value[order]
     if values.size < 3:
         return np.empty(0)
-    span = places[2:] - places[:-2]
-    ahead = np.divide(places[2:] - places[1:-1], span, out=np.full_like(span, 0.5), where=span > 0)
-    off = values[1:-1] - ahead * values[:-2] - (1.0 - ahead) * values[2:]
-    off /= np.sqrt(1.0 + ahead**2 + (1.0 - ahead) ** 2)
-    return np.asarray(off)
+    span = angles[2:] - angles[:-2]
+    weight = np.divide(angles[2:] - angles[1:-1], span, out=np.full_like(span, 0.5), where=span > 0)
+    deviation = values[1:-1] - weight * values[:-2] - (1.0 - weight) * values[2:]
+    deviation /= np.sqrt(1.0 + weight**2 + (1.0 - weight) ** 2)
+    return np.asarray(deviation)

@@ -1,4 +1,4 @@
-"""A scene with everything it names: the mounted cams, the rig, the published curves."""
+"""Scene with the files that it names: cams, rig and published curves."""
 
 from __future__ import annotations
 
@@ -39,15 +39,22 @@ from cam_rig.units import FloatArray, to_rpm
 
 @checked
 def load_cam(cam: str | Path) -> CamConfig:
-    """A cam: its law as segments around the turn, and its follower.
+    """Load a cam: its law as segments of the turn, and its follower.
 
     Parameters
     ----------
-    cam : a name in ``config/cams`` (``"poly345"``), or the path of a YAML file
+    cam : str or Path
+        Name in ``config/cams`` such as ``"poly345"``, or path of a YAML file.
+
+    Returns
+    -------
+    CamConfig
+        Cam with the numbers of the file, each with its unit and its origin.
 
     Raises
     ------
-    ConfigError : one line that names file, key, value and what is allowed
+    ConfigError
+        If the file is missing or wrong. The message contains file, key, value and allowed values.
 
     Examples
     --------
@@ -64,15 +71,22 @@ build_law = checked(laws.build_law)
 
 @checked
 def load_rig(rig: str | Path) -> RigConfig:
-    """A rig: the follower's masses, springs and dampers, its shaft, and how it sounds.
+    """Load a rig: the numbers of the follower, the shaft and the sound.
 
     Parameters
     ----------
-    rig : a name in ``config/rigs`` (``"paper_table2"``, ``"tm21"``), or the path of a YAML file
+    rig : str or Path
+        Name in ``config/rigs`` such as ``"paper_table2"`` or ``"tm21"``, or path of a YAML file.
+
+    Returns
+    -------
+    RigConfig
+        Rig with the numbers of the file, each with its unit and its origin.
 
     Raises
     ------
-    ConfigError : one line that names file, key, value and what is allowed
+    ConfigError
+        If the file is missing or wrong. The message contains file, key, value and allowed values.
 
     Examples
     --------
@@ -89,16 +103,25 @@ def load_rig(rig: str | Path) -> RigConfig:
 
 @checked
 def load_scene(scene: str | Path) -> LoadedScene:
-    """A scene (an experiment: cams on a rig, and speeds) with every file that it names.
+    """Load a scene, an experiment with cams on a rig at several speeds.
 
     Parameters
     ----------
-    scene : a name in ``config/scenes`` (``"quick"``), or the path of a YAML file; what it names is
-        looked up beside its folder first, then in ``config``
+    scene : str or Path
+        Name in ``config/scenes`` such as ``"quick"``, or path of a YAML file. Cams and rigs that it
+        names are searched for next to its folder first, then in ``config``.
+
+    Returns
+    -------
+    LoadedScene
+        Scene, rig, and cams with their laws.
 
     Raises
     ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
+    ConfigError
+        If a file is missing or wrong. The message contains the file and the error.
+    LawError
+        If the law of a cam cannot be built.
 
     Examples
     --------
@@ -110,8 +133,10 @@ def load_scene(scene: str | Path) -> LoadedScene:
     return open_scene(named_path("scenes", scene))
 
 
-#: The shipped rig that was calibrated, and the model of the follower it was calibrated with.
-SHIPPED, MODEL = "tm21", "one_mass"
+#: Shipped rig whose acoustic constants were fitted to published levels.
+SHIPPED_RIG = "tm21"
+#: Model of the follower with which its constants were fitted.
+MODEL = "one_mass"
 
 
 class LevelOrigin(StrEnum):
@@ -123,68 +148,76 @@ class LevelOrigin(StrEnum):
     RELATIVE = "relative"  #: the rig was not calibrated: only differences of levels are meaningful
 
 
+#: Note under levels of a rig that is not calibrated.
 RELATIVE_NOTE = (
     "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
     "differences between levels mean something."
 )
-#: What follows in the source of a calibration: the follower and model it holds for.
+#: Text in the source of fitted constants before the model and the follower of the fit.
 FITTED_WITH = "; fitted with "
-#: Two numbers that differ by less, relative, are the same in other units.
-SAME = 1e-9
+#: Relative difference below which two numbers are equal: rounding of a conversion of units.
+VALUE_RTOL = 1e-9
 
 
 def is_calibrated(rig: RigConfig, model: str) -> bool:
-    """Whether acoustic constants are identified, with the rig's own follower and this model."""
-    own, shipped = rig.radiation, _shipped()
-    if own is None or not own.gain.origin == own.corner.origin == "identified":
+    """Return True if the acoustic constants are valid for this model and follower.
+
+    They must have been fitted. Constants of the shipped rig are valid for its follower and `MODEL`
+    only. Others are valid for the model and follower in the source of the gain, if it names them.
+    """
+    radiation, shipped = rig.radiation, _shipped_rig()
+    if radiation is None or not radiation.gain.origin == radiation.corner.origin == "identified":
         return False
-    if not has_shipped_constants(rig):  # fitted anew
-        said = own.gain.source.partition(FITTED_WITH)[2]
-        return said in ("", fitted_with(rig, model))
+    if not has_shipped_constants(rig):
+        stated = radiation.gain.source.partition(FITTED_WITH)[2]
+        return stated in ("", fitted_with(rig, model))
     follower = shipped.follower
-    return model == MODEL and all(_same(one, getattr(follower, key)) for key, one in rig.follower)
+    return model == MODEL and all(_equal(n, getattr(follower, key)) for key, n in rig.follower)
 
 
 def calibrated_on(rig: RigConfig, model: str) -> str:
-    """The cam that a rig's sound was fitted to with this model; empty where levels are relative."""
+    """Return the cam to whose levels a rig was fitted, empty if not calibrated."""
     return (rig.calibrated_on or "measured levels") if is_calibrated(rig, model) else ""
 
 
 def fitted_with(rig: RigConfig, model: str) -> str:
-    """Model and follower in SI units, as ``cam-rig fit sound`` writes them into the source."""
-    given = ((key, number) for key, number in rig.follower if number)
-    said = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in given)
-    return ", ".join((model, *said))
+    """Return model and follower in SI units as text, for the source of a fit."""
+    numbers = ((key, number) for key, number in rig.follower if number)
+    texts = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in numbers)
+    return ", ".join((model, *texts))
 
 
 def has_shipped_constants(rig: RigConfig) -> bool:
-    """Whether gain and cut-off are those that the shipped rig was calibrated to."""
-    own, shipped = rig.radiation, _shipped().radiation
-    if own is None or shipped is None:
+    """Return True if gain and cut-off are those of the shipped rig."""
+    radiation, shipped = rig.radiation, _shipped_rig().radiation
+    if radiation is None or shipped is None:
         return False
-    return _same(own.gain, shipped.gain) and _same(own.corner, shipped.corner)
+    return _equal(radiation.gain, shipped.gain) and _equal(radiation.corner, shipped.corner)
 
 
-def _same(one: Quantity | None, other: Quantity | None) -> bool:
-    """Whether two numbers are one, whatever their units and origins; none is like none."""
-    if one is None or other is None:
-        return one is other
-    return math.isclose(one.si, other.si, rel_tol=SAME)
+def _equal(first: Quantity | None, second: Quantity | None) -> bool:
+    """Return True if two numbers are equal in SI units, or both are missing."""
+    if first is None or second is None:
+        return first is second
+    return math.isclose(first.si, second.si, rel_tol=VALUE_RTOL)
 
 
 @lru_cache(maxsize=1)
-def _shipped() -> RigConfig:
-    return read_rig(config_root() / "rigs" / f"{SHIPPED}.yaml")
+def _shipped_rig() -> RigConfig:
+    return read_rig(config_root() / "rigs" / f"{SHIPPED_RIG}.yaml")
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedScene:
-    """Everything a run needs, checked before anything starts; without files where it has none."""
+    """Scene with its cams, laws and rig, all validated.
+
+    The files are empty for a scene that is made from arguments.
+    """
 
     scene: SceneConfig
     rig: RigConfig
-    cams: dict[str, CamConfig]
-    laws: dict[str, Law]
+    cams: dict[str, CamConfig]  #: by name, in the order of the scene
+    laws: dict[str, Law]  #: by the name of the cam
     published: PublishedNoise | None = None
     scene_file: Path = Path()
     rig_file: Path = Path()
@@ -192,44 +225,44 @@ class LoadedScene:
     published_file: Path | None = None
 
     def __repr__(self) -> str:
-        """Cams, rig and model, without their numbers."""
+        """Return cams, rig, model and some of the speeds."""
         speeds = ", ".join(f"{rpm:g}" for rpm in spread(speeds_of(self.scene), FORCE_SPEEDS))
-        what = f"{', '.join(self.laws)} on {self.rig.name}, {self.scene.model}"
-        return f"LoadedScene({self.scene.name}: {what}, {speeds} rpm)"
+        experiment = f"{', '.join(self.laws)} on {self.rig.name}, {self.scene.model}"
+        return f"LoadedScene({self.scene.name}: {experiment}, {speeds} rpm)"
 
     @property
     def titles(self) -> dict[str, str]:
-        """What the mounted cams are called."""
+        """Titles of the mounted cams by name."""
         return {name: cam.title for name, cam in self.cams.items()}
 
     @property
     def follower(self) -> FollowerParameters:
-        """The follower's numbers."""
+        """Parameters of the follower."""
         return FollowerParameters.from_rig(self.rig)
 
     @property
     def radiation(self) -> RadiationParameters:
-        """The acoustic constants."""
+        """Acoustic constants of the rig."""
         return RadiationParameters.from_rig(self.rig, lands=MODELS[self.scene.model].lifts_off)
 
     @property
     def missing_for_sound(self) -> tuple[str, ...]:
-        """Keys of the rig that a sound level needs and the file leaves out."""
+        """Keys of numbers that a sound level needs and the rig does not have."""
         return self.rig.missing_for_sound(MODELS[self.scene.model].lifts_off)
 
     @property
     def no_sound_note(self) -> str:
-        """Return a sentence on the sound level that is left out, empty if there is one."""
+        """Sentence on a sound level that cannot be computed, empty if it can."""
         keys = " and ".join(self.missing_for_sound)
         return f"sound level left out: rig {self.rig.name} has no {keys}" if keys else ""
 
     def require_numbers(self) -> None:
-        """Refuse a rig that lacks a number of the scene's model or of its sound."""
+        """Raise `ConfigError` if the rig lacks a number of the model or of the sound."""
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
     def files(self) -> list[Path]:
-        """Every file of the scene, the scene's own first."""
+        """All files of the scene, with the scene file first."""
         published = [] if self.published_file is None else [self.published_file]
         points = [
             path.parent / name
@@ -243,7 +276,13 @@ class LoadedScene:
     ) -> None:
         """Add a cam, mounted by an operator, from the library of the scene's cams.
 
-        One that is there is read only ``again`` on demand; ``require`` may refuse its law.
+        Parameters
+        ----------
+        name : str
+        again : bool
+            True to read the file of a cam that is already in the scene again.
+        require : callable
+            Function of the law that raises an error if it is not acceptable.
         """
         if name in self.cams and not again:
             return
@@ -255,7 +294,7 @@ class LoadedScene:
         self.laws[name], self.cams[name], self.cam_files[name] = law, cam, path
 
     def law_of(self, cam: str) -> Law:
-        """The law of a cam of the scene."""
+        """Return the law of a cam. Raise `ConfigError` if the scene does not have the cam."""
         if cam not in self.laws:
             raise ConfigError(
                 f"{self.scene_file}: has no cam {cam!r}; allowed: {', '.join(self.laws)}"
@@ -264,7 +303,7 @@ class LoadedScene:
 
     @property
     def calibrated(self) -> bool:
-        """Whether the levels of the scene are more than relative to each other."""
+        """True if the levels are absolute, False if only their differences are valid."""
         return is_calibrated(self.rig, self.scene.model)
 
     def level_origin(self, cam: str) -> LevelOrigin:
@@ -273,11 +312,11 @@ class LoadedScene:
             return LevelOrigin.RELATIVE
         origin, shipped = self.fitted_origin(cam), has_shipped_constants(self.rig)
         if origin is LevelOrigin.CALIBRATED and shipped and not same_as_shipped(self.cams[cam]):
-            return LevelOrigin.PREDICTED  # another cam of that name: nothing was fitted to it
+            return LevelOrigin.PREDICTED  # another cam with the same name, not the fitted one
         return origin
 
     def fitted_origin(self, cam: str) -> LevelOrigin:
-        """Return the origin of a cam's level by the sources in the files of rig and cam."""
+        """Return the origin of a cam's level according to the files of rig and cam."""
         if cam == self.rig.calibrated_on:
             return LevelOrigin.CALIBRATED
         source = self.cams[cam].identified_from
@@ -285,7 +324,13 @@ class LoadedScene:
         return LevelOrigin.IDENTIFIED if source and is_known else LevelOrigin.PREDICTED
 
     def published_levels(self, cam: str, rpm: FloatArray) -> FloatArray:
-        """Published levels (dB) of a cam at speeds in rpm, to fit something to."""
+        """Return the published levels (dB) of a cam at speeds in rpm, shape `(n,)`.
+
+        Raises
+        ------
+        ConfigError
+            If no regression of the cam is published, or a speed is outside of its range.
+        """
         if self.published is None or cam not in self.published.regression_db:
             raise ConfigError(
                 f"{self.scene_file}: no published noise of {cam!r} to fit to; allowed: a scene "
@@ -300,13 +345,21 @@ class LoadedScene:
         return self.published.level(cam, rpm)
 
     def only(self, cam: str, law: Law) -> LoadedScene:
-        """The same scene with one cam alone, and another law for it."""
+        """Return the scene with one cam only, and with another law for it."""
         scene = self.scene.model_copy(update={"cams": [cam]})
         return replace(self, scene=scene, laws={cam: law})
 
 
 def open_scene(scene_path: Path) -> LoadedScene:
-    """Read a scene and every file it names."""
+    """Read a scene file and every file that it names, and validate them.
+
+    Raises
+    ------
+    ConfigError
+        If a file is missing or wrong, or the rig does not support the follower of a cam.
+    LawError
+        If the law of a cam cannot be built.
+    """
     scene = read_scene(scene_path)
     library = Library.beside(scene_path)
     files = {name: library.path("cams", name) for name in scene.cams}
@@ -324,26 +377,31 @@ def open_scene(scene_path: Path) -> LoadedScene:
     return LoadedScene(scene, rig, cams, laws, published, scene_path, rig_file, files, printed)
 
 
-#: The arrow of the greatest contact force, as a share of the follower's reach.
+#: Length of the arrow of the maximum contact force, as a fraction of the follower's reach.
 ARROW = 0.5
 
 
 def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
-    """Maximum contact force (N) of a follower that stays in contact at a speed (rad/s)."""
+    """Return the maximum contact force (N) at a speed (rad/s), always in contact."""
     return force_extremes(loaded.laws[cam], loaded.follower, speed)[1]
 
 
-#: Speeds at most of the vibration tables, of the force over the turn, and of the orders.
-VIBRATION_SPEEDS, FORCE_SPEEDS, ORDER_SPEEDS = 4, 5, 13
+#: Largest number of speeds in the vibration tables.
+VIBRATION_SPEEDS = 4
+#: Largest number of speeds in a figure of the force over the turn.
+FORCE_SPEEDS = 5
+#: Largest number of speeds in the report's figure of orders.
+ORDER_SPEEDS = 13
 
 
 def speeds_of(scene: SceneConfig) -> list[float]:
-    """The scene's speeds (rpm), each once, rising."""
+    """Return the different speeds (rpm) of a scene, sorted."""
     return sorted({round(to_rpm(speed), 9) for speed in scene.program.speeds.si_list})
 
 
-def spread(speeds: list[float], most: int) -> list[float]:
-    """So many of the speeds at most, the first and the last among them."""
-    if len(speeds) <= most:
+def spread(speeds: list[float], max_count: int) -> list[float]:
+    """Return up to `max_count` evenly spread speeds, including the first and the last."""
+    if len(speeds) <= max_count:
         return speeds
-    return [speeds[i] for i in np.linspace(0, len(speeds) - 1, most).round().astype(int).tolist()]
+    indices = np.linspace(0, len(speeds) - 1, max_count).round().astype(int)
+    return [speeds[i] for i in indices.tolist()]

@@ -1,4 +1,7 @@
-"""What the drive does: the scene's speeds, tick by tick, as states of the cam."""
+"""Schedule of the drive: the speeds of a scene as cam states, one per tick.
+
+A step is the time that one cam turns at one speed. Ramps to its speed are not part of it.
+"""
 
 from __future__ import annotations
 
@@ -15,45 +18,52 @@ from cam_rig.units import NS, TURN
 
 @dataclass(frozen=True)
 class CamState:
-    """The cam from a time until the next state, at one speed or along a ramp.
+    """Cam angle and speed at a time.
 
-    The angle's whole turns are counted apart, so that it has the same digits however long the cam
-    turns; one given without turns has its own taken off.
+    The cam turns to the next state at constant speed or on a ramp. The whole turns of the angle are
+    counted separately, so its accuracy does not depend on their number. Whole turns in a given
+    angle are moved to `turns`.
     """
 
     time_ns: int  #: rig time
-    angle: float  #: rad
+    angle: float  #: rad, in [0, 2π)
     speed: float  #: rad/s
     cam: str  #: name of the mounted cam
-    turns: int = 0
+    turns: int = 0  #: whole turns before the angle
 
     def __post_init__(self) -> None:
-        if math.isfinite(self.angle):  # else a validator says so
+        if math.isfinite(self.angle):  # otherwise a validator reports it
             turns, angle = wrap(self.angle, self.turns)
             object.__setattr__(self, "turns", turns)
             object.__setattr__(self, "angle", angle)
 
     @property
     def unwrapped(self) -> float:
-        """The cam angle with all its turns (rad), as people read it."""
+        """Cam angle with all its turns, rad."""
         return self.turns * TURN + self.angle
 
     def since(self, other: CamState) -> float:
-        """Angle turned (rad) since another state."""
+        """Return the angle (rad) from another state to this one."""
         return (self.turns - other.turns) * TURN + (self.angle - other.angle)
 
     def until(self, end: CamState) -> Interval:
-        """The interval up to the next state: a ramp if the angle turned is the mean speed's."""
+        """Return the interval up to the next state.
+
+        It is a ramp if the angle between the states fits the mean speed better than the first.
+        """
         length = (end.time_ns - self.time_ns) / NS
         turned = end.since(self)
-        ramp = abs(turned - 0.5 * (self.speed + end.speed) * length)
-        held = abs(turned - self.speed * length)
-        acceleration = (end.speed - self.speed) / length if ramp < held else 0.0
+        ramp_error = abs(turned - 0.5 * (self.speed + end.speed) * length)
+        steady_error = abs(turned - self.speed * length)
+        acceleration = (end.speed - self.speed) / length if ramp_error < steady_error else 0.0
         times = self.time_ns, end.time_ns
         return Interval(*times, self.angle, self.speed, acceleration, self.turns)
 
     def turns_until(self, end: CamState) -> bool:
-        """Whether the cam turns up to another state; else it stood, or another course began."""
+        """Return True if the cam turns from this state to another.
+
+        Otherwise the cam is stopped, or the other state does not belong to the same run.
+        """
         length = (end.time_ns - self.time_ns) / NS
         if self.speed > 0.0 or length <= 0.0:
             return length > 0.0
@@ -61,76 +71,87 @@ class CamState:
         return turned > 0.0 and abs(turned - 0.5 * end.speed * length) < ANGLE_TOLERANCE
 
     def holds_until(self, end: CamState) -> bool:
-        """Whether the speed is held up to the next state, and not ramped."""
+        """Return True if the speed is constant up to the next state, not on a ramp."""
         return self.until(end).acceleration == 0.0
 
 
 def cam_states(scene: SceneConfig) -> Iterator[CamState]:
-    """All states in order, θ without a jump; the last stands still and closes the last tick."""
+    """Yield all states of a scene in order, with a continuous angle.
+
+    In the last state the cam is stopped. It is the end of the last tick.
+    """
     time_ns, turns, angle, program = 0, 0, 0.0, scene.program
     for cam in scene.cams:
-        before = 0.0
+        previous_speed = 0.0
         for speed in program.speeds.si_list:
-            for ticks in (_ramp(scene, before, speed), _hold(scene, speed)):
-                last = None
-                for last in ticks:
-                    at = time_ns + last.start_ns, angle + last.angle
-                    yield CamState(*at, last.speed, cam, turns + last.turns)
-                if last is not None:
-                    time_ns += last.stop_ns
-                    turned = angle + last.angle_at(last.duration)
-                    turns, angle = wrap(turned, turns + last.turns)
-            before = speed
+            for ticks in (_ramp_ticks(scene, previous_speed, speed), _steady_ticks(scene, speed)):
+                tick = None
+                for tick in ticks:
+                    start = time_ns + tick.start_ns, angle + tick.angle
+                    yield CamState(*start, tick.speed, cam, turns + tick.turns)
+                if tick is not None:
+                    time_ns += tick.stop_ns
+                    end_angle = angle + tick.angle_at(tick.duration)
+                    turns, angle = wrap(end_angle, turns + tick.turns)
+            previous_speed = speed
     yield CamState(time_ns, angle, 0.0, scene.cams[-1], turns)
 
 
 def run_length(scene: SceneConfig) -> tuple[int, int]:
-    """Rig time (ns) of the whole scene, and of its longest tick."""
-    program, lengths, longest = scene.program, 0, 0
-    for before, speed in pairwise([0.0, *program.speeds.si_list]):
-        ramp = _ramp(scene, before, speed)
-        lengths += (ramp[-1].stop_ns if ramp else 0) + _edge(scene, speed, ticks_a_step(scene))
-        ticks = [part.stop_ns - part.start_ns for part in ramp]
-        longest = max(longest, *ticks, _edge(scene, speed, 1) + 1)  # by rounding, of some
-    return len(scene.cams) * lengths, longest
+    """Return the rig time (ns) of the whole scene, and that of its longest tick."""
+    program, duration, longest = scene.program, 0, 0
+    for previous_speed, speed in pairwise([0.0, *program.speeds.si_list]):
+        ramp = _ramp_ticks(scene, previous_speed, speed)
+        duration += ramp[-1].stop_ns if ramp else 0
+        duration += _ticks_end_ns(scene, speed, ticks_per_step(scene))
+        ticks = [tick.stop_ns - tick.start_ns for tick in ramp]
+        longest = max(longest, *ticks, _ticks_end_ns(scene, speed, 1) + 1)  # some by rounding
+    return len(scene.cams) * duration, longest
 
 
-def _hold(scene: SceneConfig, speed: float) -> Iterator[Interval]:
-    """The ticks of one speed, from time and angle 0; there may be a hundred million."""
-    edges = (_edge(scene, speed, i) for i in range(ticks_a_step(scene) + 1))
-    return (_held(a, b, speed) for a, b in pairwise(edges))
+def _steady_ticks(scene: SceneConfig, speed: float) -> Iterator[Interval]:
+    """Yield the ticks at one speed, from time and angle 0.
+
+    They are not stored, because there may be 1e8 ticks.
+    """
+    edges = (_ticks_end_ns(scene, speed, i) for i in range(ticks_per_step(scene) + 1))
+    return (_steady_tick(start, end, speed) for start, end in pairwise(edges))
 
 
-def _edge(scene: SceneConfig, speed: float, ticks: int) -> int:
-    """When (ns) so many ticks of a speed end: a turn at the same one however it is divided."""
+def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
+    """Return the time (ns) from the start of a speed to the end of a number of ticks.
+
+    It is rounded from an exact fraction: the time of a whole turn does not depend on its division.
+    """
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.program.ticks_per_turn
-    whole, parts = (2 * tick).as_integer_ratio()
-    return (ticks * whole + parts) // (2 * parts)
+    numerator, denominator = (2 * tick).as_integer_ratio()
+    return (ticks * numerator + denominator) // (2 * denominator)
 
 
-def _held(start_ns: int, stop_ns: int, speed: float) -> Interval:
-    """A tick of a speed that was held since time and angle 0: its angle to the last digit."""
+def _steady_tick(start_ns: int, stop_ns: int, speed: float) -> Interval:
+    """Return a tick at a speed that is constant since time 0, with an exact angle."""
     turned = Fraction(speed) * start_ns / NS
     whole = turned // Fraction(TURN)
     return Interval(start_ns, stop_ns, float(turned - whole * Fraction(TURN)), speed, 0.0, whole)
 
 
-def _ramp(scene: SceneConfig, before: float, speed: float) -> list[Interval]:
-    """The ticks of the ramp to a speed, none longer than a tick at the faster end."""
-    if scene.program.ramp is None or before == speed:
+def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list[Interval]:
+    """Return the ticks of a ramp, not longer than a tick at its higher speed."""
+    if scene.program.ramp is None or previous_speed == speed:
         return []
     length = round(scene.program.ramp.si * NS)
-    whole = Interval(0, length, 0.0, before, (speed - before) * NS / length)
-    return whole.split(TURN / scene.program.ticks_per_turn)
+    acceleration = (speed - previous_speed) * NS / length
+    ramp = Interval(0, length, 0.0, previous_speed, acceleration)
+    return ramp.split(TURN / scene.program.ticks_per_turn)
 
 
-def ticks_a_step(scene: SceneConfig) -> int:
-    """Ticks at each speed of each cam, its ramp not among them."""
+def ticks_per_step(scene: SceneConfig) -> int:
+    """Return the number of ticks at each speed of each cam, without the ramp."""
     return int(scene.program.turns.si) * scene.program.ticks_per_turn
 
 
 def tick_count(scene: SceneConfig) -> int:
-    """Ticks of the whole scene."""
+    """Return the number of ticks of the whole scene, including ramps."""
     speeds = scene.program.speeds.si_list
-    ramps = sum(len(_ramp(scene, *step)) for step in pairwise([0.0, *speeds]))
-    return len(scene.cams) * (len(speeds) * ticks_a_step(scene) + ramps)
+    ramps = sum(len(_ramp_ticks(scene, *step)) for step in pairwise([0.0, *speeds]))
+    return len(scene.cams) * (len(speeds) * ticks_per_step(scene) + ramps)

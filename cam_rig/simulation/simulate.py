@@ -1,4 +1,4 @@
-"""The scene without ROS: the same core as the nodes, in one process."""
+"""Simulation of a scene in one process, with the classes that the nodes use."""
 
 from __future__ import annotations
 
@@ -28,49 +28,55 @@ class MeasuredTick:
 
     start: CamState
     stop_ns: int
-    pressure: float | None  #: r.m.s., Pa; None if the rig has no numbers of its sound
-    samples: int  #: of which the pressure is the mean
-    steady: bool = True  #: False along a ramp
+    pressure: float | None  #: r.m.s., Pa; None if the rig has no acoustic constants
+    samples: int  #: number of samples in the r.m.s. value
+    steady: bool = True  #: False on a ramp
 
     @classmethod
     def between(
         cls, start: CamState, end: CamState, pressure: float, sample_rate: int
     ) -> MeasuredTick:
-        """The tick from one cam state to the next, of samples at ``sample_rate`` (Hz)."""
+        """Return the tick between two cam states, with samples at `sample_rate` (Hz)."""
         interval = start.until(end)
         count = interval.grid(sample_rate).count
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
-#: Rig time (s) beyond what a cam takes from tick to tick at its speed, after which it stood
-#: meanwhile: a halted one stands a second, and else it is off by rounding.
-STOOD_S = 0.1
+#: Largest difference between the rig time from state to state and the time of the turned angle, s.
+#: Beyond it the cam was stopped in between. A stop takes 1 s, and rounding far less.
+STOP_ATOL_S = 0.1
 
 
 @dataclass
 class Settling:
-    """Which ticks of a run are settled; a step is a run of one cam at one speed, ramps left out."""
+    """Detector of the settled ticks of a run.
 
-    turns: float  #: of each step, left out
-    first: CamState | None = field(default=None, init=False)  #: of the present step
+    They are those after the first turns of a step, the time of one cam at one speed.
+    """
+
+    turns: float  #: number of turns left out at the start of each step
+    first: CamState | None = field(default=None, init=False)  #: first state of the present step
     _last: CamState | None = field(default=None, init=False)
 
     def is_over(self, start: CamState, steady: bool) -> bool:
-        """Whether the tick that begins at ``start`` is settled; to be asked of each in order."""
+        """Return True if the tick from `start` on is settled.
+
+        It must be called for each tick in order, with `steady` False on a ramp.
+        """
         if not steady:
             self.first = None
             return False
-        if self.first is None or self._last is None or not _goes_on(self._last, start):
+        if self.first is None or self._last is None or not _continues(self._last, start):
             self.first = start
         self._last = start
         return is_settled(start.since(self.first) / TURN, self.turns)
 
 
-def _goes_on(last: CamState, start: CamState) -> bool:
-    """Whether a cam at its speed went on from one state to another, seen or not."""
+def _continues(last: CamState, start: CamState) -> bool:
+    """Return True if a cam turned at one speed between two states, adjacent or not."""
     if (start.cam, start.speed) != (last.cam, last.speed):
         return False
-    return abs((start.time_ns - last.time_ns) / NS - start.since(last) / last.speed) < STOOD_S
+    return abs((start.time_ns - last.time_ns) / NS - start.since(last) / last.speed) < STOP_ATOL_S
 
 
 Part = TypeVar("Part")
@@ -78,40 +84,41 @@ Part = TypeVar("Part")
 
 @dataclass
 class WholeTurns(Generic[Part]):
-    """Puts a run's settled ticks together to whole turns: less than one has no mean."""
+    """Collector of settled ticks into whole turns: less than a turn has no mean."""
 
     settling: Settling
     _parts: list[Part] = field(default_factory=list, init=False)
-    _turned: float = field(default=0.0, init=False)  #: of the present step, turns
-    _of: tuple[CamState | None, int] = field(default=(None, 0), init=False)
+    _turned: float = field(default=0.0, init=False)  #: turns of the present step
+    #: First state of the present step, and position at which its next tick must start.
+    _expected: tuple[CamState | None, int] = field(default=(None, 0), init=False)
 
-    def take(
+    def add(
         self, start: CamState, steady: bool, turned: float, span: tuple[int, int], part: Part
     ) -> list[Part]:
-        """The parts of the turns that this tick completes, else none; of each tick in order.
+        """Add the data of the next tick, and return those of the turns that it completes.
 
-        The tick turned by an angle (rad) from the first to the second of ``span``: whatever counts
-        so that the next tick begins where this one ends.
+        `steady` is False on a ramp, and `turned` is the angle of the tick in rad. `span` is its
+        start and end on any scale of whole numbers on which successive ticks are adjacent.
         """
         settled, first = self.settling.is_over(start, steady), self.settling.first
-        if not settled or self._of != (first, span[0]):
+        if not settled or self._expected != (first, span[0]):
             self._parts, self._turned = [], 0.0
-        self._of = first, span[1]
+        self._expected = first, span[1]
         if not settled:
             return []
-        before, self._turned = self._turned, self._turned + turned / TURN
+        previous, self._turned = self._turned, self._turned + turned / TURN
         self._parts.append(part)
-        if math.floor(self._turned + 1e-6) == math.floor(before + 1e-6):
+        if math.floor(self._turned + 1e-6) == math.floor(previous + 1e-6):
             return []
-        whole, self._parts = self._parts, []
-        return whole
+        completed, self._parts = self._parts, []
+        return completed
 
 
 class StepLevels:
-    """Level in dB by cam and speed (rad/s): the energy mean over the step's whole settled turns.
+    """Energy mean level in dB over whole settled turns, by cam and speed (rad/s).
 
-    Each tick counts by its samples, not by its time: short ticks of one length may have two or
-    three, and every sample weighs the same however the turn is divided.
+    Each tick is weighted by its number of samples, not by its duration. Ticks of equal duration may
+    differ by one sample, and the level must not depend on the number of ticks per turn.
     """
 
     def __init__(self, settle_turns: float) -> None:
@@ -120,17 +127,17 @@ class StepLevels:
         self._turns = WholeTurns[MeasuredTick](Settling(settle_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
-        """The level with the next tick, where it completes a turn."""
+        """Add a tick, and return the new level if it completes a turn, else None."""
         if tick.pressure is None:
             return None
         start, span = tick.start, (tick.start.time_ns, tick.stop_ns)
         turned = start.speed * (tick.stop_ns - start.time_ns) / NS
-        whole = self._turns.take(start, tick.steady, turned, span, tick)
-        if not whole:
+        completed = self._turns.add(start, tick.steady, turned, span, tick)
+        if not completed:
             return None
         square, samples = self._energy.get((start.cam, start.speed), (0.0, 0))
-        for part in whole:
-            assert part.pressure is not None  # it would not be in here
+        for part in completed:
+            assert part.pressure is not None  # checked above for each tick
             square, samples = square + part.pressure**2 * part.samples, samples + part.samples
         self._energy[start.cam, start.speed] = square, samples
         level = float(level_db(np.sqrt(square / samples)))
@@ -141,119 +148,127 @@ class StepLevels:
 def step_levels(
     ticks: Iterable[MeasuredTick], settle_turns: float
 ) -> dict[str, dict[float, float]]:
-    """The `StepLevels` of a run's ticks."""
-    found = StepLevels(settle_turns)
+    """Return the level in dB by cam and speed (rad/s) of a run, see `StepLevels`."""
+    step = StepLevels(settle_turns)
     for tick in ticks:
-        found.add(tick)
-    return found.levels
+        step.add(tick)
+    return step.levels
 
 
-def require_ticks(levels: dict[str, dict[float, float]], where: str) -> None:
-    """Raise when nothing was measured, naming where it was looked for."""
+def require_ticks(levels: dict[str, dict[float, float]], source: str) -> None:
+    """Raise `CamRigError` if there are no levels. The message starts with `source`."""
     if not levels:
-        raise CamRigError(f"{where}: no whole settled turn to measure; run at least one whole step")
+        raise CamRigError(
+            f"{source}: no whole settled turn to measure; run at least one whole step"
+        )
 
 
-#: Speeds nearer than this part of each other are one.
-SAME = 1e-9
+#: Relative difference below which two speeds are equal: rounding of rpm.
+SPEED_RTOL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class TickSamples(NamedRows):
-    """Samples ``(6, n)`` of one tick, rows as in `COLUMNS`, and θ, rpm and cam beside them."""
+    """Samples of one tick, with the cam, its angle and its speed."""
 
     start: CamState
-    interval: Interval  #: from ``start`` on; it may go on beyond the samples
-    rows: FloatArray
+    interval: Interval  #: starts at `start`, may end after the last sample
+    rows: FloatArray  #: ``(6, n)``, rows in the order of `cam_rig.dynamics.interval.COLUMNS`
 
     @property
     def cam(self) -> str:
-        """The mounted cam."""
+        """Name of the mounted cam."""
         return self.start.cam
 
     @property
     def steady(self) -> bool:
-        """Whether the speed is held, and not ramped."""
+        """True if the speed is constant, False on a ramp."""
         return self.interval.acceleration == 0.0
 
     def is_of(self, cam: str | None, rpm: float | None) -> bool:
-        """Whether it is of a cam (None: of any) at a speed that is held (None: or ramped)."""
+        """Return True if the tick has this cam and this constant speed. None accepts any."""
         if cam is not None and cam != self.cam:
             return False
-        return rpm is None or (self.steady and abs(to_rpm(self.start.speed) - rpm) <= SAME * rpm)
+        difference = 0.0 if rpm is None else abs(to_rpm(self.start.speed) - rpm)
+        return rpm is None or (self.steady and difference <= SPEED_RTOL * rpm)
 
     @cached_property
-    def _since(self) -> FloatArray:
-        """Times since the tick began, s."""
+    def _time_in_tick(self) -> FloatArray:
+        """Times since the start of the tick, s, shape `(n,)`."""
         return self.time - self.interval.start_ns / NS
 
     @property
     def angle(self) -> FloatArray:
-        """``(n,)`` cam angle with all its turns, rad."""
-        return self.interval.unwrapped_at(self._since)
+        """Cam angle with all its turns, rad, shape `(n,)`."""
+        return self.interval.unwrapped_at(self._time_in_tick)
 
     @cached_property
     def angle_in_turn(self) -> FloatArray:
-        """``(n,)`` cam angle in [0, 2π), rad: it has all its digits however long the cam turned."""
-        angle = self.interval.angle_at(self._since)
-        inside = angle - np.floor(angle / TURN) * TURN
-        return np.where(inside < TURN, inside, 0.0)  # TURN itself by rounding
+        """Cam angle in [0, 2π), rad, shape `(n,)`, accurate after any number of turns."""
+        angle = self.interval.angle_at(self._time_in_tick)
+        wrapped = angle - np.floor(angle / TURN) * TURN
+        return np.where(wrapped < TURN, wrapped, 0.0)  # equal to TURN by rounding
 
     def turned(self, rate: int) -> float:
-        """Angle (rad) that the cam turned under the samples, at ``rate`` Hz."""
-        part = self.time.size / self.interval.grid(rate).count
-        return part * self.interval.mean_speed * self.interval.duration
+        """Return the angle (rad) of the cam over the samples, with samples at `rate` Hz."""
+        fraction = self.time.size / self.interval.grid(rate).count
+        return fraction * self.interval.mean_speed * self.interval.duration
 
     @property
     def rpm(self) -> FloatArray:
-        """``(n,)`` cam speed, rpm."""
-        return np.round(to_rpm(self.interval.speed_at(self._since)), 9)
+        """Cam speed, rpm, shape `(n,)`."""
+        return np.round(to_rpm(self.interval.speed_at(self._time_in_tick)), 9)
 
 
 @dataclass
 class FollowerSimulator:
-    """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
+    """Simulator of the follower on the mounted cam, also used by the follower node.
+
+    It computes a block of samples for each cam state after the first.
+    """
 
     model: Model
-    parameters: Any
-    sample_rate: int
-    laws: dict[str, Law] = field(default_factory=dict)
-    #: Last cam state, and the follower's state there; None before the first cam state, and if the
-    #: follower is put on the cam anew.
-    last: CamState | None = None
-    state: FollowerState | None = None
-    owed: float = 0.0  #: impulse of a landing that no sample has shown, N·s
+    parameters: Any  #: of the model
+    sample_rate: int  #: Hz
+    laws: dict[str, Law] = field(default_factory=dict)  #: by cam
+    last: CamState | None = None  #: last cam state, None before the first
+    state: FollowerState | None = None  #: at the last cam state, None for rest on the cam
+    pending_impulse: float = 0.0  #: impulse of a landing on the last cam after its last sample, N·s
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> FollowerSimulator:
-        """The follower of a scene."""
+        """Return the follower of a scene."""
         model, rate = MODELS[loaded.scene.model], int(loaded.scene.sample_rate.si)
         return cls(model, model.parameters(loaded.rig), rate, dict(loaded.laws))
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
-        """The tick that ends at ``state``, None at the first; on a new cam it is put down."""
-        start, begin, owed = self.last, self.state, self.owed
+        """Simulate the tick that ends at a cam state.
+
+        The follower's state and samples are returned, or None at the first cam state and if the cam
+        does not turn. On a new cam the next tick starts at rest.
+        """
+        start, start_state, pending_impulse = self.last, self.state, self.pending_impulse
         self.put_down(state)
         if start is None or not start.turns_until(state):
             return None
         law = self.laws[start.cam]
         end, block = self.model.advance(
-            law, self.parameters, begin, start.until(state), self.sample_rate
+            law, self.parameters, start_state, start.until(state), self.sample_rate
         )
         if state.cam == start.cam:
             self.state = end
         else:
-            self.owed = end.pending_impulse
-        return end, block.with_impulse(owed)
+            self.pending_impulse = end.pending_impulse
+        return end, block.with_impulse(pending_impulse)
 
     def put_down(self, last: CamState | None = None, state: FollowerState | None = None) -> None:
         """Continue from a cam state, with the follower in `state`, or at rest on the cam."""
-        self.last, self.state, self.owed = last, state, 0.0
+        self.last, self.state, self.pending_impulse = last, state, 0.0
 
 
 @dataclass
 class MicrophoneSimulator:
-    """The microphone with its state: takes blocks, gives r.m.s. pressure. Used by the node too."""
+    """Simulator of the microphone, also used by the microphone node."""
 
     parameters: RadiationParameters
     sample_rate: int
@@ -261,11 +276,11 @@ class MicrophoneSimulator:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> MicrophoneSimulator:
-        """The microphone of a scene."""
+        """Return the microphone of a scene."""
         return cls(loaded.radiation, int(loaded.scene.sample_rate.si))
 
     def listen(self, block_rows: FloatArray, speed: float) -> float:
-        """r.m.s. pressure (Pa) over a block, ``(6, n)`` rows, at cam speed ``speed`` (rad/s)."""
+        """Return the r.m.s. pressure (Pa) over a block `(6, n)` at a cam speed (rad/s)."""
         block = Samples(block_rows)
         self.state, pressure = rms_pressure(
             self.parameters, self.state, block.force, block.impulse, self.sample_rate, speed
@@ -273,7 +288,7 @@ class MicrophoneSimulator:
         return pressure
 
     def measure(self, tick: TickSamples) -> MeasuredTick:
-        """The same of a tick's samples."""
+        """Return the measurement over a tick."""
         return _measured(tick, self.listen(tick.rows, tick.interval.mean_speed))
 
 
@@ -284,16 +299,20 @@ def _measured(tick: TickSamples, pressure: float | None) -> MeasuredTick:
 
 def turned_ticks(
     loaded: LoadedScene,
-    begin: FollowerState | None = None,
+    start_state: FollowerState | None = None,
     states: Iterable[CamState] | None = None,
 ) -> Iterator[TickSamples]:
-    """Samples tick by tick, ``begin`` None: put down; of the drive's or ``states``."""
+    """Simulate a scene, and yield the samples of each tick.
+
+    `start_state` is the follower's state at the first cam state (default: at rest on the cam).
+    `states` are the cam states (default: those of the scene's program).
+    """
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
     for state in cam_states(loaded.scene) if states is None else states:
         turned = follower.turn_to(state)
         if start is None:
-            follower.put_down(state, begin)
+            follower.put_down(state, start_state)
         if turned is not None and start is not None:
             yield TickSamples(start, turned[1].interval, turned[1].rows)
         start = state
@@ -302,82 +321,92 @@ def turned_ticks(
 def simulate(
     loaded: LoadedScene,
     take: Callable[[TickSamples], None] = lambda _: None,
-    begin: FollowerState | None = None,
+    start_state: FollowerState | None = None,
     states: Iterable[CamState] | None = None,
 ) -> Iterator[MeasuredTick]:
-    """Run the scene as `turned_ticks`; ``take`` gets each tick's samples, which are not kept.
+    """Simulate a scene, and yield the measurement of each tick.
 
-    Ticks have no pressure if the rig has no numbers of its sound.
+    `take` is called with the samples of each tick, which are not stored. The other parameters are
+    those of `turned_ticks`. Ticks have no pressure if the rig has no acoustic constants.
     """
     microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)
-    for tick in turned_ticks(loaded, begin, states):
+    for tick in turned_ticks(loaded, start_state, states):
         take(tick)
         yield _measured(tick, None) if microphone is None else microphone.measure(tick)
 
 
-#: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).
+#: Sample rate of `settled_turns`, Hz. Levels are within 0.003 dB of those at 384 kHz
+#: (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
-#: The speed response is a polynomial of (rpm − 300)/100.
-RESPONSE_AT, RESPONSE_PER = 300.0, 100.0
+#: Centre of the speed response, a polynomial of (rpm − 300)/100, rpm: the middle of 200 to 400.
+RESPONSE_CENTRE_RPM = 300.0
+#: Unit of the argument of the speed response, rpm: the half of that range.
+RESPONSE_SCALE_RPM = 100.0
 
 
 class Sounding(Protocol):
-    """What a cam gives to the rig's structure at each of ``speeds`` (rad/s)."""
+    """Excitation of the rig's structure by a cam at several speeds."""
 
     @property
     def speeds(self) -> FloatArray:
-        """Of the cam, rad/s, ``(n,)``."""
+        """Cam speeds, rad/s, shape `(n,)`."""
 
     def every(self, step: int) -> Sounding:
-        """Only each ``step``-th speed."""
+        """Return every `step`-th speed only."""
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Mean square of ω_c (F − q), ``(n,)`` in (N/s)², for ω_c in rad/s."""
+        """Return the mean square of ω_c (F − q), shape `(n,)` in (N/s)², for ω_c in rad/s."""
 
     def landing_power(self, radiation: RadiationParameters) -> FloatArray:
-        """Mean square pressure of the landings, ``(n,)`` in Pa²."""
+        """Return the mean square pressure of the landings, shape `(n,)` in Pa²."""
 
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """The last turn of a run at each speed."""
+    """Samples of the last turn of a run at each speed."""
 
-    speeds: FloatArray  #: rad/s
-    forces: tuple[FloatArray, ...]  #: N
-    impulses: tuple[FloatArray, ...]  #: N·s
+    speeds: FloatArray  #: rad/s, ``(n,)``
+    forces: tuple[FloatArray, ...]  #: N, for each speed
+    impulses: tuple[FloatArray, ...]  #: N·s, for each speed
 
     @property
     def rpm(self) -> FloatArray:
-        """The speeds in rpm."""
+        """Cam speeds, rpm."""
         return to_rpm(self.speeds)
 
     def every(self, step: int) -> Turns:
-        """Only each ``step``-th speed."""
+        """Return every `step`-th speed only."""
         return Turns(self.speeds[::step], self.forces[::step], self.impulses[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """⟨(ω_c (F − q))²⟩ over a turn repeated for ever, ``(n,)`` in (N/s)²."""
+        """Return ⟨(ω_c (F − q))²⟩ of the periodic turn, shape `(n,)` in (N/s)²."""
         blocks = zip(self.forces, self.impulses, strict=True)
         return np.array([_contact_power(corner_rate, *block) for block in blocks])
 
     def landing_power(self, radiation: RadiationParameters) -> FloatArray:
-        """Mean square pressure of the landings, ``(n,)`` in Pa²."""
+        """Return the mean square pressure of the landings, shape `(n,)` in Pa²."""
         energy = [float(radiation.landing_energy(impulse).sum()) for impulse in self.impulses]
         return np.array(energy) * self.speeds / TURN
 
 
 def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float:
-    """The structure is linear: a turn from rest, and the start that comes back to itself."""
-    started = structure_response(rate, TURN_RATE_HZ, 0.0, float(force[-1]), force, impulse)
-    fading = np.exp(-rate / TURN_RATE_HZ * np.arange(1, force.size + 1))
-    structure = started + fading * started[-1] / (1.0 - fading[-1])
+    """Return ⟨(ω_c (F − q))²⟩ of one periodic turn, (N/s)².
+
+    The structure is linear: its response is that from rest plus a decay that makes it periodic.
+    """
+    from_rest = structure_response(rate, TURN_RATE_HZ, 0.0, float(force[-1]), force, impulse)
+    decay = np.exp(-rate / TURN_RATE_HZ * np.arange(1, force.size + 1))
+    structure = from_rest + decay * from_rest[-1] / (1.0 - decay[-1])
     return float(np.mean((rate * (force - structure)) ** 2))
 
 
 def settled_turns(
     law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
 ) -> Turns:
-    """The second turn at each speed; of a rigid follower that ends on the cam the first."""
+    """Return the second turn from rest at each speed (rad/s).
+
+    It is the first turn for a rigid follower that is in contact at its end: the second is equal.
+    """
     forces, impulses = [], []
     for speed in map(float, speeds):
         turn, state = round(TURN / speed * NS), None
@@ -393,22 +422,22 @@ def settled_turns(
 
 @dataclass(frozen=True)
 class Acoustics:
-    """The fitted constants of a rig's sound."""
+    """Fitted acoustic constants of a rig."""
 
     radiation: RadiationParameters
-    #: Empty, or dB of the contact's sound over powers 1, 2, 3 of (rpm − 300)/100: how much better
-    #: the rig passes sound on at one speed than at another, whatever the cam.
+    #: Speed response of the rig to the sound of the contact of any cam: factors (dB) of the powers
+    #: 1, 2, 3 of (rpm − 300)/100, or empty.
     response: tuple[float, ...] = ()
 
     def levels(self, turns: Sounding) -> FloatArray:
-        """Level in dB at each speed, ``(n,)``.
+        """Return the level in dB at each speed, shape `(n,)`.
 
-        Landings do not pass through the speed response: it is measured on a cam that has none,
-        at some tens of Hz, and they sound at some kHz.
+        The speed response is not applied to landings. It is measured on a cam without landings at
+        some tens of Hz, and the sound of landings is at some kHz.
         """
         r = self.radiation
         background = np.array([r.background_power(float(speed)) for speed in turns.speeds])
-        x = (to_rpm(turns.speeds) - RESPONSE_AT) / RESPONSE_PER
+        x = (to_rpm(turns.speeds) - RESPONSE_CENTRE_RPM) / RESPONSE_SCALE_RPM
         response = np.polynomial.polynomial.polyval(x, (0.0, *self.response))
         contact = r.gain**2 * turns.contact_power(r.corner_rate) * 10.0 ** (response / 10)
         return level_db(np.sqrt(background + contact + turns.landing_power(r)))
@@ -416,5 +445,5 @@ class Acoustics:
     def with_constants(
         self, gain: float, corner: float, response: tuple[float, ...] = ()
     ) -> Acoustics:
-        """The same background, other constants."""
+        """Return these constants with another gain, corner (Hz) and speed response."""
         return Acoustics(replace(self.radiation, gain=gain, corner=corner), response)

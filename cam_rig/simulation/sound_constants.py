@@ -1,4 +1,4 @@
-"""Least-squares fit of the two acoustic constants of a rig to levels of one or more cams."""
+"""Least-squares fit of the two acoustic constants of a rig to levels of cams."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from cam_rig.units import FloatArray, rms, to_rpm
 
 @dataclass(frozen=True, eq=False)
 class PublishedCam:
-    """Settled turns of a cam and its published or measured level (dB) at the same speeds."""
+    """Settled turns of a cam, and its published or measured level at the same speeds."""
 
     cam: str
     turns: Sounding
-    published: FloatArray
+    published: FloatArray  #: level, dB, ``(n,)``
 
     @property
     def rpm(self) -> FloatArray:
-        """The speeds in rpm."""
+        """Cam speeds, rpm."""
         return to_rpm(self.turns.speeds)
 
     def every(self, step: int) -> PublishedCam:
@@ -34,53 +34,60 @@ class PublishedCam:
         return PublishedCam(self.cam, self.turns.every(step), self.published[::step])
 
     def difference(self, acoustics: Acoustics) -> FloatArray:
-        """Return simulated minus published level, dB."""
+        """Return simulated minus published level in dB, shape `(n,)`."""
         return acoustics.levels(self.turns) - self.published
 
     def rms(self, acoustics: Acoustics) -> float:
-        """Return the root mean square of that difference, dB."""
+        """Return the root mean square of the difference, dB."""
         return rms(self.difference(acoustics))
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTurns:
-    """Steady sound, without samples, of a cam that keeps contact at all `speeds` (rad/s)."""
+    """Periodic sound in closed form of a cam that keeps contact at all speeds."""
 
     law: Law
     follower: FollowerParameters
-    speeds: FloatArray
+    speeds: FloatArray  #: rad/s
 
     def every(self, step: int) -> SteadyTurns:
         """Return every `step`-th speed only."""
         return SteadyTurns(self.law, self.follower, self.speeds[::step])
 
     def contact_power(self, corner_rate: float) -> FloatArray:
-        """Return ⟨(ω_c (F − q))²⟩ over a turn, `(n,)` in (N/s)²."""
+        """Return ⟨(ω_c (F − q))²⟩ over a turn, shape `(n,)` in (N/s)²."""
         power = [mean_square_rate(self.law, self.follower, corner_rate, s) for s in self.speeds]
         return np.array(power)
 
     def landing_power(self, _radiation: RadiationParameters) -> FloatArray:
-        """Return zero, as there are no landings, `(n,)` in Pa²."""
+        """Return zeros in Pa², shape `(n,)`, because there are no landings."""
         return np.zeros(self.speeds.size)
 
 
 def two_constants(
     cams: Sequence[PublishedCam], start: Acoustics, corners: tuple[float, float] = (0.0, np.inf)
 ) -> Acoustics:
-    """Fit gain and corner, by least squares of the differences of all cams in dB.
+    """Fit gain and corner by least squares of the level differences (dB) of all cams.
 
-    `corners` are the limits of the corner in Hz.
+    Parameters
+    ----------
+    cams : sequence of PublishedCam
+    start : Acoustics
+        Initial values, and the constants that are not fitted.
+    corners : tuple of float
+        Limits of the corner, Hz.
     """
 
     def residual(x: FloatArray) -> FloatArray:
-        return np.concatenate([cam.difference(at(x)) for cam in cams])
+        return np.concatenate([cam.difference(to_acoustics(x)) for cam in cams])
 
-    def at(x: FloatArray) -> Acoustics:
+    def to_acoustics(x: FloatArray) -> Acoustics:
         gain, corner = np.exp(x).tolist()
         return start.with_constants(gain, corner)
 
     r = start.radiation
-    with np.errstate(divide="ignore"):  # log 0 is no limit
+    with np.errstate(divide="ignore"):  # log 0 = −∞ means no lower limit
         low, high = np.log(corners).tolist()
     bounds = (-np.inf, low), (np.inf, high)
-    return at(least_squares(residual, np.log([r.gain, r.corner]), x_scale=0.1, bounds=bounds).x)
+    fit = least_squares(residual, np.log([r.gain, r.corner]), x_scale=0.1, bounds=bounds)
+    return to_acoustics(fit.x)

@@ -185,7 +185,7 @@ def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
     cam = tmp_path / "mine" / "cams" / "lug.yaml"
     two = call("jump", cam)
     assert two.exit_code == 2
-    assert "beside the cam there are 2 rigs; allowed: one, named" in two.stderr
+    assert "next to the cam are 2 rigs; allowed: name one of" in two.stderr
     named = done("jump", cam, "--rig", tmp_path / "mine" / "rigs" / "mine.yaml")
     assert "Jump speed on rig mine" in named.stderr
     (tmp_path / "mine" / "rigs" / "other.yaml").unlink()

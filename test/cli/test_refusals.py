@@ -22,7 +22,7 @@ REFUSED = [
     ("simulate quick --json /proc/none/a.json", 1, "/proc/none/a.json: cannot be"),
     ("export quick --to {tmp}/a.xlsx", 2, "allowed: .parquet, .csv, .npz, .wav"),
     ("export quick --rpm 222 --to {tmp}/a.csv", 2, "no samples of a cam at 222 rpm"),
-    ("export quik --to {tmp}/a.csv", 2, "quik: no such bag, nor scene: "),
+    ("export quik --to {tmp}/a.csv", 2, "quik: is neither a bag nor a scene: "),
     ("law poly354", 2, "no such cam or rise (did you mean 'poly345'?); cams: arcs_"),
     ("law poly345 bezier8start", 2, "did you mean 'bezier8_start'?"),
     ("law poly345 cycloidal poly345", 2, "'poly345' is named twice; allowed: each"),
@@ -140,7 +140,7 @@ def test_an_option_that_stands_twice_is_refused(verb, option, capsys):
     with pytest.raises(SystemExit) as end:
         ROOT.main([*verb.split(), *once, *once], prog_name="cam-rig")
     assert end.value.code == 2
-    assert capsys.readouterr().err == f"cam-rig: {name}: stands 2 times; allowed: once\n"
+    assert capsys.readouterr().err == f"cam-rig: {name}: is given 2 times; allowed: once\n"
 
 
 def test_help_comes_first():

@@ -1,4 +1,4 @@
-"""Results: display tables, JSON, CSV and data frames come from one list of columns."""
+"""Results: display tables, JSON, CSV and data frames from one list of columns."""
 
 import json
 import math
@@ -45,74 +45,74 @@ class Lifts(Result):
         return [lifts, self.table("rig", "The rig", [1.5], single=True, hidden=True)]
 
 
-FOUND = Lifts((Row("a", 300.0, 0.05), Row("b", 200.0, math.nan), Row("b", 300.0, 0.04, True)))
+RESULT = Lifts((Row("a", 300.0, 0.05), Row("b", 200.0, math.nan), Row("b", 300.0, 0.04, True)))
 
 
-def test_people_read_units_and_marks_data_is_si():
+def test_tables_have_display_units_and_data_si_units():
     """One table per speed, in mm and with its footnote. Data are in m, NaN is null."""
-    slow, fast = FOUND.to_display({"a": "Cam A"})
+    slow, fast = RESULT.to_display({"a": "Cam A"})
     assert (slow.caption, fast.caption) == ("At 200 rpm", "At 300 rpm")
     assert fast.text_rows == [["Cam A", "50.0"], ["b †", "40.0"]]
     assert [column.title for column in fast.columns] == ["cam", "lift [mm]"]
     assert (slow.notes, fast.notes) == ((), ("† Has left.",))
-    data = FOUND.data()
+    data = RESULT.data()
     assert data["schema"] == "lifts.1"
     assert data["rig"] == {"mass": 1.5}
     assert data["lifts"][1] == {"cam": "b", "rpm": 200.0, "lift": None, "left": False}
-    assert json.loads(FOUND.to_json()) == data
+    assert json.loads(RESULT.to_json()) == data
 
 
-def test_csv_and_pandas_have_the_keys():
-    """CSV has a line of keys, then the rows with all digits. Data frames equal the JSON."""
-    assert FOUND.tables()[0].to_csv().splitlines()[:2] == [
+def test_csv_and_pandas_contain_the_keys():
+    """CSV has a line of keys, then rows with all digits. Data frames equal the JSON."""
+    assert RESULT.tables()[0].to_csv().splitlines()[:2] == [
         "cam,rpm,lift,left",
         "a,300.0,0.05,False",
     ]
-    frame = pytest.importorskip("pandas").DataFrame(FOUND.data()["lifts"])
-    assert FOUND.to_pandas().equals(frame) and FOUND.to_pandas("rig").mass.tolist() == [1.5]
-    assert repr(FOUND) == "Lifts(lifts: 3 rows, rig: 1 rows)"
-    assert "<td>b †</td>" in FOUND._repr_html_()
+    frame = pytest.importorskip("pandas").DataFrame(RESULT.data()["lifts"])
+    assert RESULT.to_pandas().equals(frame) and RESULT.to_pandas("rig").mass.tolist() == [1.5]
+    assert repr(RESULT) == "Lifts(lifts: 3 rows, rig: 1 rows)"
+    assert "<td>b †</td>" in RESULT._repr_html_()
 
 
-def test_a_column_is_of_a_path():
+def test_a_column_follows_a_path():
     """Column paths accept attributes and indices, and return None behind a None."""
-    found = [Column("a", of=path).value([1j, (None, 2.0)]) for path in ("0.imag", "1.1", "1.0.x")]
-    assert found == [1.0, 2.0, None]
+    values = [Column("a", of=path).value([1j, (None, 2.0)]) for path in ("0.imag", "1.1", "1.0.x")]
+    assert values == [1.0, 2.0, None]
 
 
-def shown_by(tmp_path, *arguments):
+def run_command(tmp_path, *arguments):
+    """Run a command with arguments, and return its outputs and exit code."""
     app = typer.Typer()
 
     @app.command()
     @command("json", "csv")
-    def lifts(least: float = 0.0, *, csv: Path | None, progress: Progress) -> Lifts:
-        """List lifts above the least."""
+    def lifts(min_lift: float = 0.0, *, csv: Path | None, progress: Progress) -> Lifts:
+        """List lifts above the minimum."""
         if csv is not None and csv.suffix == ".txt":
-            raise ConfigError(f"--csv {csv.name}: is no table")
-        if least < 0.0:
-            raise ConfigError(f"--least: is {least:g}; allowed: 0 or more")
-        return Lifts(tuple(row for row in progress.track(FOUND.rows) if row.lift > least))
+            raise ConfigError(f"--csv {csv.name}: is not a table")
+        if min_lift < 0.0:
+            raise ConfigError(f"--min-lift: is {min_lift:g}; allowed: 0 or more")
+        return Lifts(tuple(row for row in progress.track(RESULT.rows) if row.lift > min_lift))
 
-    return CliRunner().invoke(app, [str(one) for one in arguments])
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_a_function_that_returns_a_result_is_a_command(tmp_path):
-    """Tables go to stderr, data to files. Targets are checked first, errors are one line."""
+    """Tables go to stderr, data to files. Targets are checked first."""
     table = tmp_path / "lifts.csv"
-    done = shown_by(tmp_path, "--least", 0.045, "--json", "-", "--csv", table)
+    done = run_command(tmp_path, "--min-lift", 0.045, "--json", "-", "--csv", table)
     assert done.exit_code == 0
     assert [row["cam"] for row in json.loads(done.stdout)["lifts"]] == ["a"]
     assert "At 300 rpm" in done.stderr and table.read_text().splitlines()[1] == "a,300.0,0.05,False"
     assert (tmp_path / "lifts.rig.csv").read_text() == "mass\n1.5\n"
-    wrong = shown_by(tmp_path, "--least", -1)
-    assert (wrong.exit_code, wrong.stderr) == (2, "cam-rig: --least: is -1; allowed: 0 or more\n")
-    assert "is a folder" in shown_by(tmp_path, "--least", -1, "--json", tmp_path).stderr
-    assert (
-        shown_by(tmp_path, "--csv", tmp_path / "a.txt").stderr
-        == "cam-rig: --csv a.txt: is no table\n"
-    )
+    wrong = run_command(tmp_path, "--min-lift", -1)
+    message = "cam-rig: --min-lift: is -1; allowed: 0 or more\n"
+    assert (wrong.exit_code, wrong.stderr) == (2, message)
+    assert "is a folder" in run_command(tmp_path, "--min-lift", -1, "--json", tmp_path).stderr
+    rejected = run_command(tmp_path, "--csv", tmp_path / "a.txt")
+    assert rejected.stderr == "cam-rig: --csv a.txt: is not a table\n"
     assert not (tmp_path / "a.txt").exists()
-    assert shown_by(tmp_path, "--plot", "a.png").exit_code == 2
+    assert run_command(tmp_path, "--plot", "a.png").exit_code == 2
 
 
 # -- display tables: headings, cells, number formats
@@ -126,17 +126,17 @@ FIELDS = (
 ROWS = (("a", 413.4426), ("b", None))
 
 
-def test_words_and_numbers():
+def test_numbers_are_formatted_and_typeset():
     """Numbers have the shortest form. Typesetting replaces minus signs and exponents."""
     values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
     assert [*map(format_number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
-    shown = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
-    assert tables.typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == shown
+    expected = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
+    assert tables.typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == expected
     assert [pluralize(n, "point") for n in (1, 64)] == ["1 point", "64 points"]
     assert pluralize(2, "process") == "2 processes"
 
 
-def test_markdown():
+def test_a_table_is_written_as_markdown():
     """The name precedes the caption, numbers are aligned right, no blank line follows."""
     table = DataTable("Speeds", (Header("cam"), Header("n", "rpm", "d")), (("a", 9),))
     expected = "**Table 3. Speeds**\n\n| cam | n [rpm] |\n| --- | ---: |\n| a | 9 |"
@@ -144,7 +144,7 @@ def test_markdown():
 
 
 @pytest.mark.parametrize(
-    ("value", "shown", "printed"),
+    ("value", "number_format", "printed"),
     [
         (413.4426, ".2f", "413.4"),
         (-99.996, ".2f", "−100.0"),
@@ -156,13 +156,13 @@ def test_markdown():
         (math.inf, ".2f", "inf"),
     ],
 )
-def test_a_page_has_four_digits_and_is_typeset(value, shown, printed):
-    """Decimal formats are limited to four digits, other formats keep all of theirs."""
-    assert Header("a", "", shown).typeset(value) == printed
+def test_decimals_are_limited_to_four_digits_on_a_page(value, number_format, printed):
+    """Decimal formats are limited to four digits, other formats keep all their digits."""
+    assert Header("a", "", number_format).typeset(value) == printed
 
 
-def test_cells_are_shown_by_their_column():
-    """The header gives number format and text of missing cells. Empty columns are dropped."""
+def test_cells_are_formatted_by_their_header():
+    """The header sets number format and missing text. Empty columns are dropped."""
     table = tabulate("Speeds", ROWS, FIELDS, "A note.", "")
     assert [column.title for column in table.columns] == ["cam", "speed [rpm]"]
     assert table.text_rows == [["a", "413.4"], ["b", "none"]]
@@ -170,7 +170,7 @@ def test_cells_are_shown_by_their_column():
     assert table.notes == ("A note.",)
 
 
-def test_a_table_without_rows():
+def test_a_table_without_rows_is_empty():
     """A table without rows is empty, not an error."""
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
@@ -180,7 +180,7 @@ TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 
 @pytest.mark.parametrize(
-    ("text", "shown"),
+    ("text", "expected"),
     [
         ("tm21 and cam_2.", "TM21 cam and Second."),
         ("level", "Level cam"),
@@ -189,15 +189,15 @@ TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
         ("cams/tm21.yaml, tm21_sweep, my-tm21", "cams/tm21.yaml, tm21_sweep, my-tm21"),
     ],
 )
-def test_only_names_are_replaced(text, shown):
-    """A name that may be a word is replaced only if it is the whole text. Files and rigs stay."""
-    assert relabel(text, TITLES) == shown and relabel(text, {}) == text
+def test_only_names_are_replaced(text, expected):
+    """A name that may be a word is replaced only if it is the whole text."""
+    assert relabel(text, TITLES) == expected and relabel(text, {}) == text
 
 
-def test_a_whole_table_by_titles():
+def test_a_table_is_relabelled():
     """Caption, headings, cells and notes are relabelled. Numbers, units and rigs stay."""
     heads = Header("level"), Header("rig"), Header("n", "cam_2", "g")
-    found = DataTable("Of tm21", heads, (("cam_2", "tm21", 1.0),)).relabel(TITLES)
-    assert found.caption == "Of TM21 cam"
-    assert [column.title for column in found.columns] == ["level", "rig", "n [cam_2]"]
-    assert found.rows == (("Second", "tm21", 1.0),)
+    table = DataTable("Lift of tm21", heads, (("cam_2", "tm21", 1.0),)).relabel(TITLES)
+    assert table.caption == "Lift of TM21 cam"
+    assert [column.title for column in table.columns] == ["level", "rig", "n [cam_2]"]
+    assert table.rows == (("Second", "tm21", 1.0),)

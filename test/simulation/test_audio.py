@@ -1,4 +1,4 @@
-"""The meter before a running scene reads what the energy account says."""
+"""The sound-level meter of a scene, and the signals of measuring instruments."""
 
 import dataclasses
 
@@ -14,7 +14,10 @@ from cam_rig.units import TURN
 
 
 def listen(loaded, background, frequency="Z", time="F"):
-    """Each tick's reading, and its level by the energy account, with a background in dB."""
+    """Yield the reading of each tick, and its level by the energy account.
+
+    `background` is in dB.
+    """
     radiation = dataclasses.replace(loaded.radiation, background=background)
     rate = int(loaded.scene.sample_rate.si)
     account = MicrophoneSimulator(radiation, rate)
@@ -26,11 +29,11 @@ def listen(loaded, background, frequency="Z", time="F"):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
-def test_the_meter_reads_the_account(make_loaded_scene, cam):
-    """Without background LZeq of each tick is the account's level."""
-    # To 0.03 dB in contact, since arcs make the force jump between samples. A landing's pulse
-    # meets the force there is and what it does to the structure itself, which the account leaves
-    # out: 0.1 dB where landings make all the sound.
+def test_the_meter_agrees_with_the_energy_account(make_loaded_scene, cam):
+    """Without background, LZeq of each tick is the level of the energy account."""
+    # The tolerance is 0.03 dB in contact, because arcs make the force jump between samples. The
+    # pulse of a landing is added to the force and acts on the structure. The account ignores both,
+    # which is 0.1 dB if landings make all the sound.
     loaded = make_loaded_scene(cams=[cam], speeds=[200, 400], turns=3, sample_rate=12_000)
     for reading, level in listen(loaded, background=-400.0):
         assert reading.equivalent == pytest.approx(level, abs=0.15 if level > 95.0 else 0.03)
@@ -38,17 +41,18 @@ def test_the_meter_reads_the_account(make_loaded_scene, cam):
 
 
 def levels(loaded, *settings):
-    """Each tick's level; before tick 2 the meter is set to each of these, one after the other."""
-    meter, found = MeterSimulator.of(loaded), []
+    """Return the level of each tick, with all settings applied before tick 2."""
+    meter, readings = MeterSimulator.of(loaded), []
     for number, tick in enumerate(turned_ticks(loaded)):
         for setting in settings if number == 2 else ():
             meter.weigh(*setting)
-        found.append(meter.read(tick.rows, tick.interval.mean_speed).level)
-    return found
+        readings.append(meter.read(tick.rows, tick.interval.mean_speed).level)
+    return readings
 
 
-def test_a_weighting_that_is_set_already_changes_nothing(make_loaded_scene):
-    """The measurement goes on, else a recording of it could not be repeated."""
+def test_setting_the_present_weighting_continues_the_measurement(make_loaded_scene):
+    """A new weighting starts a new measurement, the present one does not."""
+    # Otherwise a recording of the measurement could not be repeated.
     loaded = make_loaded_scene(cams=["poly345"], speeds=[300], turns=5)
     assert levels(loaded, ("Z", "F")) == levels(loaded)
     assert levels(loaded, ("A", "S"), ("Z", "F")) == levels(loaded), "changed back in between"
@@ -62,8 +66,8 @@ def test_a_weighting_that_is_set_already_changes_nothing(make_loaded_scene):
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
-def test_the_count_is_found(seed):
-    """Of any encoder, at any speed, read at even times or not; some counts may be passed over."""
+def test_encoder_count_finds_the_count_of_an_encoder(seed):
+    """It is found at any speed, at even and uneven times, with missing counts."""
     random = np.random.default_rng(seed)
     number = int(random.choice([60, 360, 500, 1000, 1024, 4096, 10_000]))
     time = np.linspace(0.0, random.uniform(1.0, 12.0), int(random.choice([1000, 5000, 20_000])))
@@ -77,8 +81,8 @@ def test_the_count_is_found(seed):
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(10))
-def test_an_exact_angle_has_no_counts(seed):
-    """Neither at a steady speed, whose steps are equal, nor with ripple, nor at random times."""
+def test_encoder_count_is_zero_for_an_exact_angle(seed):
+    """It is 0 at a constant speed, with ripple, and for random steps."""
     random = np.random.default_rng(seed)
     time = np.linspace(0.0, 3.0, 3000)
     speed = random.uniform(3.0, 60.0)
@@ -87,8 +91,8 @@ def test_an_exact_angle_has_no_counts(seed):
     assert encoder_count(np.cumsum(random.uniform(0.0, 0.05, 6000))) == 0.0
 
 
-def test_an_encoder_that_reports_each_count_has_no_gap_where_it_turns_slower():
-    """Eight times slower, the steps are eight times as long; a lost stretch there is a gap."""
+def test_a_lower_speed_of_an_encoder_that_reports_each_count_is_not_a_gap():
+    """At an eighth of the speed, time steps are eight times as long."""
     steps = np.repeat([1e-4, 8e-4], [3000, 1000])
     time = np.cumsum(steps * (1.0 + 0.02 * np.sin(np.arange(4000))))
     assert Signal(time, time).gaps().size == 0
@@ -96,8 +100,8 @@ def test_an_encoder_that_reports_each_count_has_no_gap_where_it_turns_slower():
     np.testing.assert_array_equal(Signal(kept, kept).gaps(), [[time[3499], time[3504]]])
 
 
-def test_stamps_that_scatter_are_no_gaps():
-    """A network that delivers in bursts: steps from nothing to three times the usual."""
+def test_scattered_stamps_are_not_gaps():
+    """A network that delivers in bursts has time steps of 0 to 3 times the mean."""
     rng = np.random.default_rng(2)
     time = np.cumsum(rng.uniform(0.0, 2e-3, 5000))
     assert Signal(time, time).gaps().size == 0

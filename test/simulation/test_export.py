@@ -1,4 +1,4 @@
-"""An exported run holds every sample with the cam under it, in any kind of file."""
+"""An exported run contains every sample with its cam, in each file format."""
 
 import itertools
 import tracemalloc
@@ -24,7 +24,7 @@ NUMBERS = [column.name for column in COLUMNS]
 
 
 def read(path):
-    """A file as columns, by somebody else's reader."""
+    """Return the columns of a file, read by pandas, pyarrow or NumPy."""
     if path.suffix == ".csv":
         return pd.read_csv(path)
     if path.suffix == ".parquet":
@@ -39,28 +39,28 @@ def run():
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".npz"])
-def test_every_sample_is_in_the_file_to_the_last_digit(tmp_path, run, ending):
-    """As pandas, pyarrow and NumPy read it: those of the run, and θ, rpm and cam beside them."""
+def test_a_file_contains_every_sample_with_all_digits(tmp_path, run, ending):
+    """Other libraries read the samples of the run, and the cam and speed of each."""
     run.export(tmp_path / f"all{ending}")
     table = read(tmp_path / f"all{ending}")
     ticks = list(run.blocks())
     for column, name in (("lift", "lift_m"), ("force", "force_N"), ("time", "time_s")):
-        wanted = np.concatenate([getattr(tick, column) for tick in ticks])
-        np.testing.assert_array_equal(table[name], wanted)
+        expected = np.concatenate([getattr(tick, column) for tick in ticks])
+        np.testing.assert_array_equal(table[name], expected)
     assert list(dict.fromkeys(table["cam"])) == ["tm21", "bezier15"]
     steady = [c for c, _ in itertools.groupby(table["rpm"])]
     assert steady == [200.0, 300.0, 350.0, 400.0] * 2
 
 
-def test_the_angle_is_that_of_the_lift(tmp_path, run):
-    """In contact the lift is the law at the angle that stands beside it; both angles agree."""
+def test_the_exported_angle_belongs_to_the_exported_lift(tmp_path, run):
+    """In contact the lift is the law at the angle of its row. Both angles agree."""
     run.export(tmp_path / "a.npz")
     table = read(tmp_path / "a.npz")
     for cam, rows in table.groupby("cam"):
-        touching = rows[rows["force_N"] > 0.0]
+        in_contact = rows[rows["force_N"] > 0.0]
         law = run.loaded.laws[cam]
-        away = law(touching["angle_in_turn_rad"].to_numpy()) - touching["lift_m"]
-        assert np.abs(away).max() < 1e-14
+        error = law(in_contact["angle_in_turn_rad"].to_numpy()) - in_contact["lift_m"]
+        assert np.abs(error).max() < 1e-14
     with np.load(tmp_path / "a.npz", allow_pickle=False) as archive:
         assert (str(archive["scene"]), str(archive["sample_rate_Hz"])) == ("quick", "1000")
     turns = (table["angle_rad"] - table["angle_in_turn_rad"]) / TURN
@@ -68,8 +68,8 @@ def test_the_angle_is_that_of_the_lift(tmp_path, run):
     assert table["angle_in_turn_rad"].between(0.0, TURN, inclusive="left").all()
 
 
-def test_parquet_says_units(tmp_path, run):
-    """In the schema, with the meaning; and what was run."""
+def test_the_parquet_schema_contains_units(tmp_path, run):
+    """It contains the units of the columns, and the sample rate of the run."""
     run.export(tmp_path / "a.parquet")
     schema = pq.read_schema(tmp_path / "a.parquet")
     assert schema.field("force_N").metadata[b"unit"] == b"N"
@@ -78,8 +78,8 @@ def test_parquet_says_units(tmp_path, run):
     assert schema.names[:3] == ["time_s", "cam", "rpm"]
 
 
-def test_a_wav_has_a_channel_each_quantity(tmp_path, run):
-    """As scipy reads it: 32-bit floats in SI at the scene's rate, and the names in its comment."""
+def test_a_wav_has_one_channel_per_quantity(tmp_path, run):
+    """SciPy reads 32-bit floats in SI units. The comment names the channels."""
     path = tmp_path / "a.wav"
     run.export(path)
     rate, data = wavfile.read(path)
@@ -91,8 +91,8 @@ def test_a_wav_has_a_channel_each_quantity(tmp_path, run):
     assert path.stat().st_size == 8 + int.from_bytes(path.read_bytes()[4:8], "little")
 
 
-def test_one_cam_at_one_speed(tmp_path, run):
-    """Only these rows; a scene that has none says what it has, and leaves no file."""
+def test_export_of_one_cam_at_one_speed(tmp_path, run):
+    """Only these rows are written, or an error lists the cams and speeds of the run."""
     run.export(tmp_path / "a.csv", cam="tm21", rpm=400)
     table = read(tmp_path / "a.csv")
     assert set(table["cam"]) == {"tm21"} and set(table["rpm"]) == {400.0}
@@ -105,12 +105,12 @@ def test_one_cam_at_one_speed(tmp_path, run):
 
 
 def lossy(lost):
-    """The bag's messages without some: topics and numbers, as (topic, number within it)."""
-    whole = reader.messages
+    """Return a reader that skips lost messages, given as (topic, index in the topic)."""
+    all_messages = reader.messages
 
-    def messages(*asked):
+    def messages(*arguments):
         counts = {}
-        for topic, time, message in whole(*asked):
+        for topic, time, message in all_messages(*arguments):
             number = counts[topic] = counts.get(topic, -1) + 1
             if (topic, number) not in lost:
                 yield topic, time, message
@@ -120,17 +120,18 @@ def lossy(lost):
 
 @pytest.mark.parametrize("ending", FORMATS)
 def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
-    """Samples that were lost are missing, all others have their own angle; a state that was lost
-    between two of one speed costs nothing, one where the speed changes costs what it began and
-    ended. A sound file, which cannot have gaps, is refused.
+    """Lost samples are missing, and all other samples keep their angle.
+
+    A lost state between two states of one speed has no consequence. A lost state at a change of
+    speed removes the ticks before and after it. A WAV file cannot have gaps, and is not written.
     """
-    whole = {tick.time[0]: tick.angle for tick in run.blocks()}
+    complete = {tick.time[0]: tick.angle for tick in run.blocks()}
     lost = {(topics.FOLLOWER_SAMPLES, 5), (topics.CAM_STATE, 1), (topics.CAM_STATE, 8)}
     monkeypatch.setattr(reader, "messages", lossy(lost))
     ticks = list(run.blocks())
     assert len(ticks) == 16 - 3
     for tick in ticks:
-        np.testing.assert_allclose(tick.angle, whole[tick.time[0]], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(tick.angle, complete[tick.time[0]], rtol=0, atol=1e-6)
     path = tmp_path / f"a{ending}"
     if ending == ".wav":
         with pytest.raises(OutputError, match=r"no samples from 1.\d+ to .* s; allowed: a sound"):
@@ -145,10 +146,10 @@ def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("ending", FORMATS)
 def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypatch, ending):
-    """A run ten times as long takes as much of it, here with small chunks."""
+    """A run ten times as long needs the same memory, with small chunks in this test."""
     monkeypatch.setattr(exporting, "CHUNK_ROWS", 1000)
     peaks = []
-    for turns in (4, 4, 40):  # the first imports
+    for turns in (4, 4, 40):  # the first run imports libraries
         loaded = make_loaded_scene(speeds=[60], turns=turns, sample_rate=1000, cams=["poly345"])
         tracemalloc.start()
         contents = export(tmp_path / f"a{ending}", turned_ticks(loaded), loaded)
@@ -158,8 +159,10 @@ def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypa
     assert peaks[2] < peaks[1] + 0.2 * 36_000 * 8 * len(NUMBERS)
 
 
-def test_a_wav_beyond_its_format_is_refused(tmp_path, run, monkeypatch):
-    """Its sizes are numbers of 32 bits."""
+def test_a_wav_larger_than_its_format_is_an_error(tmp_path, run, monkeypatch):
+    """The sizes in a WAV file are 32-bit numbers."""
     monkeypatch.setattr(exporting, "MAX_BYTES", 10_000)
-    with pytest.raises(OutputError, match=r"more than 4 GiB; allowed: what WAV can hold, so name"):
+    with pytest.raises(
+        OutputError, match=r"more than 4 GiB; allowed: less in a WAV file, so select"
+    ):
         run.export(tmp_path / "a.wav")

@@ -1,4 +1,4 @@
-"""From ticks to levels, regressions and the crossover."""
+"""Levels, regressions and the crossover of measured ticks."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ TWO = np.array([0.41488, 0.84929, -0.0033286, 4.537e-6])
 
 
 def ticks(pressures, speed=10.0, cam="a", angle=1.0, time_ns=0):
-    """One tick a turn, with the given pressures."""
+    """Yield one tick per turn, with the given pressures (Pa)."""
     turn_ns = round(2.0 * np.pi / speed * NS)
     for i, pressure in enumerate(pressures):
         start = CamState(time_ns + i * turn_ns, angle + 2.0 * np.pi * i, speed, cam)
@@ -43,7 +43,7 @@ def published():
     )
 
 
-def test_each_step_settles_anew():
+def test_the_first_turns_of_each_step_are_left_out():
     run = [
         *ticks([9.0, 1.0]),
         *ticks([9.0, 2.0], speed=20.0, angle=99.0, time_ns=10 * NS),
@@ -55,8 +55,8 @@ def test_each_step_settles_anew():
     assert levels["b"][20.0] == pytest.approx(float(level_db(3.0)))
 
 
-def test_mean_is_of_energy_over_all_samples():
-    """Level of a step: the mean square of its samples, however many of them each tick has."""
+def test_the_level_is_the_energy_mean_over_all_samples():
+    """Ticks are weighted by their number of samples."""
     state = CamState(0, 0.0, 10.0, "a")
     run = [
         MeasuredTick(state, 2 * NS, 3.0, samples=1),
@@ -67,8 +67,8 @@ def test_mean_is_of_energy_over_all_samples():
 
 
 @pytest.mark.parametrize("left_out", range(1, 8))
-def test_a_turn_that_is_not_over_does_not_count(left_out):
-    """A speed left in mid-turn, by an operator or at the end: its level is of whole turns."""
+def test_an_incomplete_turn_does_not_count(left_out):
+    """If a speed ends within a turn, its level is that of its whole turns."""
     eighth = round(0.25 * np.pi / 10.0 * NS)
     run = [
         MeasuredTick(
@@ -80,25 +80,25 @@ def test_a_turn_that_is_not_over_does_not_count(left_out):
     assert levels == step_levels(run[:24], settle_turns=1)
     assert levels["a"][10.0] == pytest.approx(float(level_db(np.sqrt(25.5))))
     assert not step_levels(run[:15], settle_turns=1)
-    gap = step_levels(run[:12] + run[13:], settle_turns=1)  # a lost tick: a turn begins after it
+    gap = step_levels(run[:12] + run[13:], settle_turns=1)  # a turn starts after the lost tick
     assert gap["a"][10.0] == pytest.approx(levels["a"][10.0])
 
 
-@pytest.mark.parametrize("stands", [0, NS])
+@pytest.mark.parametrize("stop_ns", [0, NS])
 @pytest.mark.parametrize("speed", [1.05e-3, 10.0, 209.0])
-def test_a_cam_that_stood_settles_anew(speed, stands):
-    """The follower is put down and the structure at rest: the same speed is a step of its own."""
+def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
+    """Follower and structure start from rest, so turns are left out again."""
     run = list(ticks([9.0, 1.0, 1.0], speed))
     end = run[-1]
     angle = end.start.unwrapped + 2.0 * np.pi
-    again = ticks([9.0, 1.0], speed, angle=angle, time_ns=end.stop_ns + stands)
+    again = ticks([9.0, 1.0], speed, angle=angle, time_ns=end.stop_ns + stop_ns)
     level = step_levels([*run, *again], settle_turns=1)["a"][speed]
     quiet = float(level_db(1.0))
-    assert (level == pytest.approx(quiet)) == bool(stands)
+    assert (level == pytest.approx(quiet)) == bool(stop_ns)
 
 
 def test_crossover_of_two_cubics(published):
-    """The crossover is the root of the difference of the two regressions nearest to 335 rpm."""
+    """It is the root of the difference of the regressions nearest to 335 rpm."""
     result = compare(
         {"one": steps_of(ONE), "two": steps_of(TWO)}, {"one": "x", "two": "y"}, published
     )
@@ -109,8 +109,8 @@ def test_crossover_of_two_cubics(published):
     assert [result.curves[cam].role for cam in ("one", "two")] == ["x", "y"]
 
 
-def test_no_crossover_without_both_cams(published):
-    """Nor outside the speeds, nor without published curves: there is none to look for."""
+def test_the_crossover_is_none_without_both_cams(published):
+    """It is also None outside of the speeds, and without published curves."""
     apart = {"one": steps_of(ONE), "two": steps_of(ONE + np.array([10.0, 0.0, 0.0, 0.0]))}
     assert compare(apart, {"one": "", "two": ""}, published).crossover_rpm is None
     assert compare({"one": steps_of(ONE)}, {"one": ""}, published).crossover_rpm is None
@@ -119,7 +119,7 @@ def test_no_crossover_without_both_cams(published):
 
 
 def test_rms_difference_to_the_published_curve(published):
-    """A curve 1.5 dB too loud at every speed is 1.5 dB off; speeds outside do not count."""
+    """A curve 1.5 dB above the published curve differs by 1.5 dB within its speeds."""
     steps = {speed: level + 1.5 for speed, level in steps_of(ONE).items()}
     steps[500.0 * np.pi / 30.0] = 0.0
     levels = {"one": steps, "other": steps_of(ONE)}
@@ -128,14 +128,14 @@ def test_rms_difference_to_the_published_curve(published):
     assert result.curves["other"].rmse_db is None
 
 
-def test_nothing_measured_is_an_error():
+def test_a_run_without_settled_turns_is_an_error():
     with pytest.raises(CamRigError, match="here: no whole settled turn"):
         require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
 
 
 def test_regression_recovers_a_cubic():
-    """Levels on a cubic give its coefficients back (1e-9 of each term's size at 400 rpm)."""
-    # A flat curve is one too, its higher coefficients zero, not missing; three points make none.
+    """Levels on a cubic give its coefficients (to 1e-9 of each term at 400 rpm)."""
+    # The higher coefficients of a constant are zero, not missing. Three points give NaN.
     level = np.polynomial.polynomial.polyval(RPM, ONE)
     scale = 400.0 ** np.arange(4)
     np.testing.assert_allclose(regression.regression(RPM, level) * scale, ONE * scale, rtol=1e-9)
@@ -145,16 +145,16 @@ def test_regression_recovers_a_cubic():
     assert few.shape == (4,) and np.isnan(few).all()
 
 
-def test_a_leading_number_of_rounding_has_no_root():
-    """A straight line that a cubic was fitted to crosses zero where the line does."""
+def test_leading_coefficients_of_rounding_add_no_root():
+    """A cubic that was fitted to a straight line has the root of the line only."""
     assert real_roots(np.array([-1.0, 1.25, 3e-17, -2e-17])) == pytest.approx([0.8], abs=1e-12)
     assert real_roots(np.array([2.0, 0.0, 1.0, 1e-16])).size == 0
 
 
-def test_all_crossings_in_their_order():
-    """The roots of a cubic within the speeds, and of those the one nearest to a speed."""
+def test_crossings_are_sorted_roots_within_the_speeds():
+    """`nearest_crossing` returns the crossing nearest to a speed."""
     difference = np.polynomial.Polynomial.fromroots([0.7, 1.1, 1.9]).coef
-    found = crossings(difference, (200.0, 400.0), scale=300.0)
-    assert found == pytest.approx([210.0, 330.0])
+    speeds = crossings(difference, (200.0, 400.0), scale=300.0)
+    assert speeds == pytest.approx([210.0, 330.0])
     assert nearest_crossing(difference, (200.0, 400.0), 250.0, scale=300.0) == pytest.approx(210.0)
     assert crossings(difference, (340.0, 400.0), scale=300.0).size == 0

@@ -15,8 +15,8 @@ def law():
     return cam_rig.build_law(cam_rig.load_cam("bezier15"))
 
 
-def test_it_is_the_scene_of_one_cam_and_one_speed(law, rig):
-    """The level at a scene's first speed is that of the motion at this speed, bit for bit."""
+def test_a_motion_has_the_level_of_a_scene(law, rig):
+    """The level at the first speed of a scene equals that of the motion, bit for bit."""
     scene = cam_rig.run_scene("quick")
     motion = cam_rig.simulate(law, rig, rpm=200, turns=2, sample_rate=1000)
     tm21 = cam_rig.build_law(cam_rig.load_cam("tm21"))
@@ -25,8 +25,8 @@ def test_it_is_the_scene_of_one_cam_and_one_speed(law, rig):
     assert cam_rig.sound_level(motion).level_db != scene.noise.curves["tm21"].level_db[0]
 
 
-def test_the_follower_is_the_law_where_nothing_vibrates(law, rig):
-    """Kinetostatic: lift and its derivatives are s, ω s', ω² s'' at the samples' cam angles."""
+def test_the_kinetostatic_motion_is_the_law(law, rig):
+    """Lift and its derivatives are s, ω s' and ω² s'' at the samples' cam angles."""
     motion = cam_rig.simulate(law, rig, model="kinetostatic", rpm=300, turns=2, sample_rate=8000)
     speed = np.pi * 10.0
     np.testing.assert_allclose(motion.angle, speed * motion.time, rtol=1e-12)
@@ -37,15 +37,15 @@ def test_the_follower_is_the_law_where_nothing_vibrates(law, rig):
 
 
 def test_a_ramp_brings_the_cam_to_speed(law, rig):
-    """Half the last speed times the ramp's time is the angle at its end."""
+    """The angle at the end of the ramp is half the last speed times its duration."""
     motion = cam_rig.simulate(law, rig, rpm=300, turns=1, sample_rate=1000, ramp=0.5)
-    at = int(np.searchsorted(motion.time, 0.5))
+    ramp_end = int(np.searchsorted(motion.time, 0.5))
     assert motion.angle[0] == 0.0
-    assert motion.angle[at] == pytest.approx(0.5 * 0.5 * 10.0 * np.pi, rel=1e-9)
+    assert motion.angle[ramp_end] == pytest.approx(0.5 * 0.5 * 10.0 * np.pi, rel=1e-9)
 
 
-def test_arrays_are_views_that_nobody_writes(law, rig):
-    """One memory for all samples, turns and named rows; and it is read-only."""
+def test_arrays_are_read_only_views(law, rig):
+    """All samples, turns and named rows share one memory, which is read-only."""
     motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
     assert np.shares_memory(motion.force, motion.rows)
     assert np.shares_memory(motion.blocks[1].force, motion.rows)
@@ -58,46 +58,46 @@ def test_arrays_are_views_that_nobody_writes(law, rig):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         ({"rpm": 300, "turns": 0}, r"simulate: turns: is 0 turns; allowed: at least 1"),
         ({"rpm": 300, "sample_rate": 100, "ramp": -1}, r"simulate: ramp: is -1 s"),
         ({"rpm": 300, "model": "two_mass"}, r"rig tm21: follower.roller_share: is missing"),
     ],
 )
-def test_a_wrong_argument_is_one_line(law, rig, arguments, words):
-    with pytest.raises(ConfigError, match=words):
+def test_the_error_names_a_wrong_argument(law, rig, arguments, message):
+    with pytest.raises(ConfigError, match=message):
         cam_rig.simulate(law, rig, **arguments)
 
 
 def test_the_level_leaves_out_the_first_turns(law, rig):
-    """The mean in energy of the others; all turns but one may be left out."""
-    # At 375 rpm each turn has 640 samples, so that each weighs the same.
+    """It is the energy mean of the other turns. At least one turn must remain."""
+    # At 375 rpm each turn has 640 samples, so all turns have the same weight.
     motion = cam_rig.simulate(law, rig, rpm=375, turns=4, sample_rate=4000)
-    heard = cam_rig.sound_level(motion, settle_turns=2)
-    mean = 10.0 * np.log10(np.mean(10.0 ** (heard.by_turn[2:] / 10.0)))
-    assert heard.level_db == pytest.approx(mean, abs=1e-9)
+    result = cam_rig.sound_level(motion, settle_turns=2)
+    mean = 10.0 * np.log10(np.mean(10.0 ** (result.by_turn[2:] / 10.0)))
+    assert result.level_db == pytest.approx(mean, abs=1e-9)
     with pytest.raises(ConfigError, match=r"settle_turns: 4; allowed: 0 to 3, fewer than the 4"):
         cam_rig.sound_level(motion, settle_turns=4)
 
 
-def test_a_level_says_what_it_is_worth(law, rig):
-    """Calibrated where the constants were fitted to measured levels, else not."""
+def test_a_level_reports_its_calibration(law, rig):
+    """It is calibrated if the constants were fitted to measured levels, else relative."""
     data = rig.model_dump(exclude_none=True)
     data["radiation"]["gain"] = {"assumed": rig.radiation.gain.si, "unit": "Pa*s/N"}
-    guessed = type(rig).model_validate(data)
-    known, unknown = (
+    with_assumption = type(rig).model_validate(data)
+    calibrated, relative = (
         cam_rig.sound_level(cam_rig.simulate(law, r, rpm=300, turns=2, sample_rate=4000))
-        for r in (rig, guessed)
+        for r in (rig, with_assumption)
     )
-    assert known.calibrated and not unknown.calibrated
-    assert known.level_db == unknown.level_db
-    assert str(known).endswith("(calibrated on poly345)")
-    assert str(unknown).endswith("(relative: uncalibrated)")
+    assert calibrated.calibrated and not relative.calibrated
+    assert calibrated.level_db == relative.level_db
+    assert str(calibrated).endswith("(calibrated on poly345)")
+    assert str(relative).endswith("(relative: uncalibrated)")
 
 
-def test_results_as_tables(law, rig):
-    """A column each; the turns that are left out are told."""
+def test_results_have_tables(law, rig):
+    """A table has one column per quantity, and marks the turns that are left out."""
     motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
     table = motion.to_pandas()
     assert list(table)[:3] == ["time", "angle", "lift"]
@@ -109,7 +109,7 @@ def test_results_as_tables(law, rig):
     assert events["kind"].tolist()[:2] == ["lift-off", "landing"]
 
 
-def test_results_as_pictures(law, rig, figures):
+def test_results_have_figures(law, rig, figures):
     motion = cam_rig.simulate(law, rig, rpm=800, turns=2, sample_rate=4000)
     assert motion.events
     lift, force = motion.plot().axes
@@ -126,7 +126,7 @@ def test_results_as_pictures(law, rig, figures):
         ("matplotlib", "plot", r"matplotlib is not installed: pip install 'cam_rig\[plots\]'"),
     ],
 )
-def test_a_missing_library_is_one_line(law, rig, monkeypatch, library, method, remedy):
+def test_the_error_names_a_missing_library(law, rig, monkeypatch, library, method, remedy):
     for name in [*sys.modules]:
         if name.split(".")[0] == library or name.endswith((".figure", ".figures")):
             monkeypatch.delitem(sys.modules, name)
@@ -137,16 +137,16 @@ def test_a_missing_library_is_one_line(law, rig, monkeypatch, library, method, r
 
 
 @pytest.mark.parametrize("model", ["one_mass", "kinetostatic"])
-def test_a_law_whose_lift_jumps_is_refused(rig, model):
-    """No follower is at two places at once, though the slopes on both sides are equal."""
+def test_a_law_with_a_jump_of_lift_is_an_error(rig, model):
+    """It is an error even if the slopes on both sides of the jump are equal."""
     saw = cam_rig.Law("saw", [0.0, 2.0 * np.pi], [[0.0], [0.1]])
     with pytest.raises(DynamicsError, match=r"law 'saw': lift jumps by 0\.1 m at 0°"):
         cam_rig.simulate(saw, rig, model=model, rpm=300)
 
 
-def test_what_was_simulated_can_be_sent_to_another_process(law, rig):
-    """A law keeps functions of its pieces for itself."""
+def test_a_motion_can_be_pickled(law, rig):
+    """A result can be sent to another process, with its law."""
     motion = cam_rig.simulate(law, rig, rpm=400, turns=1, sample_rate=1000)
-    there = pickle.loads(pickle.dumps(motion))
-    np.testing.assert_array_equal(there.lift, motion.lift)
-    assert there.law.at(1.0) == law.at(1.0)
+    copy = pickle.loads(pickle.dumps(motion))
+    np.testing.assert_array_equal(copy.lift, motion.lift)
+    assert copy.law.at(1.0) == law.at(1.0)

@@ -1,4 +1,4 @@
-"""The scene in one process: every tick heard, and the same levels whatever the ticks."""
+"""Runs of scenes in one process: ticks, levels, and rows by cam and speed."""
 
 import dataclasses
 import itertools
@@ -26,54 +26,54 @@ def levels_of(loaded):
     return step_levels(simulation.simulate(loaded), loaded.scene.program.settle_turns.si)
 
 
-def test_every_tick_is_heard(make_loaded_scene):
-    """One pressure a tick, in order, each above the background."""
+def test_every_tick_is_measured(make_loaded_scene):
+    """There is one pressure per tick, in order, and each is above the background."""
     loaded = make_loaded_scene(ticks_per_turn=3)
-    heard = list(simulation.simulate(loaded))
-    assert len(heard) == tick_count(loaded.scene)
+    ticks = list(simulation.simulate(loaded))
+    assert len(ticks) == tick_count(loaded.scene)
     states = list(cam_states(loaded.scene))
-    assert [tick.start for tick in heard] == states[:-1]
-    assert [tick.stop_ns for tick in heard] == [state.time_ns for state in states[1:]]
-    for tick in heard:
+    assert [tick.start for tick in ticks] == states[:-1]
+    assert [tick.stop_ns for tick in ticks] == [state.time_ns for state in states[1:]]
+    for tick in ticks:
         assert tick.pressure**2 >= loaded.radiation.background_power(tick.start.speed)
 
 
-def test_no_impulse_is_lost(make_loaded_scene):
-    """Over a scene, impulses in the blocks are those of the events: each landing is heard."""
-    # A change of cam puts the follower down on the new one; an impulse that fell after the last
-    # sample on the old one waits for the next block. At 670 rpm and 100 Hz there is one.
+def test_the_samples_contain_the_impulse_of_every_landing(make_loaded_scene):
+    """The sum of the impulses in the blocks of a scene is that of its events."""
+    # At a change of cam the follower is put on the new cam. An impulse after the last sample on the
+    # old cam is added to the next block. At 670 rpm and 100 Hz there is one.
     loaded = make_loaded_scene(speeds=[670], sample_rate=100)
-    bench = simulation.FollowerSimulator(MODELS["one_mass"], loaded.follower, 100, loaded.laws)
-    due = shown = pending = 0.0
+    simulator = simulation.FollowerSimulator(MODELS["one_mass"], loaded.follower, 100, loaded.laws)
+    of_events = of_samples = pending = 0.0
     states = cam_states(loaded.scene)
-    assert bench.turn_to(next(states)) is None  # one state is no tick
+    assert simulator.turn_to(next(states)) is None  # a tick needs two states
     for state in states:
-        turned = bench.turn_to(state)
-        if turned is not None:
-            due += sum(event.impulse for event in turned[1].events)
-            shown += float(turned[1].rows[5].sum())
-            pending = turned[0].pending_impulse
-    assert due > 1.0
-    assert shown + pending == pytest.approx(due, rel=1e-12)
+        result = simulator.turn_to(state)
+        if result is not None:
+            of_events += sum(event.impulse for event in result[1].events)
+            of_samples += float(result[1].rows[5].sum())
+            pending = result[0].pending_impulse
+    assert of_events > 1.0
+    assert of_samples + pending == pytest.approx(of_events, rel=1e-12)
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem"])
 def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
-    """A scene with ramps has levels of the held speeds alone, and they are the steady ones."""
+    """Levels exist at constant speeds only, and equal those of the exact response."""
     loaded = make_loaded_scene(speeds=[200, 300], ramp=0.4, model=model, sample_rate=24_000)
-    heard = list(simulation.simulate(loaded))
-    assert len(heard) == tick_count(loaded.scene)
-    assert sum(not tick.steady for tick in heard) == tick_count(loaded.scene) - 2 * 2 * 3
-    levels = step_levels(heard, 1.0)
-    held = [float(speed) for speed in loaded.scene.program.speeds.si_list]
+    ticks = list(simulation.simulate(loaded))
+    assert len(ticks) == tick_count(loaded.scene)
+    assert sum(not tick.steady for tick in ticks) == tick_count(loaded.scene) - 2 * 2 * 3
+    levels = step_levels(ticks, 1.0)
+    speeds = [float(speed) for speed in loaded.scene.program.speeds.si_list]
     assert {cam: list(steps) for cam, steps in levels.items()} == dict.fromkeys(
-        ("poly345", "bezier15"), held
+        ("poly345", "bezier15"), speeds
     )
     for cam, steps in levels.items():
         for speed, level in steps.items():
             power = steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, speed)
-            close = 2e-2 if model != "elastic_stem" else 0.1  # there the stem rings
-            assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=close)
+            tolerance = 2e-2 if model != "elastic_stem" else 0.1  # the elastic stem rings
+            assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=tolerance)
 
 
 STEADY_RPM = np.array([200.0, 300.0, 400.0])
@@ -81,8 +81,8 @@ SPEEDS = STEADY_RPM * np.pi / 30.0
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
-def test_steady_levels(make_loaded_scene, cam):
-    """Of a cam that keeps contact: those of the exact steady response, to 2e-3 dB."""
+def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, cam):
+    """They agree to 2e-3 dB for a cam that keeps contact."""
     loaded = make_loaded_scene()
     turns = settled_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
     acoustics = simulation.Acoustics(loaded.radiation)
@@ -95,8 +95,8 @@ def test_steady_levels(make_loaded_scene, cam):
     np.testing.assert_allclose(turns.rpm, STEADY_RPM, rtol=1e-14)
 
 
-def test_levels_with_landings(make_loaded_scene):
-    """Of a cam that jumps: those of the whole simulated run, to 0.02 dB."""
+def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
+    """The levels of settled turns agree to 0.02 dB with the run, for a cam that jumps."""
     loaded = make_loaded_scene(
         cams=["tm21"], speeds=[350, 400], turns=6, settle_turns=2, sample_rate=12000
     )
@@ -107,8 +107,8 @@ def test_levels_with_landings(make_loaded_scene):
     np.testing.assert_allclose(levels, [run[s] for s in sorted(run)], atol=0.02)
 
 
-def test_the_speed_response_acts_on_the_contact_alone(make_loaded_scene):
-    """A response of +3 dB at 400 rpm raises the contact's share alone."""
+def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
+    """A response of +3 dB at 400 rpm raises the power of the contact only."""
     loaded = make_loaded_scene()
     plain = simulation.Acoustics(loaded.radiation)
     raised = simulation.Acoustics(loaded.radiation, (3.0, 0.0, 0.0))
@@ -119,20 +119,21 @@ def test_the_speed_response_acts_on_the_contact_alone(make_loaded_scene):
 
 
 DIVISIONS = (2, 3, 5, 7, 36, 72, 100)
-#: Laws with steps of the force at joints, with steps of the velocity, and smooth ones.
+#: Laws with steps of the force at joints, laws with steps of the velocity, and smooth laws.
 CAMS = ("tm21", "arcs_convex", "worked_example_harmonic", "poly345", "bezier15", "trigonometric")
 #: Speeds (rpm) and rates (Hz) at which samples lie on joints and on borders of ticks.
-EVEN_RPM, EVEN_HZ = (100, 200, 240, 300, 320, 400, 600), (2000, 4000, 8000, 12_000, 48_000)
-#: One and two masses, an elastic stem and an elastic shaft, and what holds the follower by force.
-DRAWN_MODELS = ("kinetostatic", "one_mass", "elastic_stem", "two_mass", "torsional")
-#: Above it two masses bounce, which enlarges what is rounded.
+EVEN_RPM = (100, 200, 240, 300, 320, 400, 600)
+EVEN_HZ = (2000, 4000, 8000, 12_000, 48_000)
+#: All models of the follower.
+ALL_MODELS = ("kinetostatic", "one_mass", "elastic_stem", "two_mass", "torsional")
+#: Highest speed of two masses. Above it they bounce, which amplifies rounding.
 TWO_MASS_RPM = 380.0
 
 
-def drawn(seed):
-    """A scene drawn at random, as its file says it, with ramps and without."""
+def random_scene(seed):
+    """Return the keys of a random scene file, with or without ramps."""
     rng = np.random.default_rng(seed)
-    model = DRAWN_MODELS[seed % len(DRAWN_MODELS)]
+    model = ALL_MODELS[seed % len(ALL_MODELS)]
     even = bool(rng.integers(2))
     rpm = rng.choice(EVEN_RPM, 2) if even else rng.uniform(80.0, 650.0, 2).round(3)
     if model == "two_mass":
@@ -148,37 +149,38 @@ def drawn(seed):
 
 @pytest.fixture
 def divided(make_loaded_scene):
+    """Return a function that loads a scene with a number of ticks per turn."""
     return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
-def assert_equal(found, levels):
-    assert {cam: list(steps) for cam, steps in found.items()} == {
-        cam: list(steps) for cam, steps in levels.items()
+def assert_equal(levels, expected):
+    assert {cam: list(steps) for cam, steps in levels.items()} == {
+        cam: list(steps) for cam, steps in expected.items()
     }
-    for cam, steps in levels.items():
-        assert found[cam] == pytest.approx(steps, rel=0, abs=1e-9)
+    for cam, steps in expected.items():
+        assert levels[cam] == pytest.approx(steps, rel=0, abs=1e-9)
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
-def test_any_division_gives_the_same_levels(divided, seed):
-    """Laws, rigs, models, speeds, rates, steps and ramps drawn at random: equal to 1e-9 dB."""
-    # A division whose ticks have too few samples is refused, with the number that is allowed.
-    scene = drawn(seed)
+def test_levels_do_not_depend_on_the_ticks_per_turn(divided, seed):
+    """Levels of random scenes are equal to 1e-9 dB."""
+    # If the ticks would have too few samples, the error contains the largest number of ticks.
+    scene = random_scene(seed)
     levels = levels_of(divided(scene, 1))
     for ticks in np.random.default_rng(seed).permutation(DIVISIONS)[:3].tolist():
         try:
             loaded = divided(scene, ticks)
         except ConfigError as error:
             assert "samples per tick" in str(error)
-            most = int(str(error).rpartition("up to ")[2])
-            assert most < ticks
-            loaded = divided(scene, most)
+            max_ticks = int(str(error).rpartition("up to ")[2])
+            assert max_ticks < ticks
+            loaded = divided(scene, max_ticks)
         assert_equal(levels_of(loaded), levels)
 
 
 def run_of_the_nodes(loaded):
-    """The ticks as drive, follower and microphone make them, message by message, without ROS."""
+    """Yield the ticks as the nodes compute them, message by message, without ROS."""
     scene, simulator = loaded.scene, simulation.FollowerSimulator.of(loaded)
     schedule, rate = SetpointSchedule(scene), int(scene.sample_rate.si)
     follower = FollowerQueue(simulator, scene)
@@ -195,9 +197,9 @@ def run_of_the_nodes(loaded):
 
 
 @pytest.mark.parametrize("seed", [1, 6, 11])
-def test_the_nodes_give_the_same_levels(divided, seed):
-    """What the nodes compute, and a bag holds, is what the scene gives without them."""
-    scene = drawn(seed)
+def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
+    """The classes of the nodes give the same levels as the simulation in one process."""
+    scene = random_scene(seed)
     settle = scene["settle_turns"]
     levels = levels_of(divided(scene, 1))
     for ticks in (1, 5):
@@ -205,17 +207,17 @@ def test_the_nodes_give_the_same_levels(divided, seed):
 
 
 def rows_of(loaded):
-    found = SpeedRows.of(loaded)
+    speed_rows = SpeedRows.of(loaded)
     for tick in turned_ticks(loaded):
-        found.take(tick)
-    return found.rows({})
+        speed_rows.take(tick)
+    return speed_rows.rows({})
 
 
 def assert_rows(rows, others, rel):
-    for one, other in zip(rows, others, strict=True):
-        for name, value in vars(one).items():
-            wanted = value if isinstance(value, str | None) else pytest.approx(value, rel=rel)
-            assert getattr(other, name) == wanted, name
+    for row, other in zip(rows, others, strict=True):
+        for name, value in vars(row).items():
+            expected = value if isinstance(value, str | None) else pytest.approx(value, rel=rel)
+            assert getattr(other, name) == expected, name
 
 
 def on_rig(loaded, **numbers):
@@ -223,9 +225,11 @@ def on_rig(loaded, **numbers):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_flights_are_those_of_the_events(make_loaded_scene, seed):
-    """For random followers, some that bounce: lift-offs as many, the longest flight to a sample,
-    the hardest landing to the digit where no other shares its sample.
+def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed):
+    """Lift-offs and flights of random followers agree with the events.
+
+    The longest flight agrees to one sample. The hardest landing agrees to 1e-9 if each sample
+    contains at most one landing.
     """
     random = np.random.default_rng(seed)
     loaded = make_loaded_scene(speeds=[340, 390, 440], turns=4, cams=["tm21", "poly345"])
@@ -236,40 +240,40 @@ def test_flights_are_those_of_the_events(make_loaded_scene, seed):
         restitution=float(random.choice([0.0, 0.4])),
     )
     rate, events, follower = 8000, {}, simulation.FollowerSimulator.of(loaded)
-    before, first = None, {}
+    previous, first = None, {}
     for state in cam_states(loaded.scene):
-        turned = follower.turn_to(state)
-        if turned is not None:
-            key = before.cam, round(before.speed / RPM)
-            first.setdefault(key, before.unwrapped)
-            events.setdefault(key, []).extend(turned[1].events)
-        before = state
-    flown = 0
+        result = follower.turn_to(state)
+        if result is not None:
+            key = previous.cam, round(previous.speed / RPM)
+            first.setdefault(key, previous.unwrapped)
+            events.setdefault(key, []).extend(result[1].events)
+        previous = state
+    flights_checked = 0
     for row in rows_of(loaded):
         key = row.cam, round(row.rpm)
-        begin = first[key] + TURN
-        settled = [event for event in events[key] if event.angle >= begin - 1e-9]
+        start = first[key] + TURN
+        settled = [event for event in events[key] if event.angle >= start - 1e-9]
         lift_offs = [event for event in settled if event.kind == "lift-off"]
         landings = [event for event in settled if event.kind == "landing"]
         assert row.turns == pytest.approx(3.0, abs=1e-6)
         assert abs(row.lift_offs * row.turns - len(lift_offs)) < 1.0 + 1e-6
-        flown += len(lift_offs)
+        flights_checked += len(lift_offs)
         flights = [
             b.time - a.time
             for a, b in itertools.pairwise(events[key])
-            if b.kind == "landing" and b.angle >= begin
+            if b.kind == "landing" and b.angle >= start
         ]
-        if events[key] and events[key][-1].kind == "landing":  # else it still flies
+        if events[key] and events[key][-1].kind == "landing":  # otherwise the last flight continues
             assert abs(row.flight - max(flights)) <= 1.0 / rate + 1e-9
         alone = np.diff([event.time for event in landings]).min(initial=math.inf) > 1.0 / rate
         if alone and loaded.follower.restitution == 0.0:
             hardest = max((event.impulse for event in landings), default=0.0)
             assert row.landing == pytest.approx(hardest, rel=1e-9)
-    assert flown > 5
+    assert flights_checked > 5
 
 
-def test_the_mean_torque_is_what_the_damper_takes(make_loaded_scene):
-    """Virtual work: T ω over a turn is c ∮ ṡ² dt; spring and mass give back what they took."""
+def test_the_mean_torque_is_the_work_of_the_damper(make_loaded_scene):
+    """Its work over a turn is c ∮ ṡ² dt, because spring and mass are conservative."""
     loaded = make_loaded_scene(model="kinetostatic", speeds=[200], sample_rate=24_000)
     for row in rows_of(loaded):
         law, damping = loaded.laws[row.cam], loaded.follower.damping
@@ -280,43 +284,43 @@ def test_the_mean_torque_is_what_the_damper_takes(make_loaded_scene):
         assert row.torque_least < 0.0 < row.torque_peak
 
 
-def test_a_follower_without_preload_rests_on_the_dwell(make_loaded_scene):
-    """Its force is zero there, and it has not left the cam."""
+def test_a_follower_at_rest_without_preload_is_not_in_flight(make_loaded_scene):
+    """Its force is zero on the dwell, but it has not left the cam."""
     loaded = on_rig(make_loaded_scene(speeds=[60], cams=["poly345"]), preload=0.0)
     (row,) = rows_of(loaded)
     assert row.force_least == 0.0
     assert (row.lift_offs, row.flight, row.landing) == (0.0, 0.0, 0.0)
 
 
-def test_a_row_does_not_depend_on_the_ticks(make_loaded_scene):
-    """However the turn is divided, samples and flights are the same."""
+def test_a_row_does_not_depend_on_the_ticks_per_turn(make_loaded_scene):
+    """Samples and flights are the same with 1 and 16 ticks per turn."""
     one, many = (rows_of(make_loaded_scene(speeds=[420], ticks_per_turn=n)) for n in (1, 16))
     assert_rows(one, many, 1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_row_is_of_whole_turns(make_loaded_scene, seed):
-    """A speed left in mid-turn: force, torque and lift-offs are those of the turns before."""
+def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
+    """If a speed ends within a turn, the row contains the turns before."""
     loaded = make_loaded_scene(speeds=[430], turns=4, cams=["tm21"], ticks_per_turn=16)
     states = list(cam_states(loaded.scene))
 
-    def left_after(ticks):
+    def rows_after(ticks):
         last = dataclasses.replace(states[ticks], speed=0.0)
-        found = SpeedRows.of(loaded)
+        speed_rows = SpeedRows.of(loaded)
         for tick in turned_ticks(loaded, states=[*states[:ticks], last]):
-            found.take(tick)
-        return found.rows({})
+            speed_rows.take(tick)
+        return speed_rows.rows({})
 
     turns = 2 + seed % 2
-    (row,), whole = left_after(16 * turns + 1 + 4 * seed), left_after(16 * turns)
+    (row,), whole = rows_after(16 * turns + 1 + 4 * seed), rows_after(16 * turns)
     assert_rows([row], whole, 1e-12)
     assert row.turns == pytest.approx(turns - 1, abs=1e-6)
     assert row.lift_offs == pytest.approx(1.0, rel=1e-6)
-    assert left_after(31) == ()
+    assert rows_after(31) == ()
 
 
-def test_a_bag_gives_the_rows_of_its_scene():
-    """What was recorded is what is computed, number by number; the table has a row each."""
+def test_a_bag_has_the_rows_of_its_scene():
+    """The rows of a recording equal those of the simulation to 1e-9."""
     recorded = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recorded.loaded)
     assert_rows(recorded.by_speed, computed.by_speed, 1e-9)
@@ -328,9 +332,9 @@ def test_a_bag_gives_the_rows_of_its_scene():
     ]
 
 
-def test_a_run_takes_its_rows_as_it_goes():
-    """Computed once: the rows are those of the samples gone through again."""
+def test_the_rows_of_a_run_are_those_of_a_second_pass():
+    """A run computes its rows while it simulates. They equal those of its samples."""
     run = cam_rig.run_scene("quick")
-    found = [dataclasses.replace(row, level_db=None) for row in run.by_speed]
-    assert tuple(found) == rows_of(run.loaded)
+    rows = [dataclasses.replace(row, level_db=None) for row in run.by_speed]
+    assert tuple(rows) == rows_of(run.loaded)
     assert all(row.level_db is not None for row in run.by_speed)

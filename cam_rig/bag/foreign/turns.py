@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.errors import BagError
-from cam_rig.simulation.instruments import EQUAL, Signal
+from cam_rig.simulation.instruments import EQUAL_ANGLE_ATOL_RAD, Signal
 from cam_rig.units import TURN, FloatArray
 
 #: An angle within one turn may exceed it by this factor: rounding.
@@ -180,7 +180,7 @@ class _Steps:
         self._after = np.clip(near + half + 1, half, step.size - 1 - half)
         spread = spread[middle]
         self._usual, self._rate = step, rate
-        moves = np.abs(self.step)[np.abs(self.step) > EQUAL]
+        moves = np.abs(self.step)[np.abs(self.step) > EQUAL_ANGLE_ATOL_RAD]
         count = float(np.quantile(moves, SMALL_STEPS)) if moves.size else 0.0
         least = MIN_WRONG + MAX_COUNTS * count
         self._scatter = MAD_SIGMA * spread

@@ -25,7 +25,7 @@ def analyze(
     ] = None,
     scene: SceneOfBag = None,
 ) -> Result:
-    """Read a recorded sweep back: a row each speed, and its noise beside the published regressions.
+    """Analyse a recorded run: one row per cam and speed, and the noise of each cam.
 
     The tables are those of cam-rig simulate.
 
@@ -43,7 +43,10 @@ def analyze(
 
 
 def read_run(bag: Path, scene: str | None = None) -> SceneRun:
-    """A bag's run, with the scene attached to it unless another is named; say what it lacks."""
+    """Return the run of a bag, and print its size and the notes on missing data.
+
+    The default scene is the scene that is attached to the bag.
+    """
     from cam_rig.studies.simulate.recorded import read_bag
 
     run = read_bag(bag, scene)
@@ -52,7 +55,7 @@ def read_run(bag: Path, scene: str | None = None) -> SceneRun:
     return run
 
 
-#: Endings of a bag's file; a folder is a bag too.
+#: Suffixes of the file of a bag. A bag can also be a folder.
 BAG_FILES = (".mcap", ".db3")
 
 
@@ -71,12 +74,12 @@ def export(
     *,
     progress: Progress,
 ) -> None:
-    """Write every sample of a run with the cam that turned under it.
+    """Write every sample of a run to a file, with name, speed and angle of the cam.
 
     Columns: time_s, cam, rpm, angle_rad, angle_in_turn_rad, lift_m, velocity_m_s,
-    acceleration_m_s2, force_N, impulse_N_s. Parquet has units and meanings in its schema too, and
-    needs pyarrow. A WAV has a channel of 32-bit floats for each quantity that changes within a
-    turn, named in its comment. Memory stays bounded however long the run is.
+    acceleration_m_s2, force_N, impulse_N_s. The schema of a Parquet file contains units and
+    meanings; it needs pyarrow. A WAV file has one channel of 32-bit floats for each quantity that
+    changes within a turn, and its comment names them. Memory does not grow with the run.
 
     Examples
     --------
@@ -108,15 +111,16 @@ def export(
         except ConfigError as error:
             if is_there(path):
                 raise
-            raise ConfigError(f"{source}: no such bag, nor scene: {error}") from None
+            raise ConfigError(f"{source}: is neither a bag nor a scene: {error}") from None
         ticks = turned_ticks(loaded)
     progress.start(tick_count(loaded.scene), loaded.scene.name)
-    written = write_samples(to, _counted(ticks, progress), loaded, cam, rpm)
-    gaps = f", {written.gaps} gaps between them" if written.gaps else ""
-    say(f"{to}: {written.rows} samples, {written.begin:.6g} to {written.end:.6g} s{gaps}")
+    contents = write_samples(to, _track(ticks, progress), loaded, cam, rpm)
+    gaps = f", {contents.gaps} gaps between them" if contents.gaps else ""
+    say(f"{to}: {contents.rows} samples, {contents.start:.6g} to {contents.end:.6g} s{gaps}")
 
 
-def _counted(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
+def _track(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
+    """Yield the ticks, and report each of them."""
     for tick in ticks:
         yield tick
         progress.advance()

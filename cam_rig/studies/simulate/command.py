@@ -1,4 +1,4 @@
-"""cam-rig listen: a scene as a sound file; cam-rig simulate: a scene without ROS."""
+"""Commands that run a scene without ROS: ``cam-rig simulate`` and ``listen``."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
-#: Hz, the rate of audio equipment.
+#: Sample rate of the sound file, Hz: that of audio equipment.
 RATE = 48_000
-#: s, how long one speed is held by default.
+#: Default duration of one speed, s.
 SECONDS = 5.0
 
 
@@ -31,17 +31,17 @@ def listen(
     ] = None,
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, max=3600.0, help="How long --rpm is held, in whole turns; 5."),
+        typer.Option(min=0.1, max=3600.0, help="Duration of --rpm in s, in whole turns; 5."),
     ] = None,
     rig: OtherRig = None,
     *,
     progress: Progress,
 ) -> Result:
-    """Write what the microphone hears: 48 kHz, 16 bit, sound pressure in proportion.
+    """Write the sound pressure at the microphone to a sound file (48 kHz, 16 bit).
 
-    Nothing is weighted or filtered, so a cam's lowest harmonics are in it though nobody hears
-    them. The largest number stands for a round pressure that is printed: 1, 2 or 5 times a power
-    of ten, the smallest that does not clip.
+    The numbers in the file are proportional to the pressure. They are not weighted or filtered, so
+    they contain the lowest harmonics of a cam, which are inaudible. The pressure of the largest
+    number is printed: the smallest of 1, 2 or 5 times a power of ten that does not clip.
 
     Examples
     --------
@@ -59,25 +59,25 @@ def listen(
     check_place(out)
     if seconds is not None and rpm is None:
         raise ConfigError(
-            f"--seconds is {seconds:g} without --rpm, and the scene's program has its own "
-            "times; allowed: both, or neither"
+            f"--seconds is {seconds:g} without --rpm; allowed: both, or neither for the times of "
+            "the scene's program"
         )
     loaded = audition(asked_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
-    found = record(loaded, RATE, out, progress)
+    result = record(loaded, RATE, out, progress)
     with writing(out) as part, wave.open(str(part), "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
         file.setframerate(RATE)
-        file.writeframes(pcm(found.pressure, found.full_scale))
-    return found
+        file.writeframes(pcm(result.pressure, result.full_scale))
+    return result
 
 
 @command("json", "csv", "plot")
 def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
-    """Run a scene without ROS, on the same core: a row each speed, and its noise compared.
+    """Run a scene without ROS: one row per cam and speed, and the noise of each cam.
 
-    A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
-    torque, of the settled turns.
+    A row contains level, peak and least force, lift-off rate, longest flight, hardest landing and
+    torque of the settled turns.
 
     In Python: cam_rig.run_scene(scene)
 
@@ -93,13 +93,13 @@ def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
     from cam_rig.units import NS
 
     loaded = load_scene(scene)
-    begun = time.perf_counter()
+    start = time.perf_counter()
     progress.start(tick_count(loaded.scene), loaded.scene.name)
     run = run_scene(loaded, on_tick=progress.advance)
-    took = time.perf_counter() - begun
+    duration = time.perf_counter() - start
     rig_time = run.ticks[-1].stop_ns / NS
     say(
-        f"{len(run.ticks)} ticks, {rig_time:.1f} s of rig time in {took:.2f} s "
-        f"({rig_time / took:.0f} x real time)"
+        f"{len(run.ticks)} ticks, {rig_time:.1f} s of rig time in {duration:.2f} s "
+        f"({rig_time / duration:.0f} x real time)"
     )
     return run

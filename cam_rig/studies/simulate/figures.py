@@ -1,4 +1,4 @@
-"""Noise against speed as in fig. 16 of the paper: simulated points, both regressions."""
+"""Figures of runs: noise over speed, motion over time, and force over the turn."""
 
 from __future__ import annotations
 
@@ -30,21 +30,24 @@ from cam_rig.studies.simulate.sound import SoundLevel
 from cam_rig.studies.simulate.study import SceneRun
 from cam_rig.units import FloatArray
 
-#: Room above and below levels turn by turn, dB, so that the rounding of settled ones is not seen.
+#: Margin above and below the levels of turns, dB. Without it the axis would show their rounding.
 MARGIN_DB = 1.0
 
 
 @styled
-def figure(found: SceneRun) -> Figure:
-    """Level of each cam against speed, or the contact force over the turn without levels."""
-    if found.loaded.missing_for_sound:
-        return over_turn(force_curves(found))
-    return noise_figure(found.noise, found.loaded)
+def figure(run: SceneRun) -> Figure:
+    """Plot the level of each cam over speed.
+
+    Without levels it is the contact force over the turn.
+    """
+    if run.loaded.missing_for_sound:
+        return over_turn(force_curves(run))
+    return noise_figure(run.noise, run.loaded)
 
 
 @styled
 def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
-    """The same of levels alone."""
+    """Plot levels over speed as in fig. 16 of the paper: points, and both regressions."""
     out = empty(3.4)
     axes = out.subplots()
     for curve in result.curves.values():
@@ -73,16 +76,16 @@ def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
             textcoords="offset points",
             color="0.35",
         )
-    worth = "" if loaded.calibrated else "relative "
-    axes.set(xlabel=CAM_SPEED, ylabel=worth + LEVEL, title=wrapped(loaded.scene.title))
+    prefix = "" if loaded.calibrated else "relative "
+    axes.set(xlabel=CAM_SPEED, ylabel=prefix + LEVEL, title=wrapped(loaded.scene.title))
     axes.legend(loc="upper left")
     return out
 
 
 @styled
-def turn_by_turn(found: SoundLevel) -> Figure:
-    """The level turn by turn, and that of the settled ones."""
-    by_turn, settle_turns, level = found.by_turn, found.settle_turns, found.level_db
+def turn_by_turn(result: SoundLevel) -> Figure:
+    """Plot the level of each turn, and that of the settled turns."""
+    by_turn, settle_turns, level = result.by_turn, result.settle_turns, result.level_db
     out = empty(3.4)
     axes = out.subplots()
     turn = np.arange(1, by_turn.size + 1)
@@ -91,29 +94,30 @@ def turn_by_turn(found: SoundLevel) -> Figure:
     axes.plot(
         settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
     )
-    axes.set(xlabel="turn", ylabel=LEVEL, title=wrapped(str(found)))
+    axes.set(xlabel="turn", ylabel=LEVEL, title=wrapped(str(result)))
     axes.set_xticks(turn[:: 1 + turn.size // 20])
     axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)
     axes.legend()
     return out
 
 
-#: A speed (rpm), cam angles in the turn (°, rising) and contact forces (N), both ``(n,)``.
+#: Speed (rpm), cam angles in the turn (°, rising, ``(n,)``) and contact forces (N, ``(n,)``).
 ForceCurve = tuple[float, FloatArray, FloatArray]
 
 
 @styled
-def motion_figure(found: FollowerMotion) -> Figure:
-    """Lift and contact force over time; where the force is zero, contact is lost: it is shaded."""
+def motion_figure(motion: FollowerMotion) -> Figure:
+    """Plot lift and contact force over time, with loss of contact (zero force) shaded."""
     out = empty(4.6)
     lift, force = out.subplots(2, 1, sharex=True)
-    time, off = found.time, found.force == 0.0
-    lift.plot(time, found.lift * MM, color=web(colours.LIFT), lw=2.2, label="follower")
-    lift.plot(time, found.law(found.angle) * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
-    force.plot(time, found.force, color=web(colours.FORCE))
-    shade(lift, time, off, "contact lost" if off.any() else None)
-    shade(force, time, off)
-    lift.set(ylabel="lift [mm]", title=wrapped(f"{found.law.name} at {found.rpm:g} rpm"))
+    time, lost = motion.time, motion.force == 0.0
+    law_lift = motion.law(motion.angle)
+    lift.plot(time, motion.lift * MM, color=web(colours.LIFT), lw=2.2, label="follower")
+    lift.plot(time, law_lift * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
+    force.plot(time, motion.force, color=web(colours.FORCE))
+    shade(lift, time, lost, "contact lost" if lost.any() else None)
+    shade(force, time, lost)
+    lift.set(ylabel="lift [mm]", title=wrapped(f"{motion.law.name} at {motion.rpm:g} rpm"))
     lift.margins(y=0.2)
     lift.legend(loc="upper right", ncols=3)
     force.set(xlabel="time [s]", ylabel="contact force [N]")
@@ -122,7 +126,10 @@ def motion_figure(found: FollowerMotion) -> Figure:
 
 @styled
 def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
-    """The contact force over the cam angle: a panel for each cam by its title, a line a speed."""
+    """Plot the contact force over the cam angle: a panel per cam, a line per speed.
+
+    `curves` contains the curves of each cam by its title.
+    """
     out = empty(0.5 + 2.5 * len(curves))
     panels = out.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (title, speeds) in zip(panels, curves.items(), strict=True):
@@ -137,24 +144,25 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
 
 
 def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
-    """The contact force over the last turn at some of the speeds, by the cam's title."""
+    """Return the contact force over the last turn at some speeds, by the cam's title."""
     scene = run.loaded.scene
-    shown = spread(speeds_of(scene), FORCE_SPEEDS)
-    last: dict[str, dict[float, deque[TickSamples]]] = {}
+    speeds = spread(speeds_of(scene), FORCE_SPEEDS)
+    last_turns: dict[str, dict[float, deque[TickSamples]]] = {}
     for tick in run.blocks():
-        rpm = next((speed for speed in shown if tick.is_of(None, speed)), None)
+        rpm = next((speed for speed in speeds if tick.is_of(None, speed)), None)
         if rpm is not None:
-            newest = deque[TickSamples](maxlen=scene.program.ticks_per_turn)
-            last.setdefault(tick.cam, {}).setdefault(rpm, newest).append(tick)
+            empty_turn = deque[TickSamples](maxlen=scene.program.ticks_per_turn)
+            last_turns.setdefault(tick.cam, {}).setdefault(rpm, empty_turn).append(tick)
     return {
         run.loaded.cams[cam].title: [
-            _over_turn(rpm, ticks) for rpm, ticks in sorted(by_speed.items())
+            _force_curve(rpm, ticks) for rpm, ticks in sorted(by_speed.items())
         ]
-        for cam, by_speed in last.items()
+        for cam, by_speed in last_turns.items()
     }
 
 
-def _over_turn(rpm: float, ticks: Iterable[TickSamples]) -> ForceCurve:
+def _force_curve(rpm: float, ticks: Iterable[TickSamples]) -> ForceCurve:
+    """Return the force of the ticks of one turn, sorted by the angle in the turn."""
     angle = np.concatenate([tick.angle_in_turn for tick in ticks])
     order = np.argsort(angle, kind="stable")
     return rpm, np.degrees(angle[order]), np.concatenate([tick.force for tick in ticks])[order]

@@ -1,4 +1,4 @@
-"""One cam on one rig at one speed: samples of the follower's motion, and its events."""
+"""Motion of a follower on one cam at one speed: samples and events."""
 
 from __future__ import annotations
 
@@ -22,25 +22,30 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
 
-#: Samples of one motion at most: 1 GB.
+#: Largest number of samples of one motion. They take 1 GB.
 MAX_TOTAL_SAMPLES = 20_000_000
-#: What the law is called in its scene.
+#: Name of the cam in the scene of a motion.
 CAM = "cam"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FollowerMotion(NamedRows, Result):
-    """What the follower did: samples ``(n,)`` by name, read-only, and events.
+    """Motion of a follower: samples ``(n,)`` by name, read-only, and events.
 
-    ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²), ``force`` (contact
-    force, N), ``impulse`` (of the landings since the sample before, N·s), ``angle`` (rad).
+    The samples are ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²),
+    ``force`` (contact force, N), ``impulse`` (of the landings since the previous sample, N·s) and
+    ``angle`` (cam angle with all its turns, rad).
 
     Parameters
     ----------
-    law, rig : what was simulated
-    scene : the same as a scene: model, speed, turns, sample rate
-    rows : ``(6, n)`` all samples
-    blocks : the samples of each turn, views of ``rows``, with their intervals and events
+    law : Law
+    rig : RigConfig
+    scene : SceneConfig
+        Model, speed, turns and sample rate.
+    rows : (6, n) array
+        All samples except ``angle``.
+    blocks : tuple of Block
+        Samples of each turn as views of `rows`, with their intervals and events.
     """
 
     schema = "cam_rig.motion.1"
@@ -53,7 +58,7 @@ class FollowerMotion(NamedRows, Result):
             Column("velocity", "m/s"),
             Column("acceleration", "m/s²"),
             Column("force", "N", doc="contact force"),
-            Column("impulse", "N·s", doc="of the landings since the sample before"),
+            Column("impulse", "N·s", doc="of the landings since the previous sample"),
         ),
         "events": (
             Column("kind"),
@@ -72,16 +77,16 @@ class FollowerMotion(NamedRows, Result):
 
     @cached_property
     def angle(self) -> FloatArray:
-        """``(n,)`` cam angle with all its turns, rad."""
+        """Cam angle with all its turns, rad, shape `(n,)`."""
         rate = int(self.scene.sample_rate.si)
         intervals = [block.interval for block in self.blocks]
-        found = np.concatenate([i.unwrapped_at(i.grid(rate).since_start()) for i in intervals])
-        found.setflags(write=False)
-        return found
+        angle = np.concatenate([i.unwrapped_at(i.grid(rate).since_start()) for i in intervals])
+        angle.setflags(write=False)
+        return angle
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Lift-offs and landings in order: ``kind``, ``time`` (s), ``angle`` (rad), ``impulse``."""
+        """Lift-offs and landings in order, each with kind, time, angle and impulse."""
         return tuple(event for block in self.blocks for event in block.events)
 
     @property
@@ -90,11 +95,11 @@ class FollowerMotion(NamedRows, Result):
         return self.scene.program.speeds.numbers[0]
 
     def __repr__(self) -> str:
-        what = f"{self.law.name} on {self.rig.name}, {self.scene.model}, {self.rpm:g} rpm"
-        return f"FollowerMotion({what}: {self.time.size} samples, {len(self.events)} events)"
+        run = f"{self.law.name} on {self.rig.name}, {self.scene.model}, {self.rpm:g} rpm"
+        return f"FollowerMotion({run}: {self.time.size} samples, {len(self.events)} events)"
 
     def tables(self) -> list[Records]:
-        """``samples``, and ``events``."""
+        """Return the tables ``samples``, which is only exported, and ``events``."""
         return [
             self.array_table("samples"),
             self.table("events", "Lift-offs and landings", self.events),
@@ -112,25 +117,38 @@ def simulate(
     sample_rate: int = 48_000,
     ramp: float | None = None,
 ) -> FollowerMotion:
-    """Turn a cam under a follower at one speed.
+    """Simulate the follower on a cam at one speed.
 
-    Every model is exact between its events, so ``sample_rate`` only says how often one looks.
+    Every model is exact between its events, so the sample rate does not affect the accuracy.
 
     Parameters
     ----------
-    law : of `build_law`, or one's own `Law`
-    model : ``one_mass`` (rigid; lifts off and lands), ``two_mass`` (eq. 14-19 of the paper),
+    law : Law
+        Result of `build_law`, or a user-defined `Law`.
+    rig : RigConfig
+    model : str
+        ``one_mass`` (rigid, with lift-offs and landings), ``two_mass`` (eq. 14-19 of the paper),
         ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss of
-        contact), ``torsional`` (eq. 10, elastic shaft)
-    rpm : cam speed, rpm
-    turns : whole turns at that speed
-    sample_rate : Hz
-    ramp : s, in which the cam is first brought to speed evenly from rest; None begins at speed
+        contact), or ``torsional`` (eq. 10, elastic shaft).
+    rpm : float
+        Cam speed, rpm.
+    turns : int
+        Number of turns at that speed.
+    sample_rate : int
+        Hz.
+    ramp : float, optional
+        Time of a linear ramp from rest to the speed, s (default: start at the speed).
+
+    Returns
+    -------
+    FollowerMotion
 
     Raises
     ------
-    ConfigError : an argument is out of range, or the rig lacks a number that the model needs
-    DynamicsError : a law that the model cannot take
+    ConfigError
+        If an argument is out of range, or the rig lacks a number that the model needs.
+    DynamicsError
+        If the model does not support the law, such as a lift that jumps.
 
     Examples
     --------
@@ -151,16 +169,17 @@ def simulate(
             f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
         )
     require_continuous(law)
-    chosen = MODELS[scene.model]
-    simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
-    turned = (simulator.turn_to(state) for state in cam_states(scene))
-    blocks = [block for _, block in filter(None, turned)]
+    follower_model = MODELS[scene.model]
+    parameters = follower_model.parameters(rig)
+    simulator = FollowerSimulator(follower_model, parameters, sample_rate, {CAM: law})
+    ticks = (simulator.turn_to(state) for state in cam_states(scene))
+    blocks = [block for _, block in filter(None, ticks)]
     rows = np.hstack([block.rows for block in blocks])
     rows.setflags(write=False)
     ends = np.cumsum([block.rows.shape[1] for block in blocks])
     views = np.split(rows, ends[:-1], axis=1)
-    kept = (replace(block, rows=view) for block, view in zip(blocks, views, strict=True))
-    return FollowerMotion(law, rig, scene, rows, tuple(kept))
+    viewing = (replace(block, rows=view) for block, view in zip(blocks, views, strict=True))
+    return FollowerMotion(law, rig, scene, rows, tuple(viewing))
 
 
 def scene_of(
@@ -174,7 +193,11 @@ def scene_of(
     sample_rate: int,
     ramp: float | None,
 ) -> SceneConfig:
-    """A function's arguments as a scene, checked like a scene's file."""
+    """Return the arguments of a function as a scene, validated like a scene file.
+
+    `rpm` is in rpm, `sample_rate` in Hz, and `ramp` in s. Errors start with the name of the
+    function.
+    """
 
     def number(value: object, unit: str) -> dict[str, object]:
         return {"assumed": value, "unit": unit, "source": f"argument of {function}"}
@@ -197,5 +220,5 @@ def scene_of(
     try:
         return SceneConfig.model_validate(data)
     except ValidationError as error:
-        words = explain(error, SceneConfig).replace("program.speeds", "rpm")
-        raise ConfigError(f"{function}: {words.replace('program.', '')}") from None
+        text = explain(error, SceneConfig).replace("program.speeds", "rpm")
+        raise ConfigError(f"{function}: {text.replace('program.', '')}") from None

@@ -1,4 +1,4 @@
-"""A recorded run, read back with its scene."""
+"""Reader of a recorded run with its scene."""
 
 from __future__ import annotations
 
@@ -25,19 +25,27 @@ from cam_rig.studies.simulate.study import SceneRun
 
 
 def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
-    """A recorded run; ``scene`` is the one that was run, for a bag that has none attached."""
+    """Read a recorded run.
+
+    `scene` is the scene that was run, for a bag without an attached scene.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing or not closed, or contains cams that the scene does not have.
+    """
     loaded = scene_of(bag, scene)
     states: list[CamState] = []
     pressures: dict[int, float] = {}
     both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}
-    for topic, found in decoded(bag, both):
+    for topic, value in decoded(bag, both):
         if topic is topics.CAM_STATE:
-            states.append(found)
+            states.append(value)
         else:
-            pressures.update([found])
-    if other := {state.cam for state in states} - set(loaded.laws):
+            pressures.update([value])
+    if unknown := {state.cam for state in states} - set(loaded.laws):
         raise BagError(
-            f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
+            f"{bag}: contains {', '.join(sorted(unknown))}; allowed: the cams of scene "
             f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
         )
     rate = int(loaded.scene.sample_rate.si)
@@ -52,19 +60,27 @@ def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
 
 @checked
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
-    """Read a recorded run back, with the scene that is attached to it.
+    """Read a recorded run, with the scene that is attached to it.
 
     The command is ``cam-rig analyze``.
 
     Parameters
     ----------
-    bag : folder of a bag, as ``cam-rig run`` or ``ros2 bag record`` makes it
-    scene : the scene that was run, for a bag that has none attached (``ros2 bag record``)
+    bag : str or Path
+        Folder of a bag that ``cam-rig run`` or ``ros2 bag record`` has written.
+    scene : str or Path, optional
+        Scene that was run, for a bag without an attached scene (of ``ros2 bag record``).
+
+    Returns
+    -------
+    SceneRun
 
     Raises
     ------
-    BagError : the bag is missing, was not closed, or holds another kind of run
-    MissingLibraryError : the extra ``bags`` is not installed
+    BagError
+        If the bag is missing, was not closed, or contains another kind of run.
+    MissingLibraryError
+        If the extra ``bags`` is not installed.
 
     Examples
     --------

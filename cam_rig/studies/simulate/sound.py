@@ -1,4 +1,4 @@
-"""The sound level of a simulated motion, by the same microphone as in a scene."""
+"""Sound level of a simulated motion, and the sound of a scene for a sound file."""
 
 from __future__ import annotations
 
@@ -37,13 +37,18 @@ class SoundLevel(Result):
 
     Parameters
     ----------
-    rpm : cam speed, rpm
-    level_db : over the settled turns
-    by_turn : ``(n,)`` dB of every turn at that speed, those left out too
-    settle_turns : turns left out at the beginning
-    calibrated_on : the cam to whose measured levels the rig's acoustic constants were fitted;
-        empty when they are assumed, or were fitted with another follower or model: the level is
-        then relative, good for comparisons alone
+    rpm : float
+        Cam speed, rpm.
+    level_db : float
+        Level of the settled turns, dB.
+    by_turn : (n,) array
+        Level of every turn at that speed, including those left out, dB.
+    settle_turns : int
+        Number of turns left out at the start.
+    calibrated_on : str
+        Cam to whose measured levels the rig's acoustic constants were fitted. It is empty if the
+        constants are assumed, or were fitted with another follower or model. The level is then
+        relative, and only valid for comparisons.
     """
 
     schema = "cam_rig.sound_level.1"
@@ -52,12 +57,12 @@ class SoundLevel(Result):
         "turns": (
             Column("turn", "", "d", of=itemgetter(0)),
             Column("level", "dB", ".1f", of=itemgetter(1), doc="re 20 µPa, unweighted"),
-            Column("settled", of=itemgetter(2), doc="whether it is in the level"),
+            Column("settled", of=itemgetter(2), doc="true if it is part of the level"),
         ),
         "level": (
             Column("rpm", "rpm", doc="cam speed"),
             Column("level", "dB", of="level_db", doc="of the settled turns"),
-            Column("calibrated_on", doc="the cam that the rig's sound was fitted to; or empty"),
+            Column("calibrated_on", doc="the cam that the rig's sound was fitted to, or empty"),
         ),
     }
 
@@ -69,17 +74,17 @@ class SoundLevel(Result):
 
     @property
     def calibrated(self) -> bool:
-        """Whether the level itself means something, and not only its difference to another."""
+        """True if the level is absolute, False if only differences are valid."""
         return bool(self.calibrated_on)
 
     def __str__(self) -> str:
-        worth = (
+        origin = (
             f"calibrated on {self.calibrated_on}" if self.calibrated else "relative: uncalibrated"
         )
-        return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({worth})"
+        return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({origin})"
 
     def tables(self) -> list[Records]:
-        """``turns``, and in data the level of the settled ones."""
+        """Return the tables ``turns`` and ``level``, which is only exported."""
         turns = enumerate(self.by_turn.tolist(), start=1)
         rows = [(turn, level, turn > self.settle_turns) for turn, level in turns]
         return [
@@ -93,16 +98,25 @@ class SoundLevel(Result):
 
 @checked
 def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
-    """The level that the rig's microphone measures of a motion, as in a scene of the same speed.
+    """Compute the sound level of a motion at the rig's microphone.
+
+    It is equal to the level of a scene at the same speed.
 
     Parameters
     ----------
-    motion : of `simulate`
-    settle_turns : turns left out at the beginning, fewer than the motion has
+    motion : FollowerMotion
+        Result of `simulate`.
+    settle_turns : int
+        Number of turns left out at the start, less than the number of turns.
+
+    Returns
+    -------
+    SoundLevel
 
     Raises
     ------
-    ConfigError : no turn is left
+    ConfigError
+        If no turn remains, or the rig lacks an acoustic constant.
 
     Examples
     --------
@@ -118,15 +132,15 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
             f"settle_turns: {settle_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
             f"{len(ticks)} turns of the motion"
         )
-    found = step_levels(ticks, settle_turns)[CAM]
+    levels = step_levels(ticks, settle_turns)[CAM]
     by_turn = level_db(np.array([tick.pressure for tick in ticks]))
     by_turn.setflags(write=False)
-    level = found[ticks[0].start.speed]
+    level = levels[ticks[0].start.speed]
     return SoundLevel(motion.rpm, level, by_turn, settle_turns, _calibrated_on(motion))
 
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
-    """Each turn as the microphone measures it."""
+    """Return the measurement of the microphone over each block of a motion."""
     radiation = RadiationParameters.from_rig(motion.rig, lands=MODELS[motion.scene.model].lifts_off)
     microphone = MicrophoneSimulator(radiation, int(motion.scene.sample_rate.si))
     measured = []
@@ -138,16 +152,29 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
 
 
 def _calibrated_on(motion: FollowerMotion) -> str:
-    """The cam that the rig's sound was fitted to; empty where that fit says nothing."""
+    """Return the cam to which the rig's sound was fitted, empty if it is not valid."""
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
-        return ""  # contact would be lost
+        return ""  # a real follower would lose contact
     return calibrated_on(motion.rig, motion.scene.model)
 
 
 def audition(
     loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
 ) -> LoadedScene:
-    """The scene at ``rate`` Hz, of one cam or all, or at one speed for ``seconds`` or more."""
+    """Return a scene with another sample rate, and optionally one cam or one speed.
+
+    Parameters
+    ----------
+    loaded : LoadedScene
+    cam : str or None
+        Name of a cam (None: all cams).
+    rpm : float or None
+        Cam speed, rpm (None: the scene's program).
+    seconds : float
+        Duration of `rpm`, rounded up to whole turns, s.
+    rate : int
+        Sample rate, Hz.
+    """
     if cam is not None:
         loaded = loaded.only(cam, loaded.law_of(cam))
     data = loaded.scene.model_dump(exclude_none=True)
@@ -160,13 +187,13 @@ def audition(
     return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
-#: The frequency weightings of the levels, in words.
+#: Descriptions of the frequency weightings of the levels.
 WEIGHTED = {"A": "A-weighted", "C": "C-weighted", "Z": "unweighted (Z), as in tables"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ListenResult(Result):
-    """The sound of a scene: pressure (Pa) at ``rate`` Hz, and what a meter shows for it."""
+    """Sound of a scene: pressure (Pa), and the levels that a meter shows for it."""
 
     schema = "cam_rig.listen.1"
     columns: ClassVar = {
@@ -180,9 +207,9 @@ class ListenResult(Result):
         ),
         "sound": (
             Column("duration", "s"),
-            Column("full_scale", "Pa", doc="what the sound file's largest number stands for"),
+            Column("full_scale", "Pa", doc="pressure of the largest number in the sound file"),
             Column("peak", "Pa", of="measured.peak_pa"),
-            Column("calibrated", of="loaded.calibrated", doc="else levels are relative"),
+            Column("calibrated", of="loaded.calibrated", doc="false if levels are relative"),
             Column("class_1_up_to", "Hz", of="measured.class_1_up_to_hz"),
             Column("overload", of="measured.overload", doc="beyond the meter's 130 dB"),
             Column("under_range", of="measured.under_range", doc="below the meter's 30 dB"),
@@ -190,27 +217,27 @@ class ListenResult(Result):
     }
 
     loaded: LoadedScene
-    pressure: FloatArray
-    rate: int
-    out: Path
+    pressure: FloatArray  #: Pa, ``(n,)``
+    rate: int  #: Hz
+    out: Path  #: sound file
 
     @cached_property
     def measured(self) -> Measurement:
-        """Levels, bands, peak."""
+        """Levels, third-octave bands and peak of the sound."""
         return measure(self.pressure, self.rate)
 
     @property
     def full_scale(self) -> float:
-        """The pressure (Pa) that the largest number of a sound file stands for."""
+        """Pressure (Pa) of the largest number in the sound file."""
         return full_scale(self.measured.peak_pa)
 
     @property
     def duration(self) -> float:
-        """How long it is, s."""
+        """Duration of the sound, s."""
         return self.pressure.size / self.rate
 
     def tables(self) -> list[Records]:
-        """``levels``, ``third_octaves``, and ``sound`` as a whole: data, of which `summary`."""
+        """Return the tables ``levels``, ``third_octaves`` and ``sound``, only exported."""
         bands = self.measured.bands
         thirds = list(zip(bands.names, bands.level_db.tolist(), strict=True))
         return [
@@ -220,20 +247,20 @@ class ListenResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Where it is, a line a weighting, and what is wrong with it."""
-        told = self.measured
+        """Return a line on the file, one per weighting, and the limits of the measurement."""
+        measured = self.measured
         lines = [
             f"{self.out}: {self.duration:.1f} s; full scale is {self.full_scale:g} Pa, "
-            f"peak {told.peak_pa:.3g} Pa"
+            f"peak {measured.peak_pa:.3g} Pa"
         ]
-        for weighting, words in WEIGHTED.items():
-            own = {name: x for name, x in told.levels.items() if name.startswith(f"L{weighting}")}
-            levels = ", ".join(f"{name} {level:.1f}" for name, level in own.items())
-            lines.append(f"{words}: {levels} dB")
-        lines.append(f"class 1 up to {told.class_1_up_to_hz / 1000.0:g} kHz")
-        if told.overload:
+        for weighting, description in WEIGHTED.items():
+            weighted = {n: x for n, x in measured.levels.items() if n.startswith(f"L{weighting}")}
+            levels = ", ".join(f"{name} {level:.1f}" for name, level in weighted.items())
+            lines.append(f"{description}: {levels} dB")
+        lines.append(f"class 1 up to {measured.class_1_up_to_hz / 1000.0:g} kHz")
+        if measured.overload:
             lines.append("overload: beyond the meter's 130 dB")
-        if told.under_range:
+        if measured.under_range:
             lines.append("under range: a level is below the meter's 30 dB")
         return lines if self.loaded.calibrated else [*lines, RELATIVE_NOTE]
 
@@ -241,7 +268,18 @@ class ListenResult(Result):
 def listen(
     loaded: LoadedScene, rate: int, out: Path, progress: Progress = NULL_PROGRESS
 ) -> ListenResult:
-    """The sound of a scene at its microphone, at ``rate`` Hz, for a file ``out``."""
+    """Simulate the sound of a scene at its microphone, for a file.
+
+    Parameters
+    ----------
+    loaded : LoadedScene
+    rate : int
+        Sample rate, Hz.
+    out : Path
+        Sound file that the summary names. It is not written.
+    progress : Progress
+        Receiver of the progress.
+    """
     source, pressure = SoundSource(loaded.radiation, rate, least_rate=rate), []
     progress.start(tick_count(loaded.scene), loaded.scene.name)
     for tick in turned_ticks(loaded):

@@ -1,4 +1,4 @@
-"""A scene's run, computed here or read from a bag: level against speed for each cam."""
+"""Run of a scene, simulated or read from a bag: tables by speed and of noise."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from cam_rig.simulation.simulate import (
 from cam_rig.studies.simulate.motion import scene_of
 from cam_rig.units import to_rpm
 
+#: Columns of the table of one row per cam and speed, see `SpeedRow`.
 SPEEDS = (
     Column("cam"),
     Column("rpm", "rpm", ".6g", "speed"),
@@ -49,9 +50,10 @@ SPEEDS = (
 )
 
 
+#: Note on a row without a sample in contact.
 BOUNCING = Footnote(
-    "The follower bounces without end and is never at rest on the cam, so no sample holds a force, "
-    "only its blows.",
+    "The follower bounces without end and is never at rest on the cam, so no sample has a contact "
+    "force, only the impulses of landings.",
     lambda row: bool(row.force_peak == 0.0),
     "*",
 )
@@ -65,32 +67,39 @@ def _regression(curve: NoiseCurve) -> str:
 
 
 def _role(curve: NoiseCurve) -> str:
-    """What the comparison is worth, or that no level is; nothing where nothing is compared."""
+    """Return the origin of the level if it is compared or relative, otherwise no text."""
     return "" if curve.rmse_db is None and curve.role is not LevelOrigin.RELATIVE else curve.role
 
 
 def _coefficient(power: int) -> Column:
     unit = ("dB", "dB/rpm", "dB/rpm²", "dB/rpm³")[power]
     of: Any = lambda curve: curve.coefficients[power]  # noqa: E731
-    about = f"of level over speed, times rpm^{power}"
+    doc = f"of level over speed, times rpm^{power}"
     if power:
-        return Column(f"c{power}", unit, of=of, doc=about, hidden=True)
-    return Column("c0", unit, heading="regression", of=of, cell=_regression, doc=about)
+        return Column(f"c{power}", unit, of=of, doc=doc, hidden=True)
+    return Column("c0", unit, heading="regression", of=of, cell=_regression, doc=doc)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SceneRun(Result):
-    """A run of a scene.
+    """Run of a scene, simulated or recorded.
 
     Parameters
     ----------
-    loaded : the scene with its cams, laws and rig
-    ticks : what the microphone measured, tick by tick: r.m.s. pressure (Pa)
-    source : the scene's file, or the bag
-    blocks : gives the follower's samples tick by tick, with the cam under them; see `samples`
-    counts : messages by topic, of a bag
-    speeds : what `by_speed` is made of, where the samples have gone through it already
-    notes : what a bag lacks, and what a recovery says may be wrong in it
+    loaded : LoadedScene
+        Scene with its cams, laws and rig.
+    ticks : tuple of MeasuredTick
+        Measurements of the microphone: the r.m.s. pressure (Pa) of each tick.
+    source : Path
+        Scene file or bag.
+    blocks : callable
+        Returns an iterator over the samples of each tick, see also `samples`.
+    counts : dict of str to int
+        Number of messages by topic, empty for a simulated run.
+    speeds : SpeedRows, optional
+        Accumulator that has received all samples (default: `by_speed` reads them from `blocks`).
+    notes : tuple of str
+        Sentences on missing data of a bag, and on possible errors in a recovered bag.
     """
 
     schema = "cam_rig.simulate.1"
@@ -101,7 +110,7 @@ class SceneRun(Result):
             Column("cam"),
             *map(_coefficient, range(4)),
             Column("rms_difference", "dB r.m.s.", ".2f", "difference to published", "rmse_db"),
-            Column("role", cell=_role, doc="what the level is worth"),
+            Column("role", cell=_role, doc="origin of the level"),
             Column("level_first", "dB", ".1f", "first level", lambda curve: curve.level_db[0]),
             Column("level_last", "dB", ".1f", "last level", lambda curve: curve.level_db[-1]),
         ),
@@ -111,16 +120,21 @@ class SceneRun(Result):
             Column("level", "dB", of=itemgetter(2), doc="of the microphone, re 20 µPa"),
         ),
         "crossing": (
-            Column("rpm", "rpm", of=itemgetter(0), doc="where two published cams are as loud"),
+            Column(
+                "rpm",
+                "rpm",
+                of=itemgetter(0),
+                doc="speed of equal levels of the two published cams",
+            ),
             Column("published_rpm", "rpm", of=itemgetter(1)),
         ),
         "messages": (
             Column("topic", of=itemgetter(0)),
-            Column("count", of=itemgetter(1), doc="messages of it in the bag"),
+            Column("count", of=itemgetter(1), doc="number of messages in the bag"),
         ),
         "run": (
-            Column("complete", doc="whether the whole scene was run"),
-            Column("notes", doc="what a bag lacks, and what may be wrong in it"),
+            Column("complete", doc="true if the whole scene was run"),
+            Column("notes", doc="missing data and possible errors of a bag"),
         ),
     }
 
@@ -137,12 +151,12 @@ class SceneRun(Result):
 
     @property
     def complete(self) -> bool:
-        """Whether the whole scene was run."""
+        """True if the whole scene was run."""
         return len(self.ticks) >= tick_count(self.loaded.scene)
 
     @cached_property
     def noise(self) -> NoiseResult:
-        """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross."""
+        """Level (dB) over speed (rpm): ``curves`` by cam, and the speed of equal levels."""
         roles = {cam: self.loaded.level_origin(cam) for cam in self._levels}
         return compare(self._levels, roles, self.loaded.published)
 
@@ -155,9 +169,27 @@ class SceneRun(Result):
 
     @checked
     def samples(self, cam: str, rpm: float) -> Samples:
-        """The follower's samples of a cam at one speed: ``time``, ``lift``, ``force`` and so on.
+        """Return the samples of the follower on a cam at one speed.
 
-        They are read from the bag, or computed again.
+        They are read from the bag, or simulated again.
+
+        Parameters
+        ----------
+        cam : str
+            Name of a cam of the scene.
+        rpm : float
+            Cam speed, rpm.
+
+        Returns
+        -------
+        Samples
+            Arrays ``(n,)`` in SI units: ``time``, ``lift``, ``velocity``, ``acceleration``,
+            ``force`` and ``impulse``.
+
+        Raises
+        ------
+        ConfigError
+            If the run does not contain the cam at this speed.
 
         Examples
         --------
@@ -166,17 +198,19 @@ class SceneRun(Result):
         >>> round(float(samples.force.max()), 1)  # N
         114.0
         """
-        found = [tick.rows for tick in self.blocks() if tick.is_of(cam, rpm)]
-        if not found:
-            there = {f"{t.start.cam} at {to_rpm(t.start.speed):g} rpm": None for t in self.ticks}
-            raise ConfigError(f"samples: {cam} at {rpm:g} rpm; allowed: {', '.join(there)}")
-        joined = np.hstack(found)
-        joined.setflags(write=False)
-        return Samples(joined)
+        blocks = [tick.rows for tick in self.blocks() if tick.is_of(cam, rpm)]
+        if not blocks:
+            steps = {f"{t.start.cam} at {to_rpm(t.start.speed):g} rpm": None for t in self.ticks}
+            raise ConfigError(f"samples: {cam} at {rpm:g} rpm; allowed: {', '.join(steps)}")
+        rows = np.hstack(blocks)
+        rows.setflags(write=False)
+        return Samples(rows)
 
     @cached_property
     def by_speed(self) -> tuple[SpeedRow, ...]:
-        """A row each cam and speed: level, forces, lift-offs, landings, torque; settled turns.
+        """One row per cam and speed: level, forces, lift-offs, landings and torque.
+
+        Only whole settled turns count.
 
         Examples
         --------
@@ -195,14 +229,27 @@ class SceneRun(Result):
 
     @checked
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
-        """Write every sample with θ, rpm and cam beside it, as ``cam-rig export`` does.
+        """Write every sample to a file, with the name, speed and angle of the cam.
+
+        The command is ``cam-rig export``.
 
         Parameters
         ----------
-        path : .parquet, .csv, .npz or .wav; columns ``time_s``, ``cam``, ``rpm``, ``angle_rad``,
-            ``angle_in_turn_rad``, ``lift_m``, ``velocity_m_s``, ``acceleration_m_s2``,
-            ``force_N``, ``impulse_N_s``
-        cam, rpm : only this cam, only this speed
+        path : str or Path
+            File with the suffix .parquet, .csv, .npz or .wav. Its columns are ``time_s``, ``cam``,
+            ``rpm``, ``angle_rad``, ``angle_in_turn_rad``, ``lift_m``, ``velocity_m_s``,
+            ``acceleration_m_s2``, ``force_N`` and ``impulse_N_s``.
+        cam : str, optional
+            Name of a cam (default: all cams).
+        rpm : float, optional
+            A cam speed, rpm (default: all speeds and ramps).
+
+        Raises
+        ------
+        ConfigError
+            If the suffix is unknown, or the run has no samples of the cam at the speed.
+        OutputError
+            If the format cannot contain the samples.
 
         Examples
         --------
@@ -215,7 +262,10 @@ class SceneRun(Result):
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
     def tables(self) -> list[Records]:
-        """``speeds`` (none of a bag without samples), ``noise``, and in data what they rest on."""
+        """Return the tables ``speeds`` and ``noise``, and those that are only exported.
+
+        The table ``speeds`` is empty for a bag without samples.
+        """
         title, curves = self.loaded.scene.title, self.noise.curves.values()
         rate = int(self.loaded.scene.sample_rate.si)
         note = f"Settled turns, of samples at {rate} Hz: a flight is known to one sample."
@@ -239,33 +289,42 @@ class SceneRun(Result):
         ]
 
     def summary(self) -> list[str]:
-        """Where the two published cams cross, if both are there."""
+        """Return the speed of equal levels of the two published cams, if the run has both."""
         published = self.loaded.published
         if self.loaded.no_sound_note:
             return [self.loaded.no_sound_note]
         if published is None or not set(published.crossover.between) <= set(self.noise.curves):
             return []
-        at, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
-        found = "none" if at is None else f"{at:.1f} rpm"
-        return [f"{names} cross at {found} (published: {published.crossover.rpm:g} rpm)"]
+        rpm, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
+        crossing = "none" if rpm is None else f"{rpm:.1f} rpm"
+        return [f"{names} cross at {crossing} (published: {published.crossover.rpm:g} rpm)"]
 
 
 @checked
 def run_scene(
     scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
 ) -> SceneRun:
-    """Run a scene without ROS: the same core as the nodes, and the same numbers.
+    """Simulate a scene without ROS, with the numbers that the nodes compute.
 
     The command is ``cam-rig simulate``.
 
     Parameters
     ----------
-    scene : a name in ``config/scenes``, a path, or what `load_scene` gave
-    on_tick : called after each tick, for a progress bar
+    scene : str, Path or LoadedScene
+        Name in ``config/scenes``, path, or result of `load_scene`.
+    on_tick : callable
+        Function called after each tick, for a progress bar.
+
+    Returns
+    -------
+    SceneRun
 
     Raises
     ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
+    ConfigError
+        If a file is missing or wrong. The message contains the file and the error.
+    LawError
+        If the law of a cam cannot be built.
 
     Examples
     --------
@@ -297,26 +356,42 @@ def sweep(
     ramp: float | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> SceneRun:
-    """Run cams through some speeds, one after another: forces, lift-offs, landings and levels.
+    """Simulate cams at several speeds, one after another.
 
-    What `run_scene` gives of a scene's file. Without ``radiation`` of the rig there are no levels.
+    It is `run_scene` for arguments instead of a scene file. Without ``radiation`` of the rig, the
+    result has no levels.
 
     Parameters
     ----------
-    cams : a name, a path or a cam, or several; None: the paper's Table 2
-    rig : a name, a path or a rig; None: the only one beside the cams
-    rpm : one or more, in the order in which they are run, rpm
-    model : as `simulate` takes it
-    turns : at each speed
-    settle_turns : of these before anything is measured
-    sample_rate : Hz
-    ramp : s, in which each speed is reached evenly; None is at once
-    progress : told how far it is
+    cams : str, Path, CamConfig, sequence of these, or None
+        Names in ``config/cams``, paths or cams (None: the cams of the paper's Table 2).
+    rig : str, Path, RigConfig or None
+        Name in ``config/rigs``, path or rig (None: the only rig next to the cams).
+    rpm : float or sequence of float
+        Cam speeds in the order of the run, rpm.
+    model : str
+        Model of the follower, see `simulate`.
+    turns : float
+        Number of turns at each speed.
+    settle_turns : float
+        Number of these turns before the measurement starts.
+    sample_rate : int
+        Hz.
+    ramp : float, optional
+        Time of the linear ramp to each speed, s (default: no ramp).
+    progress : Progress
+        Receiver of the progress.
+
+    Returns
+    -------
+    SceneRun
 
     Raises
     ------
-    ConfigError : an argument is out of range, or the rig lacks a number that the model needs
-    DynamicsError : a law that the model cannot take
+    ConfigError
+        If an argument is out of range, or the rig lacks a number that the model needs.
+    DynamicsError
+        If the model does not support the law, such as a lift that jumps.
 
     Examples
     --------
@@ -325,18 +400,18 @@ def sweep(
     >>> [(row.rpm, round(row.lift_offs), round(row.level_db, 1)) for row in run.by_speed]
     [(300.0, 0, 83.7), (450.0, 1, 92.5)]
     """
-    found = asked_cams(cams, rig)
-    names, speeds = list(found.cams), asked_speeds(rpm)
-    held = turns, settle_turns, sample_rate, ramp
-    scene = scene_of("sweep", names, found.rig, model, speeds, *held)
+    cam_set = asked_cams(cams, rig)
+    names, speeds = list(cam_set.cams), asked_speeds(rpm)
+    program = turns, settle_turns, sample_rate, ramp
+    scene = scene_of("sweep", names, cam_set.rig, model, speeds, *program)
     loaded = LoadedScene(
         scene,
-        found.rig,
-        found.cams,
-        found.laws,
+        cam_set.rig,
+        cam_set.cams,
+        cam_set.laws,
         scene_file=Path(f"{scene.name}.yaml"),
-        rig_file=Path(f"{found.rig.name}.yaml"),
-        cam_files={name: Path(f"{name}.yaml") for name in found.cams},
+        rig_file=Path(f"{cam_set.rig.name}.yaml"),
+        cam_files={name: Path(f"{name}.yaml") for name in cam_set.cams},
     )
     progress.start(tick_count(scene), "sweep")
     return run_scene(loaded, on_tick=progress.advance)
