@@ -53,9 +53,9 @@ def test_one_mass(cam, restitution, monkeypatch):
     """ln(v₀/v)/ln(1/e) landings until a bounce is lower than rounding, then it sits."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 40.0 / np.log(1.0 / restitution))
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
-    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 3 * NS, 0.0, SPEED)
-    state, block = MODELS["one_mass"].advance(law_of(cam), follower, lifted_off, interval, 1000)
+    state, block = MODELS["one_mass"].advance(law_of(cam), follower, flying, interval, 1000)
     landings = [event for event in block.events if event.kind == "landing"]
     times = landing_times(1.3, 4030.0, PRELOAD, restitution, 100_000)
     check(landings, times, times[-1], restitution, 1.3)
@@ -87,11 +87,11 @@ def test_too_many_bounces_are_said(monkeypatch):
     """More than an interval takes is an error that says how many and where, not a loop."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 100)
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
-    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 30 * NS, 0.0, SPEED)
     words = r"more than 100 events in 30 s at 0\.1 rad/s; allowed: "
     with pytest.raises(DynamicsError, match=words):
-        MODELS["one_mass"].advance(law_of("hump"), follower, lifted_off, interval, 100)
+        MODELS["one_mass"].advance(law_of("hump"), follower, flying, interval, 100)
 
 
 # After a landing the stiff stem throws the roller up again and again, at 25 kHz.

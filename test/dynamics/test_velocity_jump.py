@@ -13,7 +13,7 @@ from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.trajectory import jumps_table
-from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump, velocity_jumps_ahead
+from cam_rig.dynamics.velocity_jumps import JOINT_SLACK, short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
@@ -180,7 +180,7 @@ def test_short_of_a_kink(edge):
             assert edge.at(angle)[1] == 0.0
             assert abs(angle - math.radians(joint)) < 1e-14
     assert short_of_velocity_jump(edge, 1.0) == 1.0
-    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK)
+    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * JOINT_SLACK)
     assert len(jumps.ahead) == 0
     assert jumps.contact_limit == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
 

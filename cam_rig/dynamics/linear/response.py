@@ -25,7 +25,7 @@ from cam_rig.dynamics.parameters import (
     state_of,
     times_of,
 )
-from cam_rig.dynamics.velocity_jumps import SLACK
+from cam_rig.dynamics.velocity_jumps import JOINT_SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import (
@@ -135,7 +135,7 @@ class LinearResponse:
         """Run after run for ``duration`` s, with a state jump at the start, none at the end."""
         start = state_of(start, self.constant.size)
         require_angle(angle)
-        slack = SLACK / self.speed if self.law.repeats else 0.0
+        slack = JOINT_SLACK / self.speed if self.law.repeats else 0.0
         inside = angle - math.floor(angle / TURN) * TURN
         i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
         now, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
@@ -198,7 +198,7 @@ class LinearResponse:
         require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
         # Not up to a state jump at the very end, which is the next interval's.
-        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * SLACK
+        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * JOINT_SLACK
         whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
         if whole <= 1:
             return start, angle, duration
