@@ -83,7 +83,7 @@ class TwoMassParameters:
         Raises
         ------
         ConfigError
-            If the rig has no stem, or does not state how the mass is split.
+            If the rig does not have a stem, or does not state how the mass is split.
         DynamicsError
             If a damping ratio is above `MAX_DAMPING_RATIO`.
         """
@@ -312,7 +312,7 @@ def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor,
 def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
     """Return the pair of the stretch w of the stem and the pair of the centre of mass Y.
 
-    In the first pair (w, ẇ) = (q, q̇), and Y follows from its own equation of motion. In the second
+    In the first pair (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second
     pair (Y, Ẏ) = (q, q̇), and w follows. Returns None if the shapes do not exist.
     """
     shapes, matrix = np.eye(4), p.inner_matrix

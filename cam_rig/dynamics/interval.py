@@ -94,7 +94,7 @@ class Samples(NamedRows):
 BATCH_SIZE = 8192
 
 _INDICES = np.arange(BATCH_SIZE, dtype=np.float64)
-#: A negative speed of a ramp is rounding of 0 if it is below this fraction of the speed at the
+#: A negative speed of a ramp is rounding of 0 if it is this small relative to the speed at the
 #: other end.
 REST_RTOL = 1e-9
 #: Two speeds are equal if they differ by less than this fraction: a ramp reaches its last speed
@@ -287,7 +287,7 @@ class SampleGrid:
     def within(self, start: float, end: float) -> tuple[slice, FloatArray] | None:
         """Return the samples between two times (s since the start), and their times (s).
 
-        Returns None if there is no sample between the times.
+        Returns None if the times enclose no sample.
         """
         # By rounding the last sample may be at the end of the interval. It belongs to the interval.
         last = self.count if end >= self.duration else min(self.index_after(end), self.count)
@@ -341,7 +341,7 @@ class FollowerState:
     pending_impulse : float
         Impulse of landings after the last sample, N·s. The next block contains it (default: 0).
     inner : tuple of float
-        Further state of the model, as the model defines it (default: none).
+        Further state of the model, as the model defines it (default: empty).
     cam_angle : float, optional
         Cam angle in [0, 2π), rad. None if unknown (default).
     cam_speed : float, optional
@@ -385,7 +385,7 @@ class Block(NamedRows):
     rows : array, ``(6, n)``
         Samples in SI units, in the order of `COLUMNS`.
     events : tuple of Event
-        Events in the order of time (default: none).
+        Events in the order of time (default: empty).
     """
 
     interval: Interval

@@ -94,7 +94,7 @@ def _at_one_speed(
 ) -> tuple[FollowerState, Block]:
     """Return the state at the end of an interval, and its block of samples.
 
-    The previous state has no effect. The contact force may be negative.
+    The previous state is not used. The contact force may be negative.
     """
     end = interval.angle + interval.speed * interval.duration
     rows = contact_samples(law, parameters, interval, sample_rate)

@@ -142,7 +142,7 @@ def told(name: str, value: float | None) -> float:
     Raises
     ------
     ConfigError
-        If the number is None.
+        If the value is None.
     """
     if value is None:
         raise ConfigError(f"follower.{name}: is missing; so add it to the rig's numbers")
@@ -215,12 +215,12 @@ class FollowerParameters:
         by : str
             Name of the model or measure that needs the stem, for the error message.
         instead : str
-            Remedy for the error message (default: none).
+            Remedy for the error message (default: empty).
 
         Raises
         ------
         ConfigError
-            If the rig has no stem stiffness.
+            If the rig does not have a stem stiffness.
         """
         rig.need("stem_stiffness", by, instead)
         return cls.from_rig(rig)

@@ -24,7 +24,7 @@ from __future__ import annotations
 #: nanoseconds, which are 1e-9 of a turn at 60 rpm and 1e-6 of a turn at 60 000 rpm.
 TURN_ATOL = 1e-6
 
-#: Turns from rest, of which the last one gives a level. Levels are printed to 0.1 dB. A rigid
+#: Turns from rest, the last of which gives a level. Levels are printed to 0.1 dB. A rigid
 #: follower that ends the first turn on the cam repeats it exactly. Landings damp the motion of a
 #: follower that ends it in flight.
 LEVEL_TURNS = 2

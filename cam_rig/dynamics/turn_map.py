@@ -29,7 +29,7 @@ from cam_rig.dynamics.velocity_jumps import require_continuous, short_of_velocit
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Phases that one call of the search has room for.
+#: Largest number of phases in a call of the search.
 ROOM = 64
 #: Turns per call, after which the backend is selected again.
 TURNS_PER_CALL = 100
@@ -116,7 +116,7 @@ class TurnsRun:
 
 
 class StroboscopicMap:
-    """Map of a turn, of one rigid mass or of two masses with an elastic stem.
+    """Turn map of one rigid mass, or of two masses with an elastic stem.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class StroboscopicMap:
         return records
 
     def _turn(self, state: NDArray[np.void], frame: FloatArray, turns: NDArray[np.void]) -> int:
-        """Fill records of turns from a state, which is updated; return the number filled."""
+        """Fill records of turns from a state, which is updated, and return the number filled."""
         max_landings = float(self._trajectory.max_events)
         record = record_of(state, ROOM)
         return int(dispatch(run_turns, self._table, record, frame, turns, max_landings))

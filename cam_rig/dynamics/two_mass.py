@@ -41,7 +41,7 @@ from cam_rig.units import TURN, FloatArray
 def first_lift_off(
     law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
 ) -> float | None:
-    """Return the time (s) of the first lift-off, or None if there is none within ``limit`` s.
+    """Return the time (s) of the first lift-off, or None if it is later than ``limit`` s.
 
     The run starts at cam angle 0 from the vibration ``state`` (η, η̇) and turns at ``speed`` rad/s.
     A lower bound of the force is computed for all parts of all turns at once. The zero of the force

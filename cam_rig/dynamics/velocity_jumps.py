@@ -43,7 +43,7 @@ def velocity_jumps_ahead(
     if not law.velocity_jumps:
         return ()
     jumps: list[VelocityJump] = []
-    # A substitute law contains only the jumps of its own ramp.
+    # A substitute law contains only the jumps of its ramp.
     slack = JOINT_SLACK if law.repeats else 0.0
     end = speed * duration - slack
     first = math.floor(angle / TURN)

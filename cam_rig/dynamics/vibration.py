@@ -22,9 +22,9 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: A piece is flat if its ordinates differ by at most this fraction of the lift.
+#: Largest difference of the ordinates of a flat piece, relative to the lift.
 FLAT_RTOL = 1e-12
-#: A piece is low if it is at most this fraction of the lift above the lowest ordinate. A spline
+#: Largest height of a low piece above the lowest ordinate, relative to the lift. A spline
 #: through readings may dip below its dwell by a fraction of the scatter.
 LOW_RTOL = 1e-3
 #: Width of the window around the lowest lift that replaces the low dwell of a law without one,
@@ -96,7 +96,7 @@ def flywheel_turn(
 ) -> FlywheelTurn:
     """Return a steady turn at a mean speed (rad/s) with a flywheel of an inertia (kg·m²).
 
-    An infinite inertia stands for a flywheel at constant speed.
+    An infinite inertia is a flywheel at constant speed.
     """
     is_infinite = math.isinf(inertia)
     shaft_with_flywheel = replace(shaft, flywheel_inertia=None if is_infinite else inertia)
@@ -143,7 +143,7 @@ MAX_RPM = 1e5
 def fastest(follower: FollowerParameters) -> float:
     """Return the highest speed (rpm) at which the residual vibration can be computed.
 
-    At this speed `MIN_PERIODS` natural periods of the stem fit in a turn.
+    At this speed `MIN_PERIODS` natural periods of the stem fit in one turn.
     """
     stiffness = follower.spring_stiffness + follower.stem
     return min(MAX_RPM, math.sqrt(stiffness / follower.mass) / MIN_PERIODS / RPM)
@@ -237,9 +237,9 @@ def vibration(
     Raises
     ------
     ConfigError
-        If the speed is out of the range of `require_speeds`, or there is no stem stiffness.
+        If the speed is out of the range of `require_speeds`, or the stem stiffness is None.
     DynamicsError
-        If the law has a velocity jump and the rig has a shaft, or there is no steady state.
+        If the law has a velocity jump and the rig has a shaft, or a steady state does not exist.
 
     References
     ----------
