@@ -164,7 +164,7 @@ def test_critically_damped_flight():
         matrix[3] = np.array([k1, c1, -(k1 + k2), -(c1 + c2)]) / m2
         load = np.array([[0.0], [0.0], [0.0], [-12.0 / m2]])
         inner = to_inner(p, start)
-        got = from_inner(p, inner[:, None] + free_masses(p).moved(inner, times)[0])
+        got = from_inner(p, inner[:, None] + free_masses(p).state_change(inner, times)[0])
         for i, time in enumerate(times):
             wanted, scale = by_exponential(matrix, load, 1.0, start, time), [0.02, 1.0, 0.02, 1.0]
             np.testing.assert_allclose((got[:, i] - wanted) / scale, 0.0, atol=1e-12)
