@@ -83,9 +83,9 @@ def test_masses_too_much_alike(laws, monkeypatch):
     for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, COMPILED)):
         monkeypatch.setenv(VARIABLE, form)
         monkeypatch.setattr(two_mass, "free_masses", lambda _, system=system: system)
-        course = Separation(laws["poly345"], p, 450.0 * RPM)
-        course.run(0.2)
-        found.append(course.events)
+        trajectory = Separation(laws["poly345"], p, 450.0 * RPM)
+        trajectory.run(0.2)
+        found.append(trajectory.events)
     paired, plain, whole = found
     assert plain == whole
     assert len(plain) > 4
@@ -105,14 +105,14 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
         speed, angle, limit = map(number, (64, 1, 1))
         interval = Interval(0, NS // 4, angle, speed)
         _, block = MODELS["one_mass"].advance(law, one, None, interval, 1000)
-        course = Separation(law, two, speed, angle)
-        course.run(limit)
+        trajectory = Separation(law, two, speed, angle)
+        trajectory.run(limit)
         turns = [StroboscopicMap(law, p, speed).run(3).states.tolist() for p in (one, two)]
         loss = first_lift_off(law, two, speed, np.zeros(2), limit)
         least = force_run(law, two, 0.1).min_output(speed)
-        found.append((block.events, course.events, turns, loss, least, rigid_jump(law, one)))
+        found.append((block.events, trajectory.events, turns, loss, least, rigid_jump(law, one)))
     assert found[0] == found[1]
-    assert len(course.events) > 4
+    assert len(trajectory.events) > 4
     assert len(backend._ready[run_events].signatures) == 1
 
 

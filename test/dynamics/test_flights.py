@@ -20,12 +20,12 @@ from .helpers import exact_law, land
 P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
 SPEED = 300.0 * np.pi / 30.0
 EPS = float(np.finfo(float).eps)
-#: m
+#: Heights of flights, m.
 HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
 
 
 def exact_flight(law, p, speed, angle, gap_rate, guess):
-    """Time and approach speed of the landing near ``guess`` (s), with 50 digits."""
+    """Return time (s) and approach speed (m/s) of the landing near ``guess`` (s), in 50 digits."""
     numbers = (p.mass, p.spring_stiffness, p.damping, p.preload, speed)
     m, k, c, load, speed = (mp.mpf(x) for x in numbers)
     s, slope, _ = exact_law(law, angle)
@@ -41,7 +41,7 @@ def exact_flight(law, p, speed, angle, gap_rate, guess):
 
 
 def pull(law, angle):
-    """Acceleration with which the spring brings the follower back to the cam, and its parts."""
+    """Return the acceleration towards the cam (m/s²), and the sum of the sizes of its terms."""
     parts = force_weights(P, SPEED) * np.array(law.at(angle)) / P.mass
     return float(parts.sum()) + P.preload / P.mass, float(np.abs(parts).sum() + P.preload / P.mass)
 
@@ -57,10 +57,11 @@ def pull(law, angle):
         *(pytest.param("bezier15", 95.0, height, marks=pytest.mark.long) for height in HEIGHTS),
     ],
 )
-def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
-    """Its length and the speed it ends with, to rounding of the accelerations that bring it back.
+def test_a_flight_is_exact_to_its_last_digits(laws, cam, degrees, height):
+    """Duration and landing speed of a flight are exact to the rounding of the acceleration.
 
-    The difference of two places would be wrong by 1e-17 m: that is 1e-11 s of the shortest.
+    The difference of two displacements would have an error of 1e-17 m. For the shortest flight
+    this is an error of 1e-11 s.
     """
     law, angle = laws[cam], np.radians(degrees)
     back, parts = pull(law, angle)
@@ -68,21 +69,21 @@ def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
     gap_rate = np.sqrt(2.0 * back * height)
     s, slope, _ = law.at(angle)
     flight = flight_from(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
-    found = land(flight, law, angle, SPEED, 0.1)
+    landing = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
         start = mp.mpf(angle), mp.mpf(gap_rate)
-        time, approach = exact_flight(law, P, SPEED, *start, found.time)
+        time, approach = exact_flight(law, P, SPEED, *start, landing.time)
         limit = 8.0 * EPS * (1.0 + parts / back)
-        assert found.has_landed
-        assert abs(float(found.time / time - 1)) < limit
-        assert abs(float(-found.rate / approach - 1)) < limit
+        assert landing.has_landed
+        assert abs(float(landing.time / time - 1)) < limit
+        assert abs(float(-landing.rate / approach - 1)) < limit
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("part", [0.2, 0.9])
 @pytest.mark.parametrize("height", HEIGHTS[:4])
 def test_a_flight_over_a_joint(laws, height, part):
-    """From one piece of the law to the next, where its s'' jumps: as exact."""
+    """A flight over a joint at which s'' jumps is as exact as a flight over one piece."""
     law = laws["tm21"]
     joint = float(law.breaks[np.argmax(np.abs(law.jumps(2)) * (law.breaks[:-1] > 0.1))])
     back, parts = pull(law, joint - 1e-9)
@@ -92,38 +93,38 @@ def test_a_flight_over_a_joint(laws, height, part):
     angle = joint - part * SPEED * gap_rate / back
     s, slope, _ = law.at(angle)
     flight = flight_from(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
-    found = land(flight, law, angle, SPEED, 0.1)
+    landing = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
         start = mp.mpf(angle), mp.mpf(gap_rate)
-        time, _ = exact_flight(law, P, SPEED, *start, found.time)
-    assert angle < joint < angle + SPEED * found.time
-    # The joint is at an angle, known to its own last digit, and there s has a step of rounding.
+        time, _ = exact_flight(law, P, SPEED, *start, landing.time)
+    assert angle < joint < angle + SPEED * landing.time
+    # The angle of the joint is rounded, and s has a step of rounding there.
     limit = 8.0 * EPS * (1.0 + max(parts, more) / min(back, abs(after)))
-    own = 2.0 * EPS * joint / SPEED + 2.0 * law.largest_step / abs(found.rate)
-    assert abs(float(found.time - time)) < limit * found.time + own
+    by_joint = 2.0 * EPS * joint / SPEED + 2.0 * law.largest_step / abs(landing.rate)
+    assert abs(float(landing.time - time)) < limit * landing.time + by_joint
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("milliseconds", [7, 400, 20, 1])
 def test_a_series_of_bounces(laws, milliseconds):
-    """Bounce after bounce down to nanometres, each from where the last ended, whatever the tick."""
-    # A landing is a float: its own last digit, and that of the angle, are all that is lost.
+    """A series of bounces down to nanometres is exact for every duration of the ticks."""
+    # Only the rounding of the landing time and of its angle is lost.
     law, p = laws["poly345"], replace(P, restitution=0.6)
     events, total = [], 400 * NS // 1000
     state = FollowerState(float(law(0.0)), 0.3, 0.0, in_contact=False)
     edges = [*range(0, total, milliseconds * NS // 1000), total]
     for a, b in itertools.pairwise(edges):
-        course = OneMassTrajectory(law, p, Interval(a, b, 2.0 * a / NS, 2.0))
-        course.run(state)
-        events += [(a / NS + e.time, e) for e in course.events if e.kind == "landing"]
-        state = course.end
+        trajectory = OneMassTrajectory(law, p, Interval(a, b, 2.0 * a / NS, 2.0))
+        trajectory.run(state)
+        events += [(a / NS + e.time, e) for e in trajectory.events if e.kind == "landing"]
+        state = trajectory.end
     with mp.workdps(50):
         time, gap_rate = mp.mpf(0), mp.mpf(0.3)
-        for found, event in events[:12]:
-            guess = found - float(time)
+        for landing_time, event in events[:12]:
+            guess = landing_time - float(time)
             flown, approach = exact_flight(law, p, 2.0, 2 * time, gap_rate, guess)
             time, gap_rate = time + flown, approach * mp.mpf(p.restitution)
-            assert abs(float(found - time)) < 4.0 * np.spacing(0.5)
+            assert abs(float(landing_time - time)) < 4.0 * np.spacing(0.5)
             impulse = p.mass * 1.6 * float(approach)
             assert event.impulse == pytest.approx(impulse, rel=1e-12)
     assert events[11][1].impulse < 1e-2 * events[0][1].impulse
@@ -131,53 +132,54 @@ def test_a_series_of_bounces(laws, milliseconds):
 
 # Free motion against the matrix exponential in 50 digits.
 
-#: mass 1.3 kg, spring 4030 N/m: critical damping 2√(km) = 144.8 N·s/m
+#: Damping in N·s/m. With a mass of 1.3 kg and a spring of 4030 N/m the critical damping is
+#: 2√(km) = 144.8 N·s/m.
 DAMPINGS = {"none": 0.0, "paper": 8.642, "near critical": 144.76, "over": 2e3, "heavy": 2e4}
 TIMES = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0]
 
 
 @pytest.fixture(params=DAMPINGS.values(), ids=DAMPINGS.keys())
 def flight(request, follower):
-    """Parameters and the flight of a follower thrown up at 1.7 m/s from a lift of 31 mm."""
+    """Return parameters and flight of a follower thrown up at 1.7 m/s from a lift of 31 mm."""
     p = replace(follower, damping=request.param)
     return p, flight_from(p, 0.031, 1.7)
 
 
 def exact(p, time):
-    """y and v from exp(A t) of the homogeneous system about its rest."""
+    """Return y and v from exp(A t) of the homogeneous system about its equilibrium."""
     with mp.workdps(50):
         m, k, c = (mp.mpf(x) for x in (p.mass, p.spring_stiffness, p.damping))
-        rest = -mp.mpf(p.preload) / k
+        static = -mp.mpf(p.preload) / k
         flow = mp.expm(mp.matrix([[0, 1], [-k / m, -c / m]]) * mp.mpf(time))
-        y, v = flow * mp.matrix([mp.mpf(0.031) - rest, mp.mpf(1.7)])
-        return float(y + rest), float(v)
+        y, v = flow * mp.matrix([mp.mpf(0.031) - static, mp.mpf(1.7)])
+        return float(y + static), float(v)
 
 
 def test_state_against_fifty_digits(flight):
-    """Displacement and velocity to 1e-12 of their first values, however strong the damper.
+    """Displacement and velocity are exact to 1e-12 of their first values for every damping.
 
-    The acceleration obeys m ÿ + c ẏ + k y + preload = 0.
+    The acceleration satisfies m ÿ + c ẏ + k y + preload = 0.
     """
     p, flight = flight
     expected = np.array([exact(p, time) for time in TIMES]).T
     y, v, a = flight.motion(np.array(TIMES))
-    for row, wanted, first in zip((y, v), expected, (0.031, 1.7), strict=True):
-        np.testing.assert_allclose(row, wanted, rtol=0, atol=1e-12 * first)
+    for row, values, first in zip((y, v), expected, (0.031, 1.7), strict=True):
+        np.testing.assert_allclose(row, values, rtol=0, atol=1e-12 * first)
     balance = p.mass * a + p.damping * v + p.spring_stiffness * y + p.preload
     np.testing.assert_allclose(balance, 0.0, atol=1e-12 * (1.0 + p.mass * np.abs(a).max()))
 
 
-def test_weight_without_a_spring(follower):
-    """A follower held by its weight, its spring next to nothing, falls as exactly as any other."""
+def test_a_weak_spring_is_exact(follower):
+    """A follower with almost no spring, which falls by its weight, is as exact as any other."""
     for stiffness in (1.0, 1e-3, 1e-6):
         soft = replace(follower, spring_stiffness=stiffness)
         y, v, _ = flight_from(soft, 0.031, 1.7).motion(np.array([0.1]))
         assert [y[0], v[0]] == pytest.approx(exact(soft, 0.1), abs=1e-12 * 0.031)
 
 
-# What is hard for a search: long series, instants next to each other, a touch at a joint.
+# Hard cases of the search: long series, times close to each other, contact at a joint.
 
-#: A dwell from 1 to 6 rad, at zero lift.
+#: Law with a dwell from 1 to 6 rad, at zero lift.
 DWELL = Law(
     "dwell",
     [0.0, 0.5, 1.0, 6.0, TURN],
@@ -186,37 +188,37 @@ DWELL = Law(
 
 
 def thrown(velocity, p, seconds):
-    """The events of a follower thrown up from the dwell at a velocity (m/s), without damping."""
-    course = OneMassTrajectory(DWELL, p, Interval(0, round(seconds * NS), 1.2, 1e-3))
-    course.run(FollowerState(0.0, velocity, 0.0, in_contact=False, inner=(0.0, velocity)))
-    return course.events
+    """Return the events of an undamped follower thrown up from the dwell at a velocity (m/s)."""
+    trajectory = OneMassTrajectory(DWELL, p, Interval(0, round(seconds * NS), 1.2, 1e-3))
+    trajectory.run(FollowerState(0.0, velocity, 0.0, in_contact=False, inner=(0.0, velocity)))
+    return trajectory.events
 
 
 def bounces(velocity, p, count):
-    """Times and impulses of the bounces with 50 digits: tan(ω T/2) = v k/(ω F)."""
+    """Return times and impulses of the bounces in 50 digits, from tan(ω T/2) = v k/(ω F)."""
     with mp.workdps(50):
         rate = mp.sqrt(mp.mpf(p.spring_stiffness) / mp.mpf(p.mass))
-        time, v, found = mp.mpf(0), mp.mpf(velocity), []
+        time, v, series = mp.mpf(0), mp.mpf(velocity), []
         for _ in range(count):
             time += 2 / rate * mp.atan(v * mp.mpf(p.spring_stiffness) / (rate * mp.mpf(p.preload)))
-            found.append((time, mp.mpf(p.mass) * (1 + mp.mpf(p.restitution)) * v))
+            series.append((time, mp.mpf(p.mass) * (1 + mp.mpf(p.restitution)) * v))
             v *= mp.mpf(p.restitution)
-        return found
+        return series
 
 
 def test_four_hundred_bounces():
-    """With e = 0.99, each from where the last ended: times to 1e-12 s, impulses to 1e-12."""
+    """In 400 bounces with e = 0.99 times are exact to 1e-12 s and impulses to 1e-12."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8, 0.99)
-    found, exact = thrown(0.3, p, 40.0)[:400], bounces(0.3, p, 400)
-    assert len(found) == 400
-    for event, (time, impulse) in zip(found, exact, strict=True):
+    events, exact = thrown(0.3, p, 40.0)[:400], bounces(0.3, p, 400)
+    assert len(events) == 400
+    for event, (time, impulse) in zip(events, exact, strict=True):
         assert event.kind == "landing"
         assert abs(float(event.time - time)) < 1e-12
         assert event.impulse == pytest.approx(float(impulse), rel=1e-12)
 
 
 def test_events_within_a_nanosecond():
-    """A hard spring's last bounces: in order, none at the time of another, none left out."""
+    """The last bounces on a hard spring are complete, in order and at different times."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 2.6e6, 3.3e8, 0.5)
     times = [event.time for event in thrown(0.1, p, 0.01)]
     exact = [float(time) for time, _ in bounces(0.1, p, len(times))]
@@ -226,8 +228,8 @@ def test_events_within_a_nanosecond():
 
 
 @pytest.mark.parametrize(("higher", "landed"), [(-1e-12, False), (1e-12, True)])
-def test_a_joint_that_is_touched(higher, landed):
-    """A peak at a joint, a picometre below or above the top of the flight over it."""
+def test_contact_at_a_joint(higher, landed):
+    """A flight lands on a peak at a joint if the peak is a picometre above the flight's top."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8)
     rate, speed = math.sqrt(p.spring_stiffness / p.mass), 30.0
     top, velocity = math.atan(0.3 * p.spring_stiffness / (rate * p.preload)) / rate, 0.3
@@ -238,34 +240,34 @@ def test_a_joint_that_is_touched(higher, landed):
     breaks = [0.0, joint - 0.05, joint, joint + 0.05, TURN]
     law = Law("peak", breaks, [*rise, [0.0, peak, 0.0, 0.0]])
     flight = flight_from(p, 0.0, velocity, 0.0, velocity)
-    found = land(flight, law, angle, speed, 1.5 * top)
-    assert found.has_landed == landed
+    landing = land(flight, law, angle, speed, 1.5 * top)
+    assert landing.has_landed == landed
     if landed:
-        assert found.time == pytest.approx(top, abs=1e-6)
+        assert landing.time == pytest.approx(top, abs=1e-6)
 
 
-# Where a polynomial falls below zero, and the forms it is written in.
+# First negative value of a polynomial
 
 
-def test_a_fall_is_the_first():
-    """Of a polynomial, against a fine scan; one that stays above has none."""
+def test_find_fall_returns_the_first_fall():
+    """The first fall of a polynomial below zero agrees with a fine scan."""
     u = np.linspace(0.0, 1.0, 20_001)
     for seed in range(12):
         rng = np.random.default_rng(seed)
         degree = int(rng.integers(2, 25))
         ordinates = rng.standard_normal(degree + 1) * 3.0 + 1.0
         ordinates[0] = abs(ordinates[0])
-        values, found = bernstein.evaluate(ordinates, u), find_fall(ordinates.tolist(), 1e-12)
+        values, fall = bernstein.evaluate(ordinates, u), find_fall(ordinates.tolist(), 1e-12)
         below = np.flatnonzero(values < 0.0)
         if below.size == 0:
-            assert found == NO_ROOT or abs(values).min() < 1e-6
+            assert fall == NO_ROOT or abs(values).min() < 1e-6
         else:
-            assert u[below[0] - 1] - 1e-12 <= found <= u[below[0]]
-            assert abs(bernstein.scalar(ordinates)(found)) < 1e-12
+            assert u[below[0] - 1] - 1e-12 <= fall <= u[below[0]]
+            assert abs(bernstein.scalar(ordinates)(fall)) < 1e-12
 
 
-def test_a_fall_from_within_noise():
-    """Where it begins within rounding of zero it falls at once, or after it was above."""
+def test_a_fall_from_a_value_within_rounding():
+    """A polynomial that starts within rounding of zero falls at once, or after it was positive."""
     assert find_fall([-1e-13, -1.0], 1e-12) == 0.0
     assert find_fall([-1.0, 1.0], 1e-12) == 0.0
     rising = find_fall([-1e-13, 1.0, -1.0], 1e-12)
@@ -275,7 +277,7 @@ def test_a_fall_from_within_noise():
 
 
 def test_a_root_next_to_zero_keeps_its_digits():
-    """U of 1e-12 is found to its own last digits: a flight of nanometres has no other length."""
+    """A small root is exact to its last digits, because it is the duration of a short flight."""
     for root in (1e-3, 1e-9, 1e-15):
         ordinates = bernstein.elevate(np.array([root, root - 1.0]), 26)
         assert polynomials.find_single_root(ordinates) == pytest.approx(root, rel=1e-14)

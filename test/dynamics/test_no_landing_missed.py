@@ -21,40 +21,44 @@ from cam_rig.laws import build_law
 from cam_rig.units import NS, RPM, TURN
 
 from ..conftest import dwell, rise
-from .helpers import MS, ONE, TWO, bumped, every, land, noisy, ticked
+from .helpers import MS, ONE, TWO, bumped, land, noisy, run_in_ticks, tick_borders
 
 
-def scanned(course, samples, force_at):
+def scanned(trajectory, samples, force_at):
     """Number of events, lowest gap (m), and lowest force in contact (N), by a fine scan."""
-    gap, force, speed = 0.0, np.inf, course.speed
-    for phase in course.phases:
+    gap, force, speed = 0.0, np.inf, trajectory.speed
+    for phase in trajectory.phases:
         count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
         times = np.linspace(phase.begin, phase.end, count)
         if phase.flight is not None:
             place = phase.flight.motion(times - phase.begin)[0]
-            gap = min(gap, float((place - course.law(speed * times)).min()))
+            gap = min(gap, float((place - trajectory.law(speed * times)).min()))
         elif phase.end > phase.begin:
             force = min(force, *force_at(phase, times[1:-1]))
-    return len(course.events), gap, force
+    return len(trajectory.events), gap, force
 
 
 def two_masses(law, p, rpm, turns, samples):
     """Of a roller on the cam."""
-    course = Separation(law, p, rpm * RPM)
-    course.run(turns * TURN / course.speed)
-    return scanned(course, samples, lambda phase, times: phase_states(course, phase, times)[4])
+    trajectory = Separation(law, p, rpm * RPM)
+    trajectory.run(turns * TURN / trajectory.speed)
+    return scanned(
+        trajectory, samples, lambda phase, times: phase_states(trajectory, phase, times)[4]
+    )
 
 
 def one_mass(law, p, rpm, turns, samples):
     """Of one mass, the force at each tenth time."""
     speed = rpm * RPM
-    course = OneMassTrajectory(law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed))
-    course.run(None)
+    trajectory = OneMassTrajectory(
+        law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed)
+    )
+    trajectory.run(None)
 
     def force_at(_, times):
         return [state_at(law, p, speed * t, speed).contact_force for t in times[::10]]
 
-    return scanned(course, samples, force_at)
+    return scanned(trajectory, samples, force_at)
 
 
 MORE_NOISE = [
@@ -97,7 +101,9 @@ PAPER = replace(TWO, restitution=0.5)
 def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
     """The lowest gap (m) and the number of events of a ramp from ``speed`` (rad/s) on."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
-    rows, events, _ = ticked(law, model, p, whole, every(milliseconds * MS, total * MS))
+    rows, events, _ = run_in_ticks(
+        law, model, p, whole, tick_borders(milliseconds * MS, total * MS)
+    )
     angle = speed * rows[0] + 0.5 * acceleration * rows[0] ** 2
     return (rows[1] - law(angle)).min(), len(events)
 
@@ -144,10 +150,10 @@ def test_a_roller_below_the_cam_meets_it_at_once(laws):
     flight = Flight(free_masses(PAPER), to_inner(PAPER, state))
     found = land(flight, law, 0.0, 50.0, 0.1)
     assert (found.has_landed, found.time) == (True, 0.0)
-    course = Separation(law, PAPER, 50.0)
-    course.run(0.1, state, contact=False)
-    assert course.events[0].kind == "landing"
-    assert course.events[0].time == 0.0
+    trajectory = Separation(law, PAPER, 50.0)
+    trajectory.run(0.1, state, contact=False)
+    assert trajectory.events[0].kind == "landing"
+    assert trajectory.events[0].time == 0.0
 
 
 # -- an interval of even speed or of a ramp: θ = θ₀ + ω t + α t²/2, and what is refused -------

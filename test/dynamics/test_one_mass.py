@@ -8,14 +8,14 @@ import pytest
 from cam_rig.dynamics import MODELS, Interval, one_mass
 from cam_rig.units import NS
 
-from .helpers import ticked
+from .helpers import run_in_ticks
 
 
 def test_rides_at_200_rpm(laws, follower):
     """Below the jump speed nothing happens: the samples are those of the kinetostatic model."""
     cuts, whole = [0, NS // 5, NS], Interval(0, NS, 0.0, 200.0 * np.pi / 30.0)
     ridden, expected = (
-        ticked(laws["poly345"], model, follower, whole, cuts)
+        run_in_ticks(laws["poly345"], model, follower, whole, cuts)
         for model in ("one_mass", "kinetostatic")
     )
     assert ridden.events == []

@@ -42,15 +42,15 @@ def random_law(kind, rng):
     return Law(kind, breaks, np.stack([lifts, *inner, next_lifts]))
 
 
-def random_course(law, model, rng):
+def random_trajectory(law, model, rng):
     """Return the trajectory of a random follower from rest over 2.5 turns."""
     speed, restitution = rng.uniform(100.0, 700.0) * RPM, float(rng.choice([0.0, 0.4, 0.8]))
     duration, preload, damping = 2.5 * TURN / speed, rng.uniform(0.0, 60.0), rng.uniform(0.1, 12.0)
     if model == "one_mass":
         one = FollowerParameters(1.3, 4030.0, damping, preload, 3.3e8, restitution=restitution)
-        course = OneMassTrajectory(law, one, Interval(0, round(duration * NS), 0.0, speed))
-        course.run(None)
-        return course
+        trajectory = OneMassTrajectory(law, one, Interval(0, round(duration * NS), 0.0, speed))
+        trajectory.run(None)
+        return trajectory
     stem = 10.0 ** rng.uniform(5.0, 7.0)
     two = TwoMassParameters(0.52, 0.78, stem, 4030.0, 8.6, damping, preload, restitution)
     separation = Separation(law, two, speed)
@@ -66,19 +66,19 @@ def test_the_gap_is_zero_at_every_event(kind, model):
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
         law = random_law(kind, rng)
-        course = random_course(law, model, rng)
-        landings = {event.time for event in course.events if event.kind == "landing"}
-        lift_offs = {event.time for event in course.events if event.kind == "lift-off"}
+        trajectory = random_trajectory(law, model, rng)
+        landings = {event.time for event in trajectory.events if event.kind == "landing"}
+        lift_offs = {event.time for event in trajectory.events if event.kind == "lift-off"}
         lift, slope, _ = law.bounds
-        for phase, following in zip(course.phases, [*course.phases[1:], None], strict=True):
+        for phase, following in zip(trajectory.phases, [*trajectory.phases[1:], None], strict=True):
             assert following is None or following.begin == phase.end
             if phase.flight is None:
                 continue
             times = np.linspace(phase.begin, phase.end, 400)
             place, velocity, _ = phase.flight.motion(times - phase.begin)
-            gap = place - law(course.speed * times)
-            size = np.abs(place).max() + lift + course.speed * phase.end * slope
-            fastest = slope + np.abs(velocity).max() / course.speed
+            gap = place - law(trajectory.speed * times)
+            size = np.abs(place).max() + lift + trajectory.speed * phase.end * slope
+            fastest = slope + np.abs(velocity).max() / trajectory.speed
             rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_PLACE * fastest
             assert gap.min() >= -rounding, (seed, phase.begin)
             if phase.end in landings:
@@ -86,7 +86,7 @@ def test_the_gap_is_zero_at_every_event(kind, model):
             if phase.begin in lift_offs | landings:
                 assert abs(gap[0]) <= rounding, (seed, phase.begin)
             jumps_in_flight += following is not None and phase.end not in landings
-        events += len(course.events)
+        events += len(trajectory.events)
     assert events > 20 * CAMS
     assert (jumps_in_flight > CAMS) == (kind == "straight")
 

@@ -12,7 +12,7 @@ from cam_rig.dynamics.torsional.model import TorsionalParameters
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import TURN
 
-from .helpers import CALM, MS, ONE, assert_same, exact_law, ticked
+from .helpers import CALM, MS, ONE, assert_same, exact_law, run_in_ticks
 
 SHAFT = TorsionalParameters(ONE, 0.02, 5e3, 0.1)
 
@@ -45,7 +45,7 @@ def ramp(request):
 def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
     """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the force they need, to rounding."""
     law = laws[name]
-    rows, _, state = ticked(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
+    rows, _, state = run_in_ticks(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
     with mp.workdps(40):
         times = [*rows[0].tolist(), ramp.duration]
         exact = np.array([[float(x) for x in exact_motion(law, ramp, t)] for t in times]).T
@@ -89,8 +89,8 @@ def test_substitute_is_a_law_of_time(laws):
 def test_the_length_of_a_tick_does_not_enter(laws, ramp, model, p):
     """1 ms against 200 ms: 1e-10 of the largest value of each row, and the same events."""
     law, stop = laws["poly345"], ramp.stop_ns
-    fine = ticked(law, model, p, ramp, range(0, stop + 1, MS))
-    coarse = ticked(law, model, p, ramp, [0, stop])
+    fine = run_in_ticks(law, model, p, ramp, range(0, stop + 1, MS))
+    coarse = run_in_ticks(law, model, p, ramp, [0, stop])
     assert_same(fine, coarse, 1e-10)
     for event in fine[1]:
         at = ramp.angle_at(event.time)
@@ -105,8 +105,8 @@ def test_a_ramp_that_hardly_ramps_is_a_held_speed(laws, model):
     """α → 0 is the model at constant speed, by another road."""
     p = CALM if model == "two_mass" else ONE
     law, speed = laws["poly345"], 30.0
-    held = ticked(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
-    slow = ticked(law, model, p, Interval(0, 250 * MS, 0.4, speed, 1e-10), [0, 250 * MS])[0]
+    held = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
+    slow = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed, 1e-10), [0, 250 * MS])[0]
     size = np.abs(held[1:5]).max(axis=1, keepdims=True)
     assert (np.abs(slow - held)[1:5] < 1e-10 * size).all()
 
@@ -123,7 +123,7 @@ START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
 @pytest.mark.parametrize("cuts", [[340], [99, 100, 101, 340], [100, 340], [50, 150, 340]])
 def test_a_blow_along_a_ramp(edge, model, p, mass, cuts):
     """J = m ω(t) Δs' at the speed that the cam has at the joint, also where a tick ends there."""
-    events = ticked(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
+    events = run_in_ticks(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
     first = events[0]
     assert first.kind == "landing"
     assert first.time == pytest.approx(0.1, abs=1e-14)

@@ -122,19 +122,19 @@ BAD_TIMES = [
 
 
 def test_times(laws):
-    """Times ascend from the start, of a vibration or a course; what was not run is not known."""
-    course = Separation(laws["poly345"], TWO, 30.0)
+    """Times ascend from the start, of a vibration or a trajectory; what was not run is not known."""
+    trajectory = Separation(laws["poly345"], TWO, 30.0)
     with pytest.raises(DynamicsError, match=r"allowed: 0 to 0 s"):
-        states(course, np.array([0.1]))
-    course.run(0.3)
+        states(trajectory, np.array([0.1]))
+    trajectory.run(0.3)
     for times, told in BAD_TIMES:
         with pytest.raises(DynamicsError, match=told):
             motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, times)
         with pytest.raises(DynamicsError, match=told):
-            states(course, times)
-    assert np.isfinite(states(course, np.array([0.0, 0.3]))).all()
+            states(trajectory, times)
+    assert np.isfinite(states(trajectory, np.array([0.0, 0.3]))).all()
     with pytest.raises(DynamicsError, match=r"times are 0.1 to 0.31 s; allowed: 0 to 0.3 s"):
-        states(course, np.array([0.1, 0.31]))
+        states(trajectory, np.array([0.1, 0.31]))
     one = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, [0.0, 0.0], [0.0, 0.1])
     two = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, np.array([0.0, 0.1]))
     assert np.array_equal(one, two)  # a list is taken as an array is
@@ -161,7 +161,7 @@ def test_start_of_a_vibration(laws):
         response(laws["poly345"], FOLLOWER, 0.0)
 
 
-def test_a_course(laws):
+def test_arguments_of_a_trajectory(laws):
     """It has a length and ends where the phase is known; two numbers on the cam, four in flight."""
     law = laws["poly345"]
     for duration in (NAN, INF, 0.0, -1.0, None, 1e14):

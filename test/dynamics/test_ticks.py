@@ -20,7 +20,7 @@ from cam_rig.dynamics.two_mass import Separation
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS, RPM, TURN
 
-from .helpers import MS, every, ticked
+from .helpers import MS, run_in_ticks, tick_borders
 
 #: A prime rate: no sample falls on an event, where rounding would choose its side.
 TOTAL, RATE = 400 * MS, 12_007
@@ -58,7 +58,7 @@ def sensitivity(law, model, parameters, interval, whole):
         nudged = replace(follower, **{name: getattr(follower, name) * (1.0 + last)})
         if follower is not parameters:
             nudged = replace(parameters, follower=nudged)
-        rows = ticked(law, model, nudged, interval, [0, TOTAL], RATE)[0]
+        rows = run_in_ticks(law, model, nudged, interval, [0, TOTAL], RATE)[0]
         largest = np.maximum(largest, np.abs(rows - whole).max(axis=1))
     return largest
 
@@ -80,12 +80,12 @@ def test_the_tick_does_not_enter(laws, paper_rig, cam, name):
     model, rpm, changes = CASES[name]
     law, parameters = laws[cam], replace(MODELS[model].parameters(paper_rig), **changes)
     interval = Interval(0, TOTAL, 0.0, rpm * RPM)
-    whole, events, last = ticked(law, model, parameters, interval, [0, TOTAL], RATE)
+    whole, events, last = run_in_ticks(law, model, parameters, interval, [0, TOTAL], RATE)
     limit = LIMITS.get(name, 1e-10) * np.abs(whole).max(axis=1)
     limit += 10.0 * sensitivity(law, model, parameters, interval, whole)
     for tick in (MS, 200 * MS):
-        cuts = every(tick, TOTAL)
-        rows, found, state = ticked(law, model, parameters, interval, cuts, RATE)
+        cuts = tick_borders(tick, TOTAL)
+        rows, found, state = run_in_ticks(law, model, parameters, interval, cuts, RATE)
         assert (np.abs(rows - whole).max(axis=1)[:5] <= limit[:5]).all()
         for one, other in zip(felt(found), felt(events), strict=True):
             assert one.time == pytest.approx(other.time, abs=1e-10)
@@ -139,7 +139,7 @@ END = 4 * TURN_NS
 def jumping(laws, p, cuts, rate=8000):
     """A run of the 3-4-5 cam between instants (ns)."""
     interval = Interval(0, cuts[-1], 0.0, RPM_JUMPING * RPM)
-    return ticked(laws["poly345"], "one_mass", p, interval, cuts, rate)
+    return run_in_ticks(laws["poly345"], "one_mass", p, interval, cuts, rate)
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +204,7 @@ def begun_late(law, model, p, total, tick, turns=0, acceleration=0.0):
     """Rows, events since the start, and last state, begun ``turns`` turns late."""
     start = turns * PERIOD
     late = Interval(start, start + total, 0.0, SPEED, acceleration, turns)
-    rows, events, state = ticked(law, model, p, late, every(tick, total), RATE)
+    rows, events, state = run_in_ticks(law, model, p, late, tick_borders(tick, total), RATE)
     rows[0] -= start / NS
     return rows, [(e.kind, e.time - start / NS, e.angle - turns * TURN, e) for e in events], state
 

@@ -63,9 +63,9 @@ def test_it_goes_on_as_the_model_does(laws, seed):
     turn_map, _ = random_map(laws, seed)
     p, end = turn_map.parameters, turn_map.duration
     interval = Interval(0, round(end * NS), 0.0, turn_map.speed)
-    course = OneMassTrajectory(turn_map.law, p, interval)
-    course.run(None)
-    landings = [e for e in course.events if e.kind == "landing"]
+    trajectory = OneMassTrajectory(turn_map.law, p, interval)
+    trajectory.run(None)
+    landings = [e for e in trajectory.events if e.kind == "landing"]
     run = turn_map.run(1)
     # Whole nanoseconds end a hair before or after the turn.
     near = [e for e in landings if e.time > end - 2e-9]

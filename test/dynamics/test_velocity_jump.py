@@ -13,12 +13,25 @@ from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.trajectory import jumps_table
-from cam_rig.dynamics.velocity_jumps import JOINT_SLACK, short_of_velocity_jump, velocity_jumps_ahead
+from cam_rig.dynamics.velocity_jumps import (
+    JOINT_SLACK,
+    short_of_velocity_jump,
+    velocity_jumps_ahead,
+)
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
-from .helpers import CALM, MS, ONE, assert_same, every, off_joints, ticked, turned
+from .helpers import (
+    CALM,
+    MS,
+    ONE,
+    assert_same,
+    off_joints,
+    run_in_ticks,
+    tick_borders,
+    turned,
+)
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE
@@ -29,7 +42,7 @@ ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
 
 def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
     """Samples, events and last state; ``nudge`` (rad) is added to every second angle."""
-    return ticked(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
+    return run_in_ticks(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
 
 
 def test_struck_where_the_run_begins(edge):
@@ -66,7 +79,9 @@ def test_the_length_of_a_tick_does_not_enter(edge, model, p, tolerance, whole):
     """Ticks of 1 ms and of 200 ms give the same run, also along ramps."""
     # A sample that falls on a jump may show either side of it, so these are not compared.
     total = whole.stop_ns
-    fine, coarse = (ticked(edge, model, p, whole, every(t * MS, total)) for t in (1, 200))
+    fine, coarse = (
+        run_in_ticks(edge, model, p, whole, tick_borders(t * MS, total)) for t in (1, 200)
+    )
     time = fine[0][0]
     apart = off_joints(edge, whole.speed * time + 0.5 * whole.acceleration * time**2)
     assert_same(fine, coarse, tolerance, apart)

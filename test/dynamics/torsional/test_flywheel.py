@@ -13,7 +13,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import load_rig
 from cam_rig.units import TURN
 
-from ..helpers import MS, gauss, ticked
+from ..helpers import MS, gauss, run_in_ticks
 
 SPEED = 300.0 * np.pi / 30.0
 
@@ -140,7 +140,7 @@ def test_a_rigid_shaft_or_no_flywheel_in_closed_form(laws, shaft, inertia, stiff
 def test_a_run_may_begin_anywhere_in_the_turn(laws, shaft):
     """Begun in mid-turn it is where the steady state of the turn is there."""
     whole = Interval(0, 200 * MS, 0.0, SPEED)
-    rows = ticked(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
+    rows = run_in_ticks(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
     part = Interval(90 * MS, 200 * MS, SPEED * 0.09, SPEED)
     late = MODELS["torsional"].advance(laws["poly345"], shaft, None, part, 24_000)[1].rows
     np.testing.assert_allclose(late[1], rows[1, -late.shape[1] :], rtol=0, atol=1e-12)
