@@ -1,4 +1,4 @@
-"""No landing and no lift-off is missed, however fine the law's detail: against a fine scan."""
+"""No event is missed on laws with fine detail, in comparison with a fine scan; sample grids."""
 
 import itertools
 import math
@@ -25,21 +25,21 @@ from .helpers import MS, ONE, TWO, bumped, land, noisy, run_in_ticks, tick_borde
 
 
 def scanned(trajectory, samples, force_at):
-    """Number of events, lowest gap (m), and lowest force in contact (N), by a fine scan."""
+    """Scan a trajectory: return its number of events, lowest gap (m) and lowest force (N)."""
     gap, force, speed = 0.0, np.inf, trajectory.speed
     for phase in trajectory.phases:
         count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
         times = np.linspace(phase.begin, phase.end, count)
         if phase.flight is not None:
-            place = phase.flight.motion(times - phase.begin)[0]
-            gap = min(gap, float((place - trajectory.law(speed * times)).min()))
+            displacement = phase.flight.motion(times - phase.begin)[0]
+            gap = min(gap, float((displacement - trajectory.law(speed * times)).min()))
         elif phase.end > phase.begin:
             force = min(force, *force_at(phase, times[1:-1]))
     return len(trajectory.events), gap, force
 
 
 def two_masses(law, p, rpm, turns, samples):
-    """Of a roller on the cam."""
+    """Scan a run of two masses."""
     trajectory = Separation(law, p, rpm * RPM)
     trajectory.run(turns * TURN / trajectory.speed)
     return scanned(
@@ -48,7 +48,7 @@ def two_masses(law, p, rpm, turns, samples):
 
 
 def one_mass(law, p, rpm, turns, samples):
-    """Of one mass, the force at each tenth time."""
+    """Scan a run of one mass, with its force at each tenth time."""
     speed = rpm * RPM
     trajectory = OneMassTrajectory(
         law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed)
@@ -73,7 +73,7 @@ MORE_NOISE = [
     [(two_masses, TWO, 5e-6, 0, 1), (one_mass, ONE, 5e-6, 1, 1), *MORE_NOISE],
 )
 def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
-    """1440 pieces and 5 µm of noise: the follower is never in the cam, nor is it pulled at."""
+    """On 1440 noisy pieces the follower is never below the cam, and its force is never negative."""
     law = noisy(laws["poly345"], 1440, amplitude, np.random.default_rng(seed))
     events, gap, force = run(law, p, 450.0, turns, 20_000)
     assert events > 50 or amplitude < 1e-6
@@ -81,11 +81,11 @@ def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
     assert force > -1e-6
 
 
-@pytest.mark.parametrize("apart", [24.0, pytest.param(0.75, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step", [24.0, pytest.param(0.75, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("run", "p"), [(two_masses, TWO), (one_mass, ONE)])
-def test_a_narrow_bump_is_not_passed_through(laws, run, p, apart):
-    """0.3° wide and 1 mm high, under a flying follower or a riding one: it is met."""
-    for degrees in np.arange(0.7, 359.8, apart):
+def test_a_narrow_bump_is_not_missed(laws, run, p, step):
+    """A bump of 0.3° and 1 mm is detected in flight and in contact, at any angle."""
+    for degrees in np.arange(0.7, 359.8, step):
         law = bumped(laws["poly345"], np.radians(degrees), np.radians(0.3), 1e-3)
         events, gap, force = run(law, p, 480.0, 1, 20_000)
         assert events > 1
@@ -93,13 +93,14 @@ def test_a_narrow_bump_is_not_passed_through(laws, run, p, apart):
         assert force > -1e-6, degrees
 
 
-# A roller is never below the cam, however it came there and however time is cut.
+# A roller is never below the cam, whatever its motion and the duration of the ticks
 
+#: Two masses of the paper, with bounces.
 PAPER = replace(TWO, restitution=0.5)
 
 
 def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
-    """The lowest gap (m) and the number of events of a ramp from ``speed`` (rad/s) on."""
+    """Return the lowest gap (m) and the number of events of a ramp from a speed (rad/s) on."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     rows, events, _ = run_in_ticks(
         law, model, p, whole, tick_borders(milliseconds * MS, total * MS)
@@ -113,9 +114,12 @@ def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_
 @pytest.mark.parametrize("milliseconds", [7, 1])
 @pytest.mark.parametrize("acceleration", [2.0, 30.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
-def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration, milliseconds):
-    """A ramp's law covers one tick alone, so a short one in a dwell is all zero: what is rounded
-    in a gap is not of that size, but of the roller's and the spring's."""
+def test_no_tick_of_a_ramp_misses_a_landing(laws, cam, restitution, acceleration, milliseconds):
+    """No landing is missed in short ticks of a ramp.
+
+    The substitute law of a ramp covers one tick, so that it is zero in a dwell. The rounding of a
+    gap depends on the displacements of the masses and not on the size of this law.
+    """
     p = replace(PAPER, restitution=restitution)
     lowest, events = lowest_gap(laws[cam], p, 52.0, acceleration, milliseconds)
     assert lowest > -1e-12
@@ -123,9 +127,12 @@ def test_no_tick_of_a_ramp_loses_a_landing(laws, cam, restitution, acceleration,
 
 
 @pytest.mark.parametrize("milliseconds", [20, 3])
-def test_one_mass_lands_on_the_slope_where_a_tick_ends(make_cam, milliseconds):
-    """A ramp's law ends with the tick, on a slope: a quick look at the gap must see the cam go on,
-    and not a plateau under which the follower sinks (20 µm) until the tick is over."""
+def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
+    """A landing on a slope at the end of a tick of a ramp is not missed.
+
+    The substitute law ends with the tick. If it continued as a plateau, the follower would be 20 µm
+    below the cam until the end of the tick.
+    """
     event = rise(110, 1, "constant_velocity"), dwell(60), rise(100, 0)
     law = build_law(make_cam(dwell(50), *event, dwell(40), lift=0.04))
     p = replace(ONE, restitution=0.7)
@@ -136,27 +143,29 @@ def test_one_mass_lands_on_the_slope_where_a_tick_ends(make_cam, milliseconds):
 
 @pytest.mark.parametrize("spring", [4030.0, 1.0, 0.1])
 def test_a_weak_spring_with_a_large_preload(laws, spring):
-    """It would rest far below the cam, a kilometre for 0.1 N/m, and lands all the same: samples are
-    known to 1e-9 of that way."""
+    """A follower lands although its equilibrium is far below the cam, a kilometre for 0.1 N/m.
+
+    Samples are exact to 1e-9 of the distance to the equilibrium.
+    """
     p = replace(PAPER, spring_stiffness=spring, preload=100.0)
     lowest, events = lowest_gap(laws["poly345"], p, 62.0, 0.0, 200)
     assert lowest > -1e-9 * p.preload / spring
     assert events > 10
 
 
-def test_a_roller_below_the_cam_meets_it_at_once(laws):
-    """Whatever put it there; it does not go on falling."""
+def test_a_roller_below_the_cam_lands_at_once(laws):
+    """A flight that starts below the cam lands at time 0 and does not continue."""
     law, state = laws["poly345"], np.array([-0.01, -1.0, -0.01, -1.0])
     flight = Flight(free_masses(PAPER), to_inner(PAPER, state))
-    found = land(flight, law, 0.0, 50.0, 0.1)
-    assert (found.has_landed, found.time) == (True, 0.0)
+    landing = land(flight, law, 0.0, 50.0, 0.1)
+    assert (landing.has_landed, landing.time) == (True, 0.0)
     trajectory = Separation(law, PAPER, 50.0)
     trajectory.run(0.1, state, contact=False)
     assert trajectory.events[0].kind == "landing"
     assert trajectory.events[0].time == 0.0
 
 
-# -- an interval of even speed or of a ramp: θ = θ₀ + ω t + α t²/2, and what is refused -------
+# Intervals at constant speed or on a ramp, θ = θ₀ + ω t + α t²/2
 
 
 speeds = st.floats(0.0, 1e3)
@@ -164,7 +173,7 @@ speeds = st.floats(0.0, 1e3)
 
 @given(speeds, speeds, st.integers(1000, 10 * NS), st.floats(0.0, 1e4))
 def test_ends_of_a_ramp(before, after, length, angle):
-    """From the first speed to the last one, at the mean of both."""
+    """A ramp ends at its last speed, and its mean speed is the mean of first and last speed."""
     ramp = Interval(5, 5 + length, angle, before, (after - before) * NS / length)
     top = max(before, after, 1e-300)
     assert ramp.speed_at(ramp.duration) == pytest.approx(after, abs=1e-12 * top)
@@ -175,13 +184,13 @@ def test_ends_of_a_ramp(before, after, length, angle):
 
 @given(st.floats(1.0, 1e3), st.floats(1.0, 1e3), st.floats(1e-3, 1.0))
 def test_time_is_the_inverse_of_the_angle(before, after, part):
-    """The cam is at an angle when it has turned to it."""
+    """time_at() is the inverse function of angle_at()."""
     ramp = Interval(0, NS, 0.0, before, after - before)
     assert ramp.time_at(ramp.angle_at(part)) == pytest.approx(part, rel=1e-12)
 
 
-def test_time_from_rest_and_never():
-    """From rest θ = α t²/2; an angle behind the point where a ramp comes to rest is never met."""
+def test_time_at_on_ramps_from_rest_and_to_rest():
+    """From rest θ = α t²/2, and an angle beyond the end of a ramp to rest is never reached."""
     start = Interval(0, NS, 0.0, 0.0, 8.0)
     assert start.time_at(4.0) == 1.0
     assert start.time_at(0.0) == 0.0
@@ -193,22 +202,23 @@ def test_time_from_rest_and_never():
 
 
 @given(speeds, speeds, st.integers(1, NS // 10), st.floats(1.0, 50.0))
-def test_parts_of_a_ramp(before, after, length, most):
-    """They share their ends, hold to the angle asked for, and are the ramp again."""
+def test_parts_of_a_ramp(before, after, length, max_angle):
+    """The parts of a ramp are adjacent, respect the largest angle, and cover the ramp."""
     ramp = Interval(7, 7 + length, 3.0, before, (after - before) * NS / length)
-    parts = ramp.split(most)
+    parts = ramp.split(max_angle)
     assert (parts[0].start_ns, parts[-1].stop_ns) == (ramp.start_ns, ramp.stop_ns)
-    for one, other in itertools.pairwise(parts):
-        assert one.stop_ns == other.start_ns
-        assert one.unwrapped_at(one.duration) == pytest.approx(other.unwrapped_at(0.0), rel=1e-12)
-        assert one.speed_at(one.duration) == pytest.approx(other.speed, abs=1e-9)
+    for part, other in itertools.pairwise(parts):
+        assert part.stop_ns == other.start_ns
+        end_angle = part.unwrapped_at(part.duration)
+        assert end_angle == pytest.approx(other.unwrapped_at(0.0), rel=1e-12)
+        assert part.speed_at(part.duration) == pytest.approx(other.speed, abs=1e-9)
     longest = max(part.duration for part in parts)
     if len(parts) < length:
-        assert max(before, after) * longest <= most * (1.0 + 1e-9) + 1e-6
+        assert max(before, after) * longest <= max_angle * (1.0 + 1e-9) + 1e-6
     assert all(part.acceleration == ramp.acceleration for part in parts)
 
 
-# The grid of samples that all intervals share.
+# The common grid of samples of all intervals
 
 times_ns = st.integers(0, 4000 * NS)
 rates = st.integers(100, 1_000_000)
@@ -216,7 +226,7 @@ rates = st.integers(100, 1_000_000)
 
 @given(st.lists(times_ns, min_size=2, max_size=8, unique=True), rates)
 def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
-    """Each interval's first sample is the one after the last of the interval before."""
+    """The first sample of an interval is the next after the last of the previous interval."""
     cuts = sorted(cuts)
     pairs = itertools.pairwise(cuts)
     grids = [Interval(a, b, 0.0, 1.0).grid(rate) for a, b in pairs]
@@ -229,7 +239,7 @@ def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
 
 @given(times_ns, st.integers(1, NS), rates)
 def test_samples_lie_inside(start, length, rate):
-    """The samples are the instants k / rate in [start, stop); the first has its exact offset."""
+    """The samples are the times k / rate in [start, stop), and the first has its exact offset."""
     grid = Interval(start, start + length, 0.0, 1.0).grid(rate)
     low, high = Fraction(start, NS), Fraction(start + length, NS)
     assert grid.count >= 0
@@ -240,21 +250,22 @@ def test_samples_lie_inside(start, length, rate):
 
 
 def test_index_after():
-    """The first sample at or after a time; never before the first."""
+    """index_after() returns the first sample at or after a time, and at least 0."""
     grid = Interval(0, NS, 0.0, 1.0).grid(1000)
     assert [grid.index_after(t) for t in (-1.0, 0.0, 0.25, 0.2501)] == [0, 0, 250, 251]
     np.testing.assert_allclose(grid.since_start()[[0, 999]], [0.0, 0.999], rtol=1e-15)
 
 
-# Rows of a block by their names.
+# Rows of a block
 
 
 @pytest.mark.parametrize("model", ["one_mass", "two_mass", "elastic_stem"])
 @pytest.mark.parametrize("rpm", [250, 500])
-def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
-    """One that is nearer the end than rounding tells apart, in contact and in flight.
+def test_a_sample_at_the_end_of_an_interval(model, rpm):
+    """A sample within rounding of the end of its interval has its right values.
 
-    The end is moved to a part of a nanosecond behind the last sample: 48 kHz has such ends.
+    The end is a fraction of a nanosecond after the last sample, as at 48 kHz. The follower is in
+    contact or in flight.
     """
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     parameters = MODELS[model].parameters(cam_rig.load_rig("paper_table2"))
@@ -272,7 +283,7 @@ def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
 
 
 def test_names_are_the_columns_in_order():
-    """Each name gives the row whose heading begins with it, or ends with it before the unit."""
+    """Each property returns the row whose heading contains its name."""
     samples = Samples(np.arange(12.0).reshape(6, 2))
     names = ("time", "lift", "velocity", "acceleration", "force", "impulse")
     for row, (name, column) in enumerate(zip(names, COLUMNS, strict=True)):
