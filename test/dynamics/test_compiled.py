@@ -30,7 +30,7 @@ from .helpers import ONE, TWO
 
 
 def bumpy(rng):
-    """A cubic law of random pieces, C¹, whose velocity may jump at one joint."""
+    """Return a cubic law of random pieces, C¹, whose velocity may jump at one joint."""
     count = int(rng.integers(2, 30))
     breaks = np.array([0.0, *np.sort(rng.uniform(0.1, TURN - 0.1, count - 1)), TURN])
     points = 0.01 * rng.standard_normal(count)
@@ -42,7 +42,7 @@ def bumpy(rng):
 
 
 def random_runs(laws, seed):
-    """A law, both models' numbers, and an interval, at any speed, steady or on a ramp."""
+    """Return a law, parameters of one and two masses, and an interval at any speed or on a ramp."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal"]
     law = bumpy(rng) if seed % 3 == 0 else laws[names[int(rng.integers(len(names)))]]
@@ -63,41 +63,41 @@ def random_runs(laws, seed):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_the_bits_are_the_same(laws, monkeypatch, seed):
-    """Events, samples and the state at the end of both models."""
+    """Both backends give the same events, samples and last state of both models."""
     law, one, two, interval = random_runs(laws, seed)
     for model, p in (("one_mass", one), ("two_mass", two)):
-        found = []
+        results = []
         for form in (PLAIN, COMPILED):
             monkeypatch.setenv(VARIABLE, form)
-            found.append(MODELS[model].advance(law, p, None, interval, 1000))
-        (end, block), (other_end, other_block) = found
+            results.append(MODELS[model].advance(law, p, None, interval, 1000))
+        (end, block), (other_end, other_block) = results
         assert block.events == other_block.events
         assert end == other_end
         assert np.array_equal(block.rows, other_block.rows)
 
 
-def test_masses_too_much_alike(laws, monkeypatch):
-    """Where the motions have no pairs it goes by the exponential: the same bits, the same times."""
-    p, found = replace(TWO, restitution=0.5), []
+def test_masses_without_pairs(laws, monkeypatch):
+    """Without pairs the exponential of the matrix gives the same events, with the same bits."""
+    p, results = replace(TWO, restitution=0.5), []
     unpaired = replace(free_masses(p), pairs=None)
     for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, COMPILED)):
         monkeypatch.setenv(VARIABLE, form)
         monkeypatch.setattr(two_mass, "free_masses", lambda _, system=system: system)
         trajectory = Separation(laws["poly345"], p, 450.0 * RPM)
         trajectory.run(0.2)
-        found.append(trajectory.events)
-    paired, plain, whole = found
-    assert plain == whole
+        results.append(trajectory.events)
+    paired, plain, compiled = results
+    assert plain == compiled
     assert len(plain) > 4
     times = [[event.time for event in events] for events in (paired, plain)]
     assert times[0] == pytest.approx(times[1], abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", [int, np.float32, Fraction])
-def test_a_number_of_any_kind(laws, monkeypatch, kind):
-    """Whole numbers and fractions: the same bits as floats, and nothing is compiled once more."""
+def test_numbers_of_any_type(laws, monkeypatch, kind):
+    """Integers and fractions give the same bits as floats, without a further compilation."""
     monkeypatch.setenv(VARIABLE, COMPILED)
-    law, found = laws["poly345"], []
+    law, results = laws["poly345"], []
     for number in (float, kind):
         one = FollowerParameters(*map(number, (2, 4096, 8, 16, 2**28, 0)))
         two = TwoMassParameters(*map(number, (1, 1, 2**20, 4096, 2, 8, 16, 0)))
@@ -109,30 +109,31 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
         trajectory.run(limit)
         turns = [StroboscopicMap(law, p, speed).run(3).states.tolist() for p in (one, two)]
         loss = first_lift_off(law, two, speed, np.zeros(2), limit)
-        least = force_run(law, two, 0.1).min_output(speed)
-        found.append((block.events, trajectory.events, turns, loss, least, rigid_jump(law, one)))
-    assert found[0] == found[1]
+        minimum = force_run(law, two, 0.1).min_output(speed)
+        jump = rigid_jump(law, one)
+        results.append((block.events, trajectory.events, turns, loss, minimum, jump))
+    assert results[0] == results[1]
     assert len(trajectory.events) > 4
     assert len(backend._ready[run_events].signatures) == 1
 
 
-def test_a_loss_of_contact_alone(laws, monkeypatch):
-    """The jump speed's search for it gives the same bits."""
-    found = []
+def test_first_lift_off_has_the_same_bits(laws, monkeypatch):
+    """Both backends give the same time of the first lift-off."""
+    results = []
     for form in (PLAIN, COMPILED):
         monkeypatch.setenv(VARIABLE, form)
-        found.append(first_lift_off(laws["poly345"], TWO, 450.0 * RPM, np.zeros(2), 1.0))
-    assert found[0] == found[1] is not None
+        results.append(first_lift_off(laws["poly345"], TWO, 450.0 * RPM, np.zeros(2), 1.0))
+    assert results[0] == results[1] is not None
 
 
 def test_binomials_beyond_the_table():
-    """A law of a high degree goes by a recurrence."""
+    """Binomial coefficients of a high degree are computed by a recurrence."""
     for degree in (3, len(vectors.PASCAL) - 1, len(vectors.PASCAL), len(vectors.PASCAL) + 9):
         assert vectors.binomials(degree)[2] == math.comb(degree, 2)
 
 
 def test_the_backend_of_a_call(monkeypatch):
-    """Plain Python for the first half second, then compiled code, unless the environment says."""
+    """Plain Python is used for half a second and then compiled code. A variable overrides this."""
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(backend._plain_time, "seconds", 0.0)
     assert select_backend() == PLAIN
@@ -144,21 +145,21 @@ def test_the_backend_of_a_call(monkeypatch):
 
 
 def double(value):
-    """Stands for a kernel; it compiles in a tenth of a second."""
+    """Return twice a value. It is a kernel that compiles in a tenth of a second."""
     return 2.0 * value
 
 
 @pytest.fixture
 def cache(monkeypatch, tmp_path):
-    """Empty folder for compiled code; `double` is not loaded."""
+    """Return an empty folder for compiled code, before `double` is loaded."""
     monkeypatch.setenv(VARIABLE, COMPILED)
     monkeypatch.setattr(backend, "_ready", {})
     monkeypatch.setattr(backend, "_cache_folder", lambda: tmp_path)
     return tmp_path
 
 
-def called_anew(capsys):
-    """Standard error of a call of `double` as by a new process."""
+def call_in_new_process(capsys):
+    """Call `double` as in a new process, and return the standard error."""
     backend._ready.clear()
     assert backend.dispatch(double, 3.0) == 6.0
     return capsys.readouterr().err
@@ -177,19 +178,19 @@ def truncated(data):
     ],
 )
 def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
-    """Damaged index or code: one line on stderr, the right result, and sound files afterwards."""
-    assert called_anew(capsys) == "events: compiling double, once (about 15 s)\n"
-    assert called_anew(capsys) == ""
+    """Damaged code is reported in one line, the result is right, and the files are repaired."""
+    assert call_in_new_process(capsys) == "events: compiling double, once (about 15 s)\n"
+    assert call_in_new_process(capsys) == ""
     (path,) = cache.rglob(f"*.{suffix}")
     path.write_bytes(damage(path.read_bytes()))
     line = "events: compiling double again, because its stored code is damaged (about 15 s)\n"
-    assert called_anew(capsys) == line
-    assert called_anew(capsys) == ""
+    assert call_in_new_process(capsys) == line
+    assert call_in_new_process(capsys) == ""
 
 
 @pytest.mark.parametrize("reason", ["missing", "disabled", "broken"])
 def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason):
-    """Without numba the result is the same; numba that fails is reported in one line, once."""
+    """Without numba the result is the same, and an error of numba is reported once in one line."""
     if reason == "missing":
         monkeypatch.setattr(backend, "find_spec", lambda _: None)
     elif reason == "disabled":
@@ -197,7 +198,7 @@ def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason)
     else:
         (cache / "file").touch()
         monkeypatch.setattr(backend, "_register", (cache / "file" / "x").mkdir)
-    line = called_anew(capsys)
+    line = call_in_new_process(capsys)
     text = "events: using plain Python, because numba cannot compile double (NotADirectoryError"
     assert line.startswith(text) if reason == "broken" else line == ""
     assert line.count("\n") == (reason == "broken")
@@ -252,5 +253,5 @@ def test_two_processes_compile_at_once(tmp_path):
     outputs = [process.communicate(timeout=60.0) for process in both]
     speed, errors = start(tmp_path).communicate(timeout=60.0)
     assert (float.fromhex(speed) > 0.0, errors) == (True, "")
-    # One that starts late may load the code of the other.
+    # A process that starts later may load the code of the other process.
     assert all(out == speed and errors in ("", COMPILES) for out, errors in outputs)

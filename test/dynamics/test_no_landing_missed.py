@@ -1,4 +1,4 @@
-"""No event is missed on laws with fine detail, in comparison with a fine scan; sample grids."""
+"""No event is missed on laws with fine detail. Ramps, and the grid of samples."""
 
 import itertools
 import math

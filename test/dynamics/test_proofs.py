@@ -75,11 +75,11 @@ def test_the_gap_is_zero_at_every_event(kind, model):
             if phase.flight is None:
                 continue
             times = np.linspace(phase.begin, phase.end, 400)
-            place, velocity, _ = phase.flight.motion(times - phase.begin)
-            gap = place - law(trajectory.speed * times)
-            size = np.abs(place).max() + lift + trajectory.speed * phase.end * slope
-            fastest = slope + np.abs(velocity).max() / trajectory.speed
-            rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_PLACE * fastest
+            displacement, velocity, _ = phase.flight.motion(times - phase.begin)
+            gap = displacement - law(trajectory.speed * times)
+            size = np.abs(displacement).max() + lift + trajectory.speed * phase.end * slope
+            max_slope = slope + np.abs(velocity).max() / trajectory.speed
+            rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_PLACE * max_slope
             assert gap.min() >= -rounding, (seed, phase.begin)
             if phase.end in landings:
                 assert abs(gap[-1]) <= rounding, (seed, phase.end)
@@ -117,7 +117,7 @@ def random_machine(rng):
 
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_vibration_never_exceeds_its_share(kind):
-    """(4) bounds V and V̈, (8) proves F > ε_F; both hold at every sample, and neither is idle."""
+    """(4) bounds V and V̈, (8) proves F > ε_F; both are true at every sample, and both are used."""
     closest, proven = 0.0, 0
     for seed in range(CASES):
         rng = np.random.default_rng(seed)
@@ -137,8 +137,8 @@ def test_a_vibration_never_exceeds_its_share(kind):
             closest = max(closest, float(np.abs(share).max() / bound))
             second = response.matrix @ response.matrix
             acceleration, jerk = second @ start
-            bend = bound_share(table, frequency * acceleration, jerk)
-            assert np.abs(weights @ second @ free).max() <= bend * (1.0 + RELATIVE_ROUNDING)
+            curvature = bound_share(table, frequency * acceleration, jerk)
+            assert np.abs(weights @ second @ free).max() <= curvature * (1.0 + RELATIVE_ROUNDING)
             ordinates = rows[StemContactRow.FORCE, : part["size"]]
             force = bernstein.basis(part["size"] - 1, u) @ ordinates
             cells = np.minimum((u * CELLS).astype(int), CELLS - 1)
@@ -174,7 +174,7 @@ def test_a_proven_step_has_an_open_gap(kind, model):
                 start = to_inner(two, np.array([z, v, z + stretch[0], v + stretch[1]]))
             width = span / speed * 10.0 ** rng.uniform(-3.0, 0.0)
             times = np.linspace(0.0, width, SAMPLES)
-            place, velocity, acceleration = Flight(system, start).motion(times)
+            displacement, velocity, acceleration = Flight(system, start).motion(times)
             free = start_free_motion(free_table(system), start)
             largest = advance_contact_mass(free, 0.0).max_acceleration
             assert np.abs(acceleration).max() <= largest * (1.0 + RELATIVE_ROUNDING)
@@ -183,7 +183,7 @@ def test_a_proven_step_has_an_open_gap(kind, model):
             s = bernstein.basis(law.degree, inside) @ law.ordinates[:, piece]
             derivative = bernstein.derivative(law.ordinates[:, piece]) / span
             slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ derivative
-            gap, rates = place - s, velocity[[0, -1]] - speed * slopes
+            gap, rates = displacement - s, velocity[[0, -1]] - speed * slopes
             reach = positive_duration(float(gap[0]), float(rates[0]), curvature)
             assert (gap[times < 0.999 * reach] > 0.0).all()  # (1)
             ends = float(gap[0]), float(rates[0]), float(gap[-1]), float(rates[1])
