@@ -415,9 +415,9 @@ def require_joined(state: FollowerState | None, interval: Interval) -> None:
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
     if difference > 2.0 * ANGLE_TOLERANCE:  # twice, as a validator with the tolerance may round
         raise DynamicsError(
-            f"an interval from {interval.angle:.9g} rad on, for a follower that add_cam_state at "
+            f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "
-            "or no state, which puts it down anew"
+            "or no state, which starts a new run"
         )
 
 
