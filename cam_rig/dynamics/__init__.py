@@ -1,4 +1,4 @@
-"""Motion of the follower: the models by name, all with the same function ``advance``."""
+"""Motion of the follower: models by name, with a common function ``advance``."""
 
 from __future__ import annotations
 

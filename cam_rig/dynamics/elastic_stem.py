@@ -1,4 +1,4 @@
-"""Model `elastic_stem`: residual vibration of a mass on its stem (eq. 5 of the paper).
+"""Model `elastic_stem`: residual vibration of a mass on its stem (paper, eq. 5).
 
 The model has one degree of freedom and is always in contact:
 
@@ -30,7 +30,7 @@ from cam_rig.laws import Law
 
 @lru_cache(maxsize=64)
 def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearResponse:
-    """Return the linear model at one speed (rad/s), with the state (r, ṙ) in m and m/s."""
+    """Return the linear model at a speed (rad/s), with the state (r, ṙ), m and m/s."""
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass
@@ -41,7 +41,7 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
 
 @lru_cache(maxsize=64)
 def outputs(parameters: FollowerParameters) -> Outputs:
-    """Return the outputs x (m), ẋ (m/s), ẍ (m/s²) and contact force (stem and preload, N)."""
+    """Return the outputs x, ẋ, ẍ and contact force (stem and preload), in SI units."""
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass

@@ -1,4 +1,4 @@
-"""Two-mass follower: parameters, linear model in contact, and free motion in flight.
+"""Two-mass follower: parameters, linear model in contact, motion in flight.
 
 In flight the state is the stretch of the stem and the centre of mass.
 """
@@ -28,7 +28,7 @@ ONE_MASS = "take one mass (the model one_mass)"
 
 @dataclass(frozen=True)
 class TwoMassParameters:
-    """Two-mass follower of eq. 14-19: a roller mass and an end mass, joined by the stem.
+    """Two-mass follower (eq. 14-19): roller mass and end mass, joined by the stem.
 
     Whole numbers are converted to floats.
 
@@ -149,7 +149,7 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """Return the linear model of the end mass while the roller is in contact, at a speed (rad/s).
+    """Return the linear model of the end mass during contact, at a speed (rad/s).
 
     The state is the vibration (η, η̇) about the static position. A velocity jump does not act on
     the state here, because it may end the contact.
@@ -262,7 +262,7 @@ Factor = tuple[float, float]
 
 
 def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
-    """Return all real factorisations of λ⁴ + … into (λ² + P λ + Q)(λ² + p λ + q) with Q ≥ q.
+    """Return all real factors (λ² + P λ + Q)(λ² + p λ + q) of λ⁴ + … with Q ≥ q.
 
     Each is ((P, Q), (p, q)).
     """
@@ -310,7 +310,7 @@ def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor,
 
 
 def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
-    """Return the pair of the stretch w of the stem and the pair of the centre of mass Y.
+    """Return the pair of the stem stretch w and the pair of the centre of mass Y.
 
     In the first pair (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second
     pair (Y, Ẏ) = (q, q̇), and w follows. Returns None if the shapes do not exist.
@@ -345,7 +345,7 @@ def _inverse(shapes: FloatArray) -> FloatArray | None:
 
 
 def _follower_weights(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
-    """Return the weights of q and q̇ in the coordinate that follows them, f = (c + d B)(a + b B)⁻¹.
+    """Return the weights f = (c + d B)(a + b B)⁻¹ of q and q̇ in the other coordinate.
 
     B is the matrix of the pair, B² = −κ − 2δ B, and ``row`` is the equation of motion of the
     following coordinate. Each weight is written out, so that it is accurate to its last digit.

@@ -1,4 +1,4 @@
-"""Inputs and outputs of the follower models: intervals, sample grids, states, blocks, events.
+"""Inputs and outputs of the models: intervals, sample grids, states, blocks.
 
 A model takes an `Interval` of the cam's motion and a `FollowerState`. It returns the state at the
 end of the interval and a `Block` of samples and events.
@@ -34,7 +34,7 @@ COLUMNS = (
 
 
 class NamedRows:
-    """Named access to the rows of an array ``rows``, ``(6, n)``, in the order of `COLUMNS`.
+    """Named access to an array ``rows``, ``(6, n)``, in the order of `COLUMNS`.
 
     Each property is a view of shape ``(n,)``.
     """
@@ -128,7 +128,7 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class Interval:
-    """Interval of rig time with the motion of the cam, θ = angle + speed t + acceleration t²/2.
+    """Interval of rig time with θ = angle + speed t + acceleration t²/2.
 
     The angle and the whole turns are stored separately, so that the angle keeps all its digits
     after many turns.
@@ -195,7 +195,7 @@ class Interval:
         return self.speed + 0.5 * self.acceleration * self.duration
 
     def angle_at(self, time: Time) -> Time:
-        """Return the cam angle (rad) at times (s) since the start, without the turns before."""
+        """Return the cam angle (rad) at times (s) since the start, without ``turns``."""
         return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
 
     def unwrapped_at(self, time: Time) -> Time:
@@ -264,7 +264,7 @@ class SampleGrid:
     duration: float  #: duration of the interval, s
 
     def since_start(self) -> FloatArray:
-        """Return the times of the samples since the start of the interval, s, ``(count,)``."""
+        """Return the times of the samples since the start, s, ``(count,)``."""
         return self.offset + np.arange(self.count) / self.sample_rate
 
     def open_rows(self) -> FloatArray:
@@ -402,14 +402,14 @@ class Block(NamedRows):
 
 
 def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
-    """Return a state with the angle and the speed of the cam at the end of its interval."""
+    """Return a state with angle and speed of the cam at the end of its interval."""
     _, angle = wrap(interval.angle_at(interval.duration))
     speed = interval.speed_at(interval.duration)
     return replace(state, cam_angle=angle, cam_speed=speed)
 
 
 def require_joined(state: FollowerState | None, interval: Interval) -> None:
-    """Raise a `DynamicsError` if an interval does not start at the cam angle of the state."""
+    """Raise a `DynamicsError` if an interval does not start at the state's angle."""
     if state is None or state.cam_angle is None:
         return
     difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
@@ -422,7 +422,10 @@ def require_joined(state: FollowerState | None, interval: Interval) -> None:
 
 
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
-    """Return the increase of the cam speed (rad/s) since the state, 0 if it is rounding."""
+    """Return the increase of the cam speed (rad/s) since the state.
+
+    It is 0 if the difference is rounding, or if the speed of the state is unknown.
+    """
     if state is None or state.cam_speed is None:
         return 0.0
     same = is_same_speed(interval.speed, state.cam_speed)

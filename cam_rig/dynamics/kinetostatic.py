@@ -25,15 +25,15 @@ ROUNDING_ERRORS = 16.0
 
 
 def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
-    """Return the weights k, c ω, m ω² of s, s', s'' in the contact force at a speed (rad/s)."""
+    """Return the weights k, c ω, m ω² of s, s', s'' in the force at a speed (rad/s)."""
     p = parameters
     return np.array([p.spring_stiffness, p.damping * speed, p.mass * speed**2])
 
 
 def force_ordinates(law: Law, parameters: FollowerParameters, speed: float) -> FloatArray:
-    """Return the Bernstein ordinates of the contact force (N) at a speed, ``(p + 1, n)``.
+    """Return Bernstein ordinates of the contact force (N), ``(p + 1, n)``.
 
-    p is the degree of the law and n its number of pieces.
+    p is the degree of the law and n its number of pieces. ``speed`` is the cam speed in rad/s.
     """
     weighted = np.tensordot(force_weights(parameters, speed), law.motion, axes=1)
     return np.asarray(weighted + parameters.preload)
@@ -50,7 +50,7 @@ def force_extremes(law: Law, parameters: FollowerParameters, speed: float) -> tu
 
 
 def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> float:
-    """Return an upper bound of the rounding error of the contact force (N) at a speed (rad/s)."""
+    """Return a bound of the rounding error of the force (N) at a speed (rad/s)."""
     size = force_weights(parameters, speed) @ np.array(law.bounds) + parameters.preload
     return ROUNDING_ERRORS * bernstein.EPS * float(size)
 
@@ -59,9 +59,9 @@ def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> fl
 def loss_intervals(
     law: Law, parameters: FollowerParameters, speed: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the intervals of the cam angle, in [0, 2π], in which the contact force is negative.
+    """Return the intervals of the cam angle in [0, 2π] with a negative force.
 
-    Contact is lost there, because the cam cannot pull.
+    Contact is lost there, because the cam cannot pull. ``speed`` is in rad/s.
     """
     ordinates = force_ordinates(law, parameters, speed)
     losses: list[tuple[float, float]] = []

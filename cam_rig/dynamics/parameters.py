@@ -46,7 +46,7 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def require_number(name: str, value: object, rule: str) -> None:
-    """Raise a `DynamicsError` if a value is not a finite number allowed by a rule of `LIMITS`."""
+    """Raise a `DynamicsError` if a value violates a rule of `LIMITS`."""
     low, high = LIMITS[rule]
     if not (is_number(value) and low <= value <= high):
         limits = "" if rule == "in [0, 1)" else f", {low:g} to {high:g}"
@@ -83,7 +83,7 @@ def require_angle(angle: object, name: str = "angle") -> None:
 
 
 def require_turning(speed: object) -> None:
-    """Raise a `DynamicsError` if a speed (rad/s) is not a positive number within its limits."""
+    """Raise a `DynamicsError` if a speed (rad/s) is not positive and within limits."""
     if not (is_number(speed) and MIN_SPEED <= speed <= MAX_SPEED):
         raise DynamicsError(
             f"speed is {speed!r} rad/s; allowed: finite and above 0, "

@@ -1,4 +1,4 @@
-"""Speed ramps θ(t) = θ₀ + ω t + α t²/2, solved exactly by the models for constant speed.
+"""Speed ramps θ(t) = θ₀ + ω t + α t²/2, by the models for constant speed.
 
 Along a ramp the lift is a piecewise polynomial of time, of twice the degree of the law. It is
 written as a substitute law on a substitute cam that turns at constant speed. Every model can then
@@ -43,7 +43,7 @@ AtOneSpeed = Callable[
 def with_ramps(
     advance: AtOneSpeed[P], require: Callable[[Law], None] = lambda _law: None
 ) -> Advance[P]:
-    """Extend a model at constant speed to ramps and to changes of speed between intervals.
+    """Extend a model at constant speed to ramps and to changes of speed.
 
     ``require`` raises a `DynamicsError` for a law that the model cannot solve.
     """
@@ -79,7 +79,7 @@ def with_ramps(
 
 @lru_cache(maxsize=64)
 def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
-    """Return a law and an interval at constant speed that move the follower like a ramp.
+    """Return a law and an interval at constant speed that replace a ramp.
 
     The substitute cam starts at angle 0.
     """

@@ -1,4 +1,4 @@
-"""Map of a turn, from the state of the follower at cam angle 0 to the state one turn later.
+"""Map of the follower's state at cam angle 0 to the state one turn later.
 
 The state of one mass is the gap and its rate. Two masses have two more numbers, the stretch of the
 stem between them and its rate. Between two landings the motion is known in closed form, and a
@@ -104,7 +104,7 @@ class TurnsRun:
         return np.ascontiguousarray(self.records["derivative"][:, : self.size, : self.size])
 
     def derivative(self) -> FloatArray:
-        """Return the derivative of the last state of all turns by the first state, ``(n, n)``."""
+        """Return the derivative of the last state by the first state, ``(n, n)``."""
         product = np.eye(self.size)
         for turn in self.derivatives:
             product = turn @ product
@@ -212,7 +212,7 @@ class StroboscopicMap:
         return FollowerState(lift, velocity, 0.0, not is_flying, inner=(*stem, *gap_state))
 
     def _cam(self) -> tuple[float, float]:
-        """Return s (m) and ṡ (m/s) at the start of a turn, before a velocity jump at angle 0."""
+        """Return s (m) and ṡ (m/s) at angle 0, before a velocity jump there."""
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
@@ -239,7 +239,7 @@ class StroboscopicMap:
         return records
 
     def _turn(self, state: NDArray[np.void], frame: FloatArray, turns: NDArray[np.void]) -> int:
-        """Fill records of turns from a state, which is updated, and return the number filled."""
+        """Run turns from a state, which is updated, and return the number of turns."""
         max_landings = float(self._trajectory.max_events)
         record = record_of(state, ROOM)
         return int(dispatch(run_turns, self._table, record, frame, turns, max_landings))

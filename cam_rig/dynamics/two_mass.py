@@ -1,4 +1,4 @@
-"""Model `two_mass`: a roller mass and an end mass that lift off and land (eq. 14-19 of the paper).
+"""Model `two_mass`: a roller mass and an end mass (paper, eq. 14-19).
 
 A landing stops the roller mass on the cam (ż := ṡ, the plastic re-contact of the paper), or the
 roller mass rebounds with Newton's restitution e. The velocity of the end mass does not change.
@@ -41,7 +41,7 @@ from cam_rig.units import TURN, FloatArray
 def first_lift_off(
     law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
 ) -> float | None:
-    """Return the time (s) of the first lift-off, or None if it is later than ``limit`` s.
+    """Return the time (s) of the first lift-off, or None if later than ``limit``.
 
     The run starts at cam angle 0 from the vibration ``state`` (η, η̇) and turns at ``speed`` rad/s.
     A lower bound of the force is computed for all parts of all turns at once. The zero of the force
@@ -66,7 +66,7 @@ def first_lift_off(
 def may_lose_contact(
     response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
 ) -> NDArray[np.bool_]:
-    """Return for each part of each turn whether the force may reach zero, ``(turns, parts)``.
+    """Return for each part if the force may reach zero, ``(turns, parts)``.
 
     ``free`` is the free vibration at the start of each part, ``(turns, parts, 2)``. The force has
     two lower bounds, and the larger one counts:
@@ -96,7 +96,7 @@ def may_lose_contact(
 
 
 def acceleration_rounding(law: Law, p: TwoMassParameters, speed: float) -> float:
-    """Return the rounding error (m/s²) of the acceleration of the roller mass at a lift-off."""
+    """Return the rounding error (m/s²) of the roller's acceleration at a lift-off."""
     lift, slope, curvature = law.bounds
     force = p.roller_mass * (speed**2 * curvature) + p.share * p.preload
     force += p.spring_stiffness * lift + (p.stem_damping + p.damping) * speed * slope
@@ -198,7 +198,7 @@ class Separation(Trajectory):
         )
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
-        """Return (z, ż, y, ẏ) at times (s) since the start of a flight, ``(4, len(times))``."""
+        """Return (z, ż, y, ẏ) at times (s) since a lift-off, ``(4, len(times))``."""
         change, _ = self.system.state_change(flight.start, times)
         return from_inner(self.parameters, flight.start[:, None] + change)
 
@@ -232,7 +232,7 @@ class Separation(Trajectory):
 
 
 def states(trajectory: Separation, times: FloatArray) -> FloatArray:
-    """Return (z, ż, y, ẏ, F) at ascending times (s) of a trajectory, ``(5, len(times))``.
+    """Return (z, ż, y, ẏ, F) at ascending times (s), ``(5, len(times))``.
 
     A time at the border of two phases belongs to the later one.
     """

@@ -106,9 +106,9 @@ def require_continuous(law: Law) -> None:
 
 
 def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
-    """Raise a `DynamicsError` if the velocity of a law jumps, which needs an infinite force.
+    """Raise a `DynamicsError` if the velocity of a law jumps.
 
-    ``otherwise`` is the remedy at the end of the error message.
+    A velocity jump needs an infinite force. ``otherwise`` is the remedy at the end of the message.
     """
     require_continuous(law)
     if law.velocity_jumps:

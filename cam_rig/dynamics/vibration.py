@@ -1,4 +1,4 @@
-"""Residual and torsional vibration of a cam in steady state (figs. 4-6 and 9 of the paper)."""
+"""Residual and torsional vibration in steady state (paper, figs. 4-6 and 9)."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class FlywheelTurn:
 def flywheel_turn(
     law: Law, shaft: TorsionalParameters, inertia: float, speed: float
 ) -> FlywheelTurn:
-    """Return a steady turn at a mean speed (rad/s) with a flywheel of an inertia (kg·m²).
+    """Return a steady turn at a mean speed (rad/s) and flywheel inertia (kg·m²).
 
     An infinite inertia is a flywheel at constant speed.
     """
@@ -117,7 +117,7 @@ def flywheel_turn(
 
 
 def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> float:
-    """Return the peak-to-peak value of ∫(T_mean − T) dθ (J) in a turn at a speed (rad/s).
+    """Return the peak-to-peak ∫(T_mean − T) dθ (J) of a turn at a speed (rad/s).
 
     T = (m ω² s'' + c ω s' + k s + F₀) s' is the torque of the load.
     """
@@ -150,7 +150,10 @@ def fastest(follower: FollowerParameters) -> float:
 
 
 def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
-    """Raise a `ConfigError` if a speed (rpm) is too low to sample, or too high for the stem."""
+    """Raise a `ConfigError` if a speed (rpm) is too low or too high for the stem.
+
+    A speed is too low if a turn has more periods of the stem than can be sampled.
+    """
     max_rpm = fastest(follower)
     for speed in rpm:
         if not MIN_RPM <= speed * (1.0 + 1e-12) <= max_rpm * (1.0 + 2e-12):
@@ -199,7 +202,7 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
 
 @dataclass(frozen=True)
 class SteadyVibration:
-    """Vibration of the follower and of the shaft of a cam at one speed, in steady state."""
+    """Steady vibration of the follower and the shaft of a cam at one speed."""
 
     window: LowDwell  #: window in which the residual vibration is evaluated
     #: Largest free vibration in the window, m. The joints of the law excite it.
@@ -336,7 +339,7 @@ def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
 def steady_twist(
     law: Law, shaft: TorsionalParameters, speed: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return flywheel angle and twist ψ (rad) over one turn in steady state, ``(n,)`` each."""
+    """Return flywheel angle and twist ψ (rad) of a steady turn, ``(n,)`` each."""
     motion = steady_motion(law, shaft, speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
     return speed * times, motion.at(times)[0]

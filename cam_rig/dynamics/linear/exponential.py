@@ -21,7 +21,7 @@ from cam_rig.units import FloatArray
 
 @cache
 def linalg() -> Any:
-    """Return `scipy.linalg`, imported by the first call, because many scenes do not need it."""
+    """Return `scipy.linalg`, imported at the first call, as many scenes do without."""
     return importlib.import_module("scipy.linalg")
 
 
@@ -62,7 +62,10 @@ def _long(damping: float, stiffness: float, time: FloatArray) -> Response:
 
 
 def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the response by a Taylor series, for times up to `MAX_SERIES_REACH`/fastest rate."""
+    """Return the response by a Taylor series, for short times.
+
+    Times are up to `MAX_SERIES_REACH` divided by the fastest rate.
+    """
     columns = np.vander(time, SERIES_TERMS + 1, increasing=True) @ _terms(damping, stiffness)
     return columns[:, 0], columns[:, 1], columns[:, 2]
 
@@ -93,7 +96,10 @@ def _oscillating(decay: float, square: float, stiffness: float, time: FloatArray
 
 
 def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:
-    """Return the response at overdamped or critical damping, without a growing exponential."""
+    """Return the response at overcritical or critical damping.
+
+    The formulas contain no growing exponential.
+    """
     fast = decay + root
     slow = stiffness / fast
     difference = 2.0 * root
@@ -120,7 +126,7 @@ POWERS_TO_ORDINATES = np.array(
 
 
 def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatArray:
-    """Return the matrix from x to the Bernstein ordinates of row · e^{At} x in a window (s).
+    """Return the matrix from x to the ordinates of row · e^{At} x in a window (s).
 
     Its shape is ``(SERIES_DEGREE + 1, n)``.
     """

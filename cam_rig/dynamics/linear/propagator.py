@@ -35,7 +35,10 @@ MAX_STIFFNESS_RATIO = 0.3
 
 @lru_cache(maxsize=64)
 def derivative_matrix(degree: int) -> FloatArray:
-    """Return the matrix from ordinates to those of d/du of the same degree, ``(p + 1, p + 1)``."""
+    """Return the derivative matrix of a Bernstein basis, ``(p + 1, p + 1)``.
+
+    It takes ordinates to those of d/du, written with the same degree p.
+    """
     return np.asarray(bernstein.elevate(bernstein.derivative(np.eye(degree + 1)), degree))
 
 
@@ -80,7 +83,7 @@ class ForcingPiece:
         return self._part_starts(start)[-1]
 
     def at(self, start: FloatArray, times: FloatArray) -> FloatArray:
-        """Return the states at times in s since the start of the piece, ``(n, len(times))``."""
+        """Return the states at times (s) since the start, ``(n, len(times))``."""
         starts = self._part_starts(start)
         states = np.empty((start.size, times.size))
         index = np.minimum((times / self.part).astype(int), self.particular.shape[0] - 1)
@@ -209,10 +212,11 @@ def _modes(
 
 
 def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the rates (slow, fast) and shapes of one overdamped mass with very different rates.
+    """Return rates (slow, fast) and shapes of an overdamped mass.
 
-    The slow rate is the stiffness divided by the fast rate. The Schur form would give it with the
-    rounding of the fast rate, which may be 1e7 times as large. Returns None for any other matrix.
+    The two rates are very different. The slow rate is the stiffness divided by the fast rate. The
+    Schur form would give it with the rounding of the fast rate, which may be 1e7 times as large.
+    Returns None for any other matrix.
     """
     if matrix.shape != (2, 2) or tuple(matrix[0]) != (0.0, 1.0):
         return None

@@ -1,4 +1,4 @@
-"""Exact response of a linear model on a cam at constant speed, at any time in any turn.
+"""Exact response of a linear model on a cam at constant speed, at any time.
 
 The model is ẋ = A x + G (s, ṡ, s̈) + g. The particular solutions of one turn are computed once
 (`propagator`). After that each state is the sum of a polynomial and an exponential.
@@ -171,7 +171,10 @@ class LinearResponse:
             time, i, local = end, i + 1, 0.0
 
     def states(self, start: FloatArray, angle: float, times: FloatArray) -> FloatArray:
-        """Return the states at ascending times (s) since the cam angle, ``(n, len(times))``."""
+        """Return the states at ascending times (s), ``(n, len(times))``.
+
+        Times are measured from the state ``start`` at the cam angle ``angle`` (rad).
+        """
         out, local, part_of = self.passes(start, angle, times)
         for i in np.unique(part_of):
             in_part = np.flatnonzero(part_of == i)
@@ -181,7 +184,7 @@ class LinearResponse:
     def passes(
         self, start: FloatArray, angle: float, times: FloatArray
     ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return the free vibrations and the parts at ascending times (s) since the cam angle.
+        """Return free vibrations and parts at ascending times (s) since the cam angle.
 
         The results are the states less X, ``(n, m)``, the times since the start of the part (s),
         ``(m,)``, and the indices of the parts, ``(m,)``.
@@ -210,7 +213,7 @@ class LinearResponse:
     def last_turn(
         self, start: FloatArray, angle: float, duration: float
     ) -> tuple[FloatArray, float, float]:
-        """Return the state and angle (rad) after all whole turns but one, and the remaining time.
+        """Return state and angle (rad) after all turns but one, and the remaining time.
 
         The remaining time is the part of ``duration`` after these turns, s.
         """
@@ -234,7 +237,7 @@ class LinearResponse:
 
     @cached_property
     def _maps(self) -> list[TurnMap]:
-        """Maps of the state at θ = 0 to the start of each part, and to the end of the turn."""
+        """Maps of the state at θ = 0 to the start of each part and to the end."""
         flow, offset = np.eye(self.constant.size), np.zeros(self.constant.size)
         maps = []
         for part in self.parts:
@@ -245,7 +248,7 @@ class LinearResponse:
         return [*maps, TurnMap(flow, offset)]
 
     def free_starts(self, start: FloatArray, turns: int) -> FloatArray:
-        """Return the states less X at the start of each part of each turn, ``(turns, parts, n)``.
+        """Return the states less X at the start of all parts, ``(turns, parts, n)``.
 
         ``start`` is the state at θ = 0.
         """
@@ -274,7 +277,7 @@ class LinearResponse:
 
 
 def no_steady_state(speed: float) -> DynamicsError:
-    """Return the error for a speed (rad/s) at which a mode without damping is in resonance."""
+    """Return the error for a speed (rad/s) with an undamped mode in resonance."""
     return DynamicsError(
         f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a harmonic of "
         "the speed; allowed: damping, or another speed"
@@ -422,7 +425,7 @@ def _fill_in_chunks(
 
 @lru_cache(maxsize=64)
 def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArray, ...]:
-    """Return the ordinates ``(k, p + 1)`` of the polynomial of the outputs in each part.
+    """Return the ordinates of the outputs' polynomials, ``(k, p + 1)`` per part.
 
     Parts at the same position in their pieces of the law are computed together.
     """
@@ -443,7 +446,7 @@ def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArra
 
 
 def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> FloatArray:
-    """Return the ordinates ``(k, p + 1)`` of the polynomial of the outputs in one part."""
+    """Return the ordinates of the outputs' polynomial in a part, ``(k, p + 1)``."""
     return polynomial_parts(model, outputs)[part.number]
 
 
@@ -451,7 +454,7 @@ def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> Floa
 def _part_series(
     model: LinearResponse, part: Part, outputs: Outputs, step: float, chunk: int
 ) -> ChunkSeries:
-    """Return the Taylor series of the polynomial of the outputs about the middles of chunks."""
+    """Return the Taylor series of the outputs about the middle of each chunk."""
     taylor = bernstein.taylor(polynomial_part(model, part, outputs).T)
     return ChunkSeries.of(taylor, step / part.length, chunk)
 
@@ -472,5 +475,5 @@ def _chunk_matrix(
 
 @lru_cache(maxsize=256)
 def _chunk_flows(model: LinearResponse, period: float, count: int) -> FloatArray:
-    """Return e^{At} at ``count`` times from 0 on, ``period`` s apart, ``(count, n, n)``."""
+    """Return e^{At} at ``count`` times, ``period`` s apart, ``(count, n, n)``."""
     return exponentials(model.matrix, period * np.arange(count, dtype=np.float64))

@@ -61,7 +61,7 @@ def state_space(rig: RigConfig, model: str | None = None) -> StateSpace:
 def frequency_response(
     rig: RigConfig, w: float | FloatArray, model: str | None = None
 ) -> ComplexArray:
-    """Return the outputs per metre of lift at angular frequencies (rad/s), ``(4, *w.shape)``.
+    """Return the outputs per lift at frequencies (rad/s), ``(4, *w.shape)``.
 
     See `RigConfig.frequency_response`.
     """

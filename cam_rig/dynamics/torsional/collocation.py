@@ -1,9 +1,9 @@
-"""One window of the torsional vibration (eq. 10 of the paper): Newton's method on Chebyshev nodes.
+"""Solution of one window of eq. 10: Newton's method on Chebyshev nodes.
 
-The twist is ψ = θ_c − θ_v. The unknown is ψ̈ at the nodes, less the ψ̈ of a free vibration, which is
-known in closed form. All other quantities follow from the unknown. The lead δ of the flywheel on
-uniform rotation follows from δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v. It is 0 for a flywheel at constant
-speed.
+Eq. 10 of the paper is the equation of the torsional vibration (`motion`). The twist is
+ψ = θ_c − θ_v. The unknown is ψ̈ at the nodes, less the ψ̈ of a free vibration, which is known in
+closed form. All other quantities follow from the unknown. The lead δ of the flywheel on uniform
+rotation follows from δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v. It is 0 for a flywheel at constant speed.
 
 The free vibration is never integrated numerically, because that would lose digits with the square
 of its phase.
@@ -63,7 +63,7 @@ def table(degree: int) -> CollocationTable:
 
 
 def _integral(size: int) -> FloatArray:
-    """Return the matrix from Chebyshev coefficients to those of the integral, ``(size, size)``.
+    """Return the integration matrix of Chebyshev coefficients, ``(size, size)``.
 
     The integral is over u = (1 + x)/2 from u = 0: ∫T_k dx = T_{k+1}/(2(k+1)) − T_{k−1}/(2(k−1)).
     Terms beyond the last row are omitted.
@@ -106,12 +106,15 @@ class ChebyshevPath:
     series: list[FloatArray]  #: W arrays of coefficients, ``(rows, size)``
 
     def window(self, times: FloatArray) -> FloatArray:
-        """Return the index of the window of each time. A border belongs to the later window."""
+        """Return the window of each time, at a border the later one."""
         inner = np.searchsorted(self.edges[1:-1], times, side="right")
         return np.asarray(inner, dtype=np.intp)
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Return the values at times inside the windows in any order, ``(rows, len(times))``."""
+        """Return the values at times in any order, ``(rows, len(times))``.
+
+        All times must be inside the windows.
+        """
         out = np.empty((self.series[0].shape[0], times.size))
         if np.any(times[1:] < times[:-1]):
             order = np.argsort(times, kind="stable")
@@ -172,7 +175,7 @@ class TwistPiece:
 
 
 class CollocationWindow:
-    """Solution of eq. 10 on one piece of the law, whose polynomial continues beyond its ends.
+    """Solution of eq. 10 on one piece of the law, continued beyond its ends.
 
     Parameters
     ----------
@@ -218,7 +221,7 @@ class CollocationWindow:
         self._set(np.zeros_like(self.times))
 
     def _free(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ψ, ψ̇ and ψ̈ of the free vibration, without a follower, ``(N + 1,)`` each.
+        """Return ψ, ψ̇ and ψ̈ of the free vibration at the nodes, ``(N + 1,)`` each.
 
         With z = ψ + (constant flywheel acceleration)/k it is z̈ = −k z − c ż.
         """
@@ -236,7 +239,7 @@ class CollocationWindow:
         return wave.real - static, (root * wave).real, (root**2 * wave).real
 
     def _set(self, unknown: FloatArray) -> None:
-        """Set the unknown (ψ̈ less that of the free vibration, at the nodes) and the motion."""
+        """Set the unknown, ψ̈ less that of the free vibration, and the motion."""
         self.unknown, self.twist_acceleration = unknown, self.free_acceleration + unknown
         self.twist = self.free + self.second @ unknown
         self.twist_rate = self.free_rate + self.first @ unknown
@@ -249,7 +252,7 @@ class CollocationWindow:
             self.speed += self.first @ self.driven
 
     def solve(self) -> bool:
-        """Solve the window by Newton's method to rounding, and return True if it converged."""
+        """Solve the window by Newton's method, and return True if it converged."""
         if self.piece.is_flat:
             self.scale = self._scale()
             return True

@@ -1,4 +1,4 @@
-"""Torsional model (eq. 10 of the paper): its parameters, its state, and its blocks in a scene."""
+"""Torsional model (eq. 10 of the paper): parameters, state, and blocks."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def begin(
     last_speed: float | None,
     interval: Interval,
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """Return the parameters with the motor torque, and the state at the start of an interval.
+    """Return parameters with the motor torque, and the state at an interval's start.
 
     A flywheel with an inertia starts each speed in its steady state, because a constant torque
     would need minutes to reach it. On a ramp the drive sets the motion of the flywheel, as in
@@ -250,7 +250,7 @@ def inner_of(motion: TorsionalMotion) -> tuple[float, ...]:
 
 
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:
-    """Return lift, velocity, acceleration and contact force at times in s, ``(4, len(times))``."""
+    """Return lift, velocity, acceleration and force at times in s, ``(4, m)``."""
     _, _, angle, speed, acceleration = motion.at(times)
     s = motion.law.motion_at(angle)
     follower = s[2] * speed**2 + s[1] * acceleration

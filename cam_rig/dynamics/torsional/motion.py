@@ -1,4 +1,4 @@
-"""Torsional vibration of a cam on its shaft (eq. 10 of the paper), exact to rounding at any time.
+"""Torsional vibration of a cam on its shaft (eq. 10 of the paper), at any time.
 
     I θ̈_c + c_s (θ̇_c − θ̇_v) + k_s (θ_c − θ_v) + (m s̈ + c ṡ + k s + preload) s'(θ_c) = 0
 
@@ -185,7 +185,7 @@ RESONANT = 1e-8
 def steady_state(
     law: Law, parameters: TorsionalParameters, speed: float
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """Return the parameters and the state at flywheel angle 0 that returns after one turn.
+    """Return parameters and the state at flywheel angle 0 that returns after a turn.
 
     A constant motor torque, the mean of the load, drives a flywheel with an inertia. The returned
     parameters contain this torque. The state has no lead on uniform rotation, because any state of
@@ -240,7 +240,7 @@ def steady_state(
 
 
 def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> TorsionalMotion:
-    """Return one turn in steady state at a mean speed (rad/s), starting at flywheel angle 0."""
+    """Return a steady turn at a mean speed (rad/s) from flywheel angle 0 on."""
     driven, start = steady_state(law, parameters, speed)
     return solve(law, driven, start, 0.0, TURN / speed)
 

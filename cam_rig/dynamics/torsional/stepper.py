@@ -1,4 +1,4 @@
-"""Sequence of windows of the torsional vibration, which end at the joints of the law.
+"""Sequence of windows of the torsional vibration, cut at the joints of the law.
 
 The time at which the cam crosses a joint depends on the solution. A window therefore extends a
 little beyond the joint, with the same polynomial of the law. It is shortened afterwards to the root
@@ -130,7 +130,7 @@ class TwistSolver:
         return self._shift_angle(state, self._low(index)), windows
 
     def _index(self, angle: float) -> int:
-        """Return the index of the piece at an unwrapped cam angle (rad), counted over all turns."""
+        """Return the index of the piece at an unwrapped angle (rad), over all turns."""
         turn = math.floor(angle / TURN)
         piece = int(np.searchsorted(self.law.breaks[1:-1], angle - turn * TURN, side="right"))
         return turn * len(self.pieces) + piece
@@ -215,7 +215,7 @@ class TwistSolver:
 
 
 def find_exit(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
-    """Find the time (s) in a window at which the cam leaves its piece, and the direction.
+    """Find the time (s) at which the cam leaves its piece, and the direction.
 
     The direction is 1 for forwards, −1 for backwards, and 0 if the cam does not leave the piece.
     The nodes are dense enough to detect every exit of a cam that turns in one direction. For a cam
