@@ -1,4 +1,4 @@
-"""Shared functions of the tests: runs in ticks, a flight over a cam, changed laws, Gauss's rule."""
+"""Shared functions of the tests: runs in ticks, flights, changed laws, quadrature."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def run_in_ticks(
     state: FollowerState | None = None,
     nudge: float = 0.0,
 ) -> Run:
-    """Run a model over an interval that is cut into ticks at times (ns since its start).
+    """Run a model over an interval in ticks between times (ns since its start).
 
     ``nudge`` (rad) is added to the angle of every second tick.
     """
@@ -120,12 +120,12 @@ def assert_same(run: Run, expected: Run, tolerance: float, columns=slice(None)) 
 
 
 def off_joints(law: Law, angle: np.ndarray) -> np.ndarray:
-    """Return for each sample whether it is off the joints, where it may have either limit."""
+    """Return for each sample if it is off the joints, where it may have either limit."""
     return np.abs(angle[:, None] % TURN - law.breaks).min(axis=1) > 1e-9
 
 
 def turned(law: Law, angle: float, factor: float = 1.0) -> Law:
-    """Return a law that starts at ``angle`` (rad) of a law, with its lift times ``factor``."""
+    """Return a law that starts at ``angle`` (rad), with its lift times ``factor``."""
     law = with_joints(law, angle)
     i = int(np.searchsorted(law.breaks, angle))
     breaks = np.append(law.breaks[i:], law.breaks[1 : i + 1] + TURN) - law.breaks[i]
@@ -161,7 +161,7 @@ def bumped(law, middle, width, height):
 
 
 def noisy(law, pieces, amplitude, rng):
-    """Return the C¹ law of Hermite's cubics through noisy points of a law, one per piece."""
+    """Return the C¹ law of Hermite cubics through noisy points of a law."""
     breaks = np.linspace(0.0, TURN, pieces + 1)
     breaks[-1] = TURN
     points = law(breaks[:-1]) + amplitude * rng.standard_normal(pieces)
@@ -204,7 +204,7 @@ def exact_law(law: Law, angle: mp.mpf) -> list[mp.mpf]:
 
 
 def gauss(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre nodes and weights, ``count`` in each interval between edges."""
+    """Return Gauss-Legendre nodes and weights, ``count`` between adjacent edges."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     half = 0.5 * np.diff(edges)[:, None]
     return (np.asarray(edges)[:-1, None] + half * (nodes + 1.0)).ravel(), (half * weights).ravel()

@@ -42,7 +42,7 @@ def bumpy(rng):
 
 
 def random_runs(laws, seed):
-    """Return a law, parameters of one and two masses, and an interval at any speed or on a ramp."""
+    """Return a random law, one mass, two masses, and an interval."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal"]
     law = bumpy(rng) if seed % 3 == 0 else laws[names[int(rng.integers(len(names)))]]
@@ -77,7 +77,7 @@ def test_the_bits_are_the_same(laws, monkeypatch, seed):
 
 
 def test_masses_without_pairs(laws, monkeypatch):
-    """Without pairs the exponential of the matrix gives the same events, with the same bits."""
+    """Without pairs the exponential of the matrix gives the same events."""
     p, results = replace(TWO, restitution=0.5), []
     unpaired = replace(free_masses(p), pairs=None)
     for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, COMPILED)):
@@ -95,7 +95,7 @@ def test_masses_without_pairs(laws, monkeypatch):
 
 @pytest.mark.parametrize("kind", [int, np.float32, Fraction])
 def test_numbers_of_any_type(laws, monkeypatch, kind):
-    """Integers and fractions give the same bits as floats, without a further compilation."""
+    """Integers and fractions give the bits of floats without further compilation."""
     monkeypatch.setenv(VARIABLE, COMPILED)
     law, results = laws["poly345"], []
     for number in (float, kind):
@@ -133,7 +133,7 @@ def test_binomials_beyond_the_table():
 
 
 def test_the_backend_of_a_call(monkeypatch):
-    """Plain Python is used for half a second and then compiled code. A variable overrides this."""
+    """Plain Python is used for half a second, and then compiled code."""
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(backend._plain_time, "seconds", 0.0)
     assert select_backend() == PLAIN
@@ -178,7 +178,7 @@ def truncated(data):
     ],
 )
 def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
-    """Damaged code is reported in one line, the result is right, and the files are repaired."""
+    """Damaged code is reported in one line and repaired, with the right result."""
     assert call_in_new_process(capsys) == "events: compiling double, once (about 15 s)\n"
     assert call_in_new_process(capsys) == ""
     (path,) = cache.rglob(f"*.{suffix}")
@@ -190,7 +190,7 @@ def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
 
 @pytest.mark.parametrize("reason", ["missing", "disabled", "broken"])
 def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason):
-    """Without numba the result is the same, and an error of numba is reported once in one line."""
+    """Without numba the result is the same, and an error of numba is reported."""
     if reason == "missing":
         monkeypatch.setattr(backend, "find_spec", lambda _: None)
     elif reason == "disabled":

@@ -1,4 +1,4 @@
-"""Residual vibration of a mass on its stem: exact at any time and at any sample rate."""
+"""Residual vibration of a mass on its stem is exact at any time."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_uniform_samples_equal_single_states(law, follower):
 
 @pytest.mark.variants(3)
 def test_samples_satisfy_the_equation_of_motion(law, follower):
-    """m ẍ + c ẋ + (k + k_stem) x = k_stem s is satisfied to the rounding of k_stem · lift."""
+    """m ẍ + c ẋ + (k + k_stem) x = k_stem s is satisfied to rounding."""
     times = np.linspace(0.01, 0.3, 500)
     x, v, a, force = motion(law, follower, SPEED, 0.0, np.array([1e-7, 0.0]), times)
     p, s = follower, law(SPEED * times)
@@ -59,7 +59,7 @@ def test_samples_satisfy_the_equation_of_motion(law, follower):
 
 @pytest.mark.variants(3)
 def test_the_force_is_negative_only_in_loss_intervals(law, follower):
-    """F < 0 in a loss interval and F ≥ 0 elsewhere, at all sampled angles off the ends."""
+    """F < 0 in a loss interval and F ≥ 0 elsewhere, except near the ends."""
     angle = np.linspace(0.0, TURN, 5001)[1:-1]
     for rpm in (100.0, 400.0, 700.0):
         speed = rpm * np.pi / 30.0

@@ -1,4 +1,4 @@
-"""Energy balance: the work of the cam is stored, dissipated in dampers, or lost in landings.
+"""Energy balance: the work of the cam is stored, dissipated or lost in landings.
 
 The Gauss-Legendre rule on intervals without joints and events is exact to rounding, so that the
 balance is satisfied to 1e-10 if all events are correct.
@@ -73,7 +73,7 @@ def test_one_mass(laws, follower, name, restitution, milliseconds):
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_one_mass_with_velocity_jumps(edge, restitution):
-    """The work of an impact at a velocity jump is its impulse times the new cam velocity."""
+    """The work of an impact is its impulse times the new cam velocity."""
     p = replace(helpers.ONE, restitution=restitution)
     error, trajectory = balance_error(edge, p, 100.0 * RPM, 550)
     assert sum(event.energy_lost for event in trajectory.events) > 0.1
@@ -146,7 +146,7 @@ def stored_in_shaft(motion, times):
 
 @pytest.mark.variants(3)
 def test_shaft(law, follower):
-    """The work of a flywheel at constant speed is stored or dissipated, to 1e-11 of the flow."""
+    """The work of a flywheel at constant speed is stored or dissipated."""
     shaft, duration = TorsionalParameters(follower, 0.02, 8e3, 0.4), 2.3 * TURN / SPEED
     motion = solve(law, shaft, TorsionalState(2e-4, -0.1, 0.7, SPEED), 0.0, duration)
     times, weights = gauss(motion.path.edges, 48)
@@ -176,7 +176,7 @@ def test_shaft_without_damping(law, follower, speed):
 
 
 def test_free_vibration_of_a_shaft_is_exact(follower):
-    """I ψ̈ + c ψ̇ + k ψ = 0 is solved exactly for weak, critical (c = 20) and strong damping."""
+    """I ψ̈ + c ψ̇ + k ψ = 0 is exact for weak, critical (c = 20) and strong damping."""
     disc, times = Law("round", np.array([0.0, TURN]), np.zeros((1, 1))), np.linspace(0.0, 0.2, 501)
     for damping in (0.0, 0.4, 19.9, 20.0, 300.0):
         p = TorsionalParameters(follower, 0.02, 5e3, damping)

@@ -25,7 +25,7 @@ HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
 
 
 def exact_flight(law, p, speed, angle, gap_rate, guess):
-    """Return time (s) and approach speed (m/s) of the landing near ``guess`` (s), in 50 digits."""
+    """Return time (s) and speed (m/s) of the landing near ``guess`` in 50 digits."""
     numbers = (p.mass, p.spring_stiffness, p.damping, p.preload, speed)
     m, k, c, load, speed = (mp.mpf(x) for x in numbers)
     s, slope, _ = exact_law(law, angle)
@@ -41,7 +41,7 @@ def exact_flight(law, p, speed, angle, gap_rate, guess):
 
 
 def pull(law, angle):
-    """Return the acceleration towards the cam (m/s²), and the sum of the sizes of its terms."""
+    """Return the acceleration towards the cam (m/s²), and the sum of its |terms|."""
     parts = force_weights(P, SPEED) * np.array(law.at(angle)) / P.mass
     return float(parts.sum()) + P.preload / P.mass, float(np.abs(parts).sum() + P.preload / P.mass)
 
@@ -58,7 +58,7 @@ def pull(law, angle):
     ],
 )
 def test_a_flight_is_exact_to_its_last_digits(laws, cam, degrees, height):
-    """Duration and landing speed of a flight are exact to the rounding of the acceleration.
+    """Duration and landing speed of a flight are exact to rounding.
 
     The difference of two displacements would have an error of 1e-17 m. For the shortest flight
     this is an error of 1e-11 s.
@@ -140,7 +140,7 @@ TIMES = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0]
 
 @pytest.fixture(params=DAMPINGS.values(), ids=DAMPINGS.keys())
 def flight(request, follower):
-    """Return parameters and flight of a follower thrown up at 1.7 m/s from a lift of 31 mm."""
+    """Return parameters and flight of a follower thrown up at 1.7 m/s from 31 mm."""
     p = replace(follower, damping=request.param)
     return p, flight_from(p, 0.031, 1.7)
 
@@ -156,7 +156,7 @@ def exact(p, time):
 
 
 def test_state_against_fifty_digits(flight):
-    """Displacement and velocity are exact to 1e-12 of their first values for every damping.
+    """Displacement and velocity are exact to 1e-12 for every damping.
 
     The acceleration satisfies m ÿ + c ẏ + k y + preload = 0.
     """
@@ -170,7 +170,7 @@ def test_state_against_fifty_digits(flight):
 
 
 def test_a_weak_spring_is_exact(follower):
-    """A follower with almost no spring, which falls by its weight, is as exact as any other."""
+    """A follower that falls by its weight, almost without a spring, is as exact."""
     for stiffness in (1.0, 1e-3, 1e-6):
         soft = replace(follower, spring_stiffness=stiffness)
         y, v, _ = flight_from(soft, 0.031, 1.7).motion(np.array([0.1]))
@@ -188,14 +188,14 @@ DWELL = Law(
 
 
 def thrown(velocity, p, seconds):
-    """Return the events of an undamped follower thrown up from the dwell at a velocity (m/s)."""
+    """Return the events of an undamped follower thrown up at a velocity (m/s)."""
     trajectory = OneMassTrajectory(DWELL, p, Interval(0, round(seconds * NS), 1.2, 1e-3))
     trajectory.run(FollowerState(0.0, velocity, 0.0, in_contact=False, inner=(0.0, velocity)))
     return trajectory.events
 
 
 def bounces(velocity, p, count):
-    """Return times and impulses of the bounces in 50 digits, from tan(ω T/2) = v k/(ω F)."""
+    """Return times and impulses of bounces, from tan(ω T/2) = v k/(ω F)."""
     with mp.workdps(50):
         rate = mp.sqrt(mp.mpf(p.spring_stiffness) / mp.mpf(p.mass))
         time, v, series = mp.mpf(0), mp.mpf(velocity), []
@@ -229,7 +229,7 @@ def test_events_within_a_nanosecond():
 
 @pytest.mark.parametrize(("higher", "landed"), [(-1e-12, False), (1e-12, True)])
 def test_contact_at_a_joint(higher, landed):
-    """A flight lands on a peak at a joint if the peak is a picometre above the flight's top."""
+    """A flight lands on a peak at a joint that is a picometre above its top."""
     p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8)
     rate, speed = math.sqrt(p.spring_stiffness / p.mass), 30.0
     top, velocity = math.atan(0.3 * p.spring_stiffness / (rate * p.preload)) / rate, 0.3
@@ -267,7 +267,7 @@ def test_find_fall_returns_the_first_fall():
 
 
 def test_a_fall_from_a_value_within_rounding():
-    """A polynomial that starts within rounding of zero falls at once, or after it was positive."""
+    """A polynomial that starts within rounding of zero falls at once or later."""
     assert find_fall([-1e-13, -1.0], 1e-12) == 0.0
     assert find_fall([-1.0, 1.0], 1e-12) == 0.0
     rising = find_fall([-1e-13, 1.0, -1.0], 1e-12)
@@ -277,7 +277,7 @@ def test_a_fall_from_a_value_within_rounding():
 
 
 def test_a_root_next_to_zero_keeps_its_digits():
-    """A small root is exact to its last digits, because it is the duration of a short flight."""
+    """A small root, the duration of a short flight, is exact to its last digits."""
     for root in (1e-3, 1e-9, 1e-15):
         ordinates = bernstein.elevate(np.array([root, root - 1.0]), 26)
         assert polynomials.find_single_root(ordinates) == pytest.approx(root, rel=1e-14)

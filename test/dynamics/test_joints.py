@@ -1,4 +1,4 @@
-"""Simple-harmonic and arc cams: acceleration and force on both sides of a jump of s''."""
+"""Jumps of s'': acceleration and force on both sides, and very narrow segments."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def joints_of(law):
 
 
 def around(law, model, parameters, piece):
-    """Return acceleration and force at the last sample before and the first after a joint."""
+    """Return acceleration and force before and after a joint, and all rows."""
     joint = float(law.breaks[piece]) or TURN
     stamp = int(joint / SPEED * NS)
     interval = Interval(stamp - 2, stamp + 4, SPEED * (stamp - 2) / NS, SPEED)
@@ -64,7 +64,7 @@ def test_the_force_on_the_cam_jumps(jumping, follower, model):
 
 
 def test_a_stem_makes_the_jump_continuous(jumping, follower):
-    """On an elastic stem x is two orders smoother than s: acceleration and force are continuous."""
+    """On an elastic stem acceleration and force are continuous at a jump of s''."""
     for piece, left, right in joints_of(jumping):
         before, after, rows = around(jumping, "elastic_stem", follower, piece)
         ordinary = np.abs(np.diff(rows[3:5], axis=1)).max(axis=1)
@@ -90,7 +90,7 @@ def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
 
 @pytest.mark.parametrize(("model", "rpm"), [("one_mass", 600.0), ("two_mass", 900.0)])
 def test_lift_off_at_a_jump_of_the_force(harmonic, follower, model, rpm):
-    """A force that changes its sign at the start of the fall gives a lift-off at this joint.
+    """A force that jumps to a negative value at a joint gives a lift-off there.
 
     The force does not have a zero, only a change of sign.
     """
@@ -170,7 +170,7 @@ def test_adjacent_dwells_of_a_nanoradian(parameters, name):
 
 
 def test_a_rise_of_a_nanoradian_is_a_step(laws):
-    """The response of a stem to a rise over 1e-9 rad is that to a step, x = h (1 − cos Ωt)."""
+    """The response of a stem to a rise over 1e-9 rad is x = h (1 − cos Ωt)."""
     # The rise takes 1e-9/ω s, in which the phase of the stem advances by 2e-8 rad. This is the
     # tolerance. Velocities of 1e9 m/s and accelerations of 1e19 m/s² in the rise must not matter.
     follower, speed = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 1e5), 10.0

@@ -26,7 +26,7 @@ EPS = float(np.finfo(float).eps)
 
 @pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
 def test_one_call_over_all_turns(laws, follower, turns):
-    """Samples of one interval of many turns are on the law, to the rounding of the angle."""
+    """Samples of one interval of many turns are exact to the rounding of the angle."""
     # The angle of 1e5 turns, 6.3e5 rad, is rounded to eps times itself. The slope of the law
     # converts this to an error of the lift.
     law, rate = laws["poly345"], 7

@@ -25,7 +25,7 @@ from .helpers import MS, ONE, TWO, bumped, land, noisy, run_in_ticks, tick_borde
 
 
 def scanned(trajectory, samples, force_at):
-    """Scan a trajectory: return its number of events, lowest gap (m) and lowest force (N)."""
+    """Return number of events, lowest gap (m) and lowest force (N) by a fine scan."""
     gap, force, speed = 0.0, np.inf, trajectory.speed
     for phase in trajectory.phases:
         count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
@@ -73,7 +73,7 @@ MORE_NOISE = [
     [(two_masses, TWO, 5e-6, 0, 1), (one_mass, ONE, 5e-6, 1, 1), *MORE_NOISE],
 )
 def test_a_measured_law_with_noise(laws, run, p, amplitude, seed, turns):
-    """On 1440 noisy pieces the follower is never below the cam, and its force is never negative."""
+    """On 1440 noisy pieces neither gap nor contact force is negative."""
     law = noisy(laws["poly345"], 1440, amplitude, np.random.default_rng(seed))
     events, gap, force = run(law, p, 450.0, turns, 20_000)
     assert events > 50 or amplitude < 1e-6
@@ -100,7 +100,7 @@ PAPER = replace(TWO, restitution=0.5)
 
 
 def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
-    """Return the lowest gap (m) and the number of events of a ramp from a speed (rad/s) on."""
+    """Return lowest gap (m) and number of events of a ramp from a speed (rad/s) on."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
     rows, events, _ = run_in_ticks(
         law, model, p, whole, tick_borders(milliseconds * MS, total * MS)
@@ -143,7 +143,7 @@ def test_one_mass_lands_on_a_slope_at_the_end_of_a_tick(make_cam, milliseconds):
 
 @pytest.mark.parametrize("spring", [4030.0, 1.0, 0.1])
 def test_a_weak_spring_with_a_large_preload(laws, spring):
-    """A follower lands although its equilibrium is far below the cam, a kilometre for 0.1 N/m.
+    """A follower lands although its equilibrium is far below the cam.
 
     Samples are exact to 1e-9 of the distance to the equilibrium.
     """
@@ -173,7 +173,7 @@ speeds = st.floats(0.0, 1e3)
 
 @given(speeds, speeds, st.integers(1000, 10 * NS), st.floats(0.0, 1e4))
 def test_ends_of_a_ramp(before, after, length, angle):
-    """A ramp ends at its last speed, and its mean speed is the mean of first and last speed."""
+    """A ramp ends at its last speed, and its mean speed is that of the two ends."""
     ramp = Interval(5, 5 + length, angle, before, (after - before) * NS / length)
     top = max(before, after, 1e-300)
     assert ramp.speed_at(ramp.duration) == pytest.approx(after, abs=1e-12 * top)
@@ -190,7 +190,7 @@ def test_time_is_the_inverse_of_the_angle(before, after, part):
 
 
 def test_time_at_on_ramps_from_rest_and_to_rest():
-    """From rest θ = α t²/2, and an angle beyond the end of a ramp to rest is never reached."""
+    """From rest θ = α t²/2, and an angle beyond a ramp to rest is never reached."""
     start = Interval(0, NS, 0.0, 0.0, 8.0)
     assert start.time_at(4.0) == 1.0
     assert start.time_at(0.0) == 0.0
@@ -226,7 +226,7 @@ rates = st.integers(100, 1_000_000)
 
 @given(st.lists(times_ns, min_size=2, max_size=8, unique=True), rates)
 def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
-    """The first sample of an interval is the next after the last of the previous interval."""
+    """The first sample of an interval follows the last of the previous interval."""
     cuts = sorted(cuts)
     pairs = itertools.pairwise(cuts)
     grids = [Interval(a, b, 0.0, 1.0).grid(rate) for a, b in pairs]
@@ -239,7 +239,7 @@ def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
 
 @given(times_ns, st.integers(1, NS), rates)
 def test_samples_lie_inside(start, length, rate):
-    """The samples are the times k / rate in [start, stop), and the first has its exact offset."""
+    """The samples are the times k / rate in [start, stop), with an exact offset."""
     grid = Interval(start, start + length, 0.0, 1.0).grid(rate)
     low, high = Fraction(start, NS), Fraction(start + length, NS)
     assert grid.count >= 0

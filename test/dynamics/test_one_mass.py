@@ -1,4 +1,4 @@
-"""One mass on the cam: contact without flights, and changes of speed between intervals."""
+"""One mass: contact without flights, and changes of speed between intervals."""
 
 from dataclasses import replace
 

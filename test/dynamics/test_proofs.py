@@ -1,4 +1,4 @@
-"""Part 1 of docs/proofs.md over random laws and machines: the gap at events, and inequalities."""
+"""Part 1 of docs/proofs.md, tested with random laws and machines."""
 
 import math
 
@@ -61,7 +61,7 @@ def random_trajectory(law, model, rng):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_the_gap_is_zero_at_every_event(kind, model):
-    """A flight starts and lands on the cam and is never below it, also across velocity jumps."""
+    """A flight starts and lands on the cam and is never below it."""
     events = jumps_in_flight = 0
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
@@ -117,7 +117,7 @@ def random_machine(rng):
 
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_vibration_never_exceeds_its_share(kind):
-    """(4) bounds V and V̈, (8) proves F > ε_F; both are true at every sample, and both are used."""
+    """(4) bounds V and V̈, and (8) proves F > ε_F, at every sample."""
     closest, proven = 0.0, 0
     for seed in range(CASES):
         rng = np.random.default_rng(seed)
@@ -154,7 +154,7 @@ def test_a_vibration_never_exceeds_its_share(kind):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_proven_step_has_an_open_gap(kind, model):
-    """(5) bounds the gap's acceleration, so (2) or (3) accepts no step in which it closes."""
+    """By (5) the inequalities (2) and (3) accept no step in which the gap closes."""
     accepted = closed = 0
     for seed in range(CASES):
         rng = np.random.default_rng(seed)

@@ -52,7 +52,7 @@ LIFTS, DEGREES = between(1e-3, 0.05), st.integers(4, 9)
 
 @st.composite
 def laws(draw, lifts=LIFTS, degrees=DEGREES):
-    """Draw a periodic law of two to four Bézier pieces that starts and ends at rest at zero."""
+    """Draw a periodic law of two to four Bézier pieces, at rest at its ends."""
     count, degree, lift = draw(st.integers(2, 4)), draw(degrees), draw(lifts)
     unit = st.floats(0.0, 1.0)
     spans = np.array([draw(st.floats(0.5, 2.0)) for _ in range(count)])
@@ -92,13 +92,13 @@ def case(law, model, speed, last=1.0, count=23):
     stem=between(1e4, 1e9),
 )
 def test_residual(law, speed, mass, damping, spring, stem):
-    """Residual vibration is exact to 1e-12, with 1 to 1e6 rad of free vibration per turn."""
+    """Residual vibration is exact to 1e-12, with 1 to 1e6 rad of phase per turn."""
     problem = case(law, Oscillator(mass, damping, spring, stem), speed)
     assert rig.solve(problem).error(exact.solve(problem)) < 1e-12
 
 
 def assert_same_events(problem, result, expected, tolerance, max_distance):
-    """Assert that each expected event is found, and that further events are close to one of them.
+    """Assert that two solutions have the same events, or events close to each other.
 
     ``tolerance`` and ``max_distance`` are in s.
     """
@@ -127,7 +127,7 @@ def assert_same_events(problem, result, expected, tolerance, max_distance):
     restitution=st.sampled_from([0.0, 0.0, 0.3, 0.8]),
 )
 def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
-    """Contact and flights of one mass are exact to 1e-11, and plastic events to 1e-11 of a turn."""
+    """The motion of one mass is exact to 1e-11, and events to 1e-11 of a turn."""
     # A series of bounces ends with bounces of 1e-12 of the lift, whose times are exact to 1e-6.
     model = OneMass(mass, damping, spring, preload, restitution, 1e-12 * law.lift)
     problem = case(law, model, speed)
@@ -149,7 +149,7 @@ def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
     preload=between(1.0, 300.0),
 )
 def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
-    """The motion of two masses with plastic landings is exact to 1e-10, and events to 1e-8 s."""
+    """The motion of two masses is exact to 1e-10, and events to 1e-8 s."""
     # The time of a landing at 1e-6 m/s is exact to 1e-14 m of the gap divided by this speed.
     model = TwoMasses(mass * share, mass * (1.0 - share), stem, spring, *dampings, preload)
     problem = case(law, model, speed)
@@ -184,7 +184,7 @@ MASS, SPRING, DAMPING, PRELOAD = 1.3, 4030.0, 8.642, 30.6
 
 @pytest.fixture
 def digits(monkeypatch):
-    """Use 140 digits in the reference, because its powers of time lose 60 digits in a fast turn."""
+    """Use 140 digits in the reference, as powers of time lose 60 in a fast turn."""
     monkeypatch.setattr(exact, "DIGITS", 140)
 
 
@@ -201,7 +201,7 @@ class Riding(TwoMasses):
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_stem_at_any_speed(laws, cam, rpm):
-    """The motion on a stem is exact to 1e-12 of the lift from very low to very high speeds."""
+    """The motion on a stem is exact to 1e-12 of the lift at any speed."""
     # The slowest turn has 1e7 periods of the stem, and the fastest turn a hundredth of a period.
     problem = case(laws[cam], Oscillator(MASS, DAMPING, SPRING, 1.26e6), rpm * RPM)
     result, expected, lift = rig.solve(problem), exact.solve(problem), problem.law.lift
@@ -216,7 +216,7 @@ def test_a_stem_at_any_speed(laws, cam, rpm):
 @pytest.mark.parametrize("rpm", SPEEDS)
 @pytest.mark.parametrize(("masses", "limit"), [(1, 1e-12), (2, 1e-11)])
 def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
-    """The motion is exact to 1e-12, and events from 1e4 rpm on to 1e-11 of a turn or better."""
+    """The motion is exact to 1e-12, and events from 1e4 rpm on to 1e-11 of a turn."""
     model = judge = OneMass(MASS, DAMPING, SPRING, PRELOAD, 0.0, 1e-12 * laws[cam].lift)
     if masses == 2:
         numbers = 0.4 * MASS, 0.6 * MASS, 1e5, SPRING, DAMPING, DAMPING, PRELOAD
@@ -233,7 +233,7 @@ def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
 @pytest.mark.usefixtures("digits")
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_shaft_at_any_speed(laws, many_digits, rpm, monkeypatch):
-    """The twist is exact to 1e-11 of its peak at any speed, from the middle of the rise on."""
+    """The twist is exact to 1e-11 of its peak at any speed."""
     # At low speeds the run has a few periods of the shaft, otherwise one turn. The lift decreases
     # with the speed, because no shaft can move 50 mm at 1e5 rpm. The steps of the reference are at
     # most 1/200 turn, because its series does not converge for longer steps.

@@ -43,7 +43,7 @@ def ramp(request):
 @pytest.mark.variants(5)
 @pytest.mark.parametrize("name", ["poly345", "bezier15", "tm21"])
 def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
-    """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the contact force are exact to rounding."""
+    """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and force are exact to rounding."""
     law = laws[name]
     rows, _, state = run_in_ticks(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
     with mp.workdps(40):
@@ -62,7 +62,7 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
 
 
 def test_substitute_law_is_as_smooth_as_the_law(laws):
-    """The substitute law is the lift over time, and s, ṡ and s̈ are continuous as in the law."""
+    """The substitute law is the lift over time, as smooth as the law."""
     interval = RAMPS["up"]
     law, steady = substitute(laws["poly4567"], interval)
     assert (steady.angle, steady.acceleration) == (0.0, 0.0)
@@ -123,7 +123,7 @@ START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
 @pytest.mark.parametrize(("model", "p", "mass"), [("one_mass", ONE, 1.3), ("two_mass", CALM, 0.4)])
 @pytest.mark.parametrize("cuts", [[340], [99, 100, 101, 340], [100, 340], [50, 150, 340]])
 def test_an_impact_on_a_ramp(edge, model, p, mass, cuts):
-    """The impulse at a joint is m ω(t) Δs' with the speed there, also if a tick ends there."""
+    """The impulse at a joint is m ω(t) Δs' with the cam speed there."""
     events = run_in_ticks(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
     first = events[0]
     assert first.kind == "landing"

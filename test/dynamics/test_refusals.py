@@ -1,4 +1,4 @@
-"""Invalid inputs raise an error at once, with their name, their value and the limit."""
+"""Invalid inputs raise an error at once, with name, value and limit."""
 
 import itertools
 import math
@@ -53,7 +53,7 @@ def test_parameters(record, names, values, limit):
 
 
 def test_parameters_of_a_rig(rig, follower, paper_rig):
-    """Parameters are the numbers of the rig in SI, and a missing section raises an error."""
+    """Parameters are the numbers of the rig in SI. A missing section is an error."""
     for name in (field.name for field in fields(follower)):
         assert getattr(follower, name) == getattr(rig.follower, name).si
     with pytest.raises(ConfigError, match="shaft: is missing; needed by the model torsional"):
@@ -87,14 +87,14 @@ def test_the_largest_damping_ratio_is_ten(paper_rig):
 
 
 def test_contact_time_is_half_a_period(follower):
-    """The contact time of a mass on its stem is half a period, the first zero of sin(√(k/m) T)."""
+    """The contact time is half a period, the first zero of sin(√(k/m) T)."""
     rate = math.sqrt(follower.stem_stiffness / follower.mass)
     assert rate * follower.contact_time == pytest.approx(math.pi, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_speed_and_angle(laws, paper_rig, name):
-    """A speed that is not positive and finite, or an angle that is not finite, is an error."""
+    """Speeds must be positive and finite, and angles must be finite."""
     parameters = MODELS[name].parameters(paper_rig)
     speeds = [("speed", value) for value in (0.0, -10.0, NAN, INF)]
     for key, value in [*speeds, ("angle", NAN), ("angle", INF)]:
@@ -159,7 +159,7 @@ STARTS = [
 
 
 def test_start_of_a_vibration(laws):
-    """Invalid speed, angle or state at the start of a vibration is an error with its name."""
+    """An invalid speed, angle or state of a vibration is an error."""
     for speed, angle, start, message in STARTS:
         with pytest.raises(DynamicsError, match=message):
             motion(laws["poly345"], FOLLOWER, speed, angle, start, np.array([0.0, 0.1]))
@@ -202,7 +202,7 @@ INTERVALS = [
 
 
 def test_interval():
-    """An interval checks its stamps, angle, speed and acceleration, and the sample rate."""
+    """An interval checks its stamps, angles, speeds and the sample rate."""
     for numbers, message in INTERVALS:
         with pytest.raises(DynamicsError, match=message):
             Interval(*numbers)
@@ -220,7 +220,7 @@ TWISTS = [
 
 
 def test_a_twist(laws):
-    """Invalid numbers of a torsional motion are errors, and a run that diverges is an error."""
+    """Invalid numbers of a torsional motion and a diverging run are errors."""
     constant_speed = replace(SHAFT, flywheel_inertia=None)
     for state, (duration, ramp), message in TWISTS:
         with pytest.raises(DynamicsError, match=message):
@@ -232,7 +232,7 @@ def test_a_twist(laws):
 
 
 def test_a_law_whose_velocity_jumps(edge, paper_rig):
-    """Rigid models reject a velocity jump and name its angle, its size and other models."""
+    """Rigid models reject a velocity jump and name its angle and other models."""
     message = r"law 'edge': velocity jumps by 0.0318 m/rad at 60°, an infinite force in this model"
     intervals = Interval(0, NS, 0.0, 6.0), Interval(0, NS, 0.0, 0.0, 6.0)
     for name, interval in itertools.product(("kinetostatic", "torsional"), intervals):

@@ -1,4 +1,4 @@
-"""The division of a run into ticks and the number of turns before do not change its results."""
+"""Ticks and the number of turns before do not change the results of a run."""
 
 import itertools
 from dataclasses import replace
@@ -80,7 +80,7 @@ def strong_landings(events):
 
 @pytest.mark.parametrize(("cam", "name"), PAIRS)
 def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
-    """Ticks of 1 ms and 200 ms give the same rows to 1e-10 of their size, and the same landings.
+    """Ticks of 1 ms and 200 ms give the same rows to 1e-10, and the same landings.
 
     Bounces on a stiff stem enlarge rounding errors a thousand times and more, and rounding depends
     on the processor. If the last digit of the preload or of the stem stiffness changes a row by
@@ -108,7 +108,7 @@ def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
 
 
 def test_critical_damping_is_not_a_special_case(laws):
-    """Events at critical damping of the closing spring are those at slightly different damping.
+    """Events at critical damping are those at slightly different damping.
 
     The matrix then has one shape for two modes, and the equilibrium of a weak spring is far away.
     """
@@ -126,7 +126,7 @@ def test_critical_damping_is_not_a_special_case(laws):
 
 
 def test_a_force_of_zero_at_the_start_of_a_phase(laws):
-    """A force within rounding of zero at the start of a phase does not give endless events."""
+    """A force of zero at the start of a phase does not give endless events."""
     mass, share, stem, spring = 1.3, 0.3, 37085.62382270041, 0.039389330736387895
     for critical in (spring * mass, spring * mass * 0.7, (stem + spring) * mass * 0.7):
         damping, preload = 2.0 * np.sqrt(critical), 0.2726594001662999
@@ -159,7 +159,7 @@ def whole(laws, follower):
 
 
 def test_intervals_shorter_than_a_sample(laws, follower, whole):
-    """Intervals of 40 µs lose no sample and no event, although most contain no sample (125 µs)."""
+    """Intervals of 40 µs, most of them without a sample, lose no sample and no event."""
     first = whole.events[1].time + 0.01
     cuts = [0, *range(20 * MS, round(first * NS), 40_000)]
     cut = jumping(laws, follower, cuts)
@@ -184,7 +184,7 @@ def test_each_impulse_appears_once(laws, follower, inner, restitution):
 
 
 def test_events_and_impulses_are_in_order(whole):
-    """Lift-offs and landings alternate, and each impulse is at the first sample after its event."""
+    """Lift-offs and landings alternate, and impulses are at the next sample."""
     kinds = [event.kind for event in whole.events]
     assert kinds[0] == "lift-off"
     assert all(a != b for a, b in itertools.pairwise(kinds))
@@ -213,7 +213,7 @@ LATE = {
 
 
 def run_late(law, model, p, total, tick, turns=0, acceleration=0.0):
-    """Return rows, events since the start and last state of a run that starts after ``turns``."""
+    """Return rows, events and last state of a run that starts after ``turns``."""
     start = turns * PERIOD
     late = Interval(start, start + total, 0.0, SPEED, acceleration, turns)
     rows, events, state = run_in_ticks(law, model, p, late, tick_borders(tick, total), RATE)
@@ -222,7 +222,7 @@ def run_late(law, model, p, total, tick, turns=0, acceleration=0.0):
 
 
 def assert_same_late(late_run, expected, turns):
-    """Assert that samples and events of two runs agree to 1e-10, and times to the late clock."""
+    """Assert that two runs agree to 1e-10, and times to the rounding of the clock."""
     rows, events, state = late_run
     size, clock = np.abs(expected[0]).max(axis=1), 1e-12 + np.spacing(turns * PERIOD / NS)
     assert (np.abs(rows - expected[0])[1:].max(axis=1) <= 1e-10 * size[1:]).all()
@@ -244,7 +244,7 @@ def late_case(rig, name):
 
 @pytest.mark.parametrize("name", LATE)
 def test_late_turns_equal_the_first(laws, paper_rig, name):
-    """A run after up to 1e7 turns equals a run from the start, for ticks of different duration.
+    """A run after up to 1e7 turns equals a run from the start.
 
     The angle of 1e7 turns in one number would have a rounding error of 7e-9 rad.
     """
@@ -259,7 +259,7 @@ def test_late_turns_equal_the_first(laws, paper_rig, name):
 
 
 def test_contact_continues_over_late_borders(laws):
-    """After 1e4 turns there is no event at the borders of ticks if the force is positive.
+    """After 1e4 turns borders of ticks give no events while the force is positive.
 
     This is also true if angle and turns are one number with a rounding error of 1e-11 rad.
     """

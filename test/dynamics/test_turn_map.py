@@ -1,4 +1,4 @@
-"""The map of a turn agrees with the models and contracts, for any law, follower and speed."""
+"""The map of a turn agrees with the models and contracts."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ from .test_compiled import bumpy
 
 
 def random_map(laws, seed, fastest=900.0):
-    """Return the map of a random law, one mass and speed, and the generator of random numbers."""
+    """Return the map of a random law, one mass and speed, and the generator."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
     law = laws[names[int(rng.integers(len(names)))]]
@@ -39,7 +39,7 @@ def random_map(laws, seed, fastest=900.0):
 
 
 def random_two(laws, seed):
-    """Return the map of a random law, two masses and speed, and the generator of random numbers."""
+    """Return the map of a random law, two masses and speed, and the generator."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
     p = TwoMassParameters(
@@ -81,7 +81,7 @@ def test_a_turn_has_the_landings_of_the_model(laws, seed):
 @pytest.mark.parametrize("seed", range(175))
 @pytest.mark.parametrize(("draw", "turns"), [(random_map, 30), (random_two, 12)])
 def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
-    """The growths of a turn without contact add up to 2 n ln r − (sum of c/m) T, to 1e-9.
+    """The growths of a turn without contact add up to 2 n ln r − (sum of c/m) T.
 
     After contact the state of one mass does not depend on its start. For two masses two growths are
     −∞. If they are on the cam throughout, the other two add up to −(c₁ + c₂) T/m₂.
@@ -116,7 +116,7 @@ def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
     ("draw", "rtol", "atol"), [(random_map, 1e-13, 0.0), (random_two, 1e-9, 1e-12)]
 )
 def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed, draw, rtol, atol):
-    """Both backends give equal states. Logarithms and products may differ in the last digits."""
+    """Both backends give equal states, and logarithms to the last digits."""
     runs = []
     for form in (PLAIN, COMPILED):
         monkeypatch.setenv(VARIABLE, form)
@@ -131,7 +131,7 @@ def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed, draw, rtol,
 @pytest.mark.parametrize("seed", range(80))
 @pytest.mark.parametrize(("draw", "limit"), [(random_map, 1e-10), (random_two, 1e-9)])
 def test_single_turns_equal_a_run(laws, seed, draw, limit):
-    """A turn from the end of a turn equals the next turn, to rounding times the derivative."""
+    """A turn from the end of a turn is the next, to rounding times the derivative."""
     turn_map, _ = draw(laws, seed)
     if turn_map.law.spans.size > 1000:
         pytest.skip("hundreds of bounces on a noisy cam enlarge rounding errors to 1e100")
@@ -146,7 +146,7 @@ def test_single_turns_equal_a_run(laws, seed, draw, limit):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(60))
 def test_derivatives_are_differences(laws, seed):
-    """Derivatives agree with differences of fourth order, if each landing stays on its piece."""
+    """Derivatives agree with differences of fourth order."""
     turn_map, _ = random_map(laws, seed)
     start = turn_map.run(10).states[-1]
     if not start.any() or turn_map.law.spans.size > 1000:
@@ -173,7 +173,7 @@ def test_a_period_on_the_cam_has_no_memory(laws):
 
 
 def test_a_follower_that_never_lands():
-    """A follower without preload and almost without spring flies forever at constant velocity."""
+    """A follower without preload and with almost no spring flies forever."""
     p = replace(ONE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
     law = Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
     run = StroboscopicMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Velocity jumps: impacts at upward jumps, lift-offs at downward jumps, and their intervals."""
+"""Velocity jumps: impacts at upward jumps, lift-offs at downward jumps."""
 
 import dataclasses
 import itertools
@@ -44,7 +44,7 @@ ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
 
 
 def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
-    """Run a model in ticks, with ``nudge`` (rad) added to the angle of every second tick."""
+    """Run a model in ticks, with ``nudge`` (rad) added to every second angle."""
     return run_in_ticks(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
 
 
@@ -94,7 +94,7 @@ def test_the_duration_of_ticks_does_not_matter(edge, model, p, tolerance, whole)
     ("model", "p"), [("one_mass", ONE), ("two_mass", CALM), ("elastic_stem", ONE)]
 )
 def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
-    """Ticks that end at joints, with angles that differ by rounding, give the same run."""
+    """Ticks that end at joints, with rounded angles, give the same run."""
     expected = run(model, edge, p, [0, 550 * MS])
     columns = off_joints(edge, expected[0][0] * SPEED)
     for nudge in (-1e-13, -1e-15, 0.0, 1e-15, 1e-13):
@@ -104,7 +104,7 @@ def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
 
 @pytest.mark.parametrize("stem", [1e5, 3.3e8])
 def test_stem_against_fifty_digits(edge, stem):
-    """On a stem x and ẋ are continuous at joints, as in a solution by pieces in 50 digits."""
+    """On a stem x and ẋ are continuous at joints, in agreement with 50 digits."""
     p, grid = dataclasses.replace(ONE, stem_stiffness=stem), np.arange(20) * 0.06
     times = np.sort(np.append(np.random.default_rng(8).uniform(0.0, 1.2, 40), grid[1:]))
     model = Oscillator(p.mass, p.damping, p.spring_stiffness, stem)
@@ -120,7 +120,7 @@ def test_stem_against_fifty_digits(edge, stem):
 
 
 def test_the_periodic_state_returns_after_a_turn(edge):
-    """The periodic state with jumps returns after a turn, and a damped run converges to it."""
+    """The periodic state returns after one turn, and a damped run converges to it."""
     p = dataclasses.replace(ONE, stem_stiffness=1e5, damping=200.0)
     model = response(edge, p, SPEED)
     start = model.periodic()
@@ -132,7 +132,7 @@ def test_the_periodic_state_returns_after_a_turn(edge):
 
 @pytest.mark.parametrize("stop", [0.6 * 7, 0.6 * 7 + 0.23])
 def test_many_turns_in_one_interval(stop):
-    """Seven turns at once or in ticks, with a velocity jump at θ = 0, end in the same state."""
+    """Seven turns with a jump at θ = 0, at once or in ticks, end in the same state."""
     saw = Law("saw", np.array([0.0, 2.0, TURN]), LIFT * np.array([[0.0, 1.0], [1.0, 0.0]]))
     total = round(stop * NS)
     _, _, whole = run("elastic_stem", saw, ONE, [0, total])
@@ -146,7 +146,7 @@ def test_many_turns_in_one_interval(stop):
 
 
 def test_velocity_jumps_of_a_law(edge, laws):
-    """A law reports the joints and steps of its velocity jumps, and smooth laws report no jumps."""
+    """A law reports joints and steps of its velocity jumps."""
     assert edge.velocity_jumps == pytest.approx({1: STEP, 2: -STEP, 3: -STEP, 4: STEP})
     cornered = {name for name, law in laws.items() if law.velocity_jumps}
     assert cornered == {"worked_example_constant_velocity"}
@@ -169,7 +169,7 @@ def test_velocity_jumps_are_in_order_over_turns(edge):
 
 
 def test_one_interval_contains_a_joint():
-    """The later of two intervals that meet near a joint contains it, whatever the rounding."""
+    """The later of two intervals contains their joint, whatever the rounding."""
     saw = Law("saw", np.array([0.0, 1.0, 3.0, 5.0, TURN]), np.array([[0.0, 1, 0, 1], [1, 0, 1, 0]]))
     shifts, gaps = (-1e-13, -1e-15, 0.0, 1e-15, 1e-13, 3e-10), (-1e-13, 0.0, 1e-13)
     for turn, joint, shift, gap in itertools.product((0, 1, 1000), (0, 1, 3), shifts, gaps):
@@ -191,7 +191,7 @@ def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
 
 
 def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
-    """The end of an interval at a joint, on either side by rounding, is moved to before it."""
+    """The end of an interval at a joint is moved to before it, despite rounding."""
     for shift in (-1e-12, 0.0, 1e-12):
         for joint in (60.0, 420.0):
             angle = short_of_velocity_jump(edge, math.radians(joint) + shift)

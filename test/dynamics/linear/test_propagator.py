@@ -52,7 +52,7 @@ def by_exponential(matrix, forcing, duration, start, time):
 @pytest.mark.parametrize("degree", [0, 5, 15])
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_random_stable_system(exact, n, degree):
-    """States in a piece of a few time constants are exact to 1e-11 of the largest state."""
+    """States in a piece of a few time constants are exact to 1e-11 of their maximum."""
     rng = np.random.default_rng(10 * n + degree)
     matrix = rng.normal(size=(n, n))
     matrix -= (np.linalg.eigvals(matrix).real.max() + 0.5) * np.eye(n)  # all modes decay
@@ -82,7 +82,7 @@ SPECIAL = {
 
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_matrices(exact, name):
-    """Matrices without eigenvectors or without a restoring force are as exact as others."""
+    """Defective matrices and matrices without a restoring force are as exact."""
     matrix, seed, count, start, durations = SPECIAL[name]
     matrix, start = np.array(matrix), np.array(start)
     forcing = np.random.default_rng(seed).normal(size=(start.size, count))
@@ -112,7 +112,7 @@ class Vibration(Oscillator):
 
 
 def errors(reference, law, model, speed, turns=1):
-    """Return the largest errors of (r, ṙ) in comparison with 50 digits, as relative errors."""
+    """Return the largest relative errors of (r, ṙ) in comparison with 50 digits."""
     case = Case("edge", "edge", law, model, speed, turns, turns, output_times(speed, turns, 29))
     wanted = reference.solution(case, many_digits_of.solve)
     numbers = [float(x) for x in vars(model).values()]
@@ -140,7 +140,7 @@ def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
 @pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
 def test_a_critically_damped_stem(laws, many_digits, off, speed):
-    """Critical damping c = 2√(km) with two rates of 64 1/s, and damping near it, are exact."""
+    """Critical damping, with two rates of 64 1/s, and damping near it are exact."""
     # The reference differs from critical damping by 1e-22, because it uses eigenvectors.
     with mp.workdps(60):
         damping = mp.mpf(128.0 * (1.0 + off)) * (1 + mp.mpf(10) ** -22)

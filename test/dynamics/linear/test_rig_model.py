@@ -1,4 +1,4 @@
-"""The linear model of a rig in comparison with closed forms and with the exact propagator."""
+"""The linear model of a rig, against closed forms and the exact propagator."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def closed_form(rig, model, w):
 
 @pytest.mark.parametrize("model", rig_model.MODELS)
 def test_the_frequency_response_is_the_closed_form(model):
-    """All outputs agree with closed forms, with velocity jω x and acceleration (jω)² x."""
+    """All outputs agree with closed forms, such as velocity jω x."""
     for rig in rigs(20):
         x, velocity, acceleration, force = rig.frequency_response(W, model)
         exact_x, exact_force = closed_form(rig, model, W)
@@ -60,7 +60,7 @@ def test_the_frequency_response_is_the_closed_form(model):
 
 
 def test_the_state_space_converges_to_the_model():
-    """The error of scipy's lsim, which interpolates its input, decreases with its time step."""
+    """The error of scipy's lsim decreases with its time step."""
     rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig, speed = rig.replace(stem_stiffness="40 N/mm"), 30.0
     system = rig.state_space()

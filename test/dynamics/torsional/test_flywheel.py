@@ -1,4 +1,4 @@
-"""A flywheel of finite inertia: momentum, energy, closed forms, and the limit of eq. 10."""
+"""A flywheel of finite inertia: momentum, energy, closed forms and limits."""
 
 import dataclasses
 import math
@@ -39,7 +39,7 @@ def momentum(motion, time):
 
 @pytest.mark.variants(3)
 def test_balance_of_angular_momentum(law, shaft):
-    """The momentum of both inertias changes by the motor torque less the follower torque F s'."""
+    """The momentum changes by the motor torque less the follower torque F s'."""
     p = dataclasses.replace(shaft, motor_torque=2.0)
     start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
     motion = solve(law, p, start, 0.0, 1.7 * TURN / SPEED)
@@ -54,7 +54,7 @@ def test_balance_of_angular_momentum(law, shaft):
 
 
 def test_two_inertias_and_a_motor(shaft):
-    """Without lift the motor torque increases the momentum, and ψ swings about −T/(k I_v μ)."""
+    """Without lift the momentum increases, and ψ oscillates about −T/(k I_v μ)."""
     disc = Law("round", np.array([0.0, TURN]), np.zeros((1, 1)))
     p = dataclasses.replace(shaft, shaft_damping=0.0, flywheel_inertia=0.05, motor_torque=7.0)
     times = np.linspace(0.0, 0.2, 300)
@@ -72,7 +72,7 @@ def test_two_inertias_and_a_motor(shaft):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(6))
 def test_the_steady_state_returns_after_a_turn(laws, seed):
-    """On random rigs the state returns, and the work of the motor equals that of the dampers."""
+    """The state returns, and the work of the motor equals that of the dampers."""
     rng = np.random.default_rng(seed)
     law = laws[["poly345", "tm21", "bezier15", "cycloidal", "poly4567", "modified_sine"][seed]]
     inertia, flywheel = 10.0 ** rng.uniform(-2.5, -1.0), 10.0 ** rng.uniform(-2.0, 4.0)
@@ -111,7 +111,7 @@ def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
 
 
 def by_energy(law, p, motion, times):
-    """Return the cam speed (rad/s) of a rigid shaft without damping, from the constant energy.
+    """Return the cam speed (rad/s) of an undamped rigid shaft from its energy.
 
     ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E at the first time.
     """
@@ -128,7 +128,7 @@ def by_energy(law, p, motion, times):
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )
 def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffness, error):
-    """Shaft and cam are one body if the shaft is rigid or the flywheel has almost no inertia."""
+    """A rigid shaft or almost no flywheel makes one body, whose energy is constant."""
     follower = dataclasses.replace(shaft.follower, damping=0.0)
     p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
     law, times = laws["poly4567"], np.linspace(0.0, TURN / SPEED, 300)
@@ -148,7 +148,7 @@ def test_a_run_may_start_at_any_angle(laws, shaft):
 
 
 def test_a_ramp_follows_the_drive_and_a_new_speed_is_steady(laws, shaft):
-    """On a ramp the drive sets the flywheel, as in eq. 10, and after it the motion is steady."""
+    """On a ramp the drive sets the flywheel, and after it the motion is steady."""
     law, advance = laws["poly345"], MODELS["torsional"].advance
     ramp = Interval(0, 100 * MS, 0.0, 0.0, 10.0 * SPEED)
     driven = dataclasses.replace(shaft, flywheel_inertia=None)

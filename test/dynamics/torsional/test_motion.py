@@ -1,4 +1,4 @@
-"""Torsional vibration: equation of motion, periodic states, limits, and 40-digit arithmetic."""
+"""Torsional vibration: equation of motion, periodic states, limits, 40 digits."""
 
 import dataclasses
 import math
@@ -33,7 +33,7 @@ def damped(follower):
 
 
 def test_windows_end_at_joints(laws, damped):
-    """Windows end when the cam, not the flywheel, is at a joint, where s'' and θ̈_c jump.
+    """Windows end when the cam, not the flywheel, is at a joint.
 
     The jump is (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are continuous.
     """
@@ -56,7 +56,7 @@ def test_windows_end_at_joints(laws, damped):
 @pytest.mark.variants(6)
 @pytest.mark.parametrize(("ramp", "inertia"), [(0.0, None), (80.0, None), (0.0, 0.05)])
 def test_rows_satisfy_the_equation(law, damped, ramp, inertia):
-    """Rates are derivatives, and θ̈_c satisfies eq. 10, also on a ramp and with a flywheel."""
+    """Rates are derivatives, and θ̈_c satisfies eq. 10, also on a ramp."""
     damped = dataclasses.replace(damped, flywheel_inertia=inertia)
     motion = solve(law, damped, REST, 2.0, 0.2, ramp)
     times, h = np.linspace(2.001, 2.199, 333), 1e-6
@@ -98,7 +98,7 @@ def test_periodic_state_returns(law, damped, speed):
 
 
 def test_resonance_has_no_periodic_state(laws, follower):
-    """An undamped shaft with whole periods per turn on a flat cam, and speed 0, are errors."""
+    """An undamped shaft with whole periods per turn, and speed 0, are errors."""
     base = laws["poly345"]
     undamped = dataclasses.replace(follower, damping=0.0)
     p = TorsionalParameters(undamped, 0.02, 0.02 * (5 * SLOW) ** 2)
@@ -134,7 +134,7 @@ TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
     ("speed", "ramp", "duration"), [(0.0, 60.0, 0.5), (20.0, 100.0, 0.3), (45.0, -120.0, 0.37)]
 )
 def test_a_ramp_against_forty_digits(laws, many_digits, name, speed, ramp, duration):
-    """The twist on ramps from rest, upwards and almost to rest is exact to 1e-12 of its peak."""
+    """The twist on a ramp is exact to 1e-12 of its peak."""
     times = np.linspace(0.0, duration, 24)[1:]
     law = laws[name]
     inputs = (law.breaks, law.ordinates, speed, ramp, times, list(vars(TWIST).values()))
