@@ -154,7 +154,7 @@ def test_a_vibration_never_exceeds_its_share(kind):
 @pytest.mark.parametrize("model", ["one_mass", "two_mass"])
 @pytest.mark.parametrize("kind", ["straight", "smooth"])
 def test_a_proven_step_has_an_open_gap(kind, model):
-    """By (5) the inequalities (2) and (3) accept no step in which the gap closes."""
+    """(2) and (3) accept no step in which the gap closes, because of the bound (5)."""
     accepted = closed = 0
     for seed in range(CASES):
         rng = np.random.default_rng(seed)
