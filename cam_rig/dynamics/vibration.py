@@ -322,8 +322,8 @@ MIN_RATE_DIFFERENCE = 1e-7
 def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
     """Return the amplitude of the free vibration of the output at a cam angle (rad).
 
-    It is the sum of |a| times the weight of the output over Σ a (1, λ) e^{λt} = (η, η̇), with the
-    two rates λ, complex or real. The run is in steady state at ``speed`` rad/s.
+    The run is in steady state at ``speed`` rad/s. The vibration is (η, η̇) = Σ a (1, λ) e^{λt} with
+    two rates λ, complex or real. The amplitude of the output p η + q η̇ is Σ |a (p + q λ)|.
     """
     mode, (displacement, velocity) = run.mode, run.steady(speed, angle)
     p, q = mode.per_displacement, mode.per_velocity
