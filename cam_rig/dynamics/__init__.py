@@ -1,4 +1,4 @@
-"""Motion of the follower: one model per name, all with the same ``advance``."""
+"""Motion of the follower: models by name, with a common function ``advance``."""
 
 from __future__ import annotations
 
@@ -28,10 +28,22 @@ from cam_rig.schema import RigConfig
 
 @dataclass(frozen=True)
 class Model:
-    """A follower model: what it takes from a rig, how it passes through an interval, which laws.
+    """Follower model.
 
-    ``require`` raises a `DynamicsError` for a law that it cannot take. One that never ``lifts_off``
-    holds the follower on the cam, with a negative contact force where contact would be lost.
+    Parameters
+    ----------
+    parameters : callable
+        Function that returns the parameters of a rig. It raises a `ConfigError` if the rig does not
+        have a number that the model needs.
+    advance : callable
+        Function of law, parameters, state (None: at the start of a run), interval and sample rate
+        (Hz). It returns the state at the end of the interval, and the block of its samples.
+    require : callable
+        Function that raises a `DynamicsError` for a law that the model cannot solve (default: every
+        law is allowed).
+    lifts_off : bool
+        True if the follower can leave the cam. A model that is False keeps the follower on the cam,
+        with a negative contact force if contact would be lost (default: False).
     """
 
     parameters: Callable[[RigConfig], Any]
@@ -54,6 +66,7 @@ def _two_mass(rig: RigConfig) -> TwoMassParameters:
     return TwoMassParameters.from_rig(rig)
 
 
+#: Follower models by the name in scene files and commands.
 MODELS: dict[str, Model] = {
     "kinetostatic": Model(FollowerParameters.from_rig, kinetostatic.advance, require_smooth),
     "one_mass": Model(_one_mass, one_mass.advance, lifts_off=True),

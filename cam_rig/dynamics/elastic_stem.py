@@ -1,12 +1,18 @@
-"""Residual vibration: the follower as a mass on its elastic stem (eq. 5 of the paper).
+"""Model `elastic_stem`: residual vibration of a mass on its stem (paper, eq. 5).
 
-m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s(θ): one degree of freedom, always in contact.
+The model has one degree of freedom and is always in contact:
 
-The model's state is the vibration r = x − α s about the static share α = k_stem/(k_spring + k_stem)
-of the lift: m r̈ + c ṙ + (k_spring + k_stem) r = −α (m s̈ + c ṡ). In x itself the rounding of the
-lift, times a stem of 3.3e8 N/m, would drown acceleration and force.
+    m ẍ + c ẋ + (k_spring + k_stem) x = k_stem s(θ)
 
-Where the law's velocity jumps by Δs' the stem only bends: x and ẋ go on, so ṙ jumps by −α ω Δs'.
+Its state is the vibration r = x − α s about the static part α = k_stem/(k_spring + k_stem) of the
+lift:
+
+    m r̈ + c ṙ + (k_spring + k_stem) r = −α (m s̈ + c ṡ)
+
+If the state were x, the rounding of the lift times a stem stiffness of 3.3e8 N/m would exceed the
+vibration in acceleration and force.
+
+A velocity jump Δs' of the law changes neither x nor ẋ, so ṙ jumps by −α ω Δs'.
 """
 
 from __future__ import annotations
@@ -24,7 +30,7 @@ from cam_rig.laws import Law
 
 @lru_cache(maxsize=64)
 def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearResponse:
-    """The model at one speed (rad/s); its state is (r, ṙ) in m and m/s."""
+    """Return the linear model at a speed (rad/s), with the state (r, ṙ), m and m/s."""
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass
@@ -35,7 +41,7 @@ def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearRe
 
 @lru_cache(maxsize=64)
 def outputs(parameters: FollowerParameters) -> Outputs:
-    """Rows displacement x, velocity, acceleration and contact force (stem and preload)."""
+    """Return the outputs x, ẋ, ẍ and contact force (stem and preload), in SI units."""
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass
@@ -60,16 +66,19 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval; where ṡ gains ``step`` m/s, x and ẋ go on."""
+    """Return the state at the end of an interval, and its block of samples.
+
+    A step of ṡ (m/s) before the interval changes neither x nor ẋ.
+    """
     model = response(law, parameters, interval.speed)
     start = np.zeros(2) if state is None else state_of(state.inner, 2)
     if step != 0.0:
         start = start + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
-    out, apart = outputs(parameters), 1.0 / sample_rate
+    out, period = outputs(parameters), 1.0 / sample_rate
     rows = grid.open_rows()
-    sample(model, start, interval.angle, grid.offset, apart, grid.count, out, rows[1:5])
-    end, shown = end_of(model, start, interval.angle, interval.duration, out)
-    x, v, _, force = shown.tolist()
+    sample(model, start, interval.angle, grid.offset, period, grid.count, out, rows[1:5])
+    end, end_outputs = end_of(model, start, interval.angle, interval.duration, out)
+    x, v, _, force = end_outputs.tolist()
     inner = tuple(end.tolist())
     return FollowerState(x, v, force, in_contact=True, inner=inner), Block(interval, rows)

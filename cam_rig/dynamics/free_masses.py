@@ -1,4 +1,7 @@
-"""The two masses in the air, as the stretch of the stem and the centre of mass."""
+"""Two-mass follower: parameters, linear model in contact, motion in flight.
+
+In flight the state is the stretch of the stem and the centre of mass.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +18,57 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-#: What two masses need of a rig beside what one needs, and what is said where it is missing.
+#: Numbers of a rig's follower that the two-mass model needs and the one-mass model does not.
 NEEDED = ("roller_share", "stem_stiffness", "stem_damping")
-
-BY, ONE_MASS = "two masses (the model two_mass)", "take one mass (the model one_mass)"
+#: Name of the two-mass model in the error message for a missing number.
+BY = "two masses (the model two_mass)"
+#: Remedy in the error message for a missing number.
+ONE_MASS = "take one mass (the model one_mass)"
 
 
 @dataclass(frozen=True)
 class TwoMassParameters:
-    """The two-mass follower of eq. 14-19: a roller mass and an end mass, joined by the stem."""
+    """Two-mass follower (eq. 14-19): roller mass and end mass, joined by the stem.
+
+    Whole numbers are converted to floats.
+
+    Parameters
+    ----------
+    roller_mass : float
+        m₁, mass on the cam, kg, > 0.
+    end_mass : float
+        m₂, mass at the other end of the stem, kg, > 0.
+    stem_stiffness : float
+        k₁, N/m, > 0.
+    spring_stiffness : float
+        k₂, stiffness of the closing spring, N/m, > 0.
+    stem_damping : float
+        c₁, damping in the stem, N·s/m, ≥ 0.
+    damping : float
+        c₂, damping between end mass and ground, N·s/m, ≥ 0.
+    preload : float
+        Force of the closing spring at zero lift, N, ≥ 0.
+    restitution : float, optional
+        Newton's coefficient of a landing of the roller mass, in [0, 1). 0 is a plastic landing
+        (default), None if the rig file does not contain it.
+
+    Raises
+    ------
+    DynamicsError
+        If a number is not finite or outside its limits.
+
+    References
+    ----------
+    Paper, eq. 14-19. There k₁ is the stem and k₂ the closing spring, as here.
+    """
 
     roller_mass: float  #: m₁, kg
     end_mass: float  #: m₂, kg
     stem_stiffness: float  #: k₁, N/m
     spring_stiffness: float  #: k₂, N/m
-    stem_damping: float  #: c₁, in the stem, N·s/m
-    damping: float  #: c₂, end mass to ground, N·s/m
-    preload: float  #: N, of the closing spring at zero lift
-    #: Newton's coefficient of a landing of the roller mass; None if not told
+    stem_damping: float  #: c₁, N·s/m
+    damping: float  #: c₂, N·s/m
+    preload: float  #: N
     restitution: float | None = 0.0
 
     def __post_init__(self) -> None:
@@ -40,17 +76,21 @@ class TwoMassParameters:
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:
-        """Take the numbers of a rig file that has a stem and says how the mass is split.
+        """Return the parameters of a rig.
+
+        The roller mass is the fraction ``roller_share`` of the mass of the follower.
 
         Raises
         ------
-        ConfigError : no stem, or no split of the mass
-        DynamicsError : a damping ratio above `MAX_DAMPING_RATIO`
+        ConfigError
+            If the rig does not have a stem, or does not state how the mass is split.
+        DynamicsError
+            If a damping ratio is above `MAX_DAMPING_RATIO`.
         """
         follower = rig.follower
         share, stem, stem_damping = (rig.need(key, BY, ONE_MASS).si for key in NEEDED)
         roller = follower.mass.si * share
-        found = cls(
+        parameters = cls(
             roller_mass=roller,
             end_mass=follower.mass.si - roller,
             stem_stiffness=stem,
@@ -60,19 +100,20 @@ class TwoMassParameters:
             preload=follower.preload.si,
             restitution=si_or_none(follower.restitution),
         )
-        if found.damping_ratio > MAX_DAMPING_RATIO:
-            most = (found.stem_damping + found.damping) * MAX_DAMPING_RATIO / found.damping_ratio
+        damping, ratio = parameters.damping, parameters.damping_ratio
+        if ratio > MAX_DAMPING_RATIO:
+            limit = (parameters.stem_damping + damping) * MAX_DAMPING_RATIO / ratio
             raise DynamicsError(
                 f"rig {rig.name}: stem_damping {stem_damping:.4g} N*s/m and damping "
-                f"{found.damping:.4g} N*s/m are {found.damping_ratio:.3g} times what is critical "
+                f"{damping:.4g} N*s/m are {ratio:.3g} times what is critical "
                 f"for the end mass on its stem; allowed: {MAX_DAMPING_RATIO:g} times, together "
-                f"{most:.3g} N*s/m; a stem that is damped more is rigid, so {ONE_MASS}"
+                f"{limit:.3g} N*s/m; a stem that is damped more is rigid, so {ONE_MASS}"
             )
-        return found
+        return parameters
 
     @cached_property
     def damping_ratio(self) -> float:
-        """Of the end mass, by both dampers, while the roller is held."""
+        """Damping ratio of the end mass with both dampers, while the roller does not move."""
         both = self.stem_damping + self.damping
         return 0.5 * both / float(np.sqrt(self.stiffness * self.end_mass))
 
@@ -83,16 +124,19 @@ class TwoMassParameters:
 
     @cached_property
     def share(self) -> float:
-        """α, the static share of the lift that the end mass follows."""
+        """Static fraction α = k₁/(k₁ + k₂) of the lift that the end mass follows."""
         return self.stem_stiffness / self.stiffness
 
     def static_place(self, cam: FloatArray) -> FloatArray:
-        """(y, ẏ) without vibration where s and ṡ are the first two rows of ``cam``."""
+        """Return (y, ẏ) of the end mass without vibration, ``(2, n)``.
+
+        The first two rows of ``cam`` are s (m) and ṡ (m/s).
+        """
         return np.stack([self.share * cam[0] - self.preload / self.stiffness, self.share * cam[1]])
 
     @cached_property
     def inner_matrix(self) -> FloatArray:
-        """A of flight in (w, ẇ, Y, Ẏ), as in `free_masses`."""
+        """Matrix A of the flight in (w, ẇ, Y, Ẏ), as in `free_masses`, ``(4, 4)``."""
         m1, m2 = self.roller_mass, self.end_mass
         total, both = m1 + m2, 1.0 / m1 + 1.0 / m2
         share, end = m1 / total, 1.0 / m2
@@ -105,7 +149,11 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """The end mass while the roller is in contact, which a jump of s' may end; state (η, η̇)."""
+    """Return the linear model of the end mass during contact, at a speed (rad/s).
+
+    The state is the vibration (η, η̇) about the static position. A velocity jump does not act on
+    the state here, because it may end the contact.
+    """
     p, damping = parameters, parameters.stem_damping + parameters.damping
     matrix = np.array([[0.0, 1.0], [-p.stiffness / p.end_mass, -damping / p.end_mass]])
     drive = np.zeros((2, 3))
@@ -115,37 +163,43 @@ def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> L
 
 @lru_cache(maxsize=64)
 def force_output(parameters: TwoMassParameters) -> Outputs:
-    """One row: the contact force."""
+    """Return the contact force (N) as the only output of `contact_response`."""
     p = parameters
     state = np.array([[-p.stem_stiffness, -p.stem_damping]])
-    left = p.spring_stiffness / p.stiffness  # 1 − α, without its cancellation
-    law = np.array([[p.stem_stiffness * left, p.stem_damping * left, p.roller_mass]])
+    spring_share = p.spring_stiffness / p.stiffness  # 1 − α, without cancellation
+    law = np.array(
+        [[p.stem_stiffness * spring_share, p.stem_damping * spring_share, p.roller_mass]]
+    )
     return Outputs(state, law, np.array([p.share * p.preload]))
 
 
-#: Pairs whose shapes are more alike than this are not told apart: their digits would cancel.
-WORST_CONDITION = 1e3
-#: Newton's steps to a factor of the characteristic polynomial, and when it is found.
-MAX_STEPS, FOUND = 12, 1e-15
+#: Largest condition number of the mode shapes. With a larger one the digits of two nearly equal
+#: modes would cancel.
+MAX_CONDITION = 1e3
+#: Largest number of Newton steps for a factor of the characteristic polynomial.
+MAX_NEWTON_STEPS = 12
+#: Relative correction at which Newton's method has converged.
+NEWTON_RTOL = 1e-15
 
 
 @lru_cache(maxsize=64)
 def free_masses(parameters: TwoMassParameters) -> FreeSystem:
-    """Both masses without the cam.
+    """Return both masses in flight.
 
-    The state is (w, ẇ, Y, Ẏ): stretch w = y − z of the stem, and centre of mass Y. In these the
-    slow and the fast motion stand apart; in z and y the closing spring drowns in the rounding of
-    the stem, 1e5 times as stiff.
+    The state is (w, ẇ, Y, Ẏ), with the stretch w = y − z of the stem and the centre of mass Y.
+    These separate the slow motion from the fast one. In z and y the force of the closing spring
+    would be lost in the rounding of the force of the stem, which is 1e5 times as stiff.
     """
     p = parameters
     total = p.roller_mass + p.end_mass
     share = p.roller_mass / total
-    own = np.sqrt(np.array([p.end_mass, p.stem_stiffness, p.spring_stiffness]) / p.roller_mass)
+    # Rows z̈, √(m₂/m₁) ÿ, √(k₁/m₁) ẇ and √(k₂/m₁) ẏ: an energy of the rates, times 2/m₁.
+    roots = np.sqrt(np.array([p.end_mass, p.stem_stiffness, p.spring_stiffness]) / p.roller_mass)
     energy = [
         [0.0, share - 1.0, 0.0, 1.0],
-        [0.0, own[0] * share, 0.0, own[0]],
-        [own[1], 0.0, 0.0, 0.0],
-        [own[2] * share, 0.0, own[2], 0.0],
+        [0.0, roots[0] * share, 0.0, roots[0]],
+        [roots[1], 0.0, 0.0, 0.0],
+        [roots[2] * share, 0.0, roots[2], 0.0],
     ]
     end = p.preload / p.end_mass
     load = [0.0, -end, 0.0, -p.preload / total]
@@ -154,7 +208,7 @@ def free_masses(parameters: TwoMassParameters) -> FreeSystem:
 
 
 def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
-    """(w, ẇ, Y, Ẏ) of (z, ż, y, ẏ)."""
+    """Return (w, ẇ, Y, Ẏ) of a state (z, ż, y, ẏ), ``(4,)``."""
     p, z, y = parameters, state[:2], state[2:]
     stretch = y - z
     centre = z + p.end_mass / (p.roller_mass + p.end_mass) * stretch
@@ -162,25 +216,29 @@ def to_inner(parameters: TwoMassParameters, state: FloatArray) -> FloatArray:
 
 
 def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
-    """(z, ż, y, ẏ) of states ``(4,)`` or ``(4, n)`` as `to_inner` makes them."""
+    """Return (z, ż, y, ẏ) of states (w, ẇ, Y, Ẏ), ``(4,)`` or ``(4, n)``."""
     p = parameters
     stretch, centre = inner[:2], inner[2:]
-    before = centre - p.end_mass / (p.roller_mass + p.end_mass) * stretch
-    return np.concatenate([before, before + stretch])
+    contact_mass = centre - p.end_mass / (p.roller_mass + p.end_mass) * stretch
+    return np.concatenate([contact_mass, contact_mass + stretch])
 
 
 def _pairs(p: TwoMassParameters) -> Pairs | None:
-    """The best way to pair the four rates: stem and centre least coupled; None if none is good."""
-    found = [
-        _shaped(p, *sides)
+    """Return the pairs of the four rates that couple stem and centre of mass least.
+
+    Returns None if no pairs have a condition number below `MAX_CONDITION`.
+    """
+    candidates = [
+        _shape_pairs(p, *sides)
         for factors in _factors(_characteristic(p))
         for sides in (factors, factors[::-1])
     ]
-    good = [x for x in found if x is not None and _condition(x.shapes) < WORST_CONDITION]
+    good = [x for x in candidates if x is not None and _condition(x.shapes) < MAX_CONDITION]
     return min(good, key=lambda x: np.abs(x.shapes[[0, 2], [2, 0]]).max(), default=None)
 
 
 def _condition(shapes: FloatArray) -> float:
+    """Return the condition number of a matrix after scaling its rows and columns."""
     rows = np.array(shapes)
     for axis in (0, 1, 0, 1):
         rows = rows / np.linalg.norm(rows, axis=axis, keepdims=True)
@@ -188,7 +246,10 @@ def _condition(shapes: FloatArray) -> float:
 
 
 def _characteristic(p: TwoMassParameters) -> FloatArray:
-    """a₃, a₂, a₁, a₀ of λ⁴ + a₃ λ³ + …: sums of what is positive, so no digit is lost."""
+    """Return a₃, a₂, a₁, a₀ of the characteristic polynomial λ⁴ + a₃ λ³ + ….
+
+    Each is a sum of positive terms, so no digits cancel.
+    """
     m1, m2, k1, k2 = p.roller_mass, p.end_mass, p.stem_stiffness, p.spring_stiffness
     c1, c2 = p.stem_damping, p.damping
     cubic = m1 * (c1 + c2) + m2 * c1
@@ -196,86 +257,99 @@ def _characteristic(p: TwoMassParameters) -> FloatArray:
     return np.array([cubic, square, c1 * k2 + c2 * k1, k1 * k2]) / (m1 * m2)
 
 
+#: Coefficients p and q of a factor λ² + p λ + q.
 Factor = tuple[float, float]
 
 
 def _factors(polynomial: FloatArray) -> list[tuple[Factor, Factor]]:
-    """All ways to write λ⁴ + … as (λ² + P λ + Q)(λ² + p λ + q) with Q ≥ q."""
+    """Return all real factors (λ² + P λ + Q)(λ² + p λ + q) of λ⁴ + … with Q ≥ q.
+
+    Each is ((P, Q), (p, q)).
+    """
     rate = float(polynomial[3]) ** 0.25
     scale = max(rate, float(np.sqrt(polynomial[1])))
     scaled = polynomial / scale ** np.arange(1, 5)
     roots = np.roots([1.0, *scaled])
-    found = []
+    factorisations = []
     for other in (1, 2, 3):
-        one = roots[[0, other]]
-        rest = np.delete(roots, [0, other])
-        slow = min(one, rest, key=lambda pair: abs(np.prod(pair)))
+        first_pair = roots[[0, other]]
+        second_pair = np.delete(roots, [0, other])
+        slow = min(first_pair, second_pair, key=lambda pair: abs(np.prod(pair)))
         if abs(slow.sum().imag) > 1e-6 * np.abs(slow).max():
-            continue  # half of two pairs
-        factor = _polished(scaled, -float(slow.sum().real), float(np.prod(slow).real))
-        if factor is not None:
-            (high, highest), (low, lowest) = factor
-            fast = (high * scale, highest * scale**2)
-            found.append((fast, (low * scale, lowest * scale**2)))
-    return found
+            continue  # one root each of two conjugate pairs: the factor is not real
+        factors = _refine_factors(scaled, -float(slow.sum().real), float(np.prod(slow).real))
+        if factors is not None:
+            (fast_p, fast_q), (slow_p, slow_q) = factors
+            fast = (fast_p * scale, fast_q * scale**2)
+            factorisations.append((fast, (slow_p * scale, slow_q * scale**2)))
+    return factorisations
 
 
-def _polished(polynomial: FloatArray, p: float, q: float) -> tuple[Factor, Factor] | None:
-    """Newton's method for P q + p Q = a₁ and q Q = a₀, from a factor that is nearly one."""
+def _refine_factors(polynomial: FloatArray, p: float, q: float) -> tuple[Factor, Factor] | None:
+    """Solve P q + p Q = a₁ and q Q = a₀ by Newton's method, from approximate p and q.
+
+    Returns ((P, Q), (p, q)), or None if the method fails or a factor is unstable.
+    """
     a3, a2, a1, a0 = polynomial.tolist()
-    for _ in range(MAX_STEPS):
-        high, highest = a3 - p, a2 - q - p * (a3 - p)
-        off = np.array([high * q + p * highest - a1, q * highest - a0])
+    for _ in range(MAX_NEWTON_STEPS):
+        fast_p, fast_q = a3 - p, a2 - q - p * (a3 - p)
+        residual = np.array([fast_p * q + p * fast_q - a1, q * fast_q - a0])
         slopes = np.array(
-            [[-q + highest + p * (p - high), high - p], [q * (p - high), highest - q]]
+            [[-q + fast_q + p * (p - fast_p), fast_p - p], [q * (p - fast_p), fast_q - q]]
         )
         try:
-            step = np.linalg.solve(slopes, off)
+            step = np.linalg.solve(slopes, residual)
         except np.linalg.LinAlgError:
             return None
         p, q = p - float(step[0]), q - float(step[1])
-        if abs(step[0]) <= FOUND * abs(p) and abs(step[1]) <= FOUND * abs(q):
+        if abs(step[0]) <= NEWTON_RTOL * abs(p) and abs(step[1]) <= NEWTON_RTOL * abs(q):
             break
-    high, highest = a3 - p, a2 - q - p * (a3 - p)
-    fine = q > 0.0 and highest > 0.0 and min(p, high) > -1e-12
-    return ((max(high, 0.0), highest), (max(p, 0.0), q)) if fine else None
+    fast_p, fast_q = a3 - p, a2 - q - p * (a3 - p)
+    is_stable = q > 0.0 and fast_q > 0.0 and min(p, fast_p) > -1e-12
+    return ((max(fast_p, 0.0), fast_q), (max(p, 0.0), q)) if is_stable else None
 
 
-def _shaped(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
-    """The pair that goes by the stem's stretch w, and the one that goes by the centre Y.
+def _shape_pairs(p: TwoMassParameters, stem: Factor, spring: Factor) -> Pairs | None:
+    """Return the pair of the stem stretch w and the pair of the centre of mass Y.
 
-    In the first (w, ẇ) = (q, q̇), and the centre follows w as its own equation says; in the second
-    the other way round.
+    In the first pair (w, ẇ) = (q, q̇), and Y follows from its equation of motion. In the second
+    pair (Y, Ẏ) = (q, q̇), and w follows. Returns None if the shapes do not exist.
     """
     shapes, matrix = np.eye(4), p.inner_matrix
     for first, pair in ((0, stem), (2, spring)):
         other = 2 - first
-        follows = _following(matrix[other + 1], first, other, pair)
-        if follows is None:
+        weights = _follower_weights(matrix[other + 1], first, other, pair)
+        if weights is None:
             return None
         damping, stiffness = pair
-        rate = -stiffness * follows[1], follows[0] - damping * follows[1]
-        shapes[other : other + 2, first : first + 2] = follows, rate
+        rate = -stiffness * weights[1], weights[0] - damping * weights[1]
+        shapes[other : other + 2, first : first + 2] = weights, rate
     rates, inverse = np.array([stem, spring]), _inverse(shapes)
     return None if inverse is None else Pairs(shapes, inverse, rates[:, 0], rates[:, 1])
 
 
 def _inverse(shapes: FloatArray) -> FloatArray | None:
-    """The inverse of [[1, G], [H, 1]], block by block: its entries are of very different sizes."""
+    """Return the inverse of [[1, G], [H, 1]], or None if it is singular.
+
+    It is computed by blocks, because the entries have very different sizes.
+    """
     right, left = shapes[:2, 2:], shapes[2:, :2]
     (a, b), (c, d) = np.eye(2) - right @ left
     divisor = a * d - b * c
     if divisor == 0.0:
         return None
-    both = np.array([[d, -b], [-c, a]]) / divisor
-    return np.block([[both, -both @ right], [-left @ both, np.eye(2) + left @ both @ right]])
+    corner = np.array([[d, -b], [-c, a]]) / divisor
+    return np.block(
+        [[corner, -corner @ right], [-left @ corner, np.eye(2) + left @ corner @ right]]
+    )
 
 
-def _following(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
-    """What q and q̇ contribute to the place that follows them: f = (c + d B)(a + b B)⁻¹.
+def _follower_weights(row: FloatArray, first: int, other: int, pair: Factor) -> Factor | None:
+    """Return the weights f = (c + d B)(a + b B)⁻¹ of q and q̇ in the other coordinate.
 
-    B is the pair's own matrix, B² = −κ − 2δ B; ``row`` is the equation of what follows. Written
-    out, each contribution is known to its own last digit.
+    B is the matrix of the pair, B² = −κ − 2δ B, and ``row`` is the equation of motion of the
+    following coordinate. Each weight is written out, so that it is accurate to its last digit.
+    Returns None if a + b B is singular.
     """
     damping, stiffness = pair
     a, b = -stiffness - row[other], -damping - row[other + 1]
@@ -283,5 +357,5 @@ def _following(row: FloatArray, first: int, other: int, pair: Factor) -> Factor 
     divisor = a * (a - damping * b) + stiffness * b**2
     if divisor == 0.0:
         return None
-    place = c * (a - damping * b) + stiffness * b * d
-    return float(place / divisor), float((d * a - b * c) / divisor)
+    value = c * (a - damping * b) + stiffness * b * d
+    return float(value / divisor), float((d * a - b * c) / divisor)

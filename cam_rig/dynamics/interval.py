@@ -1,4 +1,8 @@
-"""What a follower model takes and gives: an interval of the cam's motion, a block of samples."""
+"""Inputs and outputs of the models: intervals, sample grids, states, blocks.
+
+A model takes an `Interval` of the cam's motion and a `FollowerState`. It returns the state at the
+end of the interval and a `Block` of samples and events.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ from cam_rig.units import NS, TURN, FloatArray
 EventKind = Literal["lift-off", "landing"]
 Time = TypeVar("Time", float, FloatArray)
 
-#: Rows of a block, with their units.
+#: Names of the rows of a block, with their units.
 COLUMNS = (
     "t [s]",
     "lift [m]",
@@ -30,7 +34,10 @@ COLUMNS = (
 
 
 class NamedRows:
-    """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name."""
+    """Named access to an array ``rows``, ``(6, n)``, in the order of `COLUMNS`.
+
+    Each property is a view of shape ``(n,)``.
+    """
 
     rows: FloatArray
 
@@ -56,67 +63,103 @@ class NamedRows:
 
     @property
     def force(self) -> FloatArray:
-        """Contact force, N; 0 in flight."""
+        """Contact force, N, which is 0 in flight."""
         return self.rows[4, :]
 
     @property
     def impulse(self) -> FloatArray:
-        """Impulse of the landings since the sample before, N·s."""
+        """Impulse of the landings since the previous sample, N·s."""
         return self.rows[5, :]
 
     @property
     def motion(self) -> FloatArray:
-        """Lift, velocity and acceleration together, ``(3, n)``."""
+        """Lift (m), velocity (m/s) and acceleration (m/s²), ``(3, n)``."""
         return self.rows[1:4]
 
 
 @dataclass(frozen=True, eq=False)
 class Samples(NamedRows):
-    """The named rows of an array."""
+    """Array of samples with named rows.
+
+    Parameters
+    ----------
+    rows : array, ``(6, n)``
+        Samples in SI units, in the order of `COLUMNS`.
+    """
 
     rows: FloatArray
 
 
-#: Times that are reckoned together: they stay in a core's own memory from one step to the next.
-IN_CACHE = 8192
+#: Number of sample times computed together. They stay in the cache of a core between two steps.
+BATCH_SIZE = 8192
 
-_COUNTED = np.arange(IN_CACHE, dtype=np.float64)
-#: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
-REST = 1e-9
-#: Speeds that differ by less than this fraction are one: a ramp ends at its last speed to rounding.
-SAME_SPEED = 1e-12
-#: An interval may begin this far (rad) from the cam angle where the one before ended: rounding.
+_INDICES = np.arange(BATCH_SIZE, dtype=np.float64)
+#: A negative speed of a ramp is rounding of 0 if it is this small relative to the speed at the
+#: other end.
+REST_RTOL = 1e-9
+#: Two speeds are equal if they differ by less than this fraction: a ramp reaches its last speed
+#: only to rounding.
+SPEED_RTOL = 1e-12
+#: Largest difference between the cam angles at the end of an interval and at the start of the next
+#: one, rad. It allows for rounding.
 ANGLE_TOLERANCE = 1e-6
 
 
 def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
-    """Whole turns and what is left of an angle (rad), in [0, 2π)."""
+    """Return the whole turns of an angle (rad) and the remainder in [0, 2π).
+
+    ``turns`` is added to the whole turns.
+
+    Examples
+    --------
+    >>> wrap(7.0, 5)
+    (6, 0.7168146928204138)
+    """
     if 0.0 <= angle < TURN:
         return turns, angle
     whole = math.floor(angle / TURN)
-    rest = angle - whole * TURN
-    if not 0.0 <= rest < TURN:  # by rounding, which is many turns of an angle of 1e18
-        rest = math.fmod(angle, TURN)
-        rest = rest + TURN if rest < 0.0 else rest
-        whole = round((angle - rest) / TURN)
-    return (turns + whole, rest) if rest < TURN else (turns + whole + 1, 0.0)
+    remainder = angle - whole * TURN
+    if not 0.0 <= remainder < TURN:  # the rounding of an angle of 1e18 is many turns
+        remainder = math.fmod(angle, TURN)
+        remainder = remainder + TURN if remainder < 0.0 else remainder
+        whole = round((angle - remainder) / TURN)
+    return (turns + whole, remainder) if remainder < TURN else (turns + whole + 1, 0.0)
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A stretch of rig time: θ = angle + speed t + acceleration t²/2.
+    """Interval of rig time with θ = angle + speed t + acceleration t²/2.
 
-    Angle and turns apart keep every digit however long the cam turns: an angle given without turns
-    has its own taken off. A `DynamicsError` for stamps that do not rise, a number out of range, or
-    a cam that turns back.
+    The angle and the whole turns are stored separately, so that the angle keeps all its digits
+    after many turns.
+
+    Parameters
+    ----------
+    start_ns : int
+        Start of the interval, ns of rig time.
+    stop_ns : int
+        End of the interval, ns of rig time, after the start.
+    angle : float
+        Cam angle at the start, rad. Its whole turns are moved to ``turns``.
+    speed : float
+        Cam speed at the start, rad/s.
+    acceleration : float
+        Cam acceleration, rad/s² (default: 0).
+    turns : int
+        Whole turns before the start (default: 0).
+
+    Raises
+    ------
+    DynamicsError
+        If the stamps do not increase, a number is out of range, or a ramp turns the cam backwards.
     """
 
     start_ns: int
     stop_ns: int
-    angle: float  #: of the cam at the start, within its turn, rad
-    speed: float  #: at the start, rad/s
+    angle: float  #: cam angle at the start, in [0, 2π), rad
+    speed: float  #: cam speed at the start, rad/s
     acceleration: float = 0.0  #: rad/s²
-    turns: int = 0  #: whole turns before
+    turns: int = 0  #: whole turns before the start
 
     def __post_init__(self) -> None:
         for name in ("start_ns", "stop_ns"):
@@ -136,46 +179,56 @@ class Interval:
             object.__setattr__(self, name, float(getattr(self, name)))
         require_angle(self.unwrapped_at(self.duration), "an interval whose last angle")
         end = self.speed_at(self.duration)
-        if self.acceleration != 0.0 and min(self.speed, end) < -REST * max(self.speed, end):
+        if self.acceleration != 0.0 and min(self.speed, end) < -REST_RTOL * max(self.speed, end):
             raise DynamicsError(
                 f"a ramp from {self.speed:g} to {end:g} rad/s; allowed: from rest or forwards"
             )
 
     @property
     def duration(self) -> float:
-        """Length in s."""
+        """Duration, s."""
         return (self.stop_ns - self.start_ns) / NS
 
     @property
     def mean_speed(self) -> float:
-        """Mean speed, rad/s."""
+        """Mean cam speed, rad/s."""
         return self.speed + 0.5 * self.acceleration * self.duration
 
     def angle_at(self, time: Time) -> Time:
-        """Cam angle (rad) at times (s) since the start, from the turn it starts in."""
+        """Return the cam angle (rad) at times (s) since the start, without ``turns``."""
         return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
 
     def unwrapped_at(self, time: Time) -> Time:
-        """The same with all turns before: for people, as it loses digits turn by turn."""
+        """Return the cam angle (rad) at times (s) since the start, with the turns before.
+
+        It is meant for display, because it loses digits with the number of turns.
+        """
         return self.turns * TURN + self.angle_at(time)
 
     def speed_at(self, time: Time) -> Time:
-        """Speed (rad/s) at times (s) since the start."""
+        """Return the cam speed (rad/s) at times (s) since the start."""
         return self.speed + self.acceleration * time
 
     def time_at(self, angle: float) -> float:
-        """Time (s) since the start at which the cam comes to an angle (rad), infinity if never."""
+        """Return the time (s) since the start at which the cam reaches an angle (rad).
+
+        It is infinite if the cam never reaches the angle.
+        """
         ahead = angle - self.angle
         square = self.speed**2 + 2.0 * self.acceleration * ahead
         if square < 0.0 or self.speed + math.sqrt(square) <= 0.0:
             return 0.0 if ahead <= 0.0 else math.inf
         return 2.0 * ahead / (self.speed + math.sqrt(square))
 
-    def split(self, most: float) -> list[Interval]:
-        """Parts of equal time, as many as hold the cam to ``most`` rad in each at full speed."""
-        fastest = max(abs(self.speed), abs(self.speed_at(self.duration)))
+    def split(self, max_angle: float) -> list[Interval]:
+        """Split the interval into parts of equal duration.
+
+        In no part does the cam turn by more than ``max_angle`` rad, even at the highest speed of
+        the interval.
+        """
+        max_speed = max(abs(self.speed), abs(self.speed_at(self.duration)))
         length = self.stop_ns - self.start_ns
-        count = min(max(1, math.ceil(fastest * self.duration / most)), length)
+        count = min(max(1, math.ceil(max_speed * self.duration / max_angle)), length)
         parts = []
         for a, b in pairwise(length * i // count for i in range(count + 1)):
             angle, speed = self.angle_at(a / NS), self.speed_at(a / NS)
@@ -184,8 +237,12 @@ class Interval:
         return parts
 
     def grid(self, sample_rate: int) -> SampleGrid:
-        """The instants k / ``sample_rate`` (Hz) in [start, stop), k whole: one grid for all."""
-        rate: object = sample_rate  # whatever a caller gives
+        """Return the grid of the samples in [start, stop).
+
+        Sample times are k / ``sample_rate`` (Hz) with whole k, so that all intervals share one
+        grid of rig time.
+        """
+        rate: object = sample_rate  # the annotation is not checked at run time
         if not (isinstance(rate, int | np.integer) and 1 <= rate <= NS):
             raise DynamicsError(
                 f"sample_rate is {sample_rate!r}; allowed: a whole number of Hz, 1 to {NS}"
@@ -198,68 +255,112 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampleGrid:
-    """An interval's samples of the rig's time grid."""
+    """Samples of the rig's time grid that lie in one interval."""
 
-    first: int  #: number of the first one
-    count: int
-    offset: float  #: of the first one from the interval's start, s
+    first: int  #: index of the first sample since rig time 0
+    count: int  #: number of samples
+    offset: float  #: time from the start of the interval to the first sample, s
     sample_rate: int  #: Hz
-    duration: float  #: of the interval, s
+    duration: float  #: duration of the interval, s
 
     def since_start(self) -> FloatArray:
-        """Times since the interval's start, s."""
+        """Return the times of the samples since the start, s, ``(count,)``."""
         return self.offset + np.arange(self.count) / self.sample_rate
 
     def open_rows(self) -> FloatArray:
-        """``(6, count)`` as in `COLUMNS`, without impulses; lift to force are to be written."""
+        """Return a new array of rows as in `COLUMNS`, ``(6, count)``.
+
+        Times are set and impulses are 0. The caller writes the rows from lift to contact force.
+        """
         rows = np.empty((len(COLUMNS), self.count))
-        for begin in range(0, self.count, IN_CACHE):
-            times = rows[0, begin : begin + IN_CACHE]
-            np.add(_COUNTED[: times.size], float(self.first + begin), out=times)
+        for start in range(0, self.count, BATCH_SIZE):
+            times = rows[0, start : start + BATCH_SIZE]
+            np.add(_INDICES[: times.size], float(self.first + start), out=times)
             times /= self.sample_rate
         rows[5] = 0.0
         return rows
 
     def index_after(self, time: float) -> int:
-        """Index of the first sample at or after ``time`` (s since the interval's start)."""
+        """Return the index of the first sample at or after a time (s since the start)."""
         return samples_before((time - self.offset) * self.sample_rate)
 
-    def within(self, begin: float, end: float) -> tuple[slice, FloatArray] | None:
-        """Which samples lie between two times (s since the interval's start), and when; or None."""
-        # The last sample may be so near the interval's end that it is at it, and is this one's.
+    def within(self, start: float, end: float) -> tuple[slice, FloatArray] | None:
+        """Return the samples between two times (s since the start), and their times (s).
+
+        Returns None if the times enclose no sample.
+        """
+        # By rounding the last sample may be at the end of the interval. It belongs to the interval.
         last = self.count if end >= self.duration else min(self.index_after(end), self.count)
-        first = self.index_after(begin)
+        first = self.index_after(start)
         if first >= last:
             return None
         return slice(first, last), self.offset + np.arange(first, last) / self.sample_rate
 
 
 class Event(NamedTuple):
-    """A lift-off or a landing."""
+    """Lift-off or landing of the follower.
+
+    Parameters
+    ----------
+    kind : {"lift-off", "landing"}
+        Kind of the event.
+    time : float
+        Rig time, s.
+    angle : float
+        Cam angle with all turns, rad.
+    impulse : float
+        Impulse of the landing, N·s. It is 0 at a lift-off.
+    energy_lost : float
+        Energy lost in the landing, J. It is 0 at a lift-off.
+    """
 
     kind: EventKind
-    time: float  #: s of rig time
-    angle: float  #: of the cam, rad, with all its turns
+    time: float  #: rig time, s
+    angle: float  #: cam angle with all turns, rad
     impulse: float = 0.0  #: N·s, 0 at a lift-off
     energy_lost: float = 0.0  #: J, 0 at a lift-off
 
 
 @dataclass(frozen=True)
 class FollowerState:
-    """Where the follower is at the end of an interval.
+    """State of the follower at the end of an interval.
 
-    What goes on from here must begin at ``cam_angle``; a speed other than ``cam_speed`` is an
-    impact on the follower, or lifts it off.
+    The next interval must start at ``cam_angle``. If its speed differs from ``cam_speed``, the
+    change of the cam's velocity is an impact on the follower or lifts it off.
+
+    Parameters
+    ----------
+    displacement : float
+        Displacement, m.
+    velocity : float
+        Velocity, m/s.
+    contact_force : float
+        Contact force, N.
+    in_contact : bool
+        True if the follower is on the cam.
+    pending_impulse : float
+        Impulse of landings after the last sample, N·s. The next block contains it (default: 0).
+    inner : tuple of float
+        Further state of the model, as the model defines it (default: empty).
+    cam_angle : float, optional
+        Cam angle in [0, 2π), rad. None if unknown (default).
+    cam_speed : float, optional
+        Cam speed, rad/s. None if unknown (default).
+
+    Raises
+    ------
+    DynamicsError
+        If a number is not finite.
     """
 
     displacement: float  #: m
     velocity: float  #: m/s
     contact_force: float  #: N
     in_contact: bool
-    pending_impulse: float = 0.0  #: N·s, after the last sample: the next block shows it
-    inner: tuple[float, ...] = ()  #: what else the model remembers
-    cam_angle: float | None = None  #: rad, within the turn; None: not known
-    cam_speed: float | None = None  #: rad/s; None: not known
+    pending_impulse: float = 0.0  #: N·s
+    inner: tuple[float, ...] = ()
+    cam_angle: float | None = None  #: in [0, 2π), rad
+    cam_speed: float | None = None  #: rad/s
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -275,14 +376,24 @@ class FollowerState:
 
 @dataclass(frozen=True, eq=False)
 class Block(NamedRows):
-    """The samples of one interval, ``(6, n)``, rows as in `COLUMNS`, and its events."""
+    """Samples and events of one interval.
+
+    Parameters
+    ----------
+    interval : Interval
+        The interval.
+    rows : array, ``(6, n)``
+        Samples in SI units, in the order of `COLUMNS`.
+    events : tuple of Event
+        Events in the order of time (default: empty).
+    """
 
     interval: Interval
     rows: FloatArray
     events: tuple[Event, ...] = ()
 
     def with_impulse(self, impulse: float) -> Block:
-        """The block with more impulse (N·s) at its first sample."""
+        """Return the block with an impulse (N·s) added to its first sample."""
         if impulse == 0.0:
             return self
         changed = replace(self, rows=self.rows.copy())
@@ -290,43 +401,50 @@ class Block(NamedRows):
         return changed
 
 
-def ended(state: FollowerState, interval: Interval) -> FollowerState:
-    """A state with the cam's angle and speed at the end of its interval."""
+def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
+    """Return a state with angle and speed of the cam at the end of its interval."""
     _, angle = wrap(interval.angle_at(interval.duration))
     speed = interval.speed_at(interval.duration)
     return replace(state, cam_angle=angle, cam_speed=speed)
 
 
 def require_joined(state: FollowerState | None, interval: Interval) -> None:
-    """Refuse an interval that does not begin at the cam angle where the state ended."""
+    """Raise a `DynamicsError` if an interval does not start at the state's angle."""
     if state is None or state.cam_angle is None:
         return
-    away = abs(math.remainder(interval.angle - state.cam_angle, TURN))
-    if away > 2.0 * ANGLE_TOLERANCE:  # a validator that lets half of it pass may round
+    difference = abs(math.remainder(interval.angle - state.cam_angle, TURN))
+    if difference > 2.0 * ANGLE_TOLERANCE:  # twice, as a validator with the tolerance may round
         raise DynamicsError(
             f"an interval from {interval.angle:.9g} rad on, for a follower that ended at "
             f"{state.cam_angle:.9g} rad of its turn; allowed: {2.0 * ANGLE_TOLERANCE:g} rad apart, "
-            "or no state, which puts it down anew"
+            "or no state, which starts a new run"
         )
 
 
 def speed_change(state: FollowerState | None, interval: Interval) -> float:
-    """By how much (rad/s) the cam is faster than where the state ended; rounding counts as 0."""
+    """Return the increase of the cam speed (rad/s) since the state.
+
+    It is 0 if the difference is rounding, or if the speed of the state is unknown.
+    """
     if state is None or state.cam_speed is None:
         return 0.0
-    same = same_speed(interval.speed, state.cam_speed)
+    same = is_same_speed(interval.speed, state.cam_speed)
     return 0.0 if same else interval.speed - state.cam_speed
 
 
-def same_speed(one: float, other: float) -> bool:
-    """Whether two speeds (rad/s) are one, but for rounding."""
-    return abs(one - other) <= SAME_SPEED * max(abs(one), abs(other))
+def is_same_speed(first: float, second: float) -> bool:
+    """Return True if two speeds (rad/s) are equal to rounding."""
+    return abs(first - second) <= SPEED_RTOL * max(abs(first), abs(second))
 
 
 def show_impulses(
     rows: FloatArray, grid: SampleGrid, events: Sequence[Event], pending: float
 ) -> float:
-    """Add impulses to the samples at or after them; return what (N·s) comes after the last."""
+    """Add each impulse to the first sample at or after its event.
+
+    ``pending`` is the impulse (N·s) of the previous interval. Returns the impulse (N·s) of the
+    events after the last sample.
+    """
     late = 0.0
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]
     for index, impulse in due:

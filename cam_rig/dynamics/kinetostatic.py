@@ -1,6 +1,8 @@
-"""The follower that is always in contact: what a scene needs when nothing vibrates or jumps.
+"""Model `kinetostatic`: a rigid follower that is always in contact.
 
-A law whose velocity jumps is refused: the contact force there is infinite, and no sample shows it.
+The contact force is F = m s̈ + c ṡ + k s + preload. It suffices for a scene without vibration and
+without loss of contact. A law with a velocity jump is rejected, because the contact force at the
+jump is infinite and no sample contains it.
 """
 
 from __future__ import annotations
@@ -18,31 +20,37 @@ from cam_rig.laws.law import extremes
 from cam_rig.laws.sampling import sample
 from cam_rig.units import TURN, FloatArray
 
-#: A force is known to so many rounding errors of its parts.
+#: Rounding errors that a contact force may contain, in units of the rounding of its terms.
 ROUNDING_ERRORS = 16.0
 
 
 def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
-    """Weights of s, s', s'' in the contact force at ``speed`` (rad/s)."""
+    """Return the weights k, c ω, m ω² of s, s', s'' in the force at a speed (rad/s)."""
     p = parameters
     return np.array([p.spring_stiffness, p.damping * speed, p.mass * speed**2])
 
 
 def force_ordinates(law: Law, parameters: FollowerParameters, speed: float) -> FloatArray:
-    """``(p + 1, n)`` Bernstein ordinates of the contact force in N, piece by piece."""
+    """Return Bernstein ordinates of the contact force (N), ``(p + 1, n)``.
+
+    p is the degree of the law and n its number of pieces. ``speed`` is the cam speed in rad/s.
+    """
     weighted = np.tensordot(force_weights(parameters, speed), law.motion, axes=1)
     return np.asarray(weighted + parameters.preload)
 
 
 def force_extremes(law: Law, parameters: FollowerParameters, speed: float) -> tuple[float, float]:
-    """Least and largest contact force (N) of a turn at ``speed`` (rad/s), on the cam throughout."""
+    """Return the smallest and largest contact force (N) of a turn at a speed (rad/s).
+
+    The follower is on the cam throughout, so the smallest force may be negative.
+    """
     force = Law(law.name, law.breaks, force_ordinates(law, parameters, speed))
-    least, largest = extremes(force, 0)
-    return least.value, largest.value
+    minimum, maximum = extremes(force, 0)
+    return minimum.value, maximum.value
 
 
 def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> float:
-    """Bound (N) on the error of the contact force at ``speed`` (rad/s)."""
+    """Return a bound of the rounding error of the force (N) at a speed (rad/s)."""
     size = force_weights(parameters, speed) @ np.array(law.bounds) + parameters.preload
     return ROUNDING_ERRORS * bernstein.EPS * float(size)
 
@@ -51,23 +59,27 @@ def force_rounding(law: Law, parameters: FollowerParameters, speed: float) -> fl
 def loss_intervals(
     law: Law, parameters: FollowerParameters, speed: float
 ) -> tuple[tuple[float, float], ...]:
-    """Cam angles in [0, 2π] between which the cam would have to pull: contact is lost there."""
+    """Return the intervals of the cam angle in [0, 2π] with a negative force.
+
+    Contact is lost there, because the cam cannot pull. ``speed`` is in rad/s.
+    """
     ordinates = force_ordinates(law, parameters, speed)
-    found: list[tuple[float, float]] = []
-    for i in np.flatnonzero((ordinates < 0.0).any(axis=0)).tolist():  # none else falls below
+    losses: list[tuple[float, float]] = []
+    # A polynomial without negative ordinates is nowhere negative.
+    for i in np.flatnonzero((ordinates < 0.0).any(axis=0)).tolist():
         for start, stop in bernstein.negative_intervals(ordinates[:, i]):
             low, high = (float(law.breaks[i] + u * law.spans[i]) for u in (start, stop))
-            if found and low <= found[-1][1] + 1e-15 * TURN:
-                found[-1] = (found[-1][0], high)
+            if losses and low <= losses[-1][1] + 1e-15 * TURN:
+                losses[-1] = (losses[-1][0], high)
             else:
-                found.append((low, high))
-    return tuple(found)
+                losses.append((low, high))
+    return tuple(losses)
 
 
 def state_at(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> FollowerState:
-    """The follower on the cam at ``angle`` (rad), turning at ``speed`` (rad/s)."""
-    p, (s, slope, bend) = parameters, law.at(angle)
-    v, a = slope * speed, bend * speed**2
+    """Return the state of a follower on the cam at an angle (rad) and a speed (rad/s)."""
+    p, (s, slope, curvature) = parameters, law.at(angle)
+    v, a = slope * speed, curvature * speed**2
     force = p.spring_stiffness * s + p.damping * v + p.mass * a + p.preload
     return FollowerState(s, v, force, in_contact=True)
 
@@ -80,7 +92,10 @@ def _at_one_speed(
     sample_rate: int,
     _step: float,
 ) -> tuple[FollowerState, Block]:
-    """Follow the law through the interval, without memory; the contact force may be negative."""
+    """Return the state at the end of an interval, and its block of samples.
+
+    The previous state is not used. The contact force may be negative.
+    """
     end = interval.angle + interval.speed * interval.duration
     rows = contact_samples(law, parameters, interval, sample_rate)
     return state_at(law, parameters, end, interval.speed), Block(interval, rows)
@@ -92,7 +107,10 @@ advance = with_ramps(_at_one_speed, require_smooth)
 def contact_samples(
     law: Law, parameters: FollowerParameters, interval: Interval, sample_rate: int
 ) -> FloatArray:
-    """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""
+    """Return the samples of a follower on the cam at constant speed, ``(6, n)``.
+
+    The rows are in the order of `cam_rig.dynamics.interval.COLUMNS`.
+    """
     grid, speed = interval.grid(sample_rate), interval.speed
     rows, kinematic = grid.open_rows(), np.diag([1.0, speed, speed**2])
     sample(
@@ -108,10 +126,10 @@ def contact_samples(
 
 
 def shaft_torque(law: Law, parameters: FollowerParameters, angle: float, speed: float) -> float:
-    """Torque in N·m that holds ``speed`` (rad/s) at ``angle`` (rad): F s' (eq. 8 of the paper).
+    """Return the shaft torque (N·m) at a cam angle (rad) and a constant speed (rad/s).
 
-    Power in is power out, T ω = F ṡ. F is the kinetostatic contact force, none where the cam
-    would have to pull.
+    It is T = F s' (eq. 8 of the paper), from the balance of power T ω = F ṡ. F is the kinetostatic
+    contact force, or 0 if the force is negative.
     """
     force = state_at(law, parameters, angle, speed).contact_force
-    return max(force, 0.0) * law.at(angle)[1] + 0.0  # no negative zero: it is another message
+    return max(force, 0.0) * law.at(angle)[1] + 0.0  # not −0, whose message has other bytes

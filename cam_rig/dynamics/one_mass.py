@@ -1,4 +1,7 @@
-"""The one-mass follower through one interval: phases of contact and flight, and their events."""
+"""Model `one_mass`: a rigid follower that lifts off and lands.
+
+`OneMassTrajectory` finds the phases of contact and flight in one interval, and their events.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,10 @@ from cam_rig.units import FloatArray
 
 @lru_cache(maxsize=64)
 def free_mass(parameters: FollowerParameters) -> FreeSystem:
-    """The follower in the air, m ÿ + c ẏ + k y + preload = 0; its state is (y, ẏ), m and m/s."""
+    """Return the follower in flight, m ÿ + c ẏ + k y + preload = 0.
+
+    Its state is (y, ẏ) in m and m/s.
+    """
     p = parameters
     stiffness, damping = p.spring_stiffness / p.mass, p.damping / p.mass
     return FreeSystem(
@@ -32,14 +38,17 @@ def free_mass(parameters: FollowerParameters) -> FreeSystem:
     )
 
 
-def lifted_off(
+def flight_from(
     parameters: FollowerParameters,
     start: float,
     velocity: float,
     gap: float | None = None,
     gap_rate: float | None = None,
 ) -> Flight:
-    """The flight from a displacement (m) and a velocity (m/s); the rest as in `Flight`."""
+    """Return the flight from a displacement (m) and a velocity (m/s).
+
+    The gap and its rate are those of `Flight`.
+    """
     return Flight(free_mass(parameters), np.array([start, velocity]), gap, gap_rate)
 
 
@@ -48,7 +57,7 @@ NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
 class OneMassTrajectory(Trajectory):
-    """The trajectory of one mass through an interval at constant speed."""
+    """Trajectory of one mass through an interval at constant speed."""
 
     max_events = 10_000
 
@@ -58,15 +67,19 @@ class OneMassTrajectory(Trajectory):
         self.parameters, self.interval = parameters, interval
 
     def run(self, state: FollowerState | None, step: float = 0.0) -> None:
-        """Find all phases from a state (None: on the cam) on, where ṡ has gained ``step`` m/s."""
+        """Find all phases and events of the interval.
+
+        The run starts from ``state``, or on the cam if it is None. Before the interval ṡ increases
+        by ``step`` m/s.
+        """
         start: FloatArray | Flight = np.zeros(2)
         if state is not None and not state.in_contact:
-            start = lifted_off(self.parameters, state.displacement, state.velocity, *state.inner)
+            start = flight_from(self.parameters, state.displacement, state.velocity, *state.inner)
         first = self._begin(start, step)
         losses = loss_intervals(self.law, self.parameters, self.speed)
         duration = self.interval.duration
-        rides = step == 0.0 and not isinstance(start, Flight)
-        if rides and not losses and not self.law.velocity_jumps:  # contact is never lost
+        on_cam = step == 0.0 and not isinstance(start, Flight)
+        if on_cam and not losses and not self.law.velocity_jumps:  # contact is never lost
             first["phase_end"] = duration
             self._recorded.append(first)
         else:
@@ -97,7 +110,10 @@ class OneMassTrajectory(Trajectory):
 
     @property
     def end(self) -> FollowerState:
-        """The follower at the end of the interval, before a velocity jump of the next one."""
+        """State of the follower at the end of the interval.
+
+        A velocity jump at this angle belongs to the next interval and is not included.
+        """
         if isinstance(self.last, Flight):
             y, v = self.last.start.tolist()
             return FollowerState(y, v, 0.0, in_contact=False, inner=self.last.known)
@@ -114,7 +130,10 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval, exactly; ṡ has gained ``step`` m/s before it."""
+    """Return the state at the end of an interval, and its block of samples and events.
+
+    Before the interval ṡ increases by ``step`` m/s.
+    """
     trajectory = OneMassTrajectory(law, parameters, interval)
     trajectory.run(state, step)
     block = Block(interval, contact_samples(law, parameters, interval, sample_rate))

@@ -1,4 +1,7 @@
-"""What a model may be given, in SI; all else is refused here, by name and limit."""
+"""Parameters of the follower models in SI, and the checks of all model inputs.
+
+Each check raises a `DynamicsError` with the name, the value and the limit of the input.
+"""
 
 from __future__ import annotations
 
@@ -16,53 +19,62 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.quantity import Quantity
 from cam_rig.units import FloatArray
 
-#: A number above zero is between these, one of either sign no farther from zero, all in SI.
-LEAST, MOST = 1e-15, 1e15
-#: Slowest and fastest cam, rad/s.
-MIN_SPEED, MAX_SPEED = 1e-30, 1e9
-#: Largest damping ratio of a rig's stem or shaft (assumed): one of a larger is rigid, and its
-#: motion a polynomial in ever shorter windows.
+#: Smallest number in SI that counts as positive.
+MIN_POSITIVE = 1e-15
+#: Largest absolute value of a number in SI.
+MAX_NUMBER = 1e15
+#: Speed of the slowest cam, rad/s.
+MIN_SPEED = 1e-30
+#: Speed of the fastest cam, rad/s.
+MAX_SPEED = 1e9
+#: Largest damping ratio of a rig's stem or shaft (assumed). A part with a larger ratio is rigid:
+#: its motion would be a polynomial in ever shorter windows.
 MAX_DAMPING_RATIO = 10.0
-#: What a number may be, by the words that say so.
+#: Smallest and largest number for each rule. The rule's name is part of the error message.
 LIMITS = {
-    "> 0": (LEAST, MOST),
-    "≥ 0": (0.0, MOST),
-    "of either sign": (-MOST, MOST),
+    "> 0": (MIN_POSITIVE, MAX_NUMBER),
+    "≥ 0": (0.0, MAX_NUMBER),
+    "of either sign": (-MAX_NUMBER, MAX_NUMBER),
     "in [0, 1)": (0.0, math.nextafter(1.0, 0.0)),
 }
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a finite real number."""
-    return isinstance(value, (float, Real)) and math.isfinite(value)  # a float is told at once
+    """Return True if a value is a finite real number."""
+    # `float` first, because the abstract class `Real` is slow to check.
+    return isinstance(value, (float, Real)) and math.isfinite(value)
 
 
-def require_number(name: str, value: object, words: str) -> None:
-    """Refuse what is not a finite number within the `LIMITS` of its ``words``."""
-    low, high = LIMITS[words]
+def require_number(name: str, value: object, rule: str) -> None:
+    """Raise a `DynamicsError` if a value violates a rule of `LIMITS`."""
+    low, high = LIMITS[rule]
     if not (is_number(value) and low <= value <= high):
-        limits = "" if words == "in [0, 1)" else f", {low:g} to {high:g}"
-        raise DynamicsError(f"{name} is {value!r}; allowed: finite and {words}{limits}")
+        limits = "" if rule == "in [0, 1)" else f", {low:g} to {high:g}"
+        raise DynamicsError(f"{name} is {value!r}; allowed: finite and {rule}{limits}")
 
 
-#: What a number of a follower or a shaft may be that need not be above zero.
-NOT_ABOVE_ZERO = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "≥ 0")
-NOT_ABOVE_ZERO |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
+#: Rule of each number of a follower or a shaft. All other numbers must be > 0.
+RULES = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "≥ 0")
+RULES |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 
 
 def floats_of(numbers: Mapping[str, Any], *optional: str) -> dict[str, float | None]:
-    """Numbers as floats, the first out of its limits refused; those ``optional`` may be None.
+    """Return numbers as floats, after checking their limits.
 
-    Whole numbers would make integer matrices, and have the event search compiled once more.
+    Numbers whose name is in ``optional`` may be None. Integers are converted, because they would
+    make integer matrices, and the event search would be compiled once more for them.
     """
     for name, value in numbers.items():
         if value is not None or name not in optional:
-            require_number(name, value, NOT_ABOVE_ZERO.get(name, "> 0"))
+            require_number(name, value, RULES.get(name, "> 0"))
     return {name: None if value is None else float(value) for name, value in numbers.items()}
 
 
 def require_angle(angle: object, name: str = "angle") -> None:
-    """Refuse a cam angle (rad) that is not finite, or so large that its phase is lost."""
+    """Raise a `DynamicsError` if a cam angle (rad) is not finite or above `MAX_ANGLE`.
+
+    Above `MAX_ANGLE` the rounding of the angle is too large for the phase to be known.
+    """
     if not (is_number(angle) and abs(angle) <= MAX_ANGLE):
         raise DynamicsError(
             f"{name} is {angle!r}; allowed: finite and up to {MAX_ANGLE:g} rad, beyond which "
@@ -71,7 +83,7 @@ def require_angle(angle: object, name: str = "angle") -> None:
 
 
 def require_turning(speed: object) -> None:
-    """Refuse a cam that stands, turns backwards, or at no number at all; ``speed`` in rad/s."""
+    """Raise a `DynamicsError` if a speed (rad/s) is not positive and within limits."""
     if not (is_number(speed) and MIN_SPEED <= speed <= MAX_SPEED):
         raise DynamicsError(
             f"speed is {speed!r} rad/s; allowed: finite and above 0, "
@@ -80,7 +92,10 @@ def require_turning(speed: object) -> None:
 
 
 def row_of_numbers(name: str, values: object) -> FloatArray:
-    """One row of finite numbers."""
+    """Return values as an array of finite numbers, ``(n,)``.
+
+    ``name`` is the name of the values in the error message.
+    """
     try:
         row = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -92,22 +107,22 @@ def row_of_numbers(name: str, values: object) -> FloatArray:
 
 
 def state_of(values: object, size: int) -> FloatArray:
-    """A model's state, ``(size,)``."""
+    """Return the state of a model as an array of finite numbers, ``(size,)``."""
     state = row_of_numbers("state", values)
     if state.size != size:
         raise DynamicsError(f"state: has {state.size} numbers; allowed: {size}")
     return state
 
 
-def times_of(values: object, last: float = MOST) -> FloatArray:
-    """Ascending times (s) from 0 to ``last``."""
+def times_of(values: object, last: float = MAX_NUMBER) -> FloatArray:
+    """Return ascending times (s) between 0 and ``last`` as an array, ``(n,)``."""
     times = row_of_numbers("times", values)
     if times.size == 0:
         return times
     if np.any(times[1:] < times[:-1]):
-        at = int(np.argmax(times[1:] < times[:-1]))
+        i = int(np.argmax(times[1:] < times[:-1]))
         raise DynamicsError(
-            f"times: {times[at + 1]:.9g} s comes after {times[at]:.9g} s; allowed: ascending"
+            f"times: {times[i + 1]:.9g} s comes after {times[i]:.9g} s; allowed: ascending"
         )
     if times[0] < 0.0 or times[-1] > last:
         raise DynamicsError(
@@ -117,12 +132,18 @@ def times_of(values: object, last: float = MOST) -> FloatArray:
 
 
 def si_or_none(number: Quantity | None) -> float | None:
-    """The number in SI; None for one that a rig file leaves out."""
+    """Return a number of a rig file in SI, or None if the file does not contain it."""
     return None if number is None else number.si
 
 
 def told(name: str, value: float | None) -> float:
-    """A number of the follower where it is used."""
+    """Return an optional number of the follower.
+
+    Raises
+    ------
+    ConfigError
+        If the value is None.
+    """
     if value is None:
         raise ConfigError(f"follower.{name}: is missing; so add it to the rig's numbers")
     return value
@@ -130,22 +151,49 @@ def told(name: str, value: float | None) -> float:
 
 @dataclass(frozen=True)
 class FollowerParameters:
-    """One mass on a closing spring, pressed on the cam."""
+    """Follower with one mass on a closing spring, pressed on the cam.
+
+    Whole numbers are converted to floats.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the follower, kg, > 0.
+    spring_stiffness : float
+        Stiffness of the closing spring, N/m, > 0.
+    damping : float
+        Damping between follower and ground, N·s/m, ≥ 0.
+    preload : float
+        Force of spring and weight at zero lift, N, ≥ 0.
+    stem_stiffness : float, optional
+        Stiffness of the stem, which a landing compresses, N/m, > 0. None if the rig file does not
+        contain it (default).
+    restitution : float, optional
+        Newton's coefficient of a landing, in [0, 1). 0 is a plastic landing (default), None if the
+        rig file does not contain it.
+
+    Raises
+    ------
+    DynamicsError
+        If a number is not finite or outside its limits.
+    """
 
     mass: float  #: kg
-    spring_stiffness: float  #: N/m, closing spring
-    damping: float  #: N·s/m, follower to ground
-    preload: float  #: N, spring and weight at zero lift
-    #: N/m, what a landing compresses; None on a rig that does not tell it
-    stem_stiffness: float | None = None
-    restitution: float | None = 0.0  #: Newton's coefficient of a landing, 0 plastic; None as before
+    spring_stiffness: float  #: closing spring, N/m
+    damping: float  #: follower to ground, N·s/m
+    preload: float  #: of spring and weight at zero lift, N
+    stem_stiffness: float | None = None  #: N/m, or None
+    restitution: float | None = 0.0  #: Newton's coefficient of a landing, or None
 
     def __post_init__(self) -> None:
         vars(self).update(floats_of(vars(self), "stem_stiffness", "restitution"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> FollowerParameters:
-        """Take the numbers of a rig file; those that only some models need may be None."""
+        """Return the parameters of a rig.
+
+        Numbers that only some models need may be None.
+        """
         follower = rig.follower
         return cls(
             mass=follower.mass.si,
@@ -158,16 +206,40 @@ class FollowerParameters:
 
     @classmethod
     def on_stem(cls, rig: RigConfig, by: str, instead: str = "") -> FollowerParameters:
-        """Take the numbers of a rig file that must have a stem, for what is named by ``by``."""
+        """Return the parameters of a rig that must have a stem stiffness.
+
+        Parameters
+        ----------
+        rig : RigConfig
+            The rig.
+        by : str
+            Name of the model or measure that needs the stem, for the error message.
+        instead : str
+            Remedy for the error message (default: empty).
+
+        Raises
+        ------
+        ConfigError
+            If the rig does not have a stem stiffness.
+        """
         rig.need("stem_stiffness", by, instead)
         return cls.from_rig(rig)
 
     @property
     def stem(self) -> float:
-        """The stem's stiffness, N/m; refused where it is None."""
+        """Stiffness of the stem, N/m.
+
+        Raises
+        ------
+        ConfigError
+            If it is None.
+        """
         return told("stem_stiffness", self.stem_stiffness)
 
     @property
     def contact_time(self) -> float:
-        """Duration of a landing's force pulse, s: half a period of the mass on the stem."""
+        """Duration of the force pulse of a landing, s.
+
+        It is half a period of the mass on the stem, π √(m/k_stem).
+        """
         return math.pi * math.sqrt(self.mass / self.stem)

@@ -1,8 +1,8 @@
-"""Map of a turn, from the state of the follower at cam angle 0 to the state one turn later.
+"""Map of the follower's state at cam angle 0 to the state one turn later.
 
 The state of one mass is the gap and its rate. Two masses have two more numbers, the stretch of the
 stem between them and its rate. Between two landings the motion is known in closed form, and a
-landing is a root, so the map and its derivative are exact to rounding.
+landing is a root of an equation. The map and its derivative are therefore exact to rounding.
 """
 
 from __future__ import annotations
@@ -29,19 +29,22 @@ from cam_rig.dynamics.velocity_jumps import require_continuous, short_of_velocit
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Room for phases in one call of the search.
+#: Largest number of phases in a call of the search.
 ROOM = 64
 #: Turns per call, after which the backend is selected again.
 TURNS_PER_CALL = 100
-#: The follower on the cam: no gap, and no gap rate.
+#: State of a follower on the cam: gap 0 m and gap rate 0 m/s.
 ON_THE_CAM = (0.0, 0.0)
-#: The numbers at cam angle 0, SI, two of one mass and four of two.
+#: State at cam angle 0 in SI: gap and its rate, of two masses also stem stretch and its rate.
 State = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class TurnsRun:
-    """Results of successive turns of a follower with n numbers."""
+    """Results of successive turns of a follower whose state has n numbers.
+
+    n is 2 for one mass and 4 for two masses.
+    """
 
     records: NDArray[np.void]  #: records of `cam_rig.dynamics.events.turns.TURN_RESULT`
     size: int  #: n
@@ -50,7 +53,7 @@ class TurnsRun:
     def states(self) -> FloatArray:
         """Gap (m) and its rate (m/s) at the end of each turn, ``(turns, n)``.
 
-        For two masses also the stretch of the stem (m) and its rate (m/s).
+        Two masses also have the stretch of the stem (m) and its rate (m/s).
         """
         return self._columns("state")
 
@@ -61,40 +64,47 @@ class TurnsRun:
 
     @property
     def landings(self) -> FloatArray:
-        """Landings of each turn, ``(turns,)``."""
+        """Number of landings in each turn, ``(turns,)``."""
         return np.asarray(self.records["landings"], dtype=np.float64)
 
     @property
     def max_landing_speeds(self) -> FloatArray:
-        """Speed (m/s) against the cam of the fastest landing, ``(turns,)``; 0 without a landing."""
+        """Speed of the fastest landing relative to the cam, m/s, ``(turns,)``.
+
+        It is 0 in a turn without a landing.
+        """
         return np.asarray(self.records["max_landing_speed"])
 
     @property
     def min_landing_speeds(self) -> FloatArray:
-        """Speed (m/s) of the slowest landing, ``(turns,)``; infinite without a landing."""
+        """Speed of the slowest landing relative to the cam, m/s, ``(turns,)``.
+
+        It is infinite in a turn without a landing.
+        """
         return np.asarray(self.records["min_landing_speed"])
 
     @property
     def contact_times(self) -> FloatArray:
-        """Time (s) of contact in each turn, ``(turns,)``."""
+        """Duration of contact in each turn, s, ``(turns,)``."""
         return np.asarray(self.records["contact_time"])
 
     @property
     def growth(self) -> FloatArray:
         """Logarithm of the growth of n directions in each turn, ``(turns, n)``.
 
-        Their sum is the logarithm of the contraction of volumes: r² per landing, and the share of
-        the dampers. A turn with contact has two of −∞, because the contact mass is not free there.
+        Their sum is the logarithm of the contraction of volumes. A landing contributes r² to the
+        contraction, and the dampers contribute the rest. In a turn with contact two logarithms are
+        −∞, because the contact mass cannot move freely on the cam.
         """
         return self._columns("growth")
 
     @property
     def derivatives(self) -> FloatArray:
-        """Derivative of each turn's last state by its first, ``(turns, n, n)``."""
+        """Derivative of the last state of each turn by its first state, ``(turns, n, n)``."""
         return np.ascontiguousarray(self.records["derivative"][:, : self.size, : self.size])
 
     def derivative(self) -> FloatArray:
-        """Return the derivative of the last state by the first one, ``(n, n)``."""
+        """Return the derivative of the last state by the first state, ``(n, n)``."""
         product = np.eye(self.size)
         for turn in self.derivatives:
             product = turn @ product
@@ -106,9 +116,23 @@ class TurnsRun:
 
 
 class StroboscopicMap:
-    """Map of one rigid mass, or of two on an elastic stem, from cam angle 0 on.
+    """Turn map of one rigid mass, or of two masses with an elastic stem.
 
-    The parameters have a restitution. The speed (rad/s) is the same in all turns.
+    Parameters
+    ----------
+    law : Law
+        The law, whose lift must not jump.
+    parameters : FollowerParameters or TwoMassParameters
+        The follower, with a restitution.
+    speed : float
+        Cam speed in all turns, rad/s, > 0.
+
+    Raises
+    ------
+    ConfigError
+        If the restitution is None.
+    DynamicsError
+        If the speed is out of range or the lift of the law jumps.
     """
 
     def __init__(
@@ -117,7 +141,7 @@ class StroboscopicMap:
         require_turning(speed)
         require_continuous(law)
         self.law, self.parameters, self.speed = law, parameters, float(speed)
-        # A velocity jump at angle 0 belongs to the next turn: this one ends a rounding before it.
+        # A velocity jump at angle 0 belongs to the next turn. The turn ends just before it.
         self.duration = short_of_velocity_jump(law, TURN) / self.speed
         self._trajectory: Separation | OneMassTrajectory
         if isinstance(parameters, TwoMassParameters):
@@ -129,27 +153,42 @@ class StroboscopicMap:
 
     @property
     def scale(self) -> FloatArray:
-        """Sizes of the numbers of a state, ``(n,)``; for the stem its stretch by all forces."""
+        """Magnitudes of the numbers of a state, ``(n,)``.
+
+        The magnitude of the stem stretch is the stretch by the largest forces.
+        """
         p, (lift, slope, curvature) = self.parameters, self.law.bounds
         sizes = [self.law.lift, self.law.lift * self.speed]
         if isinstance(p, TwoMassParameters):
             force = (p.roller_mass + p.end_mass) * curvature * self.speed**2 + p.preload
             force += p.damping * slope * self.speed + p.spring_stiffness * lift
-            most = force / p.stem_stiffness
-            sizes += [most, most * math.sqrt(p.stiffness / p.end_mass)]
+            stretch = force / p.stem_stiffness
+            sizes += [stretch, stretch * math.sqrt(p.stiffness / p.end_mass)]
         return np.array(sizes)
 
     def run(self, turns: int, state: State = ON_THE_CAM) -> TurnsRun:
-        """Run turns from a state as in `TurnsRun.states`, by default from the cam.
+        """Run successive turns.
 
-        A gap and a rate alone describe two masses whose end mass follows the turning cam.
+        Parameters
+        ----------
+        turns : int
+            Number of turns.
+        state : tuple of float
+            State at the start, as in `TurnsRun.states` (default: on the cam). If it has only a gap
+            and a rate, the end mass of two masses follows the turning cam.
+
+        Returns
+        -------
+        TurnsRun
+            Results of all turns.
 
         Raises
         ------
-        EndlessEventsError : a turn has more landings than any series that ends
+        EndlessEventsError
+            If a turn has more landings than any finite series of bounces.
         """
-        first = self._begin(state)
-        # The directions of the end mass first: they remain on the cam.
+        first = self._start(state)
+        # The directions of the end mass come first, because they remain free on the cam.
         frame = np.roll(np.eye(self.size), 2, axis=0)[: self.size - 1]
         records, done = np.zeros(turns, TURN_RESULT), 0
         while done < turns:
@@ -164,42 +203,43 @@ class StroboscopicMap:
         return TurnsRun(records, self.size)
 
     def follower(self, state: State) -> FollowerState:
-        """Return the state of the follower at cam angle 0, as its model takes it."""
-        first = self._begin(state)[0]
-        flies = first["mode"] == RunMode.FLIGHT
-        place, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
-        stem = first["vector"][: 4 if flies else 2] if self.size == 4 else []
-        known = state[:2] if flies else ()
-        return FollowerState(place, velocity, 0.0, not flies, inner=(*stem, *known))
+        """Return a state at cam angle 0 in the form that the model of the follower needs."""
+        first = self._start(state)[0]
+        is_flying = first["mode"] == RunMode.FLIGHT
+        lift, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
+        stem = first["vector"][: 4 if is_flying else 2] if self.size == 4 else []
+        gap_state = state[:2] if is_flying else ()
+        return FollowerState(lift, velocity, 0.0, not is_flying, inner=(*stem, *gap_state))
 
     def _cam(self) -> tuple[float, float]:
-        """Return s (m) and ṡ (m/s) at the start of a turn, before a velocity jump at angle 0."""
+        """Return s (m) and ṡ (m/s) at angle 0, before a velocity jump there."""
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
-    def _begin(self, state: State) -> NDArray[np.void]:
-        gap, opening, *stem = state
+    def _start(self, state: State) -> NDArray[np.void]:
+        """Return the first state of a run as one record of `RUN_STATE`."""
+        gap, gap_rate, *stem = state
         require_number("gap", gap, "≥ 0")
-        require_number("opening", opening, "of either sign")
+        require_number("opening", gap_rate, "of either sign")
         records, (s, velocity) = np.zeros(1, RUN_STATE), self._cam()
-        vector, flies = records[0]["vector"], (gap, opening) != ON_THE_CAM
-        if flies:
-            vector[:2] = s + gap, velocity + opening
-            start_flight(records[0], True, gap, opening)
+        vector, is_flying = records[0]["vector"], (gap, gap_rate) != ON_THE_CAM
+        if is_flying:
+            vector[:2] = s + gap, velocity + gap_rate
+            start_flight(records[0], True, gap, gap_rate)
         if self.size == 2:
             return records
         run = self._table
-        rest = compute_stem_stretch(run, StemVibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
-        w, rate = stem or rest
-        if flies:
-            y = s + gap + run.end_share * w, velocity + opening + run.end_share * rate
-            vector[:] = w, rate, *y
+        static = compute_stem_stretch(run, StemVibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
+        w, rate = stem or static
+        if is_flying:
+            centre = s + gap + run.end_share * w, velocity + gap_rate + run.end_share * rate
+            vector[:] = w, rate, *centre
         else:
-            vector[:2] = w - rest.length, rate - rest.rate
+            vector[:2] = w - static.length, rate - static.rate
         return records
 
     def _turn(self, state: NDArray[np.void], frame: FloatArray, turns: NDArray[np.void]) -> int:
-        """Fill records of turns from a state, which is updated; return the number filled."""
+        """Run turns from a state, which is updated, and return the number of turns."""
         max_landings = float(self._trajectory.max_events)
         record = record_of(state, ROOM)
         return int(dispatch(run_turns, self._table, record, frame, turns, max_landings))

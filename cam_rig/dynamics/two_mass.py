@@ -1,9 +1,10 @@
-"""The two-mass follower (eq. 14-19): in contact, at lift-off, in flight and landing.
+"""Model `two_mass`: a roller mass and an end mass (paper, eq. 14-19).
 
-A landing stops the roller mass on the cam (ż := ṡ, the paper's plastic re-contact) or rebounds with
-Newton's restitution; the end mass goes on with the velocity it had. The same holds where the law's
-velocity jumps: up is an impact on the roller mass, m₁ (1 + e) ω Δs', down lifts it off with the
-velocity it had.
+A landing stops the roller mass on the cam (ż := ṡ, the plastic re-contact of the paper), or the
+roller mass rebounds with Newton's restitution e. The velocity of the end mass does not change.
+
+A velocity jump Δs' > 0 of the law is an impact on the roller mass, m₁ (1 + e) ω Δs'. A jump Δs' < 0
+lifts the roller mass off with the velocity it has.
 """
 
 from __future__ import annotations
@@ -40,34 +41,39 @@ from cam_rig.units import TURN, FloatArray
 def first_lift_off(
     law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
 ) -> float | None:
-    """Time (s) of the first lift-off of a run from (η, η̇) at θ = 0; None if not within ``limit``.
+    """Return the time (s) of the first lift-off, or None if later than ``limit``.
 
-    All parts of all turns are bounded at once, and the force's zero is sought only in those that
-    the bound leaves.
+    The run starts at cam angle 0 from the vibration ``state`` (η, η̇) and turns at ``speed`` rad/s.
+    A lower bound of the force is computed for all parts of all turns at once. The zero of the force
+    is searched for only in parts whose bound is not positive.
     """
     response, output = contact_response(law, parameters, speed), force_output(parameters)
     turns = max(1, math.ceil(limit * response.speed / TURN))
     free = response.free_starts(state, turns)
-    for turn, i in np.argwhere(may_fall(response, parameters, free)).tolist():
+    for turn, i in np.argwhere(may_lose_contact(response, parameters, free)).tolist():
         part = response.parts[i]
-        begin = (turn * TURN + part.low) / response.speed
-        left = min(part.length, limit - begin)
-        if left <= 0.0:
+        start = (turn * TURN + part.low) / response.speed
+        duration = min(part.length, limit - start)
+        if duration <= 0.0:
             break
         table = contact_table(response, output, part)
-        loss = float(dispatch(find_loss_in_part, table, *free[turn, i].tolist(), float(left)))
+        loss = float(dispatch(find_loss_in_part, table, *free[turn, i].tolist(), float(duration)))
         if loss < math.inf:
-            return begin + loss
+            return start + loss
     return None
 
 
-def may_fall(
+def may_lose_contact(
     response: LinearResponse, parameters: TwoMassParameters, free: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether the force may fall to zero in each part of each turn, ``(turns, parts)``.
+    """Return for each part if the force may reach zero, ``(turns, parts)``.
 
-    It is no lower than at the lower end of a part less what a curve of so much bend may sag, nor
-    than the polynomial's least ordinate less the vibration, whose energy does not grow.
+    ``free`` is the free vibration at the start of each part, ``(turns, parts, 2)``. The force has
+    two lower bounds, and the larger one counts:
+
+    - the smaller force at the ends of the part, less max |F̈| T²/8 for a part of T s
+    - the smallest ordinate of the polynomial, less the amplitude of the vibration, whose energy
+      does not grow
     """
     output, matrix = force_output(parameters), response.matrix
     ordinates = polynomial_parts(response, output)
@@ -75,30 +81,49 @@ def may_fall(
     forced = np.stack([bernstein.elevate(rows[0], width - 1) for rows in ordinates])
     lengths = np.array([part.length for part in response.parts])
     change = np.abs(np.diff(forced, n=2, axis=1)).max(axis=1)
-    bend = (width - 1) * (width - 2) * change / lengths**2
+    curvature = (width - 1) * (width - 2) * change / lengths**2
     row, rate = output.state[0], math.sqrt(-matrix[1, 0])
-    reach = abs(float(row[0])) / rate + abs(float(row[1]))
+    norm = abs(float(row[0])) / rate + abs(float(row[1]))
     flows = np.stack([part.flow for part in response.parts])
     ends = np.einsum("pij,tpj->tpi", flows, free)
     acceleration = free @ (matrix @ matrix).T
-    bend = bend + reach * np.hypot(rate * acceleration[..., 0], acceleration[..., 1])
-    vibration = reach * np.hypot(rate * free[..., 0], free[..., 1])
+    curvature = curvature + norm * np.hypot(rate * acceleration[..., 0], acceleration[..., 1])
+    vibration = norm * np.hypot(rate * free[..., 0], free[..., 1])
     lower = np.minimum(forced[:, 0] + free @ row, forced[:, -1] + ends @ row)
-    noise = ROUNDING_ERRORS * EPS * np.abs(forced).max(axis=1)
-    above = np.maximum(lower - bend * lengths**2 / 8.0, forced.min(axis=1) - vibration)
-    return np.asarray(above <= noise)
+    rounding = ROUNDING_ERRORS * EPS * np.abs(forced).max(axis=1)
+    bound = np.maximum(lower - curvature * lengths**2 / 8.0, forced.min(axis=1) - vibration)
+    return np.asarray(bound <= rounding)
 
 
-def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
-    """By how much the roller's acceleration may be wrong where the force falls to zero, m/s²."""
-    lift, slope, bend = law.bounds
-    force = p.roller_mass * (speed**2 * bend) + p.share * p.preload
+def acceleration_rounding(law: Law, p: TwoMassParameters, speed: float) -> float:
+    """Return the rounding error (m/s²) of the roller's acceleration at a lift-off."""
+    lift, slope, curvature = law.bounds
+    force = p.roller_mass * (speed**2 * curvature) + p.share * p.preload
     force += p.spring_stiffness * lift + (p.stem_damping + p.damping) * speed * slope
     return ROUNDING_ERRORS * EPS * force / p.roller_mass
 
 
 class Separation(Trajectory):
-    """The trajectory of two masses on one law at one speed (rad/s), from a cam angle (rad) on."""
+    """Trajectory of two masses on one law at constant speed.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    parameters : TwoMassParameters
+        The follower.
+    speed : float
+        Cam speed, rad/s, > 0.
+    angle : float
+        Cam angle at time 0, rad (default: 0).
+    turns : int
+        Whole turns before time 0 (default: 0). They only appear in the angles of the events.
+
+    Raises
+    ------
+    DynamicsError
+        If the speed or the angle is out of range.
+    """
 
     max_events = 20_000
 
@@ -118,10 +143,24 @@ class Separation(Trajectory):
         self._force = force_output(parameters)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
-        """Find all phases and events up to ``duration`` s, from rest on the cam by default.
+        """Find all phases and events up to a time.
 
-        From rest is without vibration (η = η̇ = 0): the end mass goes with the turning cam.
-        ``state`` is (η, η̇) in contact, else (z, ż, y, ẏ).
+        Parameters
+        ----------
+        duration : float
+            Duration of the run, s, > 0.
+        state : array, optional
+            (η, η̇) if ``contact`` is True, else (z, ż, y, ẏ). By default the run starts in contact
+            without vibration, η = η̇ = 0: the end mass moves with the turning cam.
+        contact : bool
+            True if the run starts in contact (default).
+
+        Raises
+        ------
+        DynamicsError
+            If the duration or the state is not finite or out of range.
+        EndlessEventsError
+            If there are more than ``max_events`` lift-offs and landings per turn.
         """
         start: FloatArray | Flight = np.zeros(2)
         if state is not None:
@@ -130,11 +169,14 @@ class Separation(Trajectory):
         self.run_from(duration, start)
 
     def run_from(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
-        """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
+        """Find all phases and events up to ``duration`` s from (η, η̇) or a flight.
+
+        Before the run ṡ increases by ``step`` m/s.
+        """
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
-        begun = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
-        self._find(self.run_table(float(duration)), begun, float(duration))
+        first = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
+        self._find(self.run_table(float(duration)), first, float(duration))
 
     def run_table(self, duration: float) -> RunTable:
         """Return the table of a run of ``duration`` s."""
@@ -152,53 +194,62 @@ class Separation(Trajectory):
             spring_share=float(p.spring_stiffness / p.stiffness),
             preload_compression=float(p.preload / p.stiffness),
             restitution=float(told("restitution", p.restitution)),
-            acceleration_rounding=float(force_noise(self.law, p, self.speed)),
+            acceleration_rounding=float(acceleration_rounding(self.law, p, self.speed)),
         )
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
-        """(z, ż, y, ẏ) at times (s) of a flight, ``(4, len(times))``."""
-        way, _ = self.system.moved(flight.start, times)
-        return from_inner(self.parameters, flight.start[:, None] + way)
+        """Return (z, ż, y, ẏ) at times (s) since a lift-off, ``(4, len(times))``."""
+        change, _ = self.system.state_change(flight.start, times)
+        return from_inner(self.parameters, flight.start[:, None] + change)
 
     def cam(self, time: FloatArray) -> FloatArray:
-        """S, ṡ and s̈ at times in s, ``(3, len(time))``."""
+        """Return s (m), ṡ (m/s) and s̈ (m/s²) at times in s, ``(3, len(time))``."""
         angle = self.angle + self.speed * time
         return self.law.motion_at(angle) * (self.speed ** np.arange(3.0))[:, None]
 
     def force(self, state: FloatArray, cam: FloatArray) -> FloatArray:
-        """Contact force (N) of vibrations (η, η̇), ``(2, n)``, where the cam is at ``(3, n)``."""
+        """Return the contact force (N) of vibrations (η, η̇), ``(2, n)``.
+
+        ``cam`` is the motion (s, ṡ, s̈) of the cam, ``(3, n)``.
+        """
         out = self._force
         return np.asarray((out.state @ state + out.law @ cam + out.constant[:, None])[0])
 
     def end(self, duration: float) -> FollowerState:
-        """The follower where an interval ends, before a velocity jump that begins the next one."""
+        """Return the state of the follower at the end of an interval of ``duration`` s.
+
+        A velocity jump at this angle belongs to the next interval and is not included.
+        """
         if isinstance(self.last, Flight):
             z, v, _, _ = self.fly(self.last, np.zeros(1))[:, 0].tolist()
             inner = (*self.last.start.tolist(), *self.last.known)
             return FollowerState(z, v, 0.0, False, inner=inner)
         angle = short_of_velocity_jump(self.law, self.angle + self.speed * duration)
-        s, slope, bend = self.law.at(angle)
-        cam = np.array([s, slope * self.speed, bend * self.speed**2])
+        s, slope, curvature = self.law.at(angle)
+        cam = np.array([s, slope * self.speed, curvature * self.speed**2])
         force = float(self.force(self.last[:, None], cam[:, None])[0])
         return FollowerState(s, float(cam[1]), force, True, inner=tuple(self.last.tolist()))
 
 
 def states(trajectory: Separation, times: FloatArray) -> FloatArray:
-    """(z, ż, y, ẏ, F) at ascending times in s of a trajectory, ``(5, len(times))``."""
+    """Return (z, ż, y, ẏ, F) at ascending times (s), ``(5, len(times))``.
+
+    A time at the border of two phases belongs to the later one.
+    """
     end = trajectory.phases[-1].end if trajectory.phases else 0.0
     times = times_of(times, last=end * (1.0 + 1e-12))
     out = np.empty((5, times.size))
     for phase in trajectory.phases:
         last = phase is trajectory.phases[-1]
-        a = int(np.searchsorted(times, phase.begin))
-        b = times.size if last else int(np.searchsorted(times, phase.end))
-        if a < b:
-            out[:, a:b] = phase_states(trajectory, phase, times[a:b])
+        first = int(np.searchsorted(times, phase.begin))
+        stop = times.size if last else int(np.searchsorted(times, phase.end))
+        if first < stop:
+            out[:, first:stop] = phase_states(trajectory, phase, times[first:stop])
     return out
 
 
 def phase_states(trajectory: Separation, phase: Phase, times: FloatArray) -> FloatArray:
-    """The same in one phase."""
+    """Return (z, ż, y, ẏ, F) at times (s) in one phase, ``(5, len(times))``."""
     if phase.flight is not None:
         flight = trajectory.fly(phase.flight, times - phase.begin)
         return np.vstack([flight, np.zeros(times.size)])
@@ -218,7 +269,11 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """The same of two masses; the block's motion is that of the roller mass, on the cam."""
+    """Return the state at the end of an interval, and its block of samples and events.
+
+    The motion in the block is that of the roller mass. Before the interval ṡ increases by ``step``
+    m/s.
+    """
     trajectory = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
     start: FloatArray | Flight = np.zeros(2)
     if state is not None:
@@ -232,20 +287,21 @@ def advance(
     block.rows[1:5] = 0.0
     for phase in trajectory.phases:
         if phase.flight is None and (within := grid.within(phase.begin, phase.end)):
-            _show_contact(block, *within, sample_rate, trajectory, phase)
+            _write_contact(block, *within, sample_rate, trajectory, phase)
     return trajectory.finish(block, grid, state, trajectory.end(interval.duration))
 
 
-def _show_contact(
+def _write_contact(
     block: Block,
-    here: slice,
+    columns: slice,
     times: FloatArray,
     sample_rate: int,
     trajectory: Separation,
     phase: Phase,
 ) -> None:
-    first, count, apart = float(times[0]), times.size, 1.0 / sample_rate
-    block.motion[:, here] = sample_law(
+    """Write motion and force of a contact phase to its columns of a block."""
+    first, count, period = float(times[0]), times.size, 1.0 / sample_rate
+    block.motion[:, columns] = sample_law(
         trajectory.law,
         trajectory.angle + trajectory.speed * first,
         trajectory.speed / sample_rate,
@@ -255,6 +311,6 @@ def _show_contact(
     )
     angle, since = trajectory.angle + trajectory.speed * phase.begin, first - phase.begin
     out = force_output(trajectory.parameters)
-    block.force[here] = sample(
-        trajectory.response, phase.vibration, angle, since, apart, count, out
+    block.force[columns] = sample(
+        trajectory.response, phase.vibration, angle, since, period, count, out
     )[0]

@@ -1,8 +1,9 @@
-"""Joints at which a law's velocity jumps: which of them an interval owns, and when it meets them.
+"""Velocity jumps of a law: the jumps that an interval contains, and their times.
 
-A joint belongs to the interval that begins with it. Where it lies at the border of two, rounding of
-the angle decides nothing: an interval from angle a to b owns the joints in [a − SLACK, b − SLACK),
-so of two that meet exactly one owns it, and one that lies behind the start is met at once.
+A jump at the border of two intervals belongs to the later one. An interval from angle a to b
+contains the joints in [a − JOINT_SLACK, b − JOINT_SLACK). Exactly one of two adjacent intervals
+contains each joint, whatever the rounding of its angle. A joint before the start of its interval
+is passed at time 0.
 """
 
 from __future__ import annotations
@@ -18,65 +19,75 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import TOLERANCE
 from cam_rig.units import TURN
 
-#: Rounding (rad) that the angle at a border of two intervals may have: given as one number with
-#: its turns, up to 1e5 of them.
-SLACK = 1e-9
-#: Two events closer than this angle (rad) to each other are at one place.
+#: Largest rounding of the cam angle at the border of two intervals, rad. It is the rounding of an
+#: angle of 1e5 turns in one number.
+JOINT_SLACK = 1e-9
+#: Two events closer to each other than this angle are at the same angle, rad.
 SAME_PLACE = 1e-12
 
 
 class VelocityJump(NamedTuple):
-    """A joint ahead: ``time`` (s) to it, ``step`` of s' there in m/rad."""
+    """Joint ahead of the cam at which the slope s' of the law jumps."""
 
-    time: float
-    step: float
+    time: float  #: time to the joint, s
+    step: float  #: step of s', m/rad
 
 
 def velocity_jumps_ahead(
     law: Law, angle: float, speed: float, duration: float
 ) -> tuple[VelocityJump, ...]:
-    """The joints with a jump of s' that ``duration`` s from ``angle`` (rad) on own, in order."""
+    """Return the velocity jumps that an interval contains, in the order of time.
+
+    The interval starts at ``angle`` (rad) and takes ``duration`` s at ``speed`` rad/s.
+    """
     if not law.velocity_jumps:
         return ()
-    found: list[VelocityJump] = []
-    # A substitute law has none but those that its ramp owns.
-    slack = SLACK if law.repeats else 0.0
+    jumps: list[VelocityJump] = []
+    # A substitute law contains only the jumps of its ramp.
+    slack = JOINT_SLACK if law.repeats else 0.0
     end = speed * duration - slack
     first = math.floor(angle / TURN)
     for turn in count(first - 1) if law.repeats else (0,):
         for piece, step in law.velocity_jumps.items():
             ahead = law.joints[piece] + turn * TURN - angle
             if ahead >= end:
-                return tuple(found)
+                return tuple(jumps)
             if ahead >= -slack:
-                found.append(VelocityJump(_arrival(law, angle, speed, ahead, piece), step))
-    return tuple(found)
+                jumps.append(VelocityJump(_arrival(law, angle, speed, ahead, piece), step))
+    return tuple(jumps)
 
 
 def _arrival(law: Law, angle: float, speed: float, ahead: float, piece: int) -> float:
-    """Time (s) at which the cam is at a joint, and by rounding not before it."""
+    """Return the time (s) at which the cam reaches the joint at the start of a piece.
+
+    The time is increased until the rounded cam angle is not before the joint.
+    """
     time = max(0.0, ahead) / speed
     for _ in range(8):
-        at = angle + speed * time
-        if law.piece(at - math.floor(at / TURN) * TURN) != (piece - 1) % law.spans.size:
+        theta = angle + speed * time
+        if law.piece(theta - math.floor(theta / TURN) * TURN) != (piece - 1) % law.spans.size:
             break
-        time += math.ulp(at) / speed
+        time += math.ulp(theta) / speed
     return time
 
 
 def short_of_velocity_jump(law: Law, angle: float) -> float:
-    """The angle (rad), or where a jump of s' belongs to what follows, the angle just before it."""
+    """Return an angle (rad), moved to just before a velocity jump if it lies at one.
+
+    The motion at the end of an interval is evaluated at this angle, because a jump there belongs
+    to the next interval.
+    """
     if not (law.velocity_jumps and law.repeats):
         return angle
-    turn = math.floor(angle / TURN + SLACK)
+    turn = math.floor(angle / TURN + JOINT_SLACK)
     for piece in law.velocity_jumps:
         joint = law.joints[piece] + turn * TURN
-        if abs(joint - angle) <= SLACK:
+        if abs(joint - angle) <= JOINT_SLACK:
             return joint - 4.0 * math.ulp(max(joint, TURN))
     return angle
 
 
-#: What else there is for a law whose velocity jumps, where a model can be chosen.
+#: Remedy in the error message of `require_smooth`, if another model can be chosen.
 OTHER_MODELS = (
     ", or one of the models elastic_stem, one_mass and two_mass, where it is an impact or lifts "
     "the follower off"
@@ -84,7 +95,7 @@ OTHER_MODELS = (
 
 
 def require_continuous(law: Law) -> None:
-    """Refuse a law whose lift itself jumps: no follower can be at two places at once."""
+    """Raise a `DynamicsError` if the lift of a law jumps, which no follower can do."""
     if law.largest_step > TOLERANCE * float(np.abs(law.ordinates).max()):
         piece = int(np.abs(law.jumps(0)).argmax())
         raise DynamicsError(
@@ -95,7 +106,10 @@ def require_continuous(law: Law) -> None:
 
 
 def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
-    """Refuse a law whose velocity jumps, an infinite force; ``otherwise`` is what is allowed."""
+    """Raise a `DynamicsError` if the velocity of a law jumps.
+
+    A velocity jump needs an infinite force. ``otherwise`` is the remedy at the end of the message.
+    """
     require_continuous(law)
     if law.velocity_jumps:
         piece = max(law.velocity_jumps, key=lambda i: abs(law.velocity_jumps[i]))

@@ -1,4 +1,4 @@
-"""Residual and torsional vibration of cams in their steady state (figs. 4-6 and 9 of the paper)."""
+"""Residual and torsional vibration in steady state (paper, figs. 4-6 and 9)."""
 
 from __future__ import annotations
 
@@ -22,55 +22,58 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: A piece whose ordinates differ by no more than this fraction of the lift is flat, ...
-FLAT = 1e-12
-#: ... and low where it is no higher than this fraction above the lowest ordinate: a spline through
-#: readings that leaves its dwell may dip below it by part of their scatter.
-LOW = 1e-3
-#: In place of the low dwell of a law without one: this much (rad) about its lowest lift, as wide
-#: as the low dwell of the paper's other laws here.
+#: Largest difference of the ordinates of a flat piece, relative to the lift.
+FLAT_RTOL = 1e-12
+#: Largest height of a low piece above the lowest ordinate, relative to the lift. A spline
+#: through readings may dip below its dwell by a fraction of the scatter.
+LOW_RTOL = 1e-3
+#: Width of the window around the lowest lift that replaces the low dwell of a law without one,
+#: rad. It is the width of the low dwell of the other laws of the paper in this project.
 STAND_IN = float(np.radians(62.5))
 
 
 @dataclass(frozen=True)
 class LowDwell:
-    """The stretch of the turn in which residual vibration is read."""
+    """Window of the turn in which the residual vibration is evaluated."""
 
-    start: float  #: rad
+    start: float  #: cam angle, rad
     span: float  #: rad
-    dwell: bool  #: whether it rests
+    dwell: bool  #: True if it is a dwell of the law, False for a window of width `STAND_IN`
 
     @property
     def middle(self) -> float:
-        """Cam angle (rad) of its middle, in the turn."""
+        """Cam angle of the middle in [0, 2π), rad."""
         return (self.start + 0.5 * self.span) % TURN
 
     def holds(self, angle: FloatArray) -> NDArray[np.bool_]:
-        """Which cam angles (rad) lie inside, the end not among them."""
+        """Return for each cam angle (rad) whether it is in the window, without its end."""
         return np.asarray((angle - self.start) % TURN < self.span * (1.0 - 1e-9))
 
 
 def low_dwell(law: Law) -> LowDwell:
-    """The longest run of pieces at the lowest lift, around the turn; else the stand-in."""
+    """Return the longest low dwell of a law: adjacent flat pieces at the lowest lift.
+
+    A law without a low dwell gets a window of width `STAND_IN` around its lowest lift.
+    """
     lowest = float(law.ordinates.min())
-    low = law.ordinates.max(axis=0) - lowest <= LOW * law.lift
-    flat = low & (np.ptp(law.ordinates, axis=0) <= FLAT * law.lift)
-    best = LowDwell(0.0, 0.0, True)
+    low = law.ordinates.max(axis=0) - lowest <= LOW_RTOL * law.lift
+    flat = low & (np.ptp(law.ordinates, axis=0) <= FLAT_RTOL * law.lift)
+    longest = LowDwell(0.0, 0.0, True)
     count = flat.size
     for i in np.flatnonzero(flat & ~np.roll(flat, 1)):
         run = 1
         while flat[(i + run) % count] and run < count:
             run += 1
         span = float(sum(law.spans[(i + k) % count] for k in range(run)))
-        if span > best.span:
-            best = LowDwell(float(law.breaks[i]), span, True)
-    if best.span > 0.0:
-        return best
+        if span > longest.span:
+            longest = LowDwell(float(law.breaks[i]), span, True)
+    if longest.span > 0.0:
+        return longest
     middle = extremes(law, 0)[0].angle
     return LowDwell((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)
 
 
-#: Instants of a turn.
+#: Number of sample times in a turn of the flywheel.
 SAMPLES = 4096
 
 
@@ -78,26 +81,31 @@ SAMPLES = 4096
 class FlywheelTurn:
     """One turn of a cam on its shaft in steady state, driven by a constant torque."""
 
-    inertia: float  #: I_v, kg·m²
-    fluctuation: float  #: (fastest − slowest)/mean speed of the flywheel
-    cam_fluctuation: float  #: and of the cam
-    formula: float  #: the handbook's ΔE/((I_v + I) ω²), shaft rigid, load as at even speed
-    twist: float  #: rad, peak to peak
-    torque: float  #: N·m, of the motor
+    inertia: float  #: I_v of the flywheel, kg·m², infinite at constant flywheel speed
+    fluctuation: float  #: (max − min)/mean speed of the flywheel
+    cam_fluctuation: float  #: (max − min)/mean speed of the cam
+    #: Handbook formula of the fluctuation, ΔE/((I_v + I) ω²), for a rigid shaft and the load at
+    #: constant speed
+    formula: float
+    twist: float  #: peak-to-peak twist of the shaft, rad
+    torque: float  #: torque of the motor, N·m
 
 
 def flywheel_turn(
     law: Law, shaft: TorsionalParameters, inertia: float, speed: float
 ) -> FlywheelTurn:
-    """A turn at the mean ``speed`` (rad/s) behind a flywheel of ``inertia`` (kg·m²)."""
-    held = math.isinf(inertia)
-    behind = replace(shaft, flywheel_inertia=None if held else inertia)
-    motion = steady_motion(law, behind, speed)
+    """Return a steady turn at a mean speed (rad/s) and flywheel inertia (kg·m²).
+
+    An infinite inertia is a flywheel at constant speed.
+    """
+    is_infinite = math.isinf(inertia)
+    shaft_with_flywheel = replace(shaft, flywheel_inertia=None if is_infinite else inertia)
+    motion = steady_motion(law, shaft_with_flywheel, speed)
     times = np.linspace(0.0, motion.stop_time, SAMPLES)
     rows = motion.at(times)
-    torque = (
-        -float(np.mean(motion.shaft_torque(times[:-1]))) if held else motion.parameters.motor_torque
-    )
+    torque = motion.parameters.motor_torque
+    if is_infinite:
+        torque = -float(np.mean(motion.shaft_torque(times[:-1])))
     return FlywheelTurn(
         inertia=inertia,
         fluctuation=float(np.ptp(motion.lead(times)[1])) / speed,
@@ -109,60 +117,75 @@ def flywheel_turn(
 
 
 def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> float:
-    """Peak to peak ∫(T_mean − T) dθ (J) at even speed, T = (m ω² s'' + c ω s' + k s + F₀) s'."""
+    """Return the peak-to-peak ∫(T_mean − T) dθ (J) of a turn at a speed (rad/s).
+
+    T = (m ω² s'' + c ω s' + k s + F₀) s' is the torque of the load.
+    """
     f = shaft.follower
     angles = np.linspace(0.0, TURN, SAMPLES + 1)
     s, s1 = law(angles), law(angles, 1)
     loss = 0.5 * (s1[1:] ** 2 + s1[:-1] ** 2) * f.damping * speed * (TURN / SAMPLES)
-    taken = np.concatenate([[0.0], np.cumsum(loss)])
-    taken -= taken[-1] * angles / TURN
-    taken += 0.5 * (f.mass * speed**2 * s1**2 + f.spring_stiffness * s**2) + f.preload * s
-    return float(np.ptp(taken))
+    energy = np.concatenate([[0.0], np.cumsum(loss)])
+    energy -= energy[-1] * angles / TURN
+    energy += 0.5 * (f.mass * speed**2 * s1**2 + f.spring_stiffness * s**2) + f.preload * s
+    return float(np.ptp(energy))
 
 
-#: Least natural periods of the stem a turn: below, free and forced vibration cannot be told apart.
-PERIODS = 3.0
-#: Slowest and fastest speed, rpm; below, a turn has more periods of the stem than can be sampled.
-SLOWEST, FASTEST = 1.0, 1e5
+#: Smallest number of natural periods of the stem per turn. With fewer, free and forced vibration
+#: cannot be separated.
+MIN_PERIODS = 3.0
+#: Lowest speed, rpm. At lower speeds a turn has more periods of the stem than can be sampled.
+MIN_RPM = 1.0
+#: Highest speed, rpm.
+MAX_RPM = 1e5
 
 
 def fastest(follower: FollowerParameters) -> float:
-    """Highest speed (rpm) with a residual vibration: `PERIODS` of the stem fit in a turn."""
+    """Return the highest speed (rpm) at which the residual vibration can be computed.
+
+    At this speed `MIN_PERIODS` natural periods of the stem fit in one turn.
+    """
     stiffness = follower.spring_stiffness + follower.stem
-    return min(FASTEST, math.sqrt(stiffness / follower.mass) / PERIODS / RPM)
+    return min(MAX_RPM, math.sqrt(stiffness / follower.mass) / MIN_PERIODS / RPM)
 
 
 def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
-    """Refuse speeds (rpm) that are too slow to sample, or too fast for the stem."""
-    most = fastest(follower)
+    """Raise a `ConfigError` if a speed (rpm) is too low or too high for the stem.
+
+    A speed is too low if a turn has more periods of the stem than can be sampled.
+    """
+    max_rpm = fastest(follower)
     for speed in rpm:
-        if not SLOWEST <= speed * (1.0 + 1e-12) <= most * (1.0 + 2e-12):
+        if not MIN_RPM <= speed * (1.0 + 1e-12) <= max_rpm * (1.0 + 2e-12):
             raise ConfigError(
-                f"speed is {speed:g} rpm; allowed: {SLOWEST:g} to {most:.4g} rpm on this stem, "
-                f"of which {PERIODS:g} periods must fit in a turn"
+                f"speed is {speed:g} rpm; allowed: {MIN_RPM:g} to {max_rpm:.4g} rpm on this stem, "
+                f"of which {MIN_PERIODS:g} periods must fit in a turn"
             )
 
 
-#: Samples of a turn at least, and of a period of the stem.
-MIN_SAMPLES, PER_PERIOD = 4096, 32
-#: Free vibration beyond this many times all of the vibration is not part of it.
-MAX_RINGING = 2.0
-#: Samples of a turn of twist.
+#: Smallest number of samples per turn.
+MIN_SAMPLES = 4096
+#: Smallest number of samples per natural period of the stem.
+PER_PERIOD = 32
+#: Largest ratio of the residual vibration to the whole vibration. A larger residual vibration is
+#: an artefact of a stem that does not follow the law.
+MAX_RESIDUAL_RATIO = 2.0
+#: Number of samples per turn of the twist.
 TWIST_SAMPLES = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTurn:
-    """One turn of eq. 5 in steady state, ``(n,)`` each."""
+    """Samples of one turn of eq. 5 of the paper in steady state, ``(n,)`` each."""
 
-    angle: FloatArray  #: of the cam, rad
+    angle: FloatArray  #: cam angle, rad
     displacement: FloatArray  #: x, m
     acceleration: FloatArray  #: ẍ, m/s²
-    vibration: FloatArray  #: r about the static share of the lift, m
+    vibration: FloatArray  #: r about the static fraction of the lift, m
 
 
 def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyTurn:
-    """One turn at ``speed`` (rad/s), finely sampled."""
+    """Return the samples of one turn in steady state at a speed (rad/s)."""
     model, out = response(law, follower, speed), outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
@@ -179,30 +202,60 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
 
 @dataclass(frozen=True)
 class SteadyVibration:
-    """What a cam does to its follower and its shaft at one speed, in steady state."""
+    """Steady vibration of the follower and the shaft of a cam at one speed."""
 
-    window: LowDwell  #: where residual vibration is read
-    residual_amplitude: float  #: m, largest free vibration in the window, excited by the joints
-    peak_to_peak: float  #: m, of x about the static share of the lift there
-    acceleration: float  #: m/s², largest |ẍ|
-    rigid_acceleration: float  #: m/s², that of the law itself
-    twist: float | None  #: rad, peak to peak of cam less flywheel; None for a rig without a shaft
-    #: (fastest − slowest)/mean speed of the flywheel; None where it holds its speed
+    window: LowDwell  #: window in which the residual vibration is evaluated
+    #: Largest free vibration in the window, m. The joints of the law excite it.
+    residual_amplitude: float
+    peak_to_peak: float  #: peak-to-peak vibration about the static fraction of the lift, m
+    acceleration: float  #: largest |ẍ|, m/s²
+    rigid_acceleration: float  #: largest acceleration of the law itself, m/s²
+    #: Peak-to-peak twist, cam angle less flywheel angle, rad. None for a rig without a shaft.
+    twist: float | None
+    #: (max − min)/mean speed of the flywheel. None if its speed is constant.
     fluctuation: float | None = None
 
 
 def vibration(
     law: Law, follower: FollowerParameters, shaft: TorsionalParameters | None, speed: float
 ) -> SteadyVibration:
-    """All measures of one cam at ``speed`` (rad/s)."""
+    """Return all measures of the vibration of one cam at a speed (rad/s).
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    follower : FollowerParameters
+        The follower, with a stem stiffness.
+    shaft : TorsionalParameters, optional
+        The shaft, or None for a rig without a shaft.
+    speed : float
+        Cam speed, rad/s.
+
+    Returns
+    -------
+    SteadyVibration
+        Measures in SI units.
+
+    Raises
+    ------
+    ConfigError
+        If the speed is out of the range of `require_speeds`, or the stem stiffness is None.
+    DynamicsError
+        If the law has a velocity jump and the rig has a shaft, or a steady state does not exist.
+
+    References
+    ----------
+    Paper, eq. 5 and 10, figs. 4-6 and 9.
+    """
     if shaft is not None:
         require_smooth(law, ", or a rig without a shaft")
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
     inside = turn.vibration[window.holds(turn.angle)]
     twist = fluctuation = None
     if shaft is not None and shaft.flywheel_inertia is not None:
-        behind = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed)
-        twist, fluctuation = behind.twist, behind.fluctuation
+        flywheel = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed)
+        twist, fluctuation = flywheel.twist, flywheel.fluctuation
     elif shaft is not None:
         twist = float(np.ptp(steady_twist(law, shaft, speed)[1]))
     return SteadyVibration(
@@ -219,50 +272,74 @@ def vibration(
 def residual_vibration(
     law: Law, follower: FollowerParameters, speeds: FloatArray, window: LowDwell | None = None
 ) -> FloatArray:
-    """Largest free vibration (m) in the low dwell, or another window, at speeds (rad/s), ``(m,)``.
+    """Return the largest free vibration (m) in a window at speeds (rad/s), ``(m,)``.
 
-    Free vibration decays between joints, so it is largest where the window begins or at a joint
-    inside it.
+    The free vibration decays between joints, so it is largest at the start of the window or at a
+    joint inside it.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    follower : FollowerParameters
+        The follower, with a stem stiffness.
+    speeds : array, ``(m,)``
+        Cam speeds, rad/s.
+    window : LowDwell, optional
+        The window (default: the low dwell of the law).
+
+    Raises
+    ------
+    ConfigError
+        If a speed is out of the range of `require_speeds`.
+    DynamicsError
+        If the residual vibration exceeds the whole vibration by more than `MAX_RESIDUAL_RATIO`.
     """
     require_speeds(follower, speeds / RPM)
     window = window or low_dwell(law)
-    at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
+    angles = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
     run = ModalRun.of(response(law, follower, float(speeds[0])), outputs(follower), None)
-    found = np.array([max(free_amplitude(run, x, angle) for angle in at) for x in speeds.tolist()])
-    last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
-    whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
-    if not found[last] <= MAX_RINGING * whole:
+    amplitudes = np.array(
+        [max(free_amplitude(run, speed, angle) for angle in angles) for speed in speeds.tolist()]
+    )
+    # The highest speed is the critical one: there the vibration follows the law least.
+    last = int(np.argmax(speeds))
+    total = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
+    if not amplitudes[last] <= MAX_RESIDUAL_RATIO * total:
         raise DynamicsError(
-            f"law {law.name!r}: residual vibration of {1e6 * found[last]:.3g} µm in a vibration of "
-            f"{1e6 * whole:.3g} µm at {speeds[last] / RPM:g} rpm; allowed: speeds slow enough for "
-            "the stem to follow the law"
+            f"law {law.name!r}: residual vibration of {1e6 * amplitudes[last]:.3g} µm in a "
+            f"vibration of {1e6 * total:.3g} µm at {speeds[last] / RPM:g} rpm; allowed: speeds "
+            "slow enough for the stem to follow the law"
         )
-    return np.asarray(found)
+    return np.asarray(amplitudes)
 
 
-#: Two rates nearer than this part of them are moved apart: critical damping has but one.
-APART = 1e-7
+#: Smallest relative difference of the two rates. Closer rates are moved apart by it, because at
+#: critical damping both rates are equal.
+MIN_RATE_DIFFERENCE = 1e-7
 
 
 def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
-    """Amplitude of the output's free vibration at a cam angle (rad) in steady state.
+    """Return the amplitude of the free vibration of the output at a cam angle (rad).
 
-    Of Σ a (1, λ) e^{λt} = (η, η̇) with the two rates λ, complex or real.
+    The run is in steady state at ``speed`` rad/s. The vibration is (η, η̇) = Σ a (1, λ) e^{λt} with
+    two rates λ, complex or real. The amplitude of the output p η + q η̇ is Σ |a (p + q λ)|.
     """
-    mode, (place, velocity) = run.mode, run.steady(speed, angle)
-    half, most = 0.5 * mode.damping, math.sqrt(mode.stiffness)
-    apart = cmath.sqrt(half**2 - mode.stiffness)
-    apart = apart if abs(apart) > APART * most else complex(APART * most)
-    rates = apart - half, -apart - half
-    one = (velocity - rates[1] * place) * (mode.per_displacement + mode.per_velocity * rates[0])
-    other = (velocity - rates[0] * place) * (mode.per_displacement + mode.per_velocity * rates[1])
-    return float((abs(one) + abs(other)) / abs(2.0 * apart))
+    mode, (displacement, velocity) = run.mode, run.steady(speed, angle)
+    p, q = mode.per_displacement, mode.per_velocity
+    half, frequency = 0.5 * mode.damping, math.sqrt(mode.stiffness)
+    root, min_root = cmath.sqrt(half**2 - mode.stiffness), MIN_RATE_DIFFERENCE * frequency
+    root = root if abs(root) > min_root else complex(min_root)
+    rates = root - half, -root - half
+    first = (velocity - rates[1] * displacement) * (p + q * rates[0])
+    second = (velocity - rates[0] * displacement) * (p + q * rates[1])
+    return float((abs(first) + abs(second)) / abs(2.0 * root))
 
 
 def steady_twist(
     law: Law, shaft: TorsionalParameters, speed: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Flywheel angle and twist ψ (rad), ``(n,)`` each, over one turn in steady state."""
+    """Return flywheel angle and twist ψ (rad) of a steady turn, ``(n,)`` each."""
     motion = steady_motion(law, shaft, speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
     return speed * times, motion.at(times)[0]

@@ -1,4 +1,4 @@
-"""Rigs, laws and runs of a follower model, for all tests of the models."""
+"""Fixtures for the tests of the follower models."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ..conftest import dwell, rise
 
 @pytest.fixture
 def at_once() -> Iterator[None]:
-    """A refusal is immediate: this process computes for no more than 3 s, however long that is."""
-    begun = time.process_time()
+    """Check that a test uses at most 3 s of processor time."""
+    start = time.process_time()
     yield
-    assert time.process_time() - begun < 3.0
+    assert time.process_time() - start < 3.0
 
 
 @pytest.fixture(scope="session")
 def edge() -> Law:
-    """A cam of constant velocity: its velocity jumps at four joints.
+    """Return a constant-velocity cam, whose velocity jumps at four joints.
 
     Dwell of 60°, rise of 50 mm over 90°, dwell of 60°, fall over 90°, dwell of 60°.
     """
@@ -35,9 +35,10 @@ def edge() -> Law:
 
 @pytest.fixture(scope="session")
 def harmonic(make_cam) -> Law:
-    """Dwell 60°, simple-harmonic rise of 50 mm over 120°, dwell 60°, fall over 120°.
+    """Return a simple-harmonic cam, whose acceleration jumps at four joints.
 
-    s'' jumps by ± h π²/(2β²) at both ends of each.
+    Dwell of 60°, rise of 50 mm over 120°, dwell of 60°, fall over 120°. s'' jumps by ± h π²/(2β²)
+    at both ends of rise and fall.
     """
     up, down = (rise(120, to, "simple_harmonic") for to in (1, 0))
     return build_law(make_cam(dwell(60), up, dwell(60), down))

@@ -1,4 +1,4 @@
-"""What tests of the models share: runs cut into ticks, one flight over a cam, Gauss's rule."""
+"""Shared functions of the tests: runs in ticks, flights, changed laws, quadrature."""
 
 from __future__ import annotations
 
@@ -31,22 +31,24 @@ from cam_rig.units import NS, TURN
 
 #: ns in a millisecond.
 MS = NS // 1000
-#: A rigid follower, and the two masses of the paper.
+#: Rigid follower of the paper.
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+#: Two masses of the paper.
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
-#: A stem damped so well that it does not chatter: no rounding grows from landing to landing.
+#: Two masses with a strongly damped stem. It does not chatter, so that no rounding error grows from
+#: landing to landing.
 CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 
 class Run(NamedTuple):
-    """All samples, all events, and the last state of a run."""
+    """Samples, events and last state of a run."""
 
     rows: np.ndarray
     events: list[Event]
     state: FollowerState
 
 
-def ticked(
+def run_in_ticks(
     law: Law,
     model: str,
     p,
@@ -56,9 +58,9 @@ def ticked(
     state: FollowerState | None = None,
     nudge: float = 0.0,
 ) -> Run:
-    """Rows, events and last state of an interval cut at instants (ns since its start).
+    """Run a model over an interval in ticks between times (ns since its start).
 
-    ``nudge`` (rad) is added to every second tick's angle.
+    ``nudge`` (rad) is added to the angle of every second tick.
     """
     rows, events = [], []
     for i, (a, b) in enumerate(itertools.pairwise(cuts)):
@@ -78,15 +80,18 @@ def ticked(
     return Run(np.hstack(rows), events, state)
 
 
-def every(tick: int, total: int) -> list[int]:
-    """The instants (ns) between which a time lies in ticks."""
+def tick_borders(tick: int, total: int) -> list[int]:
+    """Return the borders (ns) of the ticks of a duration (ns)."""
     return [*range(0, total, tick), total]
 
 
 def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
-    """Where a flight from a cam angle (rad) on ends; ``noise`` as in `FlightOverCam`."""
+    """Find the end of a flight that starts at a cam angle (rad).
+
+    ``noise`` is the rounding error of the acceleration (m/s²), as in `FlightOverCam`.
+    """
     lift_off = start_free_motion(free_table(flight.system), flight.start)
     gap, gap_rate = flight.known or (0.0, 0.0)
     cam = Cam(law_table(law), float(speed), float(angle))
@@ -101,35 +106,35 @@ def land(
     return find_landing(over_cam, limit)
 
 
-def assert_same(found, wanted, tolerance: float, apart=slice(None)) -> None:
-    """Rows (those ``apart``), events and last state of two ways to cut a run (`ticked`)."""
-    (rows, events, state), (other_rows, other_events, end) = found, wanted
-    size = np.abs(other_rows[1:5]).max(axis=1)
-    assert (np.abs(rows - other_rows)[1:5, apart].max(axis=1) < max(tolerance, 1e-10) * size).all()
+def assert_same(run: Run, expected: Run, tolerance: float, columns=slice(None)) -> None:
+    """Assert that two runs have the same rows (in ``columns``), events and last state."""
+    (rows, events, state), (other_rows, other_events, end) = run, expected
+    size, limit = np.abs(other_rows[1:5]).max(axis=1), max(tolerance, 1e-10)
+    assert (np.abs(rows - other_rows)[1:5, columns].max(axis=1) < limit * size).all()
     assert [event.kind for event in events] == [event.kind for event in other_events]
-    for one, other in zip(events, other_events, strict=True):
-        assert one.time == pytest.approx(other.time, abs=0.1 * tolerance)
-        assert one.impulse == pytest.approx(other.impulse, abs=10.0 * tolerance)
+    for event, other in zip(events, other_events, strict=True):
+        assert event.time == pytest.approx(other.time, abs=0.1 * tolerance)
+        assert event.impulse == pytest.approx(other.impulse, abs=10.0 * tolerance)
     assert state.velocity == pytest.approx(end.velocity, abs=tolerance * size[1])
     assert state.displacement == pytest.approx(end.displacement, abs=tolerance * size[0])
 
 
 def off_joints(law: Law, angle: np.ndarray) -> np.ndarray:
-    """Which samples do not fall on a jump, where they may show either side of it."""
+    """Return for each sample if it is off the joints, where it may have either limit."""
     return np.abs(angle[:, None] % TURN - law.breaks).min(axis=1) > 1e-9
 
 
 def turned(law: Law, angle: float, factor: float = 1.0) -> Law:
-    """The same cam with its zero moved on by ``angle`` (rad), its lift made smaller."""
+    """Return a law that starts at ``angle`` (rad), with its lift times ``factor``."""
     law = with_joints(law, angle)
-    at = int(np.searchsorted(law.breaks, angle))
-    breaks = np.append(law.breaks[at:], law.breaks[1 : at + 1] + TURN) - law.breaks[at]
+    i = int(np.searchsorted(law.breaks, angle))
+    breaks = np.append(law.breaks[i:], law.breaks[1 : i + 1] + TURN) - law.breaks[i]
     breaks[-1] = TURN
-    return Law("turned", breaks, factor * np.roll(law.ordinates, -at, axis=1))
+    return Law("turned", breaks, factor * np.roll(law.ordinates, -i, axis=1))
 
 
 def with_joints(law: Law, *angles: float) -> Law:
-    """The same law with more joints, at these angles (rad)."""
+    """Return the same law with additional joints at angles (rad)."""
     breaks, columns = np.array(sorted({*law.breaks.tolist(), *angles})), []
     for a, b in itertools.pairwise(breaks):
         i = int(np.searchsorted(law.breaks, 0.5 * (a + b), side="right")) - 1
@@ -139,7 +144,10 @@ def with_joints(law: Law, *angles: float) -> Law:
 
 
 def bumped(law, middle, width, height):
-    """The law with a bump h (1 − x²)³ of two pieces, rad and m."""
+    """Return a law with an added bump h (1 − x²)³ of two pieces.
+
+    ``middle`` and ``width`` are in rad, and ``height`` is in m.
+    """
     low, high, degree = middle - 0.5 * width, middle + 0.5 * width, max(6, law.degree)
     law, u = with_joints(law, low, middle, high), np.linspace(0.0, 1.0, degree + 1)
     ordinates = np.array(bernstein.elevate(law.ordinates, degree))
@@ -153,7 +161,7 @@ def bumped(law, middle, width, height):
 
 
 def noisy(law, pieces, amplitude, rng):
-    """Return the C¹ law of Hermite's cubics through noisy points of a law, one per piece."""
+    """Return the C¹ law of Hermite cubics through noisy points of a law."""
     breaks = np.linspace(0.0, TURN, pieces + 1)
     breaks[-1] = TURN
     points = law(breaks[:-1]) + amplitude * rng.standard_normal(pieces)
@@ -170,7 +178,10 @@ class _Walk(Separation):
 def lift_off(
     law: Law, p: TwoMassParameters, speed: float, start: np.ndarray, limit: float
 ) -> float | None:
-    """When (s) a walk from part to part first loses contact, from (η, η̇) at θ = 0 on."""
+    """Return the time (s) of the first loss of contact, by a search from part to part.
+
+    The run starts from (η, η̇) at θ = 0. Returns None if contact is not lost within ``limit`` s.
+    """
     walk = _Walk(law, p, speed)
     with suppress(EndlessEventsError):
         walk.run(limit, start)
@@ -178,27 +189,33 @@ def lift_off(
 
 
 def exact_law(law: Law, angle: mp.mpf) -> list[mp.mpf]:
-    """s, s' and s'' at a cam angle (rad) in mpmath's digits; the law's doubles taken as exact."""
+    """Return s, s' and s'' at a cam angle (rad) with the digits of mpmath.
+
+    The floats of the law are exact numbers here.
+    """
     inside = angle - mp.floor(angle / mp.mpf(TURN)) * mp.mpf(TURN)
     i = max(k for k in range(law.spans.size) if mp.mpf(law.breaks[k]) <= inside)
-    low, found = mp.mpf(law.breaks[i]), []
+    low, values = mp.mpf(law.breaks[i]), []
     span, row = mp.mpf(law.breaks[i + 1]) - low, powers(law.ordinates[:, i].tolist())
     for order in range(3):
-        found.append(polynomial(row, (inside - low) / span) / span**order)
+        values.append(polynomial(row, (inside - low) / span) / span**order)
         row = [k * a for k, a in enumerate(row)][1:] or [mp.mpf(0)]
-    return found
+    return values
 
 
 def gauss(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of Gauss and Legendre, ``count`` of them between each two edges."""
+    """Return Gauss-Legendre nodes and weights, ``count`` between adjacent edges."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     half = 0.5 * np.diff(edges)[:, None]
     return (np.asarray(edges)[:-1, None] + half * (nodes + 1.0)).ravel(), (half * weights).ravel()
 
 
-def cut_at_joints(law: Law, speed: float, begin: float, end: float) -> np.ndarray:
-    """[begin, end] (s) cut at the joints of the law, which is at 0 at time 0."""
+def cut_at_joints(law: Law, speed: float, start: float, end: float) -> np.ndarray:
+    """Return start and end (s) with the times of the joints between them.
+
+    The cam is at angle 0 at time 0.
+    """
     turns = np.arange(1 + int(speed * end / TURN))[:, None]
     joints = ((law.breaks[:-1] + TURN * turns) / speed).ravel()
-    inner = joints[(joints > begin + 1e-13) & (joints < end - 1e-13)]
-    return np.array([begin, *inner, end])
+    inner = joints[(joints > start + 1e-13) & (joints < end - 1e-13)]
+    return np.array([start, *inner, end])

@@ -1,4 +1,4 @@
-"""Bounces without end in a finite time: few events, then contact, and no loop."""
+"""Infinite series of bounces in a finite time: few events, and then contact."""
 
 from dataclasses import replace
 
@@ -16,13 +16,14 @@ from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
 SPEED, THROWN, PRELOAD = 0.1, 0.2, 30.0
-#: The end mass is a wall, and the stem the roller's spring.
+#: Roller mass (kg) and stem stiffness (N/m). The end mass is a wall, and the stem is the spring of
+#: the roller.
 ROLLER, STEM = 0.5, 1e5
 LIFT = 0.05
 
 
 def law_of(name):
-    """A dwell of 298° with a hump after it, or a disc."""
+    """Return a law by its name: a dwell of 298° followed by a hump, or a disc."""
     if name == "disc":
         return Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
     rise = LIFT * np.repeat([0.0, 1.0], 3)
@@ -30,32 +31,35 @@ def law_of(name):
 
 
 def landing_times(mass, stiffness, load, restitution, count):
-    """Sum of 2 atan(vΩm/P)/Ω with v falling by e: thrown up on a spring Ω² = k/m, undamped."""
+    """Return the landing times (s) of an undamped mass thrown up against a spring.
+
+    They are sums of 2 atan(v Ω m/P)/Ω with Ω² = k/m. Each landing multiplies v by e.
+    """
     rate = np.sqrt(stiffness / mass)
     velocities = THROWN * restitution ** np.arange(count)
     return np.cumsum(2.0 / rate * np.arctan(velocities * rate * mass / load))
 
 
 def check(landings, times, accumulated, restitution, mass):
-    """Each landing at its time, to 1e-5 of the whole series."""
-    found = np.array([event.time for event in landings])
-    np.testing.assert_allclose(found, times[: found.size], rtol=0, atol=1e-5 * accumulated)
-    assert found[-1] == pytest.approx(accumulated, rel=1e-4)
+    """Assert that each landing is at its time, to 1e-5 of the duration of the series."""
+    actual = np.array([event.time for event in landings])
+    np.testing.assert_allclose(actual, times[: actual.size], rtol=0, atol=1e-5 * accumulated)
+    assert actual[-1] == pytest.approx(accumulated, rel=1e-4)
     impulses = np.array([event.impulse for event in landings[:10]])
-    wanted = mass * (1.0 + restitution) * THROWN * restitution ** np.arange(10)
-    np.testing.assert_allclose(impulses, wanted, rtol=1e-4)
+    expected = mass * (1.0 + restitution) * THROWN * restitution ** np.arange(10)
+    np.testing.assert_allclose(impulses, expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize(
     ("cam", "restitution"), [("hump", 0.5), ("hump", 0.9), ("hump", 0.99), ("disc", 0.5)]
 )
 def test_one_mass(cam, restitution, monkeypatch):
-    """ln(v₀/v)/ln(1/e) landings until a bounce is lower than rounding, then it sits."""
+    """After ln(v₀/v)/ln(1/e) landings bounces are below rounding: contact follows."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 40.0 / np.log(1.0 / restitution))
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
-    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 3 * NS, 0.0, SPEED)
-    state, block = MODELS["one_mass"].advance(law_of(cam), follower, lifted_off, interval, 1000)
+    state, block = MODELS["one_mass"].advance(law_of(cam), follower, flying, interval, 1000)
     landings = [event for event in block.events if event.kind == "landing"]
     times = landing_times(1.3, 4030.0, PRELOAD, restitution, 100_000)
     check(landings, times, times[-1], restitution, 1.3)
@@ -69,43 +73,43 @@ def test_one_mass(cam, restitution, monkeypatch):
 
 @pytest.mark.parametrize(("cam", "restitution"), [("hump", 0.5), ("hump", 0.9), ("disc", 0.5)])
 def test_two_masses(cam, restitution, monkeypatch):
-    """The roller alone bounces, pressed on by a stem whose other end does not move."""
-    # An end mass of 1e9 kg gives way by 1e-8 of what the roller does.
+    """A roller on a stem with a fixed end bounces like one mass on a spring."""
+    # An end mass of 1e9 kg moves by 1e-8 of the motion of the roller.
     monkeypatch.setattr(Separation, "max_events", 200)
     p = TwoMassParameters(ROLLER, 1e9, STEM, 4030.0, 0.0, 0.0, PRELOAD, restitution=restitution)
-    rest = -p.preload / p.stiffness
-    found = Separation(law_of(cam), p, SPEED)
-    found.run(1.0, np.array([0.0, THROWN, rest, 0.0]), contact=False)
-    landings = [event for event in found.events if event.kind == "landing"]
-    times = landing_times(ROLLER, STEM, -STEM * rest, restitution, 100_000)
+    static = -p.preload / p.stiffness
+    trajectory = Separation(law_of(cam), p, SPEED)
+    trajectory.run(1.0, np.array([0.0, THROWN, static, 0.0]), contact=False)
+    landings = [event for event in trajectory.events if event.kind == "landing"]
+    times = landing_times(ROLLER, STEM, -STEM * static, restitution, 100_000)
     check(landings, times, times[-1], restitution, ROLLER)
-    assert isinstance(found.last, np.ndarray)
-    assert found.phases[-1].end - found.phases[-1].begin > 0.9
+    assert isinstance(trajectory.last, np.ndarray)
+    assert trajectory.phases[-1].end - trajectory.phases[-1].begin > 0.9
 
 
-def test_too_many_bounces_are_said(monkeypatch):
-    """More than an interval takes is an error that says how many and where, not a loop."""
+def test_too_many_events_are_an_error(monkeypatch):
+    """More events than the limit raise an error with limit, duration and speed."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 100)
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
-    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    flying = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 30 * NS, 0.0, SPEED)
-    words = r"more than 100 events in 30 s at 0\.1 rad/s; allowed: "
-    with pytest.raises(DynamicsError, match=words):
-        MODELS["one_mass"].advance(law_of("hump"), follower, lifted_off, interval, 100)
+    message = r"more than 100 events in 30 s at 0\.1 rad/s; allowed: "
+    with pytest.raises(DynamicsError, match=message):
+        MODELS["one_mass"].advance(law_of("hump"), follower, flying, interval, 100)
 
 
-# After a landing the stiff stem throws the roller up again and again, at 25 kHz.
+# Chatter: after a landing the stiff stem throws the roller up repeatedly, at 25 kHz.
 
 FAST = 450.0 * np.pi / 30.0
 
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_events_are_those_of_fifty_digits(name):
-    """All of them, in order, each to 1e-13 s; the motion between to 2e-12 of its largest."""
-    # Not one of the bounces is lost or invented, though each begins where the last left off, and
-    # each hands on its error: sixty of them on the stem enlarge a rounding a hundred times, so that
-    # the last digit of its stiffness, or of the speed, is worth 1e-13 s. Where it weighs more, five
-    # times its weight is the limit: the processor chooses how sums are rounded.
+    """All events agree with 50 digits to 1e-13 s, and the motion to 2e-12."""
+    # No bounce is lost or added, although each starts from the result of the previous one and
+    # passes its error on. Sixty bounces on the stem enlarge a rounding error a hundred times, so
+    # that the last digit of the stiffness or of the speed changes a time by 1e-13 s. If it changes
+    # more, the limit is five times this change, because rounding depends on the processor.
     case = CASES[name]()
     wanted, got = study.read(case), study.solve(case)
     assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
@@ -115,20 +119,20 @@ def test_events_are_those_of_fifty_digits(name):
 
 
 def last_digit(case, got):
-    """What one in the last digit of a number does to event times (s) and to the motion."""
+    """Return the change of event times (s) and motion by the last digit of a number."""
     name = "stem_stiffness" if hasattr(case.model, "stem_stiffness") else "stiffness"
-    found = []
+    changes = []
     for last in (-1e-15, 1e-15):
         model = replace(case.model, **{name: getattr(case.model, name) * (1.0 + last)})
         for nudged in (replace(case, model=model), replace(case, speed=case.speed * (1.0 + last))):
             other = study.solve(nudged)
-            found.append((other.event_error(got), other.error(got)))
-    return np.max(found, axis=0)
+            changes.append((other.event_error(got), other.error(got)))
+    return np.max(changes, axis=0)
 
 
-# The contact force comes down to zero and touches it, or goes a hair below. Near its minimum
-# F = ½F''(θ² − θ₀²). The follower leaves at −θ₀, and since the gap's second derivative is −F/m, the
-# gap is closed again at exactly +3θ₀, with the impulse (8/3) F'' θ₀³/ω.
+# The contact force touches zero, or falls slightly below it. Near its minimum F = ½F''(θ² − θ₀²).
+# The follower lifts off at −θ₀. As the second derivative of the gap is −F/m, it lands at exactly
+# +3θ₀, with the impulse (8/3) F'' θ₀³/ω.
 
 FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 0.0, 3.3e8)
 TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 1000.0)
@@ -136,7 +140,7 @@ TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 1000.0)
 
 @pytest.fixture(scope="module")
 def minimum(laws):
-    """Angle and depth of the least force of the one mass without preload, and F'' there."""
+    """Return angle and value of the smallest force without preload, and F''."""
     law, p = laws["poly345"], FOLLOWER
 
     def force(angle, order):
@@ -151,32 +155,33 @@ def minimum(laws):
 
 
 def one_turn(law, preload):
+    """Return the events of one mass in one turn."""
     p = replace(FOLLOWER, preload=preload)
     interval = Interval(0, round(TURN / FAST * NS), 0.0, FAST)
     return MODELS["one_mass"].advance(law, p, None, interval, 1000)[1].events
 
 
 @pytest.mark.parametrize("hair", [1e-13, 1e-12, 1e-9])
-def test_a_touch_is_no_event(laws, minimum, hair):
-    """Zero reached to the rounding of a force of 400 N, not crossed: the follower stays."""
+def test_a_force_that_touches_zero_gives_no_event(laws, minimum, hair):
+    """The follower stays on the cam if its force touches zero to rounding."""
     assert one_turn(laws["poly345"], -minimum[1] * (1.0 + hair)) == ()
 
 
 @pytest.mark.parametrize("hair", [1e-5, 1e-4])
-def test_a_hair_lower_is_a_flight(laws, minimum, hair):
-    """Off at −θ₀, back at 3θ₀: to the next order in θ₀ and what rounding makes of a 1e-14 m gap."""
-    angle, depth, bend = minimum
-    half = np.sqrt(2.0 * hair * abs(depth) / bend)
+def test_a_slightly_negative_force_gives_a_flight(laws, minimum, hair):
+    """The follower lifts off at −θ₀ and lands at 3θ₀, to the next order in θ₀."""
+    angle, depth, curvature = minimum
+    half = np.sqrt(2.0 * hair * abs(depth) / curvature)
     off, on = one_turn(laws["poly345"], abs(depth) * (1.0 - hair))
     assert (off.kind, on.kind) == ("lift-off", "landing")
     assert (off.angle - angle) / half == pytest.approx(-1.0, abs=1e-3)
     assert (on.angle - angle) / half == pytest.approx(3.0, abs=0.02)
-    assert on.impulse == pytest.approx(8.0 / 3.0 * bend * half**3 / FAST, rel=0.02)
+    assert on.impulse == pytest.approx(8.0 / 3.0 * curvature * half**3 / FAST, rel=0.02)
 
 
 @pytest.mark.parametrize("hair", [1e-12, 1e-9, 1e-7])
-def test_less_than_a_gap_can_show(laws, minimum, hair):
-    """The gap stays below rounding: one pair all the same, and a landing that nobody feels."""
+def test_a_gap_below_rounding_gives_two_events(laws, minimum, hair):
+    """A flight with a gap below rounding has a lift-off and a landing of no impulse."""
     off, on = one_turn(laws["poly345"], abs(minimum[1]) * (1.0 - hair))
     assert (off.kind, on.kind) == ("lift-off", "landing")
     assert off.angle < minimum[0] < on.angle
@@ -185,21 +190,22 @@ def test_less_than_a_gap_can_show(laws, minimum, hair):
 
 @pytest.fixture(scope="module")
 def two_mass_touch(laws):
-    """The preload at which the vibrating two-mass force just touches zero on the first turn."""
-    found = Separation(laws["poly345"], TWO, FAST)
-    found.run(TURN / FAST)
-    assert found.events == []
+    """Return the preload (N) at which the force touches zero in the first turn."""
+    trajectory = Separation(laws["poly345"], TWO, FAST)
+    trajectory.run(TURN / FAST)
+    assert trajectory.events == []
     times = np.linspace(0.0, TURN / FAST, 20_001)
-    forces = states(found, times)[4]
+    forces = states(trajectory, times)[4]
     i = int(np.argmin(forces))
     near = np.linspace(times[i - 1], times[i + 1], 20_001)
-    return TWO.preload - float(states(found, near)[4].min()) / TWO.share
+    return TWO.preload - float(states(trajectory, near)[4].min()) / TWO.share
 
 
 @pytest.mark.parametrize("hair", [0.0, 1e-12, 1e-9, -1e-6, -1e-5, -1e-4])
 def test_two_masses_touch(laws, two_mass_touch, hair):
-    """Zero is touched within 64 rounding errors of a force of 1e3 N; lower, there is a flight."""
-    found = Separation(laws["poly345"], replace(TWO, preload=two_mass_touch * (1.0 + hair)), FAST)
-    found.run(TURN / FAST)
-    assert [event.kind for event in found.events] == ["lift-off", "landing"] * (hair < 0.0)
-    assert all(event.impulse > 0.0 for event in found.events[1:])
+    """A force within 64 rounding errors of zero is contact, a lower one a flight."""
+    p = replace(TWO, preload=two_mass_touch * (1.0 + hair))
+    trajectory = Separation(laws["poly345"], p, FAST)
+    trajectory.run(TURN / FAST)
+    assert [event.kind for event in trajectory.events] == ["lift-off", "landing"] * (hair < 0.0)
+    assert all(event.impulse > 0.0 for event in trajectory.events[1:])

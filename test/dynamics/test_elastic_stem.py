@@ -1,4 +1,4 @@
-"""Residual vibration on the stem: exact at any time, at any rate, in any piece of time."""
+"""Residual vibration of a mass on its stem is exact at any time."""
 
 import numpy as np
 import pytest
@@ -17,23 +17,23 @@ SPEED = 300.0 * np.pi / 30.0
 
 @pytest.mark.parametrize("damping", [3e4, 1e6, 1e7, 1e8, 1e9])
 def test_overdamped_states_against_fifty_digits(laws, damping):
-    """After two turns from rest, rates 1e9 apart keep their digits.
+    """After two turns from rest, rates with a ratio of 1e9 keep their digits.
 
-    Positions are right to 1e-14 of the lift and velocities to 1e-12 of their peak.
+    Positions are exact to 1e-14 of the lift, and velocities to 1e-12 of their peak.
     """
     law, stem = laws["poly345"], 3.3e8
     follower = FollowerParameters(1.3, 4030.0, damping, 0.0, stem)
     times = np.sort(np.random.default_rng(4).uniform(0.0, 2.0 * TURN / SPEED, 12))
     model = Oscillator(1.3, damping, 4030.0, stem)
-    wanted = exact.solve(Case("stem", "stem", law, model, SPEED, 2, 2, times))
+    expected = exact.solve(Case("stem", "stem", law, model, SPEED, 2, 2, times))
     x, v, *_ = motion(law, follower, SPEED, 0.0, np.zeros(2), times)
-    assert np.abs(x - wanted.displacement[0]).max() < 1e-14 * law.lift
-    assert np.abs(v - wanted.velocity[0]).max() < 1e-12 * np.abs(wanted.velocity).max()
+    assert np.abs(x - expected.displacement[0]).max() < 1e-14 * law.lift
+    assert np.abs(v - expected.velocity[0]).max() < 1e-12 * np.abs(expected.velocity).max()
 
 
 @pytest.mark.variants(3)
-def test_uniform_samples_are_the_states(law, follower):
-    """The matrix products give what the closed form gives, acceleration and force too."""
+def test_uniform_samples_equal_single_states(law, follower):
+    """Matrix products and closed form give the same motion, acceleration and force."""
     model, start = response(law, follower, SPEED), np.array([1e-7, -1e-4])
     step, count = 1.0 / 96_000, 40_000
     got = sample(model, start, 1.0, 1e-3, step, count, outputs(follower))
@@ -44,8 +44,8 @@ def test_uniform_samples_are_the_states(law, follower):
 
 
 @pytest.mark.variants(3)
-def test_the_equation_of_motion_holds(law, follower):
-    """m ẍ + c ẋ + (k + k_stem) x = k_stem s with the sampled rows, to rounding of k_stem · lift."""
+def test_samples_satisfy_the_equation_of_motion(law, follower):
+    """m ẍ + c ẋ + (k + k_stem) x = k_stem s is satisfied to rounding."""
     times = np.linspace(0.01, 0.3, 500)
     x, v, a, force = motion(law, follower, SPEED, 0.0, np.array([1e-7, 0.0]), times)
     p, s = follower, law(SPEED * times)
@@ -54,12 +54,12 @@ def test_the_equation_of_motion_holds(law, follower):
     assert np.abs(force - p.preload - p.stem_stiffness * (s - x)).max() < 1e-15 * p.stem_stiffness
 
 
-# -- the follower that never leaves the cam: where an interval ends, where the cam would pull
+# A follower that never leaves the cam
 
 
 @pytest.mark.variants(3)
-def test_loss_intervals_are_where_the_force_pulls(law, follower):
-    """Inside a loss interval F < 0, outside F ≥ 0, at every sampled angle clear of its ends."""
+def test_the_force_is_negative_only_in_loss_intervals(law, follower):
+    """F < 0 in a loss interval and F ≥ 0 elsewhere, except near the ends."""
     angle = np.linspace(0.0, TURN, 5001)[1:-1]
     for rpm in (100.0, 400.0, 700.0):
         speed = rpm * np.pi / 30.0

@@ -1,7 +1,7 @@
-"""Energy: what the cam puts in is stored, burnt in the dampers, or lost in landings.
+"""Energy balance: the work of the cam is stored, dissipated or lost in landings.
 
-Gauss and Legendre's rule on stretches without a joint or an event inside is exact to rounding: the
-account closes to 1e-10 and below where every event is one.
+The Gauss-Legendre rule on intervals without joints and events is exact to rounding, so that the
+balance is satisfied to 1e-10 if all events are correct.
 """
 
 import itertools
@@ -27,12 +27,12 @@ STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 FREE = replace(STEM, stem_damping=0.0, damping=0.0)
 
 
-def missing_of_one(law, p, speed, milliseconds):
-    """What the account of one mass does not explain, relative to what flowed; and the course."""
-    course = OneMassTrajectory(law, p, Interval(0, milliseconds * MS, 0.0, speed))
-    course.run(None)
-    work = burnt = 0.0
-    for phase in course.phases:
+def balance_error(law, p, speed, milliseconds):
+    """Return the relative error of the energy balance of one mass, and its trajectory."""
+    trajectory = OneMassTrajectory(law, p, Interval(0, milliseconds * MS, 0.0, speed))
+    trajectory.run(None)
+    work = dissipated = 0.0
+    for phase in trajectory.phases:
         for a, b in itertools.pairwise(cut_at_joints(law, speed, phase.begin, phase.end)):
             t, weights = gauss(np.linspace(a, b, 3), 20)
             if phase.flight is None:
@@ -41,21 +41,22 @@ def missing_of_one(law, p, speed, milliseconds):
                 work += weights @ (force * v)
             else:
                 v = phase.flight.motion(t - phase.begin)[1]
-            burnt += weights @ (p.damping * v**2)
-    landings = [event for event in course.events if event.kind == "landing"]
+            dissipated += weights @ (p.damping * v**2)
+    landings = [event for event in trajectory.events if event.kind == "landing"]
     work += sum(e.impulse * law.at(e.angle)[1] * speed for e in landings)
     lost = sum(e.energy_lost for e in landings)
 
     def stored(y, v):
         return 0.5 * p.mass * v**2 + 0.5 * p.spring_stiffness * y**2 + p.preload * y
 
-    last = course.phases[-1]
+    last = trajectory.phases[-1]
     end = [x * speed**k for k, x in enumerate(law.at(speed * last.end)[:2])]
     if last.flight is not None:
         end = [float(x[0]) for x in last.flight.motion(np.array([last.end - last.begin]))[:2]]
     s, slope, _ = law.at(0.0)
     change = stored(*end) - stored(s, slope * speed)
-    return abs(work - burnt - lost - change) / (abs(work) + lost + burnt), course
+    total = abs(work) + lost + dissipated
+    return abs(work - dissipated - lost - change) / total, trajectory
 
 
 @pytest.mark.variants(4)
@@ -63,24 +64,24 @@ def missing_of_one(law, p, speed, milliseconds):
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("milliseconds", [110, 300, 333])
 def test_one_mass(laws, follower, name, restitution, milliseconds):
-    """Over a run with flights, some that the end cuts: to 1e-10 of the work done."""
+    """A run with flights satisfies the balance to 1e-10, also if it ends in a flight."""
     p = replace(follower, restitution=restitution)
-    gap, course = missing_of_one(laws[name], p, 600.0 * RPM, milliseconds)
-    assert any(event.kind == "landing" for event in course.events)
-    assert gap < 1e-10
+    error, trajectory = balance_error(laws[name], p, 600.0 * RPM, milliseconds)
+    assert any(event.kind == "landing" for event in trajectory.events)
+    assert error < 1e-10
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
-def test_one_mass_struck_by_an_edge(edge, restitution):
-    """The cam's blows work at its new velocity."""
+def test_one_mass_with_velocity_jumps(edge, restitution):
+    """The work of an impact is its impulse times the new cam velocity."""
     p = replace(helpers.ONE, restitution=restitution)
-    gap, course = missing_of_one(edge, p, 100.0 * RPM, 550)
-    assert sum(event.energy_lost for event in course.events) > 0.1
-    assert gap < 1e-10
+    error, trajectory = balance_error(edge, p, 100.0 * RPM, 550)
+    assert sum(event.energy_lost for event in trajectory.events) > 0.1
+    assert error < 1e-10
 
 
 def stored_in_two(p, state):
-    """Kinetic energy of both masses, of both springs, and of the loads, J."""
+    """Return the energy (J) of both masses, both springs and the preload."""
     z, v, y, w = state[:4]
     kinetic = 0.5 * p.roller_mass * v**2 + 0.5 * p.end_mass * w**2
     springs = 0.5 * p.stem_stiffness * (z - y) ** 2 + 0.5 * p.spring_stiffness * y**2
@@ -92,7 +93,7 @@ TWO = [
     ("poly345", STEM, 600.0, 1.0, 1e-12),
     ("poly345", FREE, 450.0, 2.3, 1e-12),
     ("poly345", replace(FREE, stem_stiffness=1e10), 600.0, 1.0, 1e-12),
-    ("tm21", STEM, 450.0, 1.3, 1e-12),  # forces that jump, and a roller that leaves at a joint
+    ("tm21", STEM, 450.0, 1.3, 1e-12),  # the force jumps, and the roller lifts off at a joint
     ("poly345", replace(SOFT, restitution=0.5), 600.0, 1.0, 1e-10),
     ("poly345", replace(SOFT, restitution=0.9), 450.0, 1.0, 1e-10),
     ("poly345", replace(STEM, restitution=0.5), 450.0, 1.0, 1e-10),
@@ -102,39 +103,39 @@ TWO = [
 
 @pytest.mark.parametrize(("cam", "p", "rpm", "turns", "limit"), TWO)
 def test_two_masses(laws, edge, cam, p, rpm, turns, limit):
-    """The roller's relative kinetic energy, or (1 − e²) of it, is gone with each landing.
+    """Each landing loses the relative kinetic energy of the roller times (1 − e²).
 
     The limit is relative to ∫|F ṡ| dt.
     """
     law, speed = edge if cam == "edge" else laws[cam], rpm * RPM
-    found = Separation(law, p, speed)
-    found.run(turns * TURN / speed)
-    assert len(found.events) >= 4
-    work = flowed = burnt = 0.0
-    fastest = float(np.abs(np.linalg.eigvals(p.inner_matrix)).max())  # of the free motion, rad/s
-    for phase in found.phases:
+    trajectory = Separation(law, p, speed)
+    trajectory.run(turns * TURN / speed)
+    assert len(trajectory.events) >= 4
+    work = flow = dissipated = 0.0
+    max_rate = float(np.abs(np.linalg.eigvals(p.inner_matrix)).max())  # of the free motion, rad/s
+    for phase in trajectory.phases:
         for a, b in itertools.pairwise(cut_at_joints(law, speed, phase.begin, phase.end)):
-            edges = np.linspace(a, b, 3 + int((b - a) * fastest / 2.0))
+            edges = np.linspace(a, b, 3 + int((b - a) * max_rate / 2.0))
             times, weights = gauss(edges, 16)
-            _, v, _, w, force = phase_states(found, phase, times)
+            _, v, _, w, force = phase_states(trajectory, phase, times)
             power = force * speed * law(speed * times, 1)
-            work, flowed = work + weights @ power, flowed + weights @ np.abs(power)
-            burnt += weights @ (p.stem_damping * (v - w) ** 2 + p.damping * w**2)
-    for event in found.events:  # an impulse works at the velocity of the cam
+            work, flow = work + weights @ power, flow + weights @ np.abs(power)
+            dissipated += weights @ (p.stem_damping * (v - w) ** 2 + p.damping * w**2)
+    for event in trajectory.events:  # the work of an impulse is at the velocity of the cam
         by_impulse = event.impulse * speed * law.at(event.angle)[1]
-        work, flowed = work + by_impulse, flowed + abs(by_impulse)
-    first, last = found.phases[0], found.phases[-1]
-    begun = stored_in_two(p, phase_states(found, first, np.array([first.begin])))[0]
-    ended = stored_in_two(p, phase_states(found, last, np.array([last.end])))[0]
-    lost = sum(event.energy_lost for event in found.events)
-    assert abs(work - burnt - lost - (ended - begun)) / flowed < limit
+        work, flow = work + by_impulse, flow + abs(by_impulse)
+    first, last = trajectory.phases[0], trajectory.phases[-1]
+    start = stored_in_two(p, phase_states(trajectory, first, np.array([first.begin])))[0]
+    end = stored_in_two(p, phase_states(trajectory, last, np.array([last.end])))[0]
+    lost = sum(event.energy_lost for event in trajectory.events)
+    assert abs(work - dissipated - lost - (end - start)) / flow < limit
 
 
-# A cam on its shaft.
+# Cam on an elastic shaft
 
 
 def stored_in_shaft(motion, times):
-    """Energy (J) of cam, follower, its spring, and the shaft's twist."""
+    """Return the energy (J) of cam, follower, spring and shaft."""
     p, f = motion.parameters, motion.parameters.follower
     twist, _, angle, speed = motion.at(times)[:4]
     s, s1 = motion.law(angle), motion.law(angle, 1)
@@ -145,37 +146,37 @@ def stored_in_shaft(motion, times):
 
 @pytest.mark.variants(3)
 def test_shaft(law, follower):
-    """What the flywheel of fixed speed gives is stored or burnt, to 1e-11 of what flows."""
+    """The work of a flywheel at constant speed is stored or dissipated."""
     shaft, duration = TorsionalParameters(follower, 0.02, 8e3, 0.4), 2.3 * TURN / SPEED
     motion = solve(law, shaft, TorsionalState(2e-4, -0.1, 0.7, SPEED), 0.0, duration)
     times, weights = gauss(motion.path.edges, 48)
-    given = -SPEED * motion.shaft_torque(times)
+    power = -SPEED * motion.shaft_torque(times)
     change = float(np.diff(stored_in_shaft(motion, np.array([0.0, duration])))[0])
     _, twist_rate, angle, speed = motion.at(times)[:4]
     velocity = law(angle, 1) * speed
     lost = weights @ (shaft.shaft_damping * twist_rate**2 + follower.damping * velocity**2)
     assert lost > 0.0
-    assert weights @ given == pytest.approx(change + lost, abs=1e-11 * (weights @ np.abs(given)))
+    assert weights @ power == pytest.approx(change + lost, abs=1e-11 * (weights @ np.abs(power)))
 
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("speed", [0.0, 3.0])
 def test_shaft_without_damping(law, follower, speed):
-    """No damper: what is stored changes by the flywheel's work alone, turning back too."""
+    """Without damping the stored energy changes by the work of the flywheel only."""
     p = TorsionalParameters(replace(follower, damping=0.0), 0.02, 5e3)
     motion = solve(law, p, TorsionalState(0.05, 5.0, 2.6, speed), 0.0, 0.3)
     instants = np.linspace(0.0, 0.3, 2000)
     total, speeds = stored_in_shaft(motion, instants), motion.at(instants)[3]
     times, weights = gauss(motion.path.edges, 48)
-    given = -speed * (weights @ motion.shaft_torque(times))
-    assert total[-1] - total[0] == pytest.approx(given, abs=1e-9 * total.max())
+    work = -speed * (weights @ motion.shaft_torque(times))
+    assert total[-1] - total[0] == pytest.approx(work, abs=1e-9 * total.max())
     assert speeds.min() < 0.0 < speeds.max()
     if speed == 0.0:  # a flywheel at rest does no work
         np.testing.assert_allclose(total, total[0], rtol=1e-11)
 
 
 def test_free_vibration_of_a_shaft_is_exact(follower):
-    """I ψ̈ + c ψ̇ + k ψ = 0 from weakly damped through critical (c = 20) to creeping."""
+    """I ψ̈ + c ψ̇ + k ψ = 0 is exact for weak, critical (c = 20) and strong damping."""
     disc, times = Law("round", np.array([0.0, TURN]), np.zeros((1, 1))), np.linspace(0.0, 0.2, 501)
     for damping in (0.0, 0.4, 19.9, 20.0, 300.0):
         p = TorsionalParameters(follower, 0.02, 5e3, damping)

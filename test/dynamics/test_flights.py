@@ -10,7 +10,7 @@ import pytest
 
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import force_weights
-from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off
+from cam_rig.dynamics.one_mass import OneMassTrajectory, flight_from
 from cam_rig.laws import Law, bernstein, polynomials
 from cam_rig.laws.polynomials import NO_ROOT, find_fall
 from cam_rig.units import NS, TURN
@@ -68,7 +68,7 @@ def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
     assert back > 1.0
     gap_rate = np.sqrt(2.0 * back * height)
     s, slope, _ = law.at(angle)
-    flight = lifted_off(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
+    flight = flight_from(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
     found = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
         start = mp.mpf(angle), mp.mpf(gap_rate)
@@ -92,7 +92,7 @@ def test_a_flight_over_a_joint(laws, height, part):
     gap_rate = np.sqrt(2.0 * back * height)
     angle = joint - part * SPEED * gap_rate / back
     s, slope, _ = law.at(angle)
-    flight = lifted_off(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
+    flight = flight_from(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
     found = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
         start = mp.mpf(angle), mp.mpf(gap_rate)
@@ -141,7 +141,7 @@ TIMES = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0]
 def flight(request, follower):
     """Parameters and flight of a follower that starts at 31 mm with 1.7 m/s."""
     p = replace(follower, damping=request.param)
-    return p, lifted_off(p, 0.031, 1.7)
+    return p, flight_from(p, 0.031, 1.7)
 
 
 def exact(p, time):
@@ -172,7 +172,7 @@ def test_weight_without_a_spring(follower):
     """A flight with a very weak spring and a preload is exact to 1e-12."""
     for stiffness in (1.0, 1e-3, 1e-6):
         soft = replace(follower, spring_stiffness=stiffness)
-        y, v, _ = lifted_off(soft, 0.031, 1.7).motion(np.array([0.1]))
+        y, v, _ = flight_from(soft, 0.031, 1.7).motion(np.array([0.1]))
         assert [y[0], v[0]] == pytest.approx(exact(soft, 0.1), abs=1e-12 * 0.031)
 
 
@@ -238,7 +238,7 @@ def test_a_joint_near_the_top_of_a_flight(higher, landed):
     rise = [[0.0, 0.0, peak, 0.0], [0.0, 0.0, peak, 0.0], [0.0, peak, 0.0, 0.0]]
     breaks = [0.0, joint - 0.05, joint, joint + 0.05, TURN]
     law = Law("peak", breaks, [*rise, [0.0, peak, 0.0, 0.0]])
-    flight = lifted_off(p, 0.0, velocity, 0.0, velocity)
+    flight = flight_from(p, 0.0, velocity, 0.0, velocity)
     found = land(flight, law, angle, speed, 1.5 * top)
     assert found.has_landed == landed
     if landed:

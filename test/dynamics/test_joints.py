@@ -1,4 +1,4 @@
-"""Simple-harmonic and arc cams: acceleration and force on either side of a jump."""
+"""Jumps of s'': acceleration and force on both sides, and very narrow segments."""
 
 from dataclasses import replace
 
@@ -18,37 +18,38 @@ from ..conftest import dwell, rise
 from .helpers import TWO, with_joints
 
 SPEED = 120.0 * np.pi / 30.0
-#: Samples 1 ns apart, the finest instants that rig time has.
+#: Sample rate (Hz) of samples 1 ns apart, the resolution of rig time.
 FINEST = 1_000_000_000
 
 
 @pytest.fixture(scope="module", params=["harmonic", "tm21"])
 def jumping(request, laws, harmonic):
+    """Return a law whose acceleration jumps."""
     return harmonic if request.param == "harmonic" else laws["tm21"]
 
 
 def joints_of(law):
-    """Pieces at whose beginning s'' jumps, with the limits on both sides."""
+    """Return the pieces at whose start s'' jumps, with the limits on both sides."""
     second = law.derivative_ordinates(2)
-    found = np.flatnonzero(np.abs(law.jumps(2)) > 1e-6 * np.abs(second).max())
-    return [(int(i), float(second[-1, i - 1]), float(second[0, i])) for i in found]
+    pieces = np.flatnonzero(np.abs(law.jumps(2)) > 1e-6 * np.abs(second).max())
+    return [(int(i), float(second[-1, i - 1]), float(second[0, i])) for i in pieces]
 
 
 def around(law, model, parameters, piece):
-    """Acceleration and force at the last sample before a joint and the first after it."""
+    """Return acceleration and force before and after a joint, and all rows."""
     joint = float(law.breaks[piece]) or TURN
-    begin = int(joint / SPEED * NS)
-    interval = Interval(begin - 2, begin + 4, SPEED * (begin - 2) / NS, SPEED)
+    stamp = int(joint / SPEED * NS)
+    interval = Interval(stamp - 2, stamp + 4, SPEED * (stamp - 2) / NS, SPEED)
     rows = MODELS[model].advance(law, parameters, None, interval, FINEST)[1].rows
     after = int(np.searchsorted(SPEED * rows[0], joint - AT_SAMPLE * SPEED / FINEST))
     return rows[3:5, after - 1], rows[3:5, after], rows
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass"])
-def test_the_mass_on_the_cam_feels_the_jump(jumping, follower, model):
-    """ẍ = ω² s'' from either side, and F jumps by m times that: of two masses by the roller's.
+def test_the_force_on_the_cam_jumps(jumping, follower, model):
+    """At a joint ẍ jumps by ω² Δs'', and F by m ω² Δs'' with the mass on the cam.
 
-    The tolerance is 1 ns of jerk.
+    For two masses m is the roller mass. The tolerance is 1 ns of jerk.
     """
     p = TWO if model == "two_mass" else follower
     mass = getattr(p, "roller_mass", None) or p.mass
@@ -56,14 +57,14 @@ def test_the_mass_on_the_cam_feels_the_jump(jumping, follower, model):
     jerk = float(np.abs(jumping.derivative_ordinates(3)).max()) * SPEED**3
     for piece, left, right in joints_of(jumping):
         before, after, _ = around(jumping, model, p, piece)
-        wanted = np.array([left, right]) * SPEED**2
-        np.testing.assert_allclose([before[0], after[0]], wanted, rtol=1e-9, atol=2e-9 * jerk)
-        jump = mass * (wanted[1] - wanted[0])
+        limits = np.array([left, right]) * SPEED**2
+        np.testing.assert_allclose([before[0], after[0]], limits, rtol=1e-9, atol=2e-9 * jerk)
+        jump = mass * (limits[1] - limits[0])
         assert after[1] - before[1] == pytest.approx(jump, abs=1e-5 * abs(jump))
 
 
-def test_a_stem_does_not_let_it_through(jumping, follower):
-    """On an elastic stem x is smoother than s by two orders: acceleration and force go on."""
+def test_a_stem_makes_the_jump_continuous(jumping, follower):
+    """On an elastic stem acceleration and force are continuous at a jump of s''."""
     for piece, left, right in joints_of(jumping):
         before, after, rows = around(jumping, "elastic_stem", follower, piece)
         ordinary = np.abs(np.diff(rows[3:5], axis=1)).max(axis=1)
@@ -74,7 +75,7 @@ def test_a_stem_does_not_let_it_through(jumping, follower):
 
 @pytest.mark.parametrize("kind", ["one", "two"])
 def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
-    """From 10 ns before each joint to 10 ns after: no side is taken for the other."""
+    """The motion from 10 ns before to 10 ns after each joint agrees with 50 digits."""
     model = Oscillator(1.3, 8.642, 4030.0, 1.26e6)
     if kind == "two":
         model = TwoMasses(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
@@ -83,15 +84,15 @@ def test_motion_around_joints_against_fifty_digits(jumping, many_digits, kind):
     times = np.sort(np.concatenate([near, np.linspace(0.01, 0.99, 12) * TURN / SPEED]))
     times = times[(times > 0.0) & (times < 0.999 * TURN / SPEED)]
     case = Case("joints", "joints", jumping, model, SPEED, 1, 1, times)
-    wanted = many_digits.solution(case, exact.solve)
-    assert rig.solve(case).error(wanted) < 1e-12
+    expected = many_digits.solution(case, exact.solve)
+    assert rig.solve(case).error(expected) < 1e-12
 
 
 @pytest.mark.parametrize(("model", "rpm"), [("one_mass", 600.0), ("two_mass", 900.0)])
-def test_thrown_off_by_the_jump_itself(harmonic, follower, model, rpm):
-    """Where the fall begins F goes from pushing to pulling at once: off at the joint, not near it.
+def test_lift_off_at_a_jump_of_the_force(harmonic, follower, model, rpm):
+    """A force that jumps to a negative value at a joint gives a lift-off there.
 
-    There is no zero of the force to find, only a change of sign.
+    The force does not have a zero, only a change of sign.
     """
     speed, start = rpm * np.pi / 30.0, np.radians(200.0)
     fall = int(np.flatnonzero(harmonic.breaks > np.radians(239.0))[0])
@@ -105,7 +106,7 @@ def test_thrown_off_by_the_jump_itself(harmonic, follower, model, rpm):
     assert events[0].angle == pytest.approx(joint, abs=4.0 * np.spacing(joint))
 
 
-# Segments of no width to speak of, events at their very ends, and a segment that is the turn.
+# Very narrow segments, events at the ends of segments, and a segment of a whole turn
 
 FAST = 600.0 * np.pi / 30.0
 TURN_NS = 60 * NS // 600
@@ -113,50 +114,51 @@ TURN_NS = 60 * NS // 600
 
 @pytest.fixture(scope="module")
 def parameters(paper_rig):
-    """Every model's numbers, from one rig."""
+    """Return the parameters of each model for one rig."""
     return {name: model.parameters(paper_rig) for name, model in MODELS.items()}
 
 
 def one_turn(law, name, parameters, turns=1):
+    """Return the last state and the block of a run over turns."""
     interval = Interval(0, turns * TURN_NS, 0.0, FAST)
     return MODELS[name].advance(law, parameters[name], None, interval, 4000)
 
 
 @pytest.mark.parametrize("name", ["one_mass", "two_mass"])
-def test_lift_off_in_the_last_of_a_segment(laws, parameters, name):
-    """A joint where nothing happens is put some last digits behind the lift-off: nothing changes.
+def test_lift_off_at_the_end_of_a_segment(laws, parameters, name):
+    """A smooth joint just after or before a lift-off does not change the events.
 
-    The event is found in the last 1e-12 of its segment, or in the first of the next, once; its
-    angle is known to the rounding of a force of 1e3 N over its slope.
+    The lift-off is found once, in the last 1e-12 of its segment or in the first of the next one.
+    Its angle is exact to the rounding of a force of 1e3 N divided by the slope of the force.
     """
     law = laws["poly345"]
-    first = one_turn(law, name, parameters)[1].events
-    for before in (1e-12, 1e-13, 4e-16, 0.0, -1e-13):
-        found = one_turn(with_joints(law, first[0].angle + before), name, parameters)[1].events
-        assert [event.kind for event in found[:2]] == ["lift-off", "landing"]
-        for one, other in zip(found[:2], first[:2], strict=True):
-            assert one.angle == pytest.approx(other.angle, abs=1e-11)
-            assert one.impulse == pytest.approx(other.impulse, rel=1e-7)
+    expected = one_turn(law, name, parameters)[1].events
+    for offset in (1e-12, 1e-13, 4e-16, 0.0, -1e-13):
+        events = one_turn(with_joints(law, expected[0].angle + offset), name, parameters)[1].events
+        assert [event.kind for event in events[:2]] == ["lift-off", "landing"]
+        for event, other in zip(events[:2], expected[:2], strict=True):
+            assert event.angle == pytest.approx(other.angle, abs=1e-11)
+            assert event.impulse == pytest.approx(other.impulse, rel=1e-7)
 
 
 @pytest.mark.parametrize("name", list(MODELS))
 def test_a_dwell_of_a_nanoradian(make_cam, parameters, name):
-    """A high dwell of 1e-9 rad is as good as none: its follower moves a billionth as far ahead."""
+    """A high dwell of 1e-9 rad gives the same motion as a law without it."""
     tiny = float(np.degrees(1e-9))
     up, down = rise(120, 1), rise(120, 0)
     without = build_law(make_cam(up, down, dwell(120)))
     thin = build_law(make_cam(up, dwell(tiny), down, dwell(120 - tiny)))
     assert thin.spans.min() == pytest.approx(1e-9, rel=1e-6)
-    _, wanted = one_turn(without, name, parameters)
-    _, found = one_turn(thin, name, parameters)
-    assert len(found.events) == len(wanted.events)
-    sizes = np.abs(wanted.rows).max(axis=1, keepdims=True) + 1e-300
-    assert (np.abs(found.rows - wanted.rows) / sizes)[:3].max() < 1e-6
+    _, expected = one_turn(without, name, parameters)
+    _, block = one_turn(thin, name, parameters)
+    assert len(block.events) == len(expected.events)
+    sizes = np.abs(expected.rows).max(axis=1, keepdims=True) + 1e-300
+    assert (np.abs(block.rows - expected.rows) / sizes)[:3].max() < 1e-6
 
 
 @pytest.mark.parametrize("name", list(MODELS))
-def test_rest_in_slices_of_a_nanoradian(parameters, name):
-    """Twenty dwells of 1e-9 rad in a row: at rest is at rest, to the last digit."""
+def test_adjacent_dwells_of_a_nanoradian(parameters, name):
+    """A follower on twenty dwells of 1e-9 rad in a row is exactly at rest."""
     breaks = np.concatenate([[0.0], 1.0 + 1e-9 * np.arange(20), [TURN]])
     law = Law("slices", breaks, np.zeros((6, breaks.size - 1)))
     _, block = one_turn(law, name, parameters)
@@ -168,9 +170,9 @@ def test_rest_in_slices_of_a_nanoradian(parameters, name):
 
 
 def test_a_rise_of_a_nanoradian_is_a_step(laws):
-    """A stem cannot tell 1e-9 rad from a step: x = h (1 − cos Ωt), whatever the rise is made of."""
-    # The rise takes 1e-9/ω s, in which the stem turns by 2e-8 rad: that is the difference, and
-    # velocities of 1e9 m/s and accelerations of 1e19 m/s² in between must leave no trace.
+    """The response of a stem to a rise over 1e-9 rad is x = h (1 − cos Ωt)."""
+    # The rise takes 1e-9/ω s, in which the phase of the stem advances by 2e-8 rad. This is the
+    # tolerance. Velocities of 1e9 m/s and accelerations of 1e19 m/s² in the rise must not matter.
     follower, speed = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 1e5), 10.0
     rise = 0.01 * np.repeat([0.0, 1.0], 3)
     columns = [0.0 * rise, rise, 0.0 * rise + 0.01, rise[::-1]]
@@ -178,6 +180,6 @@ def test_a_rise_of_a_nanoradian_is_a_step(laws):
     since = np.linspace(1e-6, 0.39, 200)
     x, v, _, _ = motion(law, follower, speed, 0.0, np.zeros(2), 0.1 + since)
     total = follower.spring_stiffness + follower.stem_stiffness
-    rate, rest = np.sqrt(total / follower.mass), 0.01 * follower.stem_stiffness / total
-    np.testing.assert_allclose(x, rest * (1.0 - np.cos(rate * since)), rtol=0, atol=1e-7 * rest)
-    np.testing.assert_allclose(v, rest * rate * np.sin(rate * since), atol=1e-7 * rest * rate)
+    rate, static = np.sqrt(total / follower.mass), 0.01 * follower.stem_stiffness / total
+    np.testing.assert_allclose(x, static * (1.0 - np.cos(rate * since)), atol=1e-7 * static, rtol=0)
+    np.testing.assert_allclose(v, static * rate * np.sin(rate * since), atol=1e-7 * static * rate)

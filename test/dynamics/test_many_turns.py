@@ -1,4 +1,4 @@
-"""A hundred thousand turns: what is left of the phase."""
+"""Runs of a hundred thousand turns keep their phase and use constant memory."""
 
 import os
 import subprocess
@@ -26,8 +26,9 @@ EPS = float(np.finfo(float).eps)
 
 @pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
 def test_one_call_over_all_turns(laws, follower, turns):
-    """Samples of one interval of many turns stay on the law, to the rounding of their angle."""
-    # 6.3e5 rad of 1e5 turns are known to eps times itself, and the law's slope makes a lift of it.
+    """Samples of one interval of many turns are exact to the rounding of the angle."""
+    # The angle of 1e5 turns, 6.3e5 rad, is rounded to eps times itself. The slope of the law
+    # converts this to an error of the lift.
     law, rate = laws["poly345"], 7
     interval = Interval(0, turns * TURN_NS, 0.0, SPEED)
     rows = MODELS["kinetostatic"].advance(law, follower, None, interval, rate)[1].rows
@@ -42,8 +43,8 @@ def test_one_call_over_all_turns(laws, follower, turns):
 
 
 def test_free_vibration_keeps_its_phase(laws):
-    """On a disc of many parts, r = r₀ cos Ωt after 3.2e8 rad of an undamped stem."""
-    # One turn's phase (1593 rad) is rounded to eps times itself; that adds up turn by turn.
+    """The free vibration of an undamped stem is r₀ cos Ωt after 3.2e8 rad of phase."""
+    # The phase of one turn (1593 rad) is rounded to eps times itself, and the errors add up.
     flat = Law("flat", laws["poly345"].breaks, 0.0 * laws["poly345"].ordinates)
     follower = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 3.3e8)
     duration = TURNS * TURN / SPEED
@@ -51,32 +52,32 @@ def test_free_vibration_keeps_its_phase(laws):
     with mp.workdps(40):
         rate = mp.sqrt((mp.mpf(4030.0) + mp.mpf(3.3e8)) / mp.mpf(1.3))
         phase = rate * mp.mpf(duration)
-        wanted, turned = float(mp.cos(phase)), float(-mp.sin(phase))
+        cosine, sine = float(mp.cos(phase)), float(mp.sin(phase))
         limit = 4.0 * EPS * float(phase)
     assert limit < 3e-7
-    assert r / 1e-4 == pytest.approx(wanted, abs=limit)
-    assert v / (1e-4 * float(rate)) == pytest.approx(turned, abs=limit)
+    assert r / 1e-4 == pytest.approx(cosine, abs=limit)
+    assert v / (1e-4 * float(rate)) == pytest.approx(-sine, abs=limit)
 
 
 def test_forced_resonance_grows_for_all_turns(laws):
-    """Secular growth: after N turns N times the growth of one, no more and no less."""
-    # A mode off its harmonic by eps loses the phase 9·2π N eps; that squared would show.
+    """At resonance the vibration after N turns is N times that after one turn."""
+    # If the rate of a mode is off its harmonic by eps, the phase error after N turns is 9·2π N eps.
     matrix = np.array([[0.0, 1.0], [-((9.0 * SPEED) ** 2), 0.0]])
     drive = np.array([[0.0, 0.0, 0.0], [(9.0 * SPEED) ** 2, 0.0, 0.0]])
     model = LinearResponse(laws["poly345"], SPEED, matrix, drive, np.zeros(2))
-    one = model.end(np.zeros(2), 0.0, TURN / SPEED)
-    all_of_them = model.end(np.zeros(2), 0.0, TURNS * TURN / SPEED)
-    size = np.array([1.0, 9.0 * SPEED]) * np.hypot(one[0], one[1] / (9.0 * SPEED))
+    first = model.end(np.zeros(2), 0.0, TURN / SPEED)
+    last = model.end(np.zeros(2), 0.0, TURNS * TURN / SPEED)
+    size = np.array([1.0, 9.0 * SPEED]) * np.hypot(first[0], first[1] / (9.0 * SPEED))
     assert size[0] > 1e-5
-    assert np.abs((all_of_them / TURNS - one) / size).max() < 18.0 * np.pi * TURNS * EPS
+    assert np.abs((last / TURNS - first) / size).max() < 18.0 * np.pi * TURNS * EPS
 
 
-# A long run streams in blocks: memory is that of a block, whatever the length.
+# A long run is computed in blocks, and its memory is that of one block
 
 ROOT = Path(__file__).parents[2]
 LIMIT_MB = 300.0
-#: Streams runs in blocks of one second, and prints the peak of memory (MB) half-way through each
-#: and at its end.
+#: Program that computes runs in blocks of one second. It prints the peak memory (MB) after half of
+#: each run and at its end.
 STREAM = """
 import sys
 import cam_rig
@@ -93,7 +94,7 @@ for name, seconds in zip(sys.argv[1::2], map(int, sys.argv[2::2])):
         state, block = model.advance(law, parameters, state, interval, 48_000)
         assert block.rows.shape == (6, 48_000)
         if second in (seconds // 2, seconds - 1):
-            # not ru_maxrss, which begins with what the parent had
+            # not ru_maxrss, which includes the memory of the parent
             status = open("/proc/self/status", encoding="ascii").read()
             print(float(status.split("VmHWM:")[1].split()[0]) / 1024.0)
 """
@@ -103,12 +104,12 @@ LONG = ("elastic_stem", 300, "one_mass", 60, "two_mass", 60, "torsional", 20, "k
 
 @pytest.mark.parametrize("runs", [RUNS, pytest.param(LONG, marks=pytest.mark.long)])
 def test_memory_does_not_grow(runs):
-    """What a model keeps (parts of a turn, chunks) it has after the first turns, in a process."""
-    # An hour's 172.8 million samples of six doubles are 8.3 GB; never is more there than a block.
+    """The memory of a process does not grow after the first turns of a run."""
+    # The samples of one hour (172.8 million of six floats) would need 8.3 GB.
     done = subprocess.run(
         [sys.executable, "-c", STREAM, *map(str, runs)],
         cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},  # as the models run: small products
+        env={**os.environ, "OMP_NUM_THREADS": "1"},  # as in the nodes, because products are small
         capture_output=True,
         text=True,
         check=True,

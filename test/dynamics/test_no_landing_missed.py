@@ -21,7 +21,7 @@ from cam_rig.laws import build_law
 from cam_rig.units import NS, RPM, TURN
 
 from ..conftest import dwell, rise
-from .helpers import MS, ONE, TWO, bumped, every, land, noisy, ticked
+from .helpers import MS, ONE, TWO, bumped, land, noisy, run_in_ticks, tick_borders
 
 
 def scan(trajectory, samples, force_at):
@@ -99,7 +99,9 @@ PAPER = replace(TWO, restitution=0.5)
 def min_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
     """Return the least gap (m) and the number of events of a ramp in ticks."""
     whole = Interval(0, total * MS, 0.0, speed, acceleration)
-    rows, events, _ = ticked(law, model, p, whole, every(milliseconds * MS, total * MS))
+    rows, events, _ = run_in_ticks(
+        law, model, p, whole, tick_borders(milliseconds * MS, total * MS)
+    )
     angle = speed * rows[0] + 0.5 * acceleration * rows[0] ** 2
     return (rows[1] - law(angle)).min(), len(events)
 

@@ -1,7 +1,7 @@
-"""Random laws and random numbers against closed forms in 60 digits.
+"""Random laws and parameters in comparison with closed forms in 60 digits.
 
-A law is any piecewise polynomial that joins with one slope (sometimes with one curvature) and
-begins at rest at zero; its numbers span what a rig can be built with.
+A law is a piecewise polynomial with continuous slope (sometimes also curvature) that starts at rest
+at zero lift. The parameters cover the range of real rigs.
 """
 
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ EXAMPLES = settings(
 
 
 def between(low, high):
-    """Numbers spread evenly over the orders from ``low`` to ``high``."""
+    """Return a strategy of numbers from ``low`` to ``high`` with uniform logarithm."""
     return st.floats(np.log10(low), np.log10(high)).map(lambda x: float(10.0**x))
 
 
@@ -52,7 +52,7 @@ LIFTS, DEGREES = between(1e-3, 0.05), st.integers(4, 9)
 
 @st.composite
 def laws(draw, lifts=LIFTS, degrees=DEGREES):
-    """A periodic law of two to four Bézier pieces that begins and ends at rest at zero."""
+    """Draw a periodic law of two to four Bézier pieces, at rest at its ends."""
     count, degree, lift = draw(st.integers(2, 4)), draw(degrees), draw(lifts)
     unit = st.floats(0.0, 1.0)
     spans = np.array([draw(st.floats(0.5, 2.0)) for _ in range(count)])
@@ -77,7 +77,7 @@ def laws(draw, lifts=LIFTS, degrees=DEGREES):
 
 
 def case(law, model, speed, last=1.0, count=23):
-    """Output times on a part ``last`` of one turn."""
+    """Return a case with output times on a fraction ``last`` of one turn."""
     times = (np.arange(count) + 0.5) / count * last * TURN / speed
     return Case("random", "random", law, model, speed, 1, 1, times)
 
@@ -92,25 +92,28 @@ def case(law, model, speed, last=1.0, count=23):
     stem=between(1e4, 1e9),
 )
 def test_residual(law, speed, mass, damping, spring, stem):
-    """One linear equation, from 1 to 1e6 rad of free vibration a turn: to 1e-12."""
+    """Residual vibration is exact to 1e-12, with 1 to 1e6 rad of phase per turn."""
     problem = case(law, Oscillator(mass, damping, spring, stem), speed)
     assert rig.solve(problem).error(exact.solve(problem)) < 1e-12
 
 
-def events_agree(problem, got, wanted, tolerance, least):
-    """Each true event is found; what is found besides stands beside a true one."""
-    # One at the very end of the run may as well be the next turn's first, and does not count.
-    end = problem.duration - least
-    every = np.array([t for _, t in wanted.events])
+def assert_same_events(problem, result, expected, tolerance, max_distance):
+    """Assert that two solutions have the same events, or events close to each other.
+
+    ``tolerance`` and ``max_distance`` are in s.
+    """
+    # An event at the end of the run may belong to the next turn and is not compared.
+    end = problem.duration - max_distance
+    all_times = np.array([t for _, t in expected.events])
     for kind in (LIFT_OFF, LANDING):
-        true = np.array([t for k, t in wanted.events if k == kind and t < end])
-        found = np.array([t for k, t in got.events if k == kind and t < end])
-        if true.size == 0:
-            assert found.size == 0
+        expected_times = np.array([t for k, t in expected.events if k == kind and t < end])
+        times = np.array([t for k, t in result.events if k == kind and t < end])
+        if expected_times.size == 0:
+            assert times.size == 0
             continue
-        apart = np.abs(true[:, None] - found[None, :])
-        assert apart.min(axis=1).max() < tolerance
-        assert np.abs(found[:, None] - every).min(axis=1).max() < least
+        differences = np.abs(expected_times[:, None] - times[None, :])
+        assert differences.min(axis=1).max() < tolerance
+        assert np.abs(times[:, None] - all_times).min(axis=1).max() < max_distance
 
 
 @EXAMPLES
@@ -124,14 +127,14 @@ def events_agree(problem, got, wanted, tolerance, least):
     restitution=st.sampled_from([0.0, 0.0, 0.3, 0.8]),
 )
 def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
-    """Rides, leaves, flies and lands: motion to 1e-11, plastic events to 1e-11 of a turn."""
-    # A series of bounces ends in jumps of 1e-12 of the lift, whose times are known to 1e-6 of it.
+    """The motion of one mass is exact to 1e-11, and events to 1e-11 of a turn."""
+    # A series of bounces ends with bounces of 1e-12 of the lift, whose times are exact to 1e-6.
     model = OneMass(mass, damping, spring, preload, restitution, 1e-12 * law.lift)
     problem = case(law, model, speed)
-    got, wanted = rig.solve(problem), exact.solve(problem)
-    assert got.error(wanted) < (1e-11 if restitution == 0.0 else 1e-9)
+    result, expected = rig.solve(problem), exact.solve(problem)
+    assert result.error(expected) < (1e-11 if restitution == 0.0 else 1e-9)
     tolerance = (1e-11 if restitution == 0.0 else 1e-6) * TURN / speed
-    events_agree(problem, got, wanted, tolerance, tolerance)
+    assert_same_events(problem, result, expected, tolerance, tolerance)
 
 
 @EXAMPLES
@@ -146,13 +149,13 @@ def test_one_mass(law, speed, mass, damping, spring, preload, restitution):
     preload=between(1.0, 300.0),
 )
 def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
-    """Contact, flight and plastic landings of the roller: motion to 1e-10, events to 1e-8 s."""
-    # A landing at 1e-6 m/s is known to 1e-14 m of the gap over that.
+    """The motion of two masses is exact to 1e-10, and events to 1e-8 s."""
+    # The time of a landing at 1e-6 m/s is exact to 1e-14 m of the gap divided by this speed.
     model = TwoMasses(mass * share, mass * (1.0 - share), stem, spring, *dampings, preload)
     problem = case(law, model, speed)
-    got, wanted = rig.solve(problem), exact.solve(problem)
-    assert got.error(wanted) < 1e-10
-    events_agree(problem, got, wanted, 1e-8, 1e-8)
+    result, expected = rig.solve(problem), exact.solve(problem)
+    assert result.error(expected) < 1e-10
+    assert_same_events(problem, result, expected, 1e-8, 1e-8)
 
 
 @settings(EXAMPLES, max_examples=FEWER)
@@ -166,14 +169,14 @@ def test_two_masses(law, speed, mass, share, stem, spring, dampings, preload):
     preload=between(1.0, 100.0),
 )
 def test_torsional(law, speed, inertia, shaft, mass, damping, preload):
-    """Nonlinear in the twist, and solved to 1e-11 of its peak while that is small."""
+    """A small twist of the nonlinear torsional model is exact to 1e-11 of its peak."""
     problem = case(law, Twist(inertia, shaft, mass, damping, 4030.0, preload), speed, last=0.4)
-    wanted = exact.solve_twist(problem)
-    assume(1e-9 < np.abs(wanted.displacement).max() < 0.05)
-    assert rig.solve(problem).error(wanted) < 1e-11
+    expected = exact.solve_twist(problem)
+    assume(1e-9 < np.abs(expected.displacement).max() < 0.05)
+    assert rig.solve(problem).error(expected) < 1e-11
 
 
-# From 0.01 rpm to 1e5 rpm: ten million to one in speed, every model against 50 digits.
+# Every model from 0.01 rpm to 1e5 rpm, in comparison with 50 digits
 
 SPEEDS = [0.01, 1.0, 400.0, 1e4, 1e5]
 MASS, SPRING, DAMPING, PRELOAD = 1.3, 4030.0, 8.642, 30.6
@@ -181,30 +184,30 @@ MASS, SPRING, DAMPING, PRELOAD = 1.3, 4030.0, 8.642, 30.6
 
 @pytest.fixture
 def digits(monkeypatch):
-    """The reference goes by powers of time; over a fast turn of degree 25 that costs 60 digits."""
+    """Use 140 digits in the reference, as powers of time lose 60 in a fast turn."""
     monkeypatch.setattr(exact, "DIGITS", 140)
 
 
 @dataclass(frozen=True)
 class Riding(TwoMasses):
-    """Two masses that cannot leave the cam: at a crawl they do not, and nobody has to look."""
+    """Two masses that cannot leave the cam, for low speeds at which they do not."""
 
     def phases(self):
         return {CONTACT: replace(super().phases()[CONTACT], guard=None, on_cam=False)}
 
 
 @pytest.mark.usefixtures("digits")
-@pytest.mark.variants(5)  # each speed with one of both cams
+@pytest.mark.variants(5)  # each speed with one of the two cams
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_stem_at_any_speed(laws, cam, rpm):
-    """Quasi-static at one end, a follower that hardly moves at the other: 1e-12 of the lift."""
-    # The slowest turn holds 1e7 periods of the stem, the fastest a hundredth of one.
+    """The motion on a stem is exact to 1e-12 of the lift at any speed."""
+    # The slowest turn has 1e7 periods of the stem, and the fastest turn a hundredth of a period.
     problem = case(laws[cam], Oscillator(MASS, DAMPING, SPRING, 1.26e6), rpm * RPM)
-    got, wanted, lift = rig.solve(problem), exact.solve(problem), problem.law.lift
-    assert np.abs(got.displacement - wanted.displacement).max() < 1e-12 * lift
-    peak = max(problem.speed * lift, np.abs(wanted.velocity).max())
-    assert np.abs(got.velocity - wanted.velocity).max() < 1e-12 * peak
+    result, expected, lift = rig.solve(problem), exact.solve(problem), problem.law.lift
+    assert np.abs(result.displacement - expected.displacement).max() < 1e-12 * lift
+    peak = max(problem.speed * lift, np.abs(expected.velocity).max())
+    assert np.abs(result.velocity - expected.velocity).max() < 1e-12 * peak
 
 
 @pytest.mark.usefixtures("digits")
@@ -213,27 +216,27 @@ def test_a_stem_at_any_speed(laws, cam, rpm):
 @pytest.mark.parametrize("rpm", SPEEDS)
 @pytest.mark.parametrize(("masses", "limit"), [(1, 1e-12), (2, 1e-11)])
 def test_masses_at_any_speed(laws, cam, rpm, masses, limit):
-    """Motion to 1e-12 of the largest; at 1e4 rpm and more, events to 1e-11 of a turn or less."""
+    """The motion is exact to 1e-12, and events from 1e4 rpm on to 1e-11 of a turn."""
     model = judge = OneMass(MASS, DAMPING, SPRING, PRELOAD, 0.0, 1e-12 * laws[cam].lift)
     if masses == 2:
         numbers = 0.4 * MASS, 0.6 * MASS, 1e5, SPRING, DAMPING, DAMPING, PRELOAD
         model, judge = TwoMasses(*numbers), (Riding if rpm <= 1.0 else TwoMasses)(*numbers)
-    problem, judged = (case(laws[cam], one, rpm * RPM) for one in (model, judge))
-    got, wanted = rig.solve(problem), exact.solve(judged)
-    assert got.error(wanted) < 1e-12
-    assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
+    problem, judged = (case(laws[cam], each, rpm * RPM) for each in (model, judge))
+    result, expected = rig.solve(problem), exact.solve(judged)
+    assert result.error(expected) < 1e-12
+    assert [kind for kind, _ in result.events] == [kind for kind, _ in expected.events]
     if rpm >= 1e4:
-        assert got.events
-        assert got.event_error(wanted) < limit * 60.0 / rpm
+        assert result.events
+        assert result.event_error(expected) < limit * 60.0 / rpm
 
 
 @pytest.mark.usefixtures("digits")
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_a_shaft_at_any_speed(laws, many_digits, rpm, monkeypatch):
-    """The cam is started in the middle of its rise, so that the shaft swings at any speed."""
-    # At a crawl over a few periods of the shaft, else over a turn; 1e-11 of the peak twist. The
-    # lift shrinks with the speed: no shaft carries 50 mm at 1e5 rpm. The reference's steps are
-    # 1/200 turn at most, or its series does not end.
+    """The twist is exact to 1e-11 of its peak at any speed."""
+    # At low speeds the run has a few periods of the shaft, otherwise one turn. The lift decreases
+    # with the speed, because no shaft can move 50 mm at 1e5 rpm. The steps of the reference are at
+    # most 1/200 turn, because its series does not converge for longer steps.
     period = TURN / np.sqrt(1e4 / 0.02)
     monkeypatch.setattr(exact, "STEPS", max(5, int(200 * period * rpm / 60.0)))
     law = turned(laws["poly345"], np.radians(90.0), min(1.0, 400.0 / rpm))
@@ -244,7 +247,7 @@ def test_a_shaft_at_any_speed(laws, many_digits, rpm, monkeypatch):
     follower = FollowerParameters(MASS, SPRING, DAMPING, PRELOAD, 3.3e8)
     start = TorsionalState(0.0, 0.0, 0.0, problem.speed)
     motion = solve(law, TorsionalParameters(follower, 0.02, 1e4), start, 0.0, last)
-    wanted = many_digits.solution(replace(problem, times=times), exact.solve_twist)
-    rows = wanted.displacement[0], wanted.velocity[0]
+    expected = many_digits.solution(replace(problem, times=times), exact.solve_twist)
+    rows = expected.displacement[0], expected.velocity[0]
     for row, exact_row in zip(motion.at(times)[:2], rows, strict=True):
         np.testing.assert_allclose(row, exact_row, rtol=0, atol=1e-11 * np.abs(exact_row).max())

@@ -1,4 +1,4 @@
-"""Every model along a ramp: exact, however time is cut, with the true angles of the cam."""
+"""Speed ramps: every model is exact, for every duration of the ticks."""
 
 import math
 
@@ -12,17 +12,17 @@ from cam_rig.dynamics.torsional.model import TorsionalParameters
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import TURN
 
-from .helpers import CALM, MS, ONE, assert_same, exact_law, ticked
+from .helpers import CALM, MS, ONE, assert_same, exact_law, run_in_ticks
 
 SHAFT = TorsionalParameters(ONE, 0.02, 5e3, 0.1)
 
 
 def exact_motion(law, interval, time):
-    """s, ṡ and s̈ at a time (s) in mpmath's digits."""
+    """Return s, ṡ and s̈ at a time (s) with the digits of mpmath."""
     t, w, a = mp.mpf(time), mp.mpf(interval.speed), mp.mpf(interval.acceleration)
     speed = w + a * t
-    s, slope, bend = exact_law(law, mp.mpf(interval.angle) + w * t + a * t**2 / 2)
-    return s, slope * speed, bend * speed**2 + slope * a
+    s, slope, curvature = exact_law(law, mp.mpf(interval.angle) + w * t + a * t**2 / 2)
+    return s, slope * speed, curvature * speed**2 + slope * a
 
 
 RAMPS = {
@@ -36,16 +36,16 @@ RAMPS = {
 
 @pytest.fixture(params=RAMPS, ids=list(RAMPS))
 def ramp(request):
-    """A ramp of each kind."""
+    """Return a ramp of each kind."""
     return RAMPS[request.param]
 
 
 @pytest.mark.variants(5)
 @pytest.mark.parametrize("name", ["poly345", "bezier15", "tm21"])
 def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
-    """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and the force they need, to rounding."""
+    """s(θ(t)), ṡ = s' ω, s̈ = s'' ω² + s' α and force are exact to rounding."""
     law = laws[name]
-    rows, _, state = ticked(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
+    rows, _, state = run_in_ticks(law, "kinetostatic", ONE, ramp, [0, ramp.stop_ns], rate=97)
     with mp.workdps(40):
         times = [*rows[0].tolist(), ramp.duration]
         exact = np.array([[float(x) for x in exact_motion(law, ramp, t)] for t in times]).T
@@ -61,8 +61,8 @@ def test_kinetostatic_rows_against_forty_digits(laws, ramp, name):
     assert state.contact_force == pytest.approx(last, abs=1e-12 * np.abs(force).max())
 
 
-def test_substitute_is_a_law_of_time(laws):
-    """Its pieces are the ramp's: continuous in s, ṡ and s̈ where the cam's law is."""
+def test_substitute_law_is_as_smooth_as_the_law(laws):
+    """The substitute law is the lift over time, as smooth as the law."""
     interval = RAMPS["up"]
     law, steady = substitute(laws["poly4567"], interval)
     assert (steady.angle, steady.acceleration) == (0.0, 0.0)
@@ -86,44 +86,45 @@ def test_substitute_is_a_law_of_time(laws):
         *(("two_mass", CALM), ("torsional", SHAFT)),
     ],
 )
-def test_the_length_of_a_tick_does_not_enter(laws, ramp, model, p):
-    """1 ms against 200 ms: 1e-10 of the largest value of each row, and the same events."""
+def test_the_duration_of_ticks_does_not_matter(laws, ramp, model, p):
+    """Ticks of 1 ms and 200 ms give the same rows to 1e-10, and the same events."""
     law, stop = laws["poly345"], ramp.stop_ns
-    fine = ticked(law, model, p, ramp, range(0, stop + 1, MS))
-    coarse = ticked(law, model, p, ramp, [0, stop])
+    fine = run_in_ticks(law, model, p, ramp, range(0, stop + 1, MS))
+    coarse = run_in_ticks(law, model, p, ramp, [0, stop])
     assert_same(fine, coarse, 1e-10)
     for event in fine[1]:
-        at = ramp.angle_at(event.time)
-        assert event.angle == pytest.approx(at, abs=1e-12 * (1.0 + event.angle))
-    if ramp is RAMPS["many turns"] and model in ("one_mass", "two_mass"):  # it jumps
+        angle = ramp.angle_at(event.time)
+        assert event.angle == pytest.approx(angle, abs=1e-12 * (1.0 + event.angle))
+    if ramp is RAMPS["many turns"] and model in ("one_mass", "two_mass"):  # with flights
         assert sum(event.kind == "landing" for event in coarse[1]) >= 2
         assert coarse[1][-1].angle > TURN
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
-def test_a_ramp_that_hardly_ramps_is_a_held_speed(laws, model):
-    """α → 0 is the model at constant speed, by another road."""
+def test_a_very_slow_ramp_equals_constant_speed(laws, model):
+    """A ramp with α → 0 gives the motion at constant speed."""
     p = CALM if model == "two_mass" else ONE
     law, speed = laws["poly345"], 30.0
-    held = ticked(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
-    slow = ticked(law, model, p, Interval(0, 250 * MS, 0.4, speed, 1e-10), [0, 250 * MS])[0]
-    size = np.abs(held[1:5]).max(axis=1, keepdims=True)
-    assert (np.abs(slow - held)[1:5] < 1e-10 * size).all()
+    constant = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed), [0, 250 * MS])[0]
+    slow = run_in_ticks(law, model, p, Interval(0, 250 * MS, 0.4, speed, 1e-10), [0, 250 * MS])[0]
+    size = np.abs(constant[1:5]).max(axis=1, keepdims=True)
+    assert (np.abs(slow - constant)[1:5] < 1e-10 * size).all()
 
 
-# A law whose velocity jumps, along a ramp
+# A law with velocity jumps on a ramp
 
+#: Step of s' at the joints of `edge`, m/rad.
 STEP = 0.05 / np.radians(90.0)
-#: From rest to 60° in 0.1 s.
+#: Ramp from rest that reaches 60° after 0.1 s.
 START = Interval(0, 340 * MS, 0.0, 0.0, 2.0 * math.pi / 3.0 / 0.01)
 
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize(("model", "p", "mass"), [("one_mass", ONE, 1.3), ("two_mass", CALM, 0.4)])
 @pytest.mark.parametrize("cuts", [[340], [99, 100, 101, 340], [100, 340], [50, 150, 340]])
-def test_a_blow_along_a_ramp(edge, model, p, mass, cuts):
-    """J = m ω(t) Δs' at the speed that the cam has at the joint, also where a tick ends there."""
-    events = ticked(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
+def test_an_impact_on_a_ramp(edge, model, p, mass, cuts):
+    """The impulse at a joint is m ω(t) Δs' with the cam speed there."""
+    events = run_in_ticks(edge, model, p, START, [0, *(cut * MS for cut in cuts)])[1]
     first = events[0]
     assert first.kind == "landing"
     assert first.time == pytest.approx(0.1, abs=1e-14)

@@ -1,4 +1,4 @@
-"""What no model can take is refused at once, by name, with the value and the limit."""
+"""Invalid inputs raise an error at once, with name, value and limit."""
 
 import itertools
 import math
@@ -26,8 +26,11 @@ SHAFT = TorsionalParameters(FOLLOWER, 0.02, 8e3, 0.4, 0.2)
 REST, TWIST = np.zeros(2), TorsionalState(0.0, 0.0, 0.0, 36.0)
 pytestmark = pytest.mark.usefixtures("at_once")
 
-POSITIVE, NOT_NEGATIVE = (0.0, -1.3, NAN, INF, 1e-300), (-1e-9, NAN, INF, 1e300)
-#: A record's numbers, what they may not be, and the limit that is told.
+#: Invalid values of a number that must be positive.
+POSITIVE = (0.0, -1.3, NAN, INF, 1e-300)
+#: Invalid values of a number that must not be negative.
+NOT_NEGATIVE = (-1e-9, NAN, INF, 1e300)
+#: Parameters, names of numbers, invalid values of these numbers, and the limit in the message.
 LIMITS = [
     (FOLLOWER, ("mass", "spring_stiffness", "stem_stiffness"), POSITIVE, "finite and > 0"),
     (FOLLOWER, ("damping", "preload"), (*NOT_NEGATIVE, "heavy", None), "finite and ≥ 0"),
@@ -42,15 +45,15 @@ LIMITS = [
 
 @pytest.mark.parametrize(("record", "names", "values", "limit"), LIMITS)
 def test_parameters(record, names, values, limit):
-    """Masses above zero, dampers that do not push, bounces that end."""
+    """Each number of the parameters is checked against its limit."""
     for name, value in itertools.product(names, values):
-        told = re.escape(f"{name} is {value!r}; allowed: {limit}")
-        with pytest.raises(DynamicsError, match=told):
+        message = re.escape(f"{name} is {value!r}; allowed: {limit}")
+        with pytest.raises(DynamicsError, match=message):
             replace(record, **{name: value})
 
 
-def test_a_rig_gives_the_numbers_or_is_refused(rig, follower, paper_rig):
-    """Numbers come in SI, each from its own key; the model says what a rig file must have."""
+def test_parameters_of_a_rig(rig, follower, paper_rig):
+    """Parameters are the numbers of the rig in SI. A missing section is an error."""
     for name in (field.name for field in fields(follower)):
         assert getattr(follower, name) == getattr(rig.follower, name).si
     with pytest.raises(ConfigError, match="shaft: is missing; needed by the model torsional"):
@@ -59,14 +62,17 @@ def test_a_rig_gives_the_numbers_or_is_refused(rig, follower, paper_rig):
         replace(MODELS["torsional"].parameters(paper_rig), motor_torque=1.0)
 
 
-def test_what_is_damped_too_much_is_rigid(paper_rig):
-    """Ten times critically is taken; more is another model's, where a flight took an hour."""
+def test_the_largest_damping_ratio_is_ten(paper_rig):
+    """A damping ratio above 10 raises an error that names another model.
+
+    A flight with such a damping would take an hour to compute.
+    """
     p, shaft = MODELS["two_mass"].parameters(paper_rig), paper_rig.shaft
-    most = 20.0 * math.sqrt((p.stem_stiffness + p.spring_stiffness) * p.end_mass)
+    limit = 20.0 * math.sqrt((p.stem_stiffness + p.spring_stiffness) * p.end_mass)
     stiff = 20.0 * math.sqrt(shaft.stiffness.si * shaft.cam_inertia.si)
 
     def damped(model, factor):
-        rig = paper_rig.with_follower(damping=0.4 * most, stem_damping=(factor - 0.4) * most)
+        rig = paper_rig.with_follower(damping=0.4 * limit, stem_damping=(factor - 0.4) * limit)
         if model == "torsional":
             shaft_data = shaft.model_dump() | {"damping": f"{factor * stiff} N*m*s/rad"}
             rig = paper_rig.replace(shaft=shaft_data)
@@ -75,20 +81,20 @@ def test_what_is_damped_too_much_is_rigid(paper_rig):
     assert damped("two_mass", 0.99999).damping_ratio == pytest.approx(10.0, rel=1e-4)
     assert damped("torsional", 0.99999).shaft_damping == pytest.approx(stiff, rel=1e-4)
     for model, other in (("two_mass", "one_mass"), ("torsional", "another model")):
-        words = rf"10\.1 times .* critical .* 10 times, .* {other}"
-        with pytest.raises(DynamicsError, match=words):
+        message = rf"10\.1 times .* critical .* 10 times, .* {other}"
+        with pytest.raises(DynamicsError, match=message):
             damped(model, 1.01)
 
 
 def test_contact_time_is_half_a_period(follower):
-    """A mass on its stem pushes for half a period: sin(√(k/m) T) = 0 for the first time."""
+    """The contact time is half a period, the first zero of sin(√(k/m) T)."""
     rate = math.sqrt(follower.stem_stiffness / follower.mass)
     assert rate * follower.contact_time == pytest.approx(math.pi, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_speed_and_angle(laws, paper_rig, name):
-    """A cam that stands, turns backwards or at no number has no law of time; nor has no place."""
+    """Speeds must be positive and finite, and angles must be finite."""
     parameters = MODELS[name].parameters(paper_rig)
     speeds = [("speed", value) for value in (0.0, -10.0, NAN, INF)]
     for key, value in [*speeds, ("angle", NAN), ("angle", INF)]:
@@ -98,16 +104,16 @@ def test_speed_and_angle(laws, paper_rig, name):
             MODELS[name].advance(laws["poly345"], parameters, None, interval, 1000)
 
 
-def test_a_law_or_a_state_that_is_no_number():
-    """Neither can be made, so no model ever meets it."""
+def test_a_law_or_a_state_that_is_not_finite():
+    """A law and a state cannot be created with numbers that are not finite."""
     for value in (NAN, INF, -INF):
         ordinates = np.zeros((6, 1))
         ordinates[3] = value
         with pytest.raises(CamRigError, match=r"law 'broken': .* must be finite"):
             Law("broken", np.array([0.0, TURN]), ordinates)
     for numbers, inner in (((NAN, 0, 0), ()), ((0, INF, 0), ()), ((0, 0, 0), (NAN,))):
-        told = r"a follower whose \w+ is (nan|inf); allowed: finite"
-        with pytest.raises(CamRigError, match=told):
+        message = r"a follower whose \w+ is (nan|inf); allowed: finite"
+        with pytest.raises(CamRigError, match=message):
             FollowerState(*numbers, True, inner=inner)
 
 
@@ -122,22 +128,22 @@ BAD_TIMES = [
 
 
 def test_times(laws):
-    """Times ascend from the start, of a vibration or a course; what was not run is not known."""
-    course = Separation(laws["poly345"], TWO, 30.0)
+    """Times of a vibration or a trajectory must ascend and lie within the run."""
+    trajectory = Separation(laws["poly345"], TWO, 30.0)
     with pytest.raises(DynamicsError, match=r"allowed: 0 to 0 s"):
-        states(course, np.array([0.1]))
-    course.run(0.3)
-    for times, told in BAD_TIMES:
-        with pytest.raises(DynamicsError, match=told):
+        states(trajectory, np.array([0.1]))
+    trajectory.run(0.3)
+    for times, message in BAD_TIMES:
+        with pytest.raises(DynamicsError, match=message):
             motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, times)
-        with pytest.raises(DynamicsError, match=told):
-            states(course, times)
-    assert np.isfinite(states(course, np.array([0.0, 0.3]))).all()
+        with pytest.raises(DynamicsError, match=message):
+            states(trajectory, times)
+    assert np.isfinite(states(trajectory, np.array([0.0, 0.3]))).all()
     with pytest.raises(DynamicsError, match=r"times are 0.1 to 0.31 s; allowed: 0 to 0.3 s"):
-        states(course, np.array([0.1, 0.31]))
-    one = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, [0.0, 0.0], [0.0, 0.1])
-    two = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, np.array([0.0, 0.1]))
-    assert np.array_equal(one, two)  # a list is taken as an array is
+        states(trajectory, np.array([0.1, 0.31]))
+    of_list = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, [0.0, 0.0], [0.0, 0.1])
+    of_array = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, np.array([0.0, 0.1]))
+    assert np.array_equal(of_list, of_array)
 
 
 STARTS = [
@@ -153,16 +159,16 @@ STARTS = [
 
 
 def test_start_of_a_vibration(laws):
-    """Speed, angle and state by name."""
-    for speed, angle, start, told in STARTS:
-        with pytest.raises(DynamicsError, match=told):
+    """An invalid speed, angle or state of a vibration is an error."""
+    for speed, angle, start, message in STARTS:
+        with pytest.raises(DynamicsError, match=message):
             motion(laws["poly345"], FOLLOWER, speed, angle, start, np.array([0.0, 0.1]))
     with pytest.raises(DynamicsError, match="speed is 0"):
         response(laws["poly345"], FOLLOWER, 0.0)
 
 
-def test_a_course(laws):
-    """It has a length and ends where the phase is known; two numbers on the cam, four in flight."""
+def test_arguments_of_a_trajectory(laws):
+    """A trajectory checks its duration, its end angle and the size of its state."""
     law = laws["poly345"]
     for duration in (NAN, INF, 0.0, -1.0, None, 1e14):
         with pytest.raises(DynamicsError, match=r"(duration|angle at the end) is .*; allowed"):
@@ -176,7 +182,7 @@ def test_a_course(laws):
 
 @pytest.mark.parametrize(("name", "parameters"), [("elastic_stem", FOLLOWER), ("two_mass", TWO)])
 def test_a_state_of_another_model(laws, name, parameters):
-    """What one model remembers is no state of another."""
+    """The state of another model is an error."""
     state = FollowerState(0.0, 0.0, 1.0, True, inner=(0.0, 0.0, 0.0))
     with pytest.raises(DynamicsError, match=r"state: has 3 numbers; allowed: 2"):
         advance = MODELS[name].advance
@@ -196,9 +202,9 @@ INTERVALS = [
 
 
 def test_interval():
-    """Stamps are whole, an angle has a phase, a ramp leads forwards, a grid has a whole rate."""
-    for numbers, told in INTERVALS:
-        with pytest.raises(DynamicsError, match=told):
+    """An interval checks its stamps, angles, speeds and the sample rate."""
+    for numbers, message in INTERVALS:
+        with pytest.raises(DynamicsError, match=message):
             Interval(*numbers)
     for rate in (0, -1000, NAN, 1000.0, None, 10**10):
         with pytest.raises(DynamicsError, match=r"sample_rate is .*; allowed: a whole number of"):
@@ -214,22 +220,22 @@ TWISTS = [
 
 
 def test_a_twist(laws):
-    """Impossible numbers are refused, and a hopeless run ends with a reason."""
-    held = replace(SHAFT, flywheel_inertia=None)
-    for state, (duration, ramp), told in TWISTS:
-        with pytest.raises(DynamicsError, match=told):
-            solve(laws["poly345"], held, state, 0.0, duration, ramp)
-    found = solve(laws["tm21"], held, TWIST, 5.0, 0.3)
+    """Invalid numbers of a torsional motion and a diverging run are errors."""
+    constant_speed = replace(SHAFT, flywheel_inertia=None)
+    for state, (duration, ramp), message in TWISTS:
+        with pytest.raises(DynamicsError, match=message):
+            solve(laws["poly345"], constant_speed, state, 0.0, duration, ramp)
+    result = solve(laws["tm21"], constant_speed, TWIST, 5.0, 0.3)
     for time in (4.9, 5.31, NAN):
         with pytest.raises(DynamicsError, match=r"allowed: 0 to 0.3 s, so solve for longer"):
-            found.at(time)
+            result.at(time)
 
 
 def test_a_law_whose_velocity_jumps(edge, paper_rig):
-    """An infinite force in rigid parts: where, how much, and which models can."""
-    told = r"law 'edge': velocity jumps by 0.0318 m/rad at 60°, an infinite force in this model"
+    """Rigid models reject a velocity jump and name its angle and other models."""
+    message = r"law 'edge': velocity jumps by 0.0318 m/rad at 60°, an infinite force in this model"
     intervals = Interval(0, NS, 0.0, 6.0), Interval(0, NS, 0.0, 0.0, 6.0)
     for name, interval in itertools.product(("kinetostatic", "torsional"), intervals):
         parameters = MODELS[name].parameters(paper_rig)
-        with pytest.raises(DynamicsError, match=told + ".*elastic_stem, one_mass and two_mass"):
+        with pytest.raises(DynamicsError, match=message + ".*elastic_stem, one_mass and two_mass"):
             MODELS[name].advance(edge, parameters, None, interval, 1000)

@@ -1,4 +1,4 @@
-"""Where a run is cut into intervals, and how many turns came before, leaves no trace in it."""
+"""Ticks and the number of turns before do not change the results of a run."""
 
 import itertools
 from dataclasses import replace
@@ -20,10 +20,12 @@ from cam_rig.dynamics.two_mass import Separation
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS, RPM, TURN
 
-from .helpers import MS, every, ticked
+from .helpers import MS, run_in_ticks, tick_borders
 
-#: A prime rate: no sample falls on an event, where rounding would choose its side.
-TOTAL, RATE = 400 * MS, 12_007
+#: Duration of a run, ns.
+TOTAL = 400 * MS
+#: Sample rate, Hz. It is prime, so that no sample is at an event, where rounding would matter.
+RATE = 12_007
 CAMS = ("poly345", "tm21")
 CASES = {
     "kinetostatic": ("kinetostatic", 400.0, {}),
@@ -37,11 +39,12 @@ CASES = {
     "two_mass, bouncing": ("two_mass", 450.0, {"restitution": 0.3}),
     "two_mass, chattering": ("two_mass", 450.0, {"stem_stiffness": 3.3e8, "preload": 12.753}),
 }
-#: Bounces down to 1e-12 of the lift: the last landings of a series are as exact as a gap can be.
+#: Relative tolerances other than 1e-10. Bounces continue down to 1e-12 of the lift, where the
+#: rounding of the gap limits the accuracy of landings.
 LIMITS = {"one mass, bouncing": 1e-9}
-#: Here 1e-16 of the preload decides whether there are 49 or 73 events: no two runs can agree.
+#: Cases that are not compared. A change of 1e-16 of the preload changes 49 events to 73 events.
 CHAOTIC = {("tm21", "two_mass, chattering")}
-#: Each case on one of both cams; the other pairs are `long`.
+#: Each case with one of the two cams. The other pairs are marked `long`.
 PAIRS = [
     pytest.param(cam, name, marks=[] if i % 2 == on else pytest.mark.long)
     for i, name in enumerate(CASES)
@@ -51,85 +54,92 @@ PAIRS = [
 
 
 def sensitivity(law, model, parameters, interval, whole):
-    """What the last digit of a number does to each row at most: no tick can be better than that."""
+    """Return the largest change of each row by a last digit of a parameter.
+
+    Runs with different ticks cannot agree better than this.
+    """
     follower = getattr(parameters, "follower", parameters)
     largest = np.zeros(whole.shape[0])
     for name, last in itertools.product(("preload", "stem_stiffness"), (-1e-15, 1e-15)):
         nudged = replace(follower, **{name: getattr(follower, name) * (1.0 + last)})
         if follower is not parameters:
             nudged = replace(parameters, follower=nudged)
-        rows = ticked(law, model, nudged, interval, [0, TOTAL], RATE)[0]
+        rows = run_in_ticks(law, model, nudged, interval, [0, TOTAL], RATE)[0]
         largest = np.maximum(largest, np.abs(rows - whole).max(axis=1))
     return largest
 
 
-def felt(events):
-    """Landings of a thousandth of the heaviest and more: the last of a series are rounding."""
-    heaviest = max((event.impulse for event in events), default=0.0)
-    return [event for event in events if event.impulse > 1e-3 * heaviest]
+def strong_landings(events):
+    """Return the landings above a thousandth of the largest impulse.
+
+    The last landings of a series are rounding.
+    """
+    max_impulse = max((event.impulse for event in events), default=0.0)
+    return [event for event in events if event.impulse > 1e-3 * max_impulse]
 
 
 @pytest.mark.parametrize(("cam", "name"), PAIRS)
-def test_the_tick_does_not_enter(laws, paper_rig, cam, name):
-    """Ticks of 1 and 200 ms: rows to 1e-10 of each row's size, the same landings at the same times.
+def test_the_duration_of_ticks_does_not_matter(laws, paper_rig, cam, name):
+    """Ticks of 1 ms and 200 ms give the same rows to 1e-10, and the same landings.
 
-    Bounces on a stiff stem hand on and enlarge what is rounded, by a thousand times and more, and
-    the processor chooses how sums are rounded: where the last digit of the preload or of the
-    stem weighs more than 1e-10, ten times its weight is the limit.
+    Bounces on a stiff stem enlarge rounding errors a thousand times and more, and rounding depends
+    on the processor. If the last digit of the preload or of the stem stiffness changes a row by
+    more than 1e-10, the limit is ten times this change.
     """
     model, rpm, changes = CASES[name]
     law, parameters = laws[cam], replace(MODELS[model].parameters(paper_rig), **changes)
     interval = Interval(0, TOTAL, 0.0, rpm * RPM)
-    whole, events, last = ticked(law, model, parameters, interval, [0, TOTAL], RATE)
+    whole, events, last = run_in_ticks(law, model, parameters, interval, [0, TOTAL], RATE)
     limit = LIMITS.get(name, 1e-10) * np.abs(whole).max(axis=1)
     limit += 10.0 * sensitivity(law, model, parameters, interval, whole)
     for tick in (MS, 200 * MS):
-        cuts = every(tick, TOTAL)
-        rows, found, state = ticked(law, model, parameters, interval, cuts, RATE)
+        cuts = tick_borders(tick, TOTAL)
+        rows, cut_events, state = run_in_ticks(law, model, parameters, interval, cuts, RATE)
         assert (np.abs(rows - whole).max(axis=1)[:5] <= limit[:5]).all()
-        for one, other in zip(felt(found), felt(events), strict=True):
-            assert one.time == pytest.approx(other.time, abs=1e-10)
-            assert one.impulse == pytest.approx(other.impulse, rel=1e-5)
+        pairs = zip(strong_landings(cut_events), strong_landings(events), strict=True)
+        for event, other in pairs:
+            assert event.time == pytest.approx(other.time, abs=1e-10)
+            assert event.impulse == pytest.approx(other.impulse, rel=1e-5)
         assert state.in_contact == last.in_contact
         assert abs(state.displacement - last.displacement) <= limit[1]
 
 
-# Flights of seeded rigs of every damping.
+# Flights with special damping
 
 
-def test_critical_damping_is_nothing_special(laws):
-    """An end mass on a closing spring damped critically flies as one damped by a hair more or less.
+def test_critical_damping_is_not_a_special_case(laws):
+    """Events at critical damping are those at slightly different damping.
 
-    Its matrix has one shape for two modes, and a weak spring would rest far away.
+    The matrix then has one shape for two modes, and the equilibrium of a weak spring is far away.
     """
     for spring in (4030.0, 4.0, 1.0, 0.04):
         critical, times = 2.0 * np.sqrt(spring * 1.3), []
         for part in (0.9999, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 1.0001):
             p = TwoMassParameters(0.39, 0.91, 1.26e6, spring, 8.642, part * critical, 30.0, 0.5)
-            found = Separation(laws["poly345"], p, 400.0 * RPM)
-            found.run(TURN / found.speed * 1.5)
-            times.append([event.time for event in found.events])
+            trajectory = Separation(laws["poly345"], p, 400.0 * RPM)
+            trajectory.run(TURN / trajectory.speed * 1.5)
+            times.append([event.time for event in trajectory.events])
         assert len({len(events) for events in times}) == 1
         assert len(times[0]) > 4
         for events in (times[1], times[3]):
             assert events == pytest.approx(times[2], abs=1e-6)
 
 
-def test_a_force_that_begins_within_rounding(laws):
-    """A soft stem whose force is zero to rounding where a phase begins: it is a root, or none."""
+def test_a_force_of_zero_at_the_start_of_a_phase(laws):
+    """A force of zero at the start of a phase does not give endless events."""
     mass, share, stem, spring = 1.3, 0.3, 37085.62382270041, 0.039389330736387895
     for critical in (spring * mass, spring * mass * 0.7, (stem + spring) * mass * 0.7):
         damping, preload = 2.0 * np.sqrt(critical), 0.2726594001662999
         masses = mass * share, mass * (1.0 - share)
         p = TwoMassParameters(*masses, stem, spring, 8.642, damping, preload, 0.5)
-        found = Separation(laws["poly345"], p, 158.68626222807606 * RPM)
-        found.run(2.0)
-        times = [event.time for event in found.events]
+        trajectory = Separation(laws["poly345"], p, 158.68626222807606 * RPM)
+        trajectory.run(2.0)
+        times = [event.time for event in trajectory.events]
         assert times == sorted(times)
         assert len(times) < 200
 
 
-# The samples and events of one mass that jumps.
+# Samples and events of one mass that lifts off
 
 RPM_JUMPING = 600.0
 TURN_NS = 60 * NS // 600
@@ -137,19 +147,19 @@ END = 4 * TURN_NS
 
 
 def jumping(laws, p, cuts, rate=8000):
-    """A run of the 3-4-5 cam between instants (ns)."""
+    """Run one mass on the 3-4-5 cam in ticks between times (ns)."""
     interval = Interval(0, cuts[-1], 0.0, RPM_JUMPING * RPM)
-    return ticked(laws["poly345"], "one_mass", p, interval, cuts, rate)
+    return run_in_ticks(laws["poly345"], "one_mass", p, interval, cuts, rate)
 
 
 @pytest.fixture(scope="module")
 def whole(laws, follower):
-    """Four turns of the jumping 3-4-5 cam in one interval."""
+    """Return four turns with flights on the 3-4-5 cam in one interval."""
     return jumping(laws, follower, [0, END])
 
 
 def test_intervals_shorter_than_a_sample(laws, follower, whole):
-    """Intervals of 40 µs at 125 µs a sample: most have no sample, and nothing is lost."""
+    """Intervals of 40 µs, most of them without a sample, lose no sample and no event."""
     first = whole.events[1].time + 0.01
     cuts = [0, *range(20 * MS, round(first * NS), 40_000)]
     cut = jumping(laws, follower, cuts)
@@ -163,8 +173,8 @@ def test_intervals_shorter_than_a_sample(laws, follower, whole):
     inner=st.lists(st.integers(1, 2 * TURN_NS - 1), unique=True, max_size=12),
     restitution=st.sampled_from([0.0, 0.5]),
 )
-def test_each_impulse_shows_once(laws, follower, inner, restitution):
-    """All impulses of the events stand in the blocks, or wait for the next block."""
+def test_each_impulse_appears_once(laws, follower, inner, restitution):
+    """The impulse of each event is in a block or pending for the next block."""
     p, cuts = replace(follower, restitution=restitution), [0, *sorted(inner)]
     result = jumping(laws, p, [*cuts, 2 * TURN_NS], 1000)
     total = sum(event.impulse for event in result.events)
@@ -174,7 +184,7 @@ def test_each_impulse_shows_once(laws, follower, inner, restitution):
 
 
 def test_events_and_impulses_are_in_order(whole):
-    """Lift-off and landing take turns; each landing stands at the first sample at or after it."""
+    """Lift-offs and landings alternate, and impulses are at the next sample."""
     kinds = [event.kind for event in whole.events]
     assert kinds[0] == "lift-off"
     assert all(a != b for a, b in itertools.pairwise(kinds))
@@ -185,10 +195,12 @@ def test_events_and_impulses_are_in_order(whole):
     np.testing.assert_allclose(whole.rows[5], expected, rtol=1e-14)
 
 
-# The cam's whole turns are counted apart: late turns are like the first, to the last digit.
+# Whole turns are counted separately, so that late turns are exact to the last digit
 
-#: 480 rpm: a turn is 125 ms, a thousand turns are whole seconds, so the grid of samples is one.
-PERIOD, SPEED = NS // 8, 480.0 * RPM
+#: Speed of 480 rpm, rad/s. A thousand turns are whole seconds, so that they have the same samples.
+SPEED = 480.0 * RPM
+#: Duration of a turn, ns.
+PERIOD = NS // 8
 LATE = {
     "kinetostatic": ("kinetostatic", {}),
     "elastic_stem": ("elastic_stem", {}),
@@ -200,88 +212,92 @@ LATE = {
 }
 
 
-def begun_late(law, model, p, total, tick, turns=0, acceleration=0.0):
-    """Rows, events since the start, and last state, begun ``turns`` turns late."""
+def run_late(law, model, p, total, tick, turns=0, acceleration=0.0):
+    """Return rows, events and last state of a run that starts after ``turns``."""
     start = turns * PERIOD
     late = Interval(start, start + total, 0.0, SPEED, acceleration, turns)
-    rows, events, state = ticked(law, model, p, late, every(tick, total), RATE)
+    rows, events, state = run_in_ticks(law, model, p, late, tick_borders(tick, total), RATE)
     rows[0] -= start / NS
     return rows, [(e.kind, e.time - start / NS, e.angle - turns * TURN, e) for e in events], state
 
 
-def same(found, wanted, turns):
-    """Events and samples to 1e-10 of each row's size; a late clock has few digits after its dot."""
-    rows, events, state = found
-    size, clock = np.abs(wanted[0]).max(axis=1), 1e-12 + np.spacing(turns * PERIOD / NS)
-    assert (np.abs(rows - wanted[0])[1:].max(axis=1) <= 1e-10 * size[1:]).all()
-    assert np.abs(rows[0] - wanted[0][0]).max() <= clock
-    assert [kind for kind, *_ in events] == [kind for kind, *_ in wanted[1]]
-    for one, other in zip(events, wanted[1], strict=True):
-        assert one[1] == pytest.approx(other[1], abs=clock)
-        assert one[2] == pytest.approx(other[2], abs=1e-10 + 2.0 * np.spacing(turns * TURN))
-        impulse = 1e-10 * max(e.impulse for *_, e in wanted[1])
-        assert one[3].impulse == pytest.approx(other[3].impulse, abs=impulse)
-    assert state.in_contact == wanted[2].in_contact
+def assert_same_late(late_run, expected, turns):
+    """Assert that two runs agree to 1e-10, and times to the rounding of the clock."""
+    rows, events, state = late_run
+    size, clock = np.abs(expected[0]).max(axis=1), 1e-12 + np.spacing(turns * PERIOD / NS)
+    assert (np.abs(rows - expected[0])[1:].max(axis=1) <= 1e-10 * size[1:]).all()
+    assert np.abs(rows[0] - expected[0][0]).max() <= clock
+    assert [kind for kind, *_ in events] == [kind for kind, *_ in expected[1]]
+    for event, other in zip(events, expected[1], strict=True):
+        assert event[1] == pytest.approx(other[1], abs=clock)
+        assert event[2] == pytest.approx(other[2], abs=1e-10 + 2.0 * np.spacing(turns * TURN))
+        impulse = 1e-10 * max(e.impulse for *_, e in expected[1])
+        assert event[3].impulse == pytest.approx(other[3].impulse, abs=impulse)
+    assert state.in_contact == expected[2].in_contact
 
 
-def late(rig, name):
+def late_case(rig, name):
+    """Return the model of a case of `LATE` and its parameters."""
     model, changes = LATE[name]
     return model, replace(MODELS[model].parameters(rig), **changes)
 
 
 @pytest.mark.parametrize("name", LATE)
-def test_late_turns_are_like_the_first(laws, paper_rig, name):
-    """Every model, ticks of 1, 7 and 50 ms and of a turn, begun after up to 1e7 turns; or on ramps.
+def test_late_turns_equal_the_first(laws, paper_rig, name):
+    """A run after up to 1e7 turns equals a run from the start.
 
-    1e7 turns in one number leave 7e-9 rad of phase.
+    The angle of 1e7 turns in one number would have a rounding error of 7e-9 rad.
     """
-    (model, p), total = late(paper_rig, name), 250 * MS
+    (model, p), total = late_case(paper_rig, name), 250 * MS
     acceleration = 40.0 * (name.endswith("bouncing") or name == "elastic_stem")
-    wanted = begun_late(laws["poly345"], model, p, total, PERIOD, 0, acceleration)
+    expected = run_late(laws["poly345"], model, p, total, PERIOD, 0, acceleration)
     if model in ("one_mass", "two_mass"):
-        assert len(wanted[1]) > 3
+        assert len(expected[1]) > 3
     for tick, turns in ((MS, 10_000_000), (50 * MS, 100_000), (PERIOD, 1_000)):
-        found = begun_late(laws["poly345"], model, p, total, tick, turns, acceleration)
-        same(found, wanted, turns)
+        late_run = run_late(laws["poly345"], model, p, total, tick, turns, acceleration)
+        assert_same_late(late_run, expected, turns)
 
 
-def test_contact_is_kept_over_late_borders(laws):
-    """300 rpm and 30 N: the force never falls to zero, so there is no event, after 1e4 turns too.
+def test_contact_continues_over_late_borders(laws):
+    """After 1e4 turns borders of ticks give no events while the force is positive.
 
-    So it is where the angle is one number, of which 1e-11 rad are rounding.
+    This is also true if angle and turns are one number with a rounding error of 1e-11 rad.
     """
     p, speed = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8), 300.0 * RPM
-    for tick, apart in itertools.product((PERIOD // 3, PERIOD // 8, 10 * MS), (True, False)):
+    for tick, separate in itertools.product((PERIOD // 3, PERIOD // 8, 10 * MS), (True, False)):
         state = None
         for i in range(60):
             a, b = i * tick, (i + 1) * tick
-            angle = speed * a / NS + (0.0 if apart else 1e4 * TURN)
-            part = Interval(a, b, angle, speed, 0.0, 10_000 * apart)
+            angle = speed * a / NS + (0.0 if separate else 1e4 * TURN)
+            part = Interval(a, b, angle, speed, 0.0, 10_000 * separate)
             state, block = MODELS["one_mass"].advance(laws["poly345"], p, state, part, 1000)
             assert block.events == ()
             assert block.rows[4].min() > 0.0
 
 
-def test_an_angle_that_jumped_is_refused(laws, paper_rig):
-    """What goes on from a state begins where that ended, to 2e-6 rad, whatever the turn."""
-    law, reached = laws["poly345"], 1.0 + SPEED * 0.007
+def test_an_interval_must_start_at_the_angle_of_the_state(laws, paper_rig):
+    """An interval must start at the cam angle of the state, to 2e-6 rad, in any turn."""
+    law, end = laws["poly345"], 1.0 + SPEED * 0.007
     for name, model in MODELS.items():
-        p, advance = late(paper_rig, name)[1], model.advance
+        p, advance = late_case(paper_rig, name)[1], model.advance
         state, _ = advance(law, p, None, Interval(0, 7 * MS, 1.0, SPEED), RATE)
-        for off, turns in ((1e-6, 0), (-1e-6, 5), (0.0, 10**9)):
-            on = Interval(7 * MS, 14 * MS, reached + off, SPEED, 0.0, turns)
-            advance(law, p, state, on, RATE)
-        for off in (0.5, -1e-5, np.pi):
-            on = Interval(7 * MS, 14 * MS, reached + off, SPEED)
-            told = rf"from {on.angle:.9g} rad on, .* ended at {reached:.9g} rad .*; allowed: 2e-06"
-            with pytest.raises(DynamicsError, match=told):
-                advance(law, p, state, on, RATE)
-            advance(law, p, replace(state, cam_angle=None), on, RATE)  # nobody said where it ended
+        for offset, turns in ((1e-6, 0), (-1e-6, 5), (0.0, 10**9)):
+            following = Interval(7 * MS, 14 * MS, end + offset, SPEED, 0.0, turns)
+            advance(law, p, state, following, RATE)
+        for offset in (0.5, -1e-5, np.pi):
+            following = Interval(7 * MS, 14 * MS, end + offset, SPEED)
+            message = (
+                rf"from {following.angle:.9g} rad on, .* ended at {end:.9g} rad .*; allowed: 2e-06"
+            )
+            with pytest.raises(DynamicsError, match=message):
+                advance(law, p, state, following, RATE)
+            # a state without a cam angle is not compared
+            advance(law, p, replace(state, cam_angle=None), following, RATE)
 
 
-def test_a_turn_ends_where_the_next_begins(laws, paper_rig):
-    """Just below 2π and at 0 of the next turn is one place."""
-    p, law = late(paper_rig, "one_mass")[1], laws["poly345"]
+def test_the_end_of_a_turn_is_the_start_of_the_next(laws, paper_rig):
+    """An angle just below 2π equals angle 0 of the next turn."""
+    p, law = late_case(paper_rig, "one_mass")[1], laws["poly345"]
     state = replace(FollowerState(0.0, 0.0, 10.0, True), cam_angle=TURN - 1e-13, cam_speed=SPEED)
     MODELS["one_mass"].advance(law, p, state, Interval(0, MS, 0.0, SPEED), RATE)
     assert wrap(-1e-17) == (0, 0.0)

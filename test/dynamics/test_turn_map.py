@@ -1,4 +1,4 @@
-"""The map of a turn goes on as the models do and contracts, for any law, follower and speed."""
+"""The map of a turn agrees with the models and contracts."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ from .test_compiled import bumpy
 
 
 def random_map(laws, seed, fastest=900.0):
-    """A law, a follower with or without damping and restitution, and a speed."""
+    """Return the map of a random law, one mass and speed, and the generator."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
     law = laws[names[int(rng.integers(len(names)))]]
@@ -39,7 +39,7 @@ def random_map(laws, seed, fastest=900.0):
 
 
 def random_two(laws, seed):
-    """A law, two masses with any stem, and a speed above the jump speed."""
+    """Return the map of a random law, two masses and speed, and the generator."""
     rng = np.random.default_rng(seed)
     names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
     p = TwoMassParameters(
@@ -58,33 +58,33 @@ def random_two(laws, seed):
 
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(200))
-def test_it_goes_on_as_the_model_does(laws, seed):
-    """A turn has the landings of the model's run over it, the fastest at its speed."""
+def test_a_turn_has_the_landings_of_the_model(laws, seed):
+    """Number of landings and speed of the fastest landing are those of the model."""
     turn_map, _ = random_map(laws, seed)
     p, end = turn_map.parameters, turn_map.duration
     interval = Interval(0, round(end * NS), 0.0, turn_map.speed)
-    course = OneMassTrajectory(turn_map.law, p, interval)
-    course.run(None)
-    landings = [e for e in course.events if e.kind == "landing"]
+    trajectory = OneMassTrajectory(turn_map.law, p, interval)
+    trajectory.run(None)
+    landings = [e for e in trajectory.events if e.kind == "landing"]
     run = turn_map.run(1)
-    # Whole nanoseconds end a hair before or after the turn.
-    near = [e for e in landings if e.time > end - 2e-9]
-    assert abs(run.landings[0] - len(landings)) <= len(near)
-    if not near and landings:
+    # The interval has whole nanoseconds and may be slightly shorter or longer than the turn.
+    at_end = [e for e in landings if e.time > end - 2e-9]
+    assert abs(run.landings[0] - len(landings)) <= len(at_end)
+    if not at_end and landings:
         hit = max(landings, key=lambda e: e.impulse)
-        lost = 2.0 * hit.energy_lost / hit.impulse  # (1 − e) v of p = m (1 + e) v
-        fastest = 0.5 * (hit.impulse / p.mass + lost)
-        assert run.max_landing_speeds[0] == pytest.approx(fastest, rel=1e-9)
+        lost = 2.0 * hit.energy_lost / hit.impulse  # (1 − e) v, as the impulse is m (1 + e) v
+        max_speed = 0.5 * (hit.impulse / p.mass + lost)
+        assert run.max_landing_speeds[0] == pytest.approx(max_speed, rel=1e-9)
 
 
 @pytest.mark.variants(28)
 @pytest.mark.parametrize("seed", range(175))
 @pytest.mark.parametrize(("draw", "turns"), [(random_map, 30), (random_two, 12)])
 def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
-    """The growths of a free turn add up to 2 n ln r − (sum of c/m) T, to 1e-9.
+    """The growths of a turn without contact add up to 2 n ln r − (sum of c/m) T.
 
-    With contact one mass keeps nothing of its start. Two masses keep two numbers: two growths are
-    −∞, and on the cam throughout the other two add up to −(c₁ + c₂) T/m₂.
+    After contact the state of one mass does not depend on its start. For two masses two growths are
+    −∞. If they are on the cam throughout, the other two add up to −(c₁ + c₂) T/m₂.
     """
     turn_map, rng = draw(laws, seed)
     p, time = turn_map.parameters, turn_map.duration
@@ -93,21 +93,21 @@ def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
     logarithm = math.log(p.restitution) if p.restitution > 0.0 else -math.inf
     landed = np.array([2.0 * n * logarithm if n else 0.0 for n in run.landings])
     if draw is random_map:
-        fades = p.damping / p.mass
+        decay = p.damping / p.mass
         assert np.all(run.growth[~free] == -math.inf)
         assert np.all(run.derivatives[~free] == 0.0)
     else:
-        fade = (p.stem_damping + p.damping) / p.end_mass
-        fades = p.stem_damping / p.roller_mass + fade
+        contact_decay = (p.stem_damping + p.damping) / p.end_mass
+        decay = p.stem_damping / p.roller_mass + contact_decay
         assert np.all(run.growth[~free, 2:] == -math.inf)
-        held = np.isclose(run.contact_times, time, rtol=1e-12) & (run.landings == 0.0)
-        sums = run.growth[held, :2].sum(axis=1)
-        np.testing.assert_allclose(sums, -fade * time, rtol=1e-9, atol=1e-9)
+        in_contact = np.isclose(run.contact_times, time, rtol=1e-12) & (run.landings == 0.0)
+        sums = run.growth[in_contact, :2].sum(axis=1)
+        np.testing.assert_allclose(sums, -contact_decay * time, rtol=1e-9, atol=1e-9)
         for derivative in run.derivatives[~free]:
             sizes = np.linalg.svd(derivative * turn_map.scale / turn_map.scale[:, None])[1]
             assert sizes[2] < 1e-9 * max(1.0, sizes[0])  # rank 2
-    wanted = landed - fades * time
-    np.testing.assert_allclose(run.growth.sum(axis=1)[free], wanted[free], rtol=1e-9, atol=1e-9)
+    expected = landed - decay * time
+    np.testing.assert_allclose(run.growth.sum(axis=1)[free], expected[free], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.variants(14)
@@ -116,7 +116,7 @@ def test_volumes_shrink_by_dampers_and_restitution(laws, seed, draw, turns):
     ("draw", "rtol", "atol"), [(random_map, 1e-13, 0.0), (random_two, 1e-9, 1e-12)]
 )
 def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed, draw, rtol, atol):
-    """Compiled or not, states are equal; logarithms and products may differ in the last digits."""
+    """Both backends give equal states, and logarithms to the last digits."""
     runs = []
     for form in (PLAIN, COMPILED):
         monkeypatch.setenv(VARIABLE, form)
@@ -130,27 +130,27 @@ def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed, draw, rtol,
 @pytest.mark.variants(20)
 @pytest.mark.parametrize("seed", range(80))
 @pytest.mark.parametrize(("draw", "limit"), [(random_map, 1e-10), (random_two, 1e-9)])
-def test_turns_one_by_one(laws, seed, draw, limit):
-    """A turn from where another ended is the next one, to what its derivative makes of rounding."""
+def test_single_turns_equal_a_run(laws, seed, draw, limit):
+    """A turn from the end of a turn is the next, to rounding times the derivative."""
     turn_map, _ = draw(laws, seed)
     if turn_map.law.spans.size > 1000:
-        pytest.skip("hundreds of bounces on a noisy cam make 1e100 of a rounding")
+        pytest.skip("hundreds of bounces on a noisy cam enlarge rounding errors to 1e100")
     run, scale = turn_map.run(6), turn_map.scale
     for before, after in zip(run.states, run.states[1:], strict=False):
-        one = turn_map.run(1, tuple(before))
-        far = np.abs((one.states[0] - after) / scale).max()
-        grown = np.abs(one.derivatives[0] * scale / scale[:, None]).max()
-        assert far < limit * (1.0 + grown)
+        single = turn_map.run(1, tuple(before))
+        error = np.abs((single.states[0] - after) / scale).max()
+        growth = np.abs(single.derivatives[0] * scale / scale[:, None]).max()
+        assert error < limit * (1.0 + growth)
 
 
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(60))
 def test_derivatives_are_differences(laws, seed):
-    """Of fourth order, where a step changes no landing's place among the law's pieces."""
+    """Derivatives agree with differences of fourth order."""
     turn_map, _ = random_map(laws, seed)
     start = turn_map.run(10).states[-1]
     if not start.any() or turn_map.law.spans.size > 1000:
-        pytest.skip("on the cam there is none but zero; on a noisy one a step leaves the piece")
+        pytest.skip("derivatives on the cam are zero; on a noisy cam landings change their piece")
     derivative = turn_map.run(1, tuple(start)).derivatives[0]
     scale = turn_map.scale
     errors = []
@@ -159,21 +159,21 @@ def test_derivatives_are_differences(laws, seed):
         for unit in np.diag(step * scale):
             ends = [turn_map.run(1, tuple(start + k * unit)).states[0] for k in (-2, -1, 1, 2)]
             columns.append(np.dot([1.0, -8.0, 8.0, -1.0], ends) / (12.0 * unit.sum()))
-        found = np.stack(columns, axis=1) * scale / scale[:, None]
-        wanted = derivative * scale / scale[:, None]
-        errors.append(np.abs(found - wanted).max() / max(1.0, np.abs(wanted).max()))
+        differences = np.stack(columns, axis=1) * scale / scale[:, None]
+        expected = derivative * scale / scale[:, None]
+        errors.append(np.abs(differences - expected).max() / max(1.0, np.abs(expected).max()))
     assert min(errors) < 1e-5
 
 
 def test_a_period_on_the_cam_has_no_memory(laws):
-    """Wherever it starts, once it has come to rest the follower goes the same way, to the bit."""
+    """After contact the motion has the same bits for every state at the start."""
     turn_map = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 370.0 * RPM)
     ends = {tuple(turn_map.run(60, (0.01 * i, 0.1 * i)).states[-1]) for i in range(6)}
     assert ends == {tuple(turn_map.run(60).states[-1])}
 
 
-def test_one_that_never_lands():
-    """No spring to speak of and no preload: thrown up it flies on, and nothing is invented."""
+def test_a_follower_that_never_lands():
+    """A follower without preload and with almost no spring flies forever."""
     p = replace(ONE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
     law = Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
     run = StroboscopicMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))
@@ -182,8 +182,8 @@ def test_one_that_never_lands():
     np.testing.assert_allclose(run.derivative(), [[1.0, 50 * 0.15], [0.0, 1.0]], atol=1e-12)
 
 
-def test_what_is_refused(laws):
-    """A start below the cam, a cam that stands."""
+def test_invalid_arguments(laws):
+    """A start below the cam and a speed of 0 are errors."""
     turn_map = StroboscopicMap(laws["poly345"], ONE, 40.0)
     with pytest.raises(DynamicsError, match=r"gap is -0\.001; allowed"):
         turn_map.run(1, (-1e-3, 0.0))
@@ -191,8 +191,8 @@ def test_what_is_refused(laws):
         StroboscopicMap(laws["poly345"], ONE, 0.0)
 
 
-def test_bounces_without_end_are_said(laws, monkeypatch):
-    """More than a turn takes is an error that says where."""
+def test_endless_bounces_are_an_error(laws, monkeypatch):
+    """More landings per turn than the limit raise an error."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 50)
     p = replace(ONE, restitution=0.9)
     with pytest.raises(EndlessEventsError, match="more than 50 landings in a turn at"):
@@ -202,6 +202,6 @@ def test_bounces_without_end_are_said(laws, monkeypatch):
 @pytest.mark.long
 @pytest.mark.slow
 def test_a_million_turns(laws):
-    """They settle, and stay to the bit what they were."""
+    """A million turns reach a steady state and keep it."""
     run = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 500.0 * RPM).run(1_000_000)
     assert np.ptp(run.states[-1000:], axis=0).max() < 1e-15

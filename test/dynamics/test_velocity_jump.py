@@ -1,4 +1,4 @@
-"""A constant-velocity cam: struck where its velocity jumps up, thrown off where it jumps down."""
+"""Velocity jumps: impacts at upward jumps, lift-offs at downward jumps."""
 
 import dataclasses
 import itertools
@@ -13,27 +13,43 @@ from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.trajectory import jumps_table
-from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump, velocity_jumps_ahead
+from cam_rig.dynamics.velocity_jumps import (
+    JOINT_SLACK,
+    short_of_velocity_jump,
+    velocity_jumps_ahead,
+)
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
-from .helpers import CALM, MS, ONE, assert_same, every, off_joints, ticked, turned
+from .helpers import (
+    CALM,
+    MS,
+    ONE,
+    assert_same,
+    off_joints,
+    run_in_ticks,
+    tick_borders,
+    turned,
+)
 
+#: Lift (m) and angle (rad) of the rise of `edge`.
 LIFT, RISE = 0.05, np.radians(90.0)
+#: Step of s' at its joints, m/rad.
 STEP = LIFT / RISE
-#: 60° in 0.1 s: joints at 0.1, 0.25, 0.35 and 0.5 s of each turn of 0.6 s.
+#: Speed of 60° in 0.1 s: joints are at 0.1, 0.25, 0.35 and 0.5 s of each turn of 0.6 s.
 SPEED = 100.0 * np.pi / 30.0
+#: Borders of ticks at the joints, ns.
 ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
 
 
 def run(model, law, p, cuts, speed=SPEED, rate=8000, nudge=0.0):
-    """Samples, events and last state; ``nudge`` (rad) is added to every second angle."""
-    return ticked(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
+    """Run a model in ticks, with ``nudge`` (rad) added to every second angle."""
+    return run_in_ticks(law, model, p, Interval(0, cuts[-1], 0.0, speed), cuts, rate, nudge=nudge)
 
 
-def test_struck_where_the_run_begins(edge):
-    """A follower at rest on the dwell feels the rise that begins with the run."""
+def test_an_impact_at_the_start_of_a_run(edge):
+    """A velocity jump at the start of a run is an impact on a follower at rest."""
     law = turned(edge, edge.breaks[1])
     for model, p, mass in (("one_mass", ONE, ONE.mass), ("two_mass", CALM, CALM.roller_mass)):
         rows, events, _ = run(model, law, p, [0, MS])
@@ -44,9 +60,9 @@ def test_struck_where_the_run_begins(edge):
     np.testing.assert_allclose(start[1:4], [0.0, 0.0, 0.0], atol=1e-12)
 
 
-#: Even speeds, at the first of which ticks and samples end on joints; ramps from rest, of which the
-#: first is at 60° after 0.1 s.
+#: Runs at constant speed. At the first speed ticks and samples are at joints.
 EVEN = [Interval(0, 600 * MS, 0.0, rpm * np.pi / 30.0) for rpm in (100.0, 97.3, 300.0)]
+#: Ramps from rest. The first ramp reaches 60° after 0.1 s.
 RAMPS = [Interval(0, 170 * MS, 0.0, 0.0, rate) for rate in (2.0 * np.pi / 0.03, 150.0)]
 
 
@@ -58,51 +74,53 @@ RAMPS = [Interval(0, 170 * MS, 0.0, 0.0, rate) for rate in (2.0 * np.pi / 0.03, 
         ("elastic_stem", ONE, 1e-10),
         ("one_mass", ONE, 1e-10),
         ("two_mass", CALM, 1e-10),
-        # Bounces to accumulation: the time of a landing is its gap's rounding over its speed.
+        # Infinite bounces: the error of a landing time is the rounding of the gap over its speed.
         ("one_mass", dataclasses.replace(ONE, restitution=0.2), 1e-7),
     ],
 )
-def test_the_length_of_a_tick_does_not_enter(edge, model, p, tolerance, whole):
-    """Ticks of 1 ms and of 200 ms give the same run, also along ramps."""
-    # A sample that falls on a jump may show either side of it, so these are not compared.
+def test_the_duration_of_ticks_does_not_matter(edge, model, p, tolerance, whole):
+    """Ticks of 1 ms and of 200 ms give the same run, also on ramps."""
+    # A sample at a joint may have either limit and is not compared.
     total = whole.stop_ns
-    fine, coarse = (ticked(edge, model, p, whole, every(t * MS, total)) for t in (1, 200))
+    fine, coarse = (
+        run_in_ticks(edge, model, p, whole, tick_borders(t * MS, total)) for t in (1, 200)
+    )
     time = fine[0][0]
-    apart = off_joints(edge, whole.speed * time + 0.5 * whole.acceleration * time**2)
-    assert_same(fine, coarse, tolerance, apart)
+    columns = off_joints(edge, whole.speed * time + 0.5 * whole.acceleration * time**2)
+    assert_same(fine, coarse, tolerance, columns)
 
 
 @pytest.mark.parametrize(
     ("model", "p"), [("one_mass", ONE), ("two_mass", CALM), ("elastic_stem", ONE)]
 )
-def test_rounding_neither_loses_nor_doubles_a_blow(edge, model, p):
-    """Ticks that end on the joints, with angles that disagree by rounding: the same run."""
+def test_rounding_neither_loses_nor_repeats_an_impact(edge, model, p):
+    """Ticks that end at joints, with rounded angles, give the same run."""
     expected = run(model, edge, p, [0, 550 * MS])
-    apart = off_joints(edge, expected[0][0] * SPEED)
+    columns = off_joints(edge, expected[0][0] * SPEED)
     for nudge in (-1e-13, -1e-15, 0.0, 1e-15, 1e-13):
-        # an angle that is off by 1e-13 rad is a time that is off by 1e-14 s, at 16 000 rad/s
-        assert_same(run(model, edge, p, ON_JOINTS, nudge=nudge), expected, 1e-9, apart)
+        # an error of 1e-13 rad is an error of 1e-14 s, for a vibration of 16 000 rad/s
+        assert_same(run(model, edge, p, ON_JOINTS, nudge=nudge), expected, 1e-9, columns)
 
 
 @pytest.mark.parametrize("stem", [1e5, 3.3e8])
 def test_stem_against_fifty_digits(edge, stem):
-    """Residual vibration: x and ẋ go on over a joint, piece by piece with 50 digits."""
+    """On a stem x and ẋ are continuous at joints, in agreement with 50 digits."""
     p, grid = dataclasses.replace(ONE, stem_stiffness=stem), np.arange(20) * 0.06
     times = np.sort(np.append(np.random.default_rng(8).uniform(0.0, 1.2, 40), grid[1:]))
     model = Oscillator(p.mass, p.damping, p.spring_stiffness, stem)
-    wanted = exact.solve(Case("edge", "", edge, model, SPEED, 2, 2, times))
-    expected = np.stack([wanted.displacement[0], wanted.velocity[0]])
+    solution = exact.solve(Case("edge", "", edge, model, SPEED, 2, 2, times))
+    expected = np.stack([solution.displacement[0], solution.velocity[0]])
     ticks = run("elastic_stem", edge, p, range(0, 1200 * MS + 1, 50 * MS), rate=1000)[0]
-    for got, right in (
+    for rows, expected_rows in (
         (motion(edge, p, SPEED, 0.0, np.zeros(2), times), expected),
         (ticks[1:, 60::60], expected[:, np.isin(times, grid[1:])]),
     ):
-        assert np.abs(got[0] - right[0]).max() < 1e-13 * LIFT
-        assert np.abs(got[1] - right[1]).max() < 1e-11 * np.abs(expected[1]).max()
+        assert np.abs(rows[0] - expected_rows[0]).max() < 1e-13 * LIFT
+        assert np.abs(rows[1] - expected_rows[1]).max() < 1e-11 * np.abs(expected[1]).max()
 
 
-def test_stem_comes_back_after_a_turn(edge):
-    """The periodic state, kicks among it, is its own image; a stiff damper makes a run forget."""
+def test_the_periodic_state_returns_after_a_turn(edge):
+    """The periodic state returns after one turn, and a damped run converges to it."""
     p = dataclasses.replace(ONE, stem_stiffness=1e5, damping=200.0)
     model = response(edge, p, SPEED)
     start = model.periodic()
@@ -114,7 +132,7 @@ def test_stem_comes_back_after_a_turn(edge):
 
 @pytest.mark.parametrize("stop", [0.6 * 7, 0.6 * 7 + 0.23])
 def test_many_turns_in_one_interval(stop):
-    """Seven turns at once or in their ticks, a jump at θ = 0 among those met: the same state."""
+    """Seven turns with a jump at θ = 0, at once or in ticks, end in the same state."""
     saw = Law("saw", np.array([0.0, 2.0, TURN]), LIFT * np.array([[0.0, 1.0], [1.0, 0.0]]))
     total = round(stop * NS)
     _, _, whole = run("elastic_stem", saw, ONE, [0, total])
@@ -124,34 +142,34 @@ def test_many_turns_in_one_interval(stop):
     assert cut.velocity == pytest.approx(whole.velocity, abs=1e-10 * size)
 
 
-# The joints themselves: one interval owns each, whatever rounding does.
+# Exactly one interval contains each velocity jump, whatever the rounding
 
 
-def test_kinks_of_a_law(edge, laws):
-    """Where s' jumps and by how much; none in a law that joins with one slope."""
+def test_velocity_jumps_of_a_law(edge, laws):
+    """A law reports joints and steps of its velocity jumps."""
     assert edge.velocity_jumps == pytest.approx({1: STEP, 2: -STEP, 3: -STEP, 4: STEP})
     cornered = {name for name, law in laws.items() if law.velocity_jumps}
     assert cornered == {"worked_example_constant_velocity"}
 
 
-def test_rounding_of_a_steep_piece_is_no_kink():
-    """A rise over 1e-9 rad has slopes of 5e7 m/rad: their rounding is not a jump."""
+def test_rounding_of_a_steep_piece_is_not_a_velocity_jump():
+    """The rounding of the slopes of a rise over 1e-9 rad, 5e7 m/rad, is not a jump."""
     breaks = np.array([0.0, 1.0, 1.0 + 1e-9, 4.0, TURN])
     rise = 0.05 * np.array([0.0, 0, 0, 1, 1, 1])
     columns = [np.zeros(6), rise, np.full(6, 0.05), rise[::-1]]
     assert Law("steep", breaks, np.stack(columns, axis=1)).velocity_jumps == {}
 
 
-def test_kinks_in_order_over_turns(edge):
-    """Two turns from 100°: seven joints with a jump and one more, at their times."""
-    found = velocity_jumps_ahead(edge, math.radians(100.0), SPEED, 2.0 * TURN / SPEED)
+def test_velocity_jumps_are_in_order_over_turns(edge):
+    """Two turns from 100° have eight velocity jumps at their times."""
+    jumps = velocity_jumps_ahead(edge, math.radians(100.0), SPEED, 2.0 * TURN / SPEED)
     degrees = np.array([150, 210, 300, 420, 510, 570, 660, 780]) - 100.0
-    np.testing.assert_allclose([k.time for k in found], np.radians(degrees) / SPEED, rtol=1e-14)
-    assert [k.step > 0 for k in found] == [False, False, True, True, False, False, True, True]
+    np.testing.assert_allclose([k.time for k in jumps], np.radians(degrees) / SPEED, rtol=1e-14)
+    assert [k.step > 0 for k in jumps] == [False, False, True, True, False, False, True, True]
 
 
-def test_a_joint_has_one_owner():
-    """A border beside a joint, and an angle that two intervals round differently."""
+def test_one_interval_contains_a_joint():
+    """The later of two intervals contains their joint, whatever the rounding."""
     saw = Law("saw", np.array([0.0, 1.0, 3.0, 5.0, TURN]), np.array([[0.0, 1, 0, 1], [1, 0, 1, 0]]))
     shifts, gaps = (-1e-13, -1e-15, 0.0, 1e-15, 1e-13, 3e-10), (-1e-13, 0.0, 1e-13)
     for turn, joint, shift, gap in itertools.product((0, 1, 1000), (0, 1, 3), shifts, gaps):
@@ -162,8 +180,8 @@ def test_a_joint_has_one_owner():
         assert after[0].time <= 1e-13 or shift + gap < 0.0
 
 
-def test_a_kink_is_met_behind_the_joint_never_before(edge):
-    """At the time of a kink the law is that of the piece that begins there."""
+def test_the_time_of_a_velocity_jump_is_not_before_its_joint(edge):
+    """At the time of a velocity jump the slope is that of the piece after the joint."""
     angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
     for angle in angles.tolist():
         for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):
@@ -172,21 +190,21 @@ def test_a_kink_is_met_behind_the_joint_never_before(edge):
             assert slope - before == pytest.approx(velocity_jump.step)
 
 
-def test_short_of_a_kink(edge):
-    """The end of an interval at a joint is read before the joint, on either side of it."""
+def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
+    """The end of an interval at a joint is moved to before it, despite rounding."""
     for shift in (-1e-12, 0.0, 1e-12):
         for joint in (60.0, 420.0):
             angle = short_of_velocity_jump(edge, math.radians(joint) + shift)
             assert edge.at(angle)[1] == 0.0
             assert abs(angle - math.radians(joint)) < 1e-14
     assert short_of_velocity_jump(edge, 1.0) == 1.0
-    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK)
+    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * JOINT_SLACK)
     assert len(jumps.ahead) == 0
     assert jumps.contact_limit == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
 
 
-def test_a_steady_level_is_refused_too(edge, follower, rig):
-    """The exact mean of the force's rate does not exist where the force is infinite."""
+def test_a_steady_level_needs_a_smooth_law(edge, follower, rig):
+    """The mean power of the force rate is an error for a law with velocity jumps."""
     from cam_rig.acoustics import RadiationParameters
     from cam_rig.acoustics.pressure import steady_power
 

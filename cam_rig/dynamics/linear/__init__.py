@@ -1,1 +1,1 @@
-"""Linear systems: exact response to a polynomial forcing at any time."""
+"""Linear systems: exact response to a polynomial forcing, at any time."""

@@ -1,9 +1,9 @@
-"""Masses in the air: ẋ = A x + b, in closed form, in pairs of states.
+"""Free motion ẋ = A x + b of masses in flight, in closed form.
 
-A is brought to pairs, each a mass on a spring and a damper of its own, q̈ + 2δ q̇ + κ q = const.
-Their response is exact for every damping, critical or not, and every spring, next to none too. What
-is reckoned is how far the masses have come, not where they are from where they would rest, which a
-weak spring puts far away.
+A is transformed to pairs of states. Each pair is a mass on a spring and a damper,
+q̈ + 2δ q̇ + κ q = const. Its response is exact for every damping, including critical damping, and
+for every spring, however weak. The motion is computed relative to the start and not to the position
+of equilibrium, because a weak spring puts the equilibrium far away.
 """
 
 from __future__ import annotations
@@ -21,22 +21,27 @@ from cam_rig.units import FloatArray
 
 @cache
 def linalg() -> Any:
-    """`scipy.linalg`, imported by the first call: many scenes need none of it."""
+    """Return `scipy.linalg`, imported at the first call, as many scenes do without."""
     return importlib.import_module("scipy.linalg")
 
 
-#: Below this time, in units of the fastest rate, the power series is used.
-SHORT = 0.5
-#: Terms of the series: 0.5^18/18! is far below rounding.
-TERMS = 18
+#: Largest product of time and fastest rate for which the power series is used.
+MAX_SERIES_REACH = 0.5
+#: Terms of the power series. The next term, 0.5^18/18!, is far below rounding.
+SERIES_TERMS = 18
 
+#: S (s), Ṡ (1) and C (s²), as in `response`.
 Response = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def response(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Impulse response S (s), Ṡ (1) and its integral C (s²) at times in s; 2δ in 1/s, κ in 1/s²."""
+    """Return the impulse response of q̈ + 2δ q̇ + κ q = 0 at times in s.
+
+    ``damping`` is 2δ (1/s) and ``stiffness`` is κ (1/s²). The results are S (s) with S(0) = 0 and
+    Ṡ(0) = 1, its derivative Ṡ (1), and its integral C (s²).
+    """
     time = np.asarray(time, dtype=np.float64)
-    short = max(math.sqrt(stiffness), damping) * time <= SHORT
+    short = max(math.sqrt(stiffness), damping) * time <= MAX_SERIES_REACH
     if short.all():
         return _series(damping, stiffness, time)
     if not short.any():
@@ -48,28 +53,35 @@ def response(damping: float, stiffness: float, time: FloatArray) -> Response:
 
 
 def _long(damping: float, stiffness: float, time: FloatArray) -> Response:
+    """Return the response by exponentials."""
     decay = 0.5 * damping
     square = stiffness - decay**2
     if square > 0.0:
         return _oscillating(decay, square, stiffness, time)
-    return _creeping(decay, math.sqrt(-square), stiffness, time)
+    return _overdamped(decay, math.sqrt(-square), stiffness, time)
 
 
 def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """Taylor series; the times are below `SHORT` over the fastest rate."""
-    found = np.vander(time, TERMS + 1, increasing=True) @ _terms(damping, stiffness)
-    return found[:, 0], found[:, 1], found[:, 2]
+    """Return the response by a Taylor series, for short times.
+
+    Times are up to `MAX_SERIES_REACH` divided by the fastest rate.
+    """
+    columns = np.vander(time, SERIES_TERMS + 1, increasing=True) @ _terms(damping, stiffness)
+    return columns[:, 0], columns[:, 1], columns[:, 2]
 
 
 @lru_cache(maxsize=256)
 def _terms(damping: float, stiffness: float) -> FloatArray:
-    """Coefficients of S, Ṡ and C, ``(TERMS + 1, 3)``: they follow from the equation of motion."""
+    """Return the coefficients of S, Ṡ and C, ``(SERIES_TERMS + 1, 3)``.
+
+    They follow from the equation of motion.
+    """
     terms = [0.0, 0.0, 0.5]
-    for i in range(1, TERMS - 1):
+    for i in range(1, SERIES_TERMS - 1):
         pull = damping * (i + 1) * terms[i + 1] + stiffness * terms[i]
         terms.append(-pull / ((i + 1) * (i + 2)))
     step = np.array(terms)
-    order = np.arange(TERMS + 1.0)
+    order = np.arange(SERIES_TERMS + 1.0)
     impulse = np.append(step[1:] * order[1:], 0.0)
     rate = np.append(impulse[1:] * order[1:], 0.0)
     return np.stack([impulse, rate, step], axis=1)
@@ -83,25 +95,29 @@ def _oscillating(decay: float, square: float, stiffness: float, time: FloatArray
     return impulse, rate, (1.0 - rate - 2.0 * decay * impulse) / stiffness
 
 
-def _creeping(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:
-    """Overdamped or critical: rates λ₁ ≤ λ₂, never a growing exponential."""
+def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:
+    """Return the response at overcritical or critical damping.
+
+    The formulas contain no growing exponential.
+    """
     fast = decay + root
     slow = stiffness / fast
-    apart = 2.0 * root
-    growth = -np.expm1(-apart * time) / apart if apart > 0.0 else time
+    difference = 2.0 * root
+    growth = -np.expm1(-difference * time) / difference if difference > 0.0 else time
     impulse = np.exp(-slow * time) * growth
     rate = np.exp(-fast * time) - slow * impulse
     if slow > 0.1 * fast:
         return impulse, rate, (1.0 - rate - 2.0 * decay * impulse) / stiffness
-    settled = -np.expm1(-slow * time) / slow if slow > 0.0 else time
-    return impulse, rate, (settled + np.expm1(-fast * time) / fast) / apart
+    integral = -np.expm1(-slow * time) / slow if slow > 0.0 else time
+    return impulse, rate, (integral + np.expm1(-fast * time) / fast) / difference
 
 
-#: Degree of the acceleration's power series within a window, and |A| t of the window: what is left
-#: out is 2^25/25!, below a rounding.
-SERIES_DEGREE, REACH = 24, 2.0
-#: Takes a power series to ordinates: C(i, j)/C(n, j).
-OF_POWERS = np.array(
+#: Degree of the power series of the acceleration in a window.
+SERIES_DEGREE = 24
+#: |A| t of a window. The omitted terms of the series, 2^25/25!, are below rounding.
+REACH = 2.0
+#: Matrix from the coefficients of a power series to Bernstein ordinates, C(i, j)/C(n, j).
+POWERS_TO_ORDINATES = np.array(
     [
         [math.comb(i, j) / math.comb(SERIES_DEGREE, j) for j in range(SERIES_DEGREE + 1)]
         for i in range(SERIES_DEGREE + 1)
@@ -110,74 +126,86 @@ OF_POWERS = np.array(
 
 
 def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatArray:
-    """``(SERIES_DEGREE + 1, n)``: takes x to the ordinates of row · e^{At} x in a window (s)."""
+    """Return the matrix from x to the ordinates of row · e^{At} x in a window (s).
+
+    Its shape is ``(SERIES_DEGREE + 1, n)``.
+    """
     terms = [row]
     for j in range(SERIES_DEGREE):
         terms.append(terms[-1] @ matrix * (window / (j + 1)))
-    return np.asarray(OF_POWERS @ np.array(terms))
+    return np.asarray(POWERS_TO_ORDINATES @ np.array(terms))
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """x = V ξ with ξ in pairs (q, q̇), each q̈ = −κ q − 2δ q̇ but for a constant."""
+    """Transformation x = V ξ to pairs (q, q̇) with q̈ + 2δ q̇ + κ q = const."""
 
     shapes: FloatArray  #: V, ``(n, n)``
-    inverse: FloatArray  #: of V
+    inverse: FloatArray  #: V⁻¹, ``(n, n)``
     damping: FloatArray  #: 2δ, 1/s, ``(n / 2,)``
     stiffness: FloatArray  #: κ, 1/s², ``(n / 2,)``
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSystem:
-    """The masses in the air; their states are places and velocities in turn."""
+    """Masses in flight, ẋ = A x + b, with positions and velocities alternating in x."""
 
     matrix: FloatArray  #: A, ``(n, n)``
     load: FloatArray  #: b, ``(n,)``
-    #: what the states contribute to the place of the mass that meets the cam, ``(n,)``
+    #: Weights of the states in the position of the contact mass, ``(n,)``
     row: FloatArray
-    #: ``(k, n)``: takes ẋ to a vector whose length that mass's acceleration never exceeds
+    #: Matrix from ẋ to a vector whose length is never below the acceleration of the contact mass,
+    #: ``(k, n)``
     energy: FloatArray
-    #: None where they are too much alike; then it goes by the exponential of the matrix
+    #: Pairs of states, or None if the modes are too similar. Then the exponential of the matrix is
+    #: used.
     pairs: Pairs | None
 
     @cached_property
     def window(self) -> float:
-        """Time (s) within which the series of `SERIES_DEGREE` is exact to rounding."""
-        pulls = np.abs(self.matrix[1::2, ::2]).sum(axis=1)  # of places on accelerations
-        scale = np.tile([1.0, 1.0 / np.sqrt(pulls.max())], self.load.size // 2)
+        """Duration in which the series of degree `SERIES_DEGREE` is exact to rounding, s."""
+        stiffness = np.abs(self.matrix[1::2, ::2]).sum(axis=1)  # of accelerations by positions
+        scale = np.tile([1.0, 1.0 / np.sqrt(stiffness.max())], self.load.size // 2)
         return REACH / float(np.linalg.norm(scale[:, None] * self.matrix / scale, 2))
 
     @cached_property
     def series(self) -> FloatArray:
-        """``(SERIES_DEGREE + 1, n)``: takes ẋ to the acceleration's ordinates in a window."""
+        """Matrix from ẋ to the ordinates of the acceleration, ``(SERIES_DEGREE + 1, n)``.
+
+        The ordinates are those of the contact mass in one window.
+        """
         return window_series(self.matrix, self.row @ self.matrix, self.window)
 
     def rates(self, start: FloatArray) -> FloatArray:
-        """ẋ of a state, ``(n,)``."""
+        """Return ẋ of a state, ``(n,)``."""
         return np.asarray(self.matrix @ start + self.load)
 
-    def moved(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """X − x₀ and ẋ, ``(n, len(times))`` each, at times in s after the state ``start``."""
+    def state_change(self, start: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return x − x₀ and ẋ at times in s after the state x₀ = ``start``.
+
+        The shape of each is ``(n, len(times))``.
+        """
         if self.pairs is None:
-            return self._by_exponential(start, times)
+            return self._change_by_exponential(start, times)
         pairs = self.pairs
-        place, velocity = (pairs.inverse @ start).reshape(-1, 2).T
-        gain, push = (pairs.inverse @ self.load).reshape(-1, 2).T
-        rate = velocity + gain
-        pull = pairs.stiffness * place - push - pairs.damping * gain
-        force = -pairs.stiffness * place - pairs.damping * velocity + push
-        way, ways = (np.empty((start.size, times.size)) for _ in range(2))
+        position, velocity = (pairs.inverse @ start).reshape(-1, 2).T
+        velocity_load, force_load = (pairs.inverse @ self.load).reshape(-1, 2).T
+        rate = velocity + velocity_load
+        pull = pairs.stiffness * position - force_load - pairs.damping * velocity_load
+        force = -pairs.stiffness * position - pairs.damping * velocity + force_load
+        change, rates = (np.empty((start.size, times.size)) for _ in range(2))
         for i, (damping, stiffness) in enumerate(zip(pairs.damping, pairs.stiffness, strict=True)):
             impulse, slope, step = response(float(damping), float(stiffness), times)
-            way[2 * i] = rate[i] * impulse - pull[i] * step
-            way[2 * i + 1] = force[i] * impulse - stiffness * rate[i] * step
-            ways[2 * i] = rate[i] * slope - pull[i] * impulse
-            ways[2 * i + 1] = force[i] * slope - stiffness * rate[i] * impulse
-        return pairs.shapes @ way, pairs.shapes @ ways
+            change[2 * i] = rate[i] * impulse - pull[i] * step
+            change[2 * i + 1] = force[i] * impulse - stiffness * rate[i] * step
+            rates[2 * i] = rate[i] * slope - pull[i] * impulse
+            rates[2 * i + 1] = force[i] * slope - stiffness * rate[i] * impulse
+        return pairs.shapes @ change, pairs.shapes @ rates
 
-    def _by_exponential(
+    def _change_by_exponential(
         self, start: FloatArray, times: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
+        """Return x − x₀ and ẋ by the exponential of the matrix augmented by ẋ₀."""
         n, rates = start.size, self.rates(start)
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n], matrix[:n, n] = self.matrix, rates
@@ -187,35 +215,39 @@ class FreeSystem:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Free motion.
+    """Flight of masses from a state on.
 
-    Gap and its rate are given where they are known better than as the difference of two places:
-    at a lift-off the gap is not one.
+    The gap and its rate are stored if they are more accurate than the difference of two
+    displacements. At a lift-off, for example, the gap is exactly 0.
     """
 
     system: FreeSystem
     start: FloatArray  #: state at t = 0, ``(n,)``
-    gap: float | None = None  #: how far the mass is from the cam then, m
-    gap_rate: float | None = None  #: how fast it lifts off, m/s
+    gap: float | None = None  #: distance between contact mass and cam at t = 0, m, if known
+    gap_rate: float | None = None  #: rate of the gap at t = 0, m/s, if known
 
     @property
     def known(self) -> tuple[float, ...]:
-        """Gap and its rate, or nothing where they are not known."""
+        """Gap (m) and its rate (m/s) at t = 0, or an empty tuple if they are not known."""
         return () if self.gap is None or self.gap_rate is None else (self.gap, self.gap_rate)
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Displacement (m), velocity (m/s) and acceleration (m/s²) of the mass at times in s."""
+        """Return the motion of the contact mass at times in s.
+
+        The results are displacement (m), velocity (m/s) and acceleration (m/s²).
+        """
         s = self.system
-        way, rates = s.moved(self.start, times)
-        place = s.row @ self.start + s.row @ way
-        return np.asarray(place), np.asarray(s.row @ rates), np.asarray(s.row @ s.matrix @ rates)
+        change, rates = s.state_change(self.start, times)
+        position = s.row @ self.start + s.row @ change
+        return np.asarray(position), np.asarray(s.row @ rates), np.asarray(s.row @ s.matrix @ rates)
 
 
 def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
-    """e^{At} z at any times (s), ``(n, len(times))``; z is ``(n,)``, or ``(n, len(times))``.
+    """Return e^{At} z at times in s, ``(n, len(times))``.
 
-    For two states by Cayley-Hamilton, e^{At} = (Ṡ + 2δS) I + S A with the impulse response S of the
-    characteristic equation; for more by one exponential a time.
+    ``start`` is z, ``(n,)`` or ``(n, len(times))``. For two states the theorem of Cayley and
+    Hamilton gives e^{At} = (Ṡ + 2δS) I + S A, with the impulse response S of the characteristic
+    equation. For more states each time needs one matrix exponential.
     """
     starts = start[:, None] if start.ndim == 1 else start
     if starts.shape[0] != 2:

@@ -1,16 +1,17 @@
-"""The exact response of a linear system to a polynomial forcing: ẋ = A x + f(t).
+"""Exact response of a linear system ẋ = A x + f(t) to a polynomial forcing.
 
-On one piece of duration T the forcing is f(u) = Σ Fⱼ Bⱼ(u), u = t/T, and the response is
-x(t) = X(u) + e^{At} (x₀ − X(0)) with a polynomial X. Nothing is stepped, so stiffness costs
-nothing. X is found in the way that keeps its digits:
+On one piece of duration T the forcing is f(u) = Σ Fⱼ Bⱼ(u) with u = t/T. The response is
+x(t) = X(u) + e^{At} (x₀ − X(0)) with a polynomial X. There are no time steps, so a stiff system
+costs no more than a soft one. X is computed by the method that keeps its digits:
 
-* modes fast against the piece (|λ|T at least the degree): A X − X Mᵀ/T = −F, a Sylvester
-  equation with M the derivative matrix of the basis, solvable because M is nilpotent;
-* slow modes, where that X would be huge and cancel against the exponential, and modes without
-  a restoring force, where it does not exist: X(0) = 0 and Picard's series of integrals, which
-  ends at rounding after some twenty terms.
+* For modes that are fast compared with the piece (|λ|T is at least the degree), X solves the
+  Sylvester equation A X − X Mᵀ/T = −F. M is the derivative matrix of the basis. The equation has a
+  solution because M is nilpotent.
+* For slow modes that X would be huge and would cancel against the exponential. For modes without a
+  restoring force it does not exist. There X(0) = 0, and X is Picard's series of integrals, whose
+  terms are below rounding after about twenty terms.
 
-An ordered Schur form keeps the two apart.
+An ordered Schur form separates fast and slow modes.
 """
 
 from __future__ import annotations
@@ -25,28 +26,33 @@ from cam_rig.dynamics.linear.exponential import free_motion, linalg
 from cam_rig.laws import bernstein
 from cam_rig.units import FloatArray
 
-#: A part of a piece spans at most this |A|T of its slow modes: Picard's terms stay below e⁴.
+#: Largest |A|T of the slow modes in one part of a piece. Picard's terms then stay below e⁴.
 PICARD_REACH = 4.0
-#: An overdamped mass has rates far apart where its stiffness is below this times decay squared.
-APART = 0.3
+#: Largest ratio of the stiffness of an overdamped mass to its squared decay, at which its two rates
+#: count as very different.
+MAX_STIFFNESS_RATIO = 0.3
 
 
 @lru_cache(maxsize=64)
 def derivative_matrix(degree: int) -> FloatArray:
-    """``(p + 1, p + 1)``: takes ordinates to those of d/du, written with the same degree."""
+    """Return the derivative matrix of a Bernstein basis, ``(p + 1, p + 1)``.
+
+    It takes ordinates to those of d/du, written with the same degree p.
+    """
     return np.asarray(bernstein.elevate(bernstein.derivative(np.eye(degree + 1)), degree))
 
 
 def exponential(matrix: FloatArray, time: float) -> FloatArray:
-    """e^{At}: for two states in closed form, whose error is that of the phase; else by expm.
+    """Return e^{At} at a time in s, ``(n, n)``.
 
-    Scaling and squaring lets a vibration of 3000 rad drift by ten times as much, turn after turn.
+    For two states the closed form is used, whose error is the rounding of the phase. Scaling and
+    squaring (expm) has ten times this error for a vibration of 3000 rad, in every turn.
     """
     return np.asarray(exponentials(matrix, np.array([time]))[0])
 
 
 def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
-    """The same at many times ``(m,)``, ``(m, n, n)``."""
+    """Return e^{At} at times in s, ``(m, n, n)``."""
     if matrix.shape[0] != 2:
         flows: FloatArray = linalg().expm(matrix * times[:, None, None])
         return flows
@@ -55,41 +61,42 @@ def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ForcingPiece:
-    """One piece of the response, in one or more equal parts."""
+    """Response on one piece of the forcing, in one or more parts of equal duration h."""
 
-    matrix: FloatArray
-    particular: FloatArray  #: ``(parts, n, p + 1)``, the ordinates of X on each part
+    matrix: FloatArray  #: A in 1/s, ``(n, n)``
+    particular: FloatArray  #: Bernstein ordinates of X on each part, ``(parts, n, p + 1)``
     duration: float  #: s
-    part_flow: FloatArray  #: e^{Ah} over one part
+    part_flow: FloatArray  #: e^{Ah} over one part, ``(n, n)``
 
     @property
     def part(self) -> float:
-        """Length of a part, s."""
+        """Duration h of a part, s."""
         return self.duration / len(self.particular)
 
     @property
     def flow(self) -> FloatArray:
-        """e^{AT} over the whole piece."""
+        """Exponential e^{AT} over the whole piece, ``(n, n)``."""
         return np.asarray(np.linalg.matrix_power(self.part_flow, self.particular.shape[0]))
 
     def end(self, start: FloatArray) -> FloatArray:
-        """State at the end of the piece from the state at its start, ``(n,)``."""
+        """Return the state at the end of the piece from the state at its start, ``(n,)``."""
         return self._part_starts(start)[-1]
 
     def at(self, start: FloatArray, times: FloatArray) -> FloatArray:
-        """States ``(n, len(times))`` at times in s since the piece's start."""
+        """Return the states at times (s) since the start, ``(n, len(times))``."""
         starts = self._part_starts(start)
         states = np.empty((start.size, times.size))
         index = np.minimum((times / self.part).astype(int), self.particular.shape[0] - 1)
         for i in np.unique(index):
-            here = index == i
-            since = times[here] - i * self.part
+            in_part = index == i
+            since = times[in_part] - i * self.part
             forced = bernstein.evaluate(self.particular[i].T, since / self.part)
             flows = linalg().expm(self.matrix[None] * since[:, None, None])
-            states[:, here] = (forced + flows @ (starts[i] - self.particular[i, :, 0])).T
+            states[:, in_part] = (forced + flows @ (starts[i] - self.particular[i, :, 0])).T
         return states
 
     def _part_starts(self, start: FloatArray) -> list[FloatArray]:
+        """Return the states at the start of each part and at the end of the piece."""
         states = [start]
         for ordinates in self.particular:
             free = self.part_flow @ (states[-1] - ordinates[:, 0])
@@ -98,29 +105,43 @@ class ForcingPiece:
 
 
 def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPiece:
-    """Solve one piece: A ``(n, n)`` in 1/s, ordinates of f ``(n, p + 1)``, its time (s)."""
+    """Return the response on one piece of the forcing.
+
+    Parameters
+    ----------
+    matrix : array, ``(n, n)``
+        A, 1/s.
+    forcing : array, ``(n, p + 1)``
+        Bernstein ordinates of f.
+    duration : float
+        Duration T of the piece, s.
+    """
     return pieces(matrix, forcing[:, :, None], np.array([duration]))[0]
 
 
 def pieces(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray
 ) -> tuple[ForcingPiece, ...]:
-    """The same for m pieces, those together that take the same steps: f ``(n, p + 1, m)``."""
+    """Return the responses on m pieces of the forcing, as `piece` does for one.
+
+    ``forcing`` are the ordinates of f, ``(n, p + 1, m)``, and ``durations`` are in s, ``(m,)``.
+    Pieces that need the same number of parts and terms are solved together.
+    """
     bound = max(float(forcing.shape[1] - 1), PICARD_REACH)
     rates = np.abs(np.linalg.eigvals(matrix))
     slow = (rates[:, None] * durations < bound).sum(axis=0)
-    found: dict[int, ForcingPiece] = {}
+    responses: dict[int, ForcingPiece] = {}
     for k in np.unique(slow):
-        alike = np.flatnonzero(slow == k)
-        modes = _modes(matrix, float(durations[alike[0]]), bound)
-        reach = float(np.linalg.norm(modes[0], 2)) if modes[0].size else 0.0
-        parts = np.maximum(1, np.ceil(reach * durations[alike] / PICARD_REACH)).astype(int)
-        terms = np.array([_picard_terms(reach * t) for t in durations[alike] / parts])
+        group = np.flatnonzero(slow == k)
+        modes = _modes(matrix, float(durations[group[0]]), bound)
+        norm = float(np.linalg.norm(modes[0], 2)) if modes[0].size else 0.0
+        parts = np.maximum(1, np.ceil(norm * durations[group] / PICARD_REACH)).astype(int)
+        terms = np.array([_picard_terms(norm * t) for t in durations[group] / parts])
         for count, order in {*zip(parts.tolist(), terms.tolist(), strict=True)}:
-            same = alike[(parts == count) & (terms == order)]
+            same = group[(parts == count) & (terms == order)]
             solved = _solve(matrix, modes, forcing[:, :, same], durations[same], count, order)
-            found.update(zip(same.tolist(), solved, strict=True))
-    return tuple(found[i] for i in range(durations.size))
+            responses.update(zip(same.tolist(), solved, strict=True))
+    return tuple(responses[i] for i in range(durations.size))
 
 
 def _solve(
@@ -131,27 +152,32 @@ def _solve(
     parts: int,
     terms: int,
 ) -> list[ForcingPiece]:
-    """Pieces with the same slow and fast modes, in so many parts, by so many of Picard's terms."""
+    """Return the responses on pieces with the same slow and fast modes.
+
+    Each piece is divided into ``parts`` parts, and Picard's series has ``terms`` terms.
+    """
     slow, fast, shapes = modes
     (n, width, m), k = forcing.shape, slow.shape[0]
-    # Rows of one size: else the pivot is a velocity, and what drives a slow mode cancels.
-    even = np.exp2(-np.round(np.log2(np.abs(shapes).max(axis=1, keepdims=True))))
-    inputs = np.linalg.solve(even * shapes, even * forcing.reshape(n, -1)).reshape(n, width, m)
+    # Scale the rows to one magnitude. Otherwise the pivot is a velocity, and the forcing of a slow
+    # mode cancels.
+    scale = np.exp2(-np.round(np.log2(np.abs(shapes).max(axis=1, keepdims=True))))
+    inputs = np.linalg.solve(scale * shapes, scale * forcing.reshape(n, -1)).reshape(n, width, m)
     inputs = np.asarray(inputs, dtype=np.float64).transpose(1, 2, 0)
-    settled = np.zeros((width, m, n - k))
+    fast_response = np.zeros((width, m, n - k))
     if fast.size:
         slope, solve = derivative_matrix(width - 1), linalg().solve_sylvester
         for i, duration in enumerate(durations.tolist()):
-            settled[:, i] = solve(fast, -slope.T / duration, -inputs[:, i, k:].T).T
+            fast_response[:, i] = solve(fast, -slope.T / duration, -inputs[:, i, k:].T).T
     lengths = durations / parts
     responses = []
     for i in range(parts):
         span = (i / parts, (i + 1) / parts)
         part = bernstein.restrict(inputs[:, :, :k].reshape(width, m * k), *span)
-        grown = _picard(slow, part.reshape(width, m, k), lengths, terms)
-        rest = bernstein.restrict(settled.reshape(width, m * (n - k)), *span)
-        rest = bernstein.elevate(rest, grown.shape[0] - 1).reshape(len(grown), m, n - k)
-        responses.append(np.concatenate([grown, rest], axis=2) @ shapes.T)
+        slow_part = _picard(slow, part.reshape(width, m, k), lengths, terms)
+        fast_part = bernstein.restrict(fast_response.reshape(width, m * (n - k)), *span)
+        fast_part = bernstein.elevate(fast_part, slow_part.shape[0] - 1)
+        fast_part = fast_part.reshape(len(slow_part), m, n - k)
+        responses.append(np.concatenate([slow_part, fast_part], axis=2) @ shapes.T)
     particular = np.ascontiguousarray(np.stack(responses).transpose(2, 0, 3, 1))
     flows = exponentials(matrix, lengths)
     return [
@@ -163,17 +189,20 @@ def _solve(
 def _modes(
     matrix: FloatArray, duration: float, bound: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Slow block, fast block and V with A V = V diag(slow, fast); slow has |λ|T < bound."""
-    creeping = _creeping(matrix)
-    if creeping is not None:
-        rates, shapes = creeping
+    """Return the slow block, the fast block and V with A V = V diag(slow, fast).
+
+    Slow modes have |λ|T < ``bound``, with the duration T in s.
+    """
+    overdamped = _overdamped_modes(matrix)
+    if overdamped is not None:
+        rates, shapes = overdamped
         k = int(np.sum(np.abs(rates) * duration < bound))
         return np.diag(rates[:k]), np.diag(rates[k:]), shapes
     balanced, scale = linalg().matrix_balance(matrix)
     triangle, basis, k = linalg().schur(
         balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
     )
-    if k == 0:  # nothing to keep apart: the matrix as it is has the smallest rounding
+    if k == 0:  # no slow modes: the unchanged matrix has the smallest rounding
         return np.empty((0, 0)), matrix, np.eye(matrix.shape[0])
     slow, fast = triangle[:k, :k], triangle[k:, k:]
     decouple = np.eye(matrix.shape[0])
@@ -182,16 +211,17 @@ def _modes(
     return slow, fast, np.asarray(scale @ basis @ decouple)
 
 
-def _creeping(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Rates, slow and fast, and shapes of one overdamped mass whose rates stand far apart.
+def _overdamped_modes(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return rates (slow, fast) and shapes of an overdamped mass.
 
-    The slow rate is the stiffness over the fast one: Schur's form gives it to the rounding of the
-    fast one, which may be the larger by 1e7. None for any other matrix.
+    The two rates are very different. The slow rate is the stiffness divided by the fast rate. The
+    Schur form would give it with the rounding of the fast rate, which may be 1e7 times as large.
+    Returns None for any other matrix.
     """
     if matrix.shape != (2, 2) or tuple(matrix[0]) != (0.0, 1.0):
         return None
     stiffness, decay = -float(matrix[1, 0]), -0.5 * float(matrix[1, 1])
-    if not (decay > 0.0 and 0.0 < stiffness < APART * decay**2):
+    if not (decay > 0.0 and 0.0 < stiffness < MAX_STIFFNESS_RATIO * decay**2):
         return None
     fast = -decay - math.sqrt(decay**2 - stiffness)
     rates = np.array([stiffness / fast, fast])
@@ -199,7 +229,10 @@ def _creeping(matrix: FloatArray) -> tuple[FloatArray, FloatArray] | None:
 
 
 def _picard_terms(reach: float) -> int:
-    """How many integrals follow the first one until they are rounding; ``reach`` is |A|T."""
+    """Return the number of integrals after the first that are above rounding.
+
+    ``reach`` is |A|T.
+    """
     size, order = reach, 2
     while size > 1e-17:
         size *= reach / order
@@ -210,7 +243,10 @@ def _picard_terms(reach: float) -> int:
 def _picard(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray, terms: int
 ) -> FloatArray:
-    """∫f + A∫∫f + A²∫∫∫f and so on: ``(q + 1, m, k)`` of forcing ``(p + 1, m, k)``."""
+    """Return Picard's series ∫f + A∫∫f + A²∫∫∫f + …, ``(q + 1, m, k)``.
+
+    ``forcing`` are the ordinates of f, ``(p + 1, m, k)``.
+    """
     lengths = durations[:, None]
     integrals = [lengths * bernstein.antiderivative(forcing)]
     for _ in range(terms):
@@ -225,10 +261,13 @@ def _picard(
 
 
 def periodic_state(pieces: list[ForcingPiece]) -> FloatArray:
-    """The state that returns to itself after all pieces: (I − Φ) x₀ = r, one linear solve."""
+    """Return the state x₀ that returns after all pieces, ``(n,)``.
+
+    It is the solution of the linear system (I − Φ) x₀ = r.
+    """
     size = pieces[0].matrix.shape[0]
-    flow, rest = np.eye(size), np.zeros(size)
+    flow, offset = np.eye(size), np.zeros(size)
     for part in pieces:
-        rest = part.end(rest)
+        offset = part.end(offset)
         flow = part.flow @ flow
-    return np.asarray(np.linalg.solve(np.eye(size) - flow, rest))
+    return np.asarray(np.linalg.solve(np.eye(size) - flow, offset))

@@ -1,7 +1,7 @@
-"""A linear model on a turning cam: its exact response at any time, turn after turn.
+"""Exact response of a linear model on a cam at constant speed, at any time.
 
-ẋ = A x + G (s, ṡ, s̈) + g, at constant cam speed. The particular solutions of one turn are found
-once (`propagator`); after that a state is a polynomial and an exponential.
+The model is ẋ = A x + G (s, ṡ, s̈) + g. The particular solutions of one turn are computed once
+(`propagator`). After that each state is the sum of a polynomial and an exponential.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cam_rig.dynamics.parameters import (
     state_of,
     times_of,
 )
-from cam_rig.dynamics.velocity_jumps import SLACK
+from cam_rig.dynamics.velocity_jumps import JOINT_SLACK
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import (
@@ -38,73 +38,78 @@ from cam_rig.laws.sampling import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: A mode that a turn changes by less than this (in phase and size) is in resonance.
+#: Smallest |eigenvalue| of I − Φ at which a steady state exists. Below it one turn hardly changes
+#: a mode in phase or size: the mode is in resonance.
 RESONANT = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
 class TurnMap:
-    """What one turn from θ = 0 makes of a state: Φ x + r."""
+    """Affine map Φ x + r of a state at θ = 0 to the state after one turn."""
 
     flow: FloatArray  #: Φ, ``(n, n)``
-    rest: FloatArray  #: r, ``(n,)``
+    offset: FloatArray  #: r, ``(n,)``
 
     def after(self, state: FloatArray, turns: int) -> FloatArray:
-        """The state ``(n,)`` after whole turns: as many products as their number has bits."""
-        flow, rest = self.flow, self.rest
+        """Return the state after whole turns, ``(n,)``.
+
+        The number of matrix products is the number of bits of ``turns``.
+        """
+        flow, offset = self.flow, self.offset
         while turns:
             if turns % 2:
-                state = flow @ state + rest
-            rest, flow, turns = flow @ rest + rest, flow @ flow, turns // 2
+                state = flow @ state + offset
+            offset, flow, turns = flow @ offset + offset, flow @ flow, turns // 2
         return state
 
     def fixed_point(self) -> FloatArray | None:
-        """The state that a turn brings back, by one linear solve; None at resonance."""
-        gap = np.eye(self.rest.size) - self.flow
-        if np.abs(np.linalg.eigvals(gap)).min() < RESONANT:
+        """Return the state that returns after one turn, ``(n,)``, or None at resonance."""
+        matrix = np.eye(self.offset.size) - self.flow
+        if np.abs(np.linalg.eigvals(matrix)).min() < RESONANT:
             return None
-        return np.asarray(np.linalg.solve(gap, self.rest))
+        return np.asarray(np.linalg.solve(matrix, self.offset))
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z."""
+    """Part of the turn with one polynomial X, in which x(t) = X + e^{At} z."""
 
-    number: int  #: in the turn
-    low: float  #: cam angle where it begins, rad
-    span: float  #: rad
-    length: float  #: s
-    law_piece: int
-    of_piece: tuple[int, int]  #: which part of how many of the law's piece
-    particular: FloatArray  #: X, ``(n, p + 1)``
-    flow: FloatArray  #: e^{Ah} over the part
-    state_jump: FloatArray | None = None  #: by how much the state jumps where it begins
+    number: int  #: index of the part in the turn
+    low: float  #: cam angle at the start, rad
+    span: float  #: cam angle that the part covers, rad
+    length: float  #: duration, s
+    law_piece: int  #: index of the piece of the law that contains the part
+    of_piece: tuple[int, int]  #: index of the part in its piece, and number of parts of the piece
+    particular: FloatArray  #: Bernstein ordinates of X, ``(n, p + 1)``
+    flow: FloatArray  #: e^{Ah} over the part, ``(n, n)``
+    state_jump: FloatArray | None = None  #: jump of the state at the start, ``(n,)``
 
     def forced(self, time: FloatArray) -> FloatArray:
-        """X at times in s since the part's start, ``(n, len(time))``."""
+        """Return X at times in s since the start of the part, ``(n, len(time))``."""
         return bernstein.evaluate(self.particular.T, time / self.length).T
 
 
 class LinearRun(NamedTuple):
-    """A part as it is passed."""
+    """Passage of the cam through one part."""
 
     part: Part
-    begin: float  #: s since the walk's start
-    end: float  #: s
-    local: float  #: where in the part it begins, s
-    free: FloatArray  #: the state there, less X
+    begin: float  #: start time since the start of the walk, s
+    end: float  #: end time since the start of the walk, s
+    local: float  #: time from the start of the part to the start of the passage, s
+    free: FloatArray  #: state less X at the start of the passage, ``(n,)``
 
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """The response of one linear model to one law at one speed."""
+    """Response of one linear model to one law at one speed."""
 
     law: Law
-    speed: float  #: rad/s, above 0
+    speed: float  #: rad/s, > 0
     matrix: FloatArray  #: A, ``(n, n)``
-    drive: FloatArray  #: G, ``(n, 3)``, what s, ṡ and s̈ contribute
+    drive: FloatArray  #: G, weights of s, ṡ and s̈ in ẋ, ``(n, 3)``
     constant: FloatArray  #: g, ``(n,)``
-    #: whether a jump of ṡ, an impulse of s̈, acts on the state; else the caller does it
+    #: True if a jump of ṡ, which is an impulse of s̈, acts on the state. Otherwise the caller
+    #: handles the jumps.
     jumps_act: bool = False
 
     def __post_init__(self) -> None:
@@ -113,92 +118,110 @@ class LinearResponse:
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """The parts of one turn in order."""
+        """Parts of one turn, in the order of the angle."""
         weights = self.drive * self.speed ** np.arange(3)
         forcing = np.tensordot(weights, self.law.motion, axes=1) + self.constant[:, None, None]
         steps = self.law.velocity_jumps if self.jumps_act else {}
-        found: list[Part] = []
+        parts: list[Part] = []
         spans = self.law.spans.tolist()
         for i, solved in enumerate(pieces(self.matrix, forcing, self.law.spans / self.speed)):
             count = solved.particular.shape[0]
             for k in range(count):
                 low, span = self.law.joints[i] + spans[i] * (k / count), spans[i] / count
                 x, flow, state_jump = solved.particular[k], solved.part_flow, None
-                if k == 0 and i in steps:  # what an impulse of s̈ adds to the state
+                if k == 0 and i in steps:  # an impulse of s̈
                     state_jump = self.drive[:, 2] * (self.speed * steps[i])
-                found.append(
-                    Part(len(found), low, span, solved.part, i, (k, count), x, flow, state_jump)
+                parts.append(
+                    Part(len(parts), low, span, solved.part, i, (k, count), x, flow, state_jump)
                 )
-        return tuple(found)
+        return tuple(parts)
 
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
-        """Run after run for ``duration`` s, with a state jump at the start, none at the end."""
+        """Yield the passages of the cam through parts, in the order of time.
+
+        The walk starts in the state ``start`` at ``angle`` (rad) and takes ``duration`` s. A state
+        jump at its start acts, and a state jump at its end does not.
+        """
         start = state_of(start, self.constant.size)
         require_angle(angle)
-        slack = SLACK / self.speed if self.law.repeats else 0.0
+        slack = JOINT_SLACK / self.speed if self.law.repeats else 0.0
         inside = angle - math.floor(angle / TURN) * TURN
         i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
-        now, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
-        while now < duration:
+        time, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
+        while time < duration:
             part = self.parts[i % len(self.parts)]
             low = part.low + (i // len(self.parts)) * TURN
-            end = max(now, (low + part.span - inside) / self.speed)
-            if part.state_jump is not None and (now > 0.0 or slack - duration < local <= slack):
+            end = max(time, (low + part.span - inside) / self.speed)
+            if part.state_jump is not None and (time > 0.0 or slack - duration < local <= slack):
                 state = state + part.state_jump
             if (
                 duration - end <= slack
                 and self.parts[(i + 1) % len(self.parts)].state_jump is not None
             ):
                 end = max(end, duration)
-            at = part.forced(np.array([local]))[:, 0] if local > 0.0 else part.particular[:, 0]
-            free = state - at
-            yield LinearRun(part, now, min(end, duration), local, free)
+            x = part.forced(np.array([local]))[:, 0] if local > 0.0 else part.particular[:, 0]
+            free = state - x
+            yield LinearRun(part, time, min(end, duration), local, free)
             if end >= duration:
                 return
-            # A part's own length, not end - now: the rounding of a late time would turn the phase.
+            # The stored duration of the part, not end - time: the rounding of a late time would
+            # change the phase.
             flow = part.flow if local == 0.0 else exponential(self.matrix, part.length - local)
             state = part.particular[:, -1] + flow @ free
-            now, i, local = end, i + 1, 0.0
+            time, i, local = end, i + 1, 0.0
 
     def states(self, start: FloatArray, angle: float, times: FloatArray) -> FloatArray:
-        """States ``(n, len(times))`` at ascending times in s since ``angle``."""
+        """Return the states at ascending times (s), ``(n, len(times))``.
+
+        Times are measured from the state ``start`` at the cam angle ``angle`` (rad).
+        """
         out, local, part_of = self.passes(start, angle, times)
         for i in np.unique(part_of):
-            here = np.flatnonzero(part_of == i)
-            out[:, here] += self.parts[i].forced(local[here])
+            in_part = np.flatnonzero(part_of == i)
+            out[:, in_part] += self.parts[i].forced(local[in_part])
         return out
 
     def passes(
         self, start: FloatArray, angle: float, times: FloatArray
     ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """States less X ``(n, m)``, times in their parts (s) and these parts' numbers, ``(m,)``."""
+        """Return free vibrations and parts at ascending times (s) since the cam angle.
+
+        The results are the states less X, ``(n, m)``, the times since the start of the part (s),
+        ``(m,)``, and the indices of the parts, ``(m,)``.
+        """
         times = times_of(times)
         last = float(times[-1]) if times.size else 0.0
         require_angle(angle)
         require_angle(angle + self.speed * last, "angle at the last time")
         runs = list(self.walk(start, angle, np.nextafter(last, np.inf)))
-        begins = np.array([run.begin for run in runs])
-        run_of = np.searchsorted(begins, times, side="right") - 1
-        since = times - begins[run_of]
+        starts = np.array([run.begin for run in runs])
+        run_of = np.searchsorted(starts, times, side="right") - 1
+        since = times - starts[run_of]
         free = np.stack([run.free for run in runs], axis=1)[:, run_of]
         local = np.array([run.local for run in runs])[run_of] + since
         part_of = (run_of + runs[0].part.number) % len(self.parts)
         return free_motion(self.matrix, free, since), local, part_of
 
     def end(self, start: FloatArray, angle: float, duration: float) -> FloatArray:
-        """State ``(n,)`` after ``duration`` s; many turns cost no more than one."""
-        start, angle, rest = self.last_turn(start, angle, duration)
-        return self.states(start, angle, np.array([rest]))[:, 0]
+        """Return the state after ``duration`` s, ``(n,)``.
+
+        The computing time does not increase with the number of turns.
+        """
+        start, angle, remainder = self.last_turn(start, angle, duration)
+        return self.states(start, angle, np.array([remainder]))[:, 0]
 
     def last_turn(
         self, start: FloatArray, angle: float, duration: float
     ) -> tuple[FloatArray, float, float]:
-        """State, angle (rad) and what is left of ``duration`` (s) after all whole turns but one."""
+        """Return state and angle (rad) after all turns but one, and the remaining time.
+
+        The remaining time is the part of ``duration`` after these turns, s.
+        """
         require_angle(angle)
         require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
-        # Not up to a state jump at the very end, which is the next interval's.
-        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * SLACK
+        # Stop before a state jump at the end, which belongs to the next interval.
+        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * JOINT_SLACK
         whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
         if whole <= 1:
             return start, angle, duration
@@ -209,33 +232,44 @@ class LinearResponse:
 
     @cached_property
     def turn(self) -> TurnMap:
-        """What one turn from θ = 0 does to the state."""
+        """Map of the state by one turn from θ = 0."""
         return self._maps[-1]
 
     @cached_property
     def _maps(self) -> list[TurnMap]:
-        """What the turn has done to the state where each part begins, and at its end."""
-        flow, rest = np.eye(self.constant.size), np.zeros(self.constant.size)
-        found = []
+        """Maps of the state at θ = 0 to the start of each part and to the end."""
+        flow, offset = np.eye(self.constant.size), np.zeros(self.constant.size)
+        maps = []
         for part in self.parts:
-            rest = rest if part.state_jump is None else rest + part.state_jump
-            found.append(TurnMap(flow, rest))
-            rest = part.particular[:, -1] + part.flow @ (rest - part.particular[:, 0])
+            offset = offset if part.state_jump is None else offset + part.state_jump
+            maps.append(TurnMap(flow, offset))
+            offset = part.particular[:, -1] + part.flow @ (offset - part.particular[:, 0])
             flow = part.flow @ flow
-        return [*found, TurnMap(flow, rest)]
+        return [*maps, TurnMap(flow, offset)]
 
     def free_starts(self, start: FloatArray, turns: int) -> FloatArray:
-        """States less X where each part of each turn begins, ``(turns, parts, n)``, from θ = 0."""
+        """Return the states less X at the start of all parts, ``(turns, parts, n)``.
+
+        ``start`` is the state at θ = 0.
+        """
         states = [start]
         for _ in range(1, turns):
             states.append(self.turn.after(states[-1], 1))
-        flows = np.stack([found.flow for found in self._maps[:-1]])
-        rests = np.stack([found.rest for found in self._maps[:-1]])
+        flows = np.stack([part_map.flow for part_map in self._maps[:-1]])
+        offsets = np.stack([part_map.offset for part_map in self._maps[:-1]])
         forced = np.stack([part.particular[:, 0] for part in self.parts])
-        return np.asarray(np.einsum("pij,tj->tpi", flows, np.stack(states)) + (rests - forced))
+        return np.asarray(np.einsum("pij,tj->tpi", flows, np.stack(states)) + (offsets - forced))
 
     def periodic(self) -> FloatArray:
-        """The state at θ = 0, before a jump there, that a turn brings back: one linear solve."""
+        """Return the state at θ = 0 that returns after one turn, ``(n,)``.
+
+        It is the state before a state jump at θ = 0.
+
+        Raises
+        ------
+        DynamicsError
+            If a mode without damping is in resonance.
+        """
         state = self.turn.fixed_point()
         if state is None:
             raise no_steady_state(self.speed)
@@ -243,24 +277,24 @@ class LinearResponse:
 
 
 def no_steady_state(speed: float) -> DynamicsError:
-    """What is raised at a speed (rad/s) where a mode without damping is in resonance."""
+    """Return the error for a speed (rad/s) with an undamped mode in resonance."""
     return DynamicsError(
         f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a harmonic of "
         "the speed; allowed: damping, or another speed"
     )
 
 
-# Uniform samples, as matrix products.
+# Uniform samples by matrix products.
 #
-# A run of samples inside one part is cut into chunks. In each the polynomial is its Taylor series
-# about the chunk's middle, and the exponential starts anew from the chunk's first sample; one
-# product with a fixed matrix (powers, and the exponential over a chunk) gives all samples, straight
-# where they belong. What is needed for each chunk is made for all turns of a part together.
+# The samples in one part are divided into chunks. In each chunk the polynomial is its Taylor series
+# about the middle of the chunk, and the exponential starts from the first sample of the chunk. One
+# product with a fixed matrix (powers, and the exponential over a chunk) writes all samples to their
+# columns of the output. The coefficients of a part are computed at once for all turns.
 
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
-    """What to sample: C x + D (s, ṡ, s̈) + d."""
+    """Outputs C x + D (s, ṡ, s̈) + d of a linear model."""
 
     state: FloatArray  #: C, ``(k, n)``
     law: FloatArray  #: D, ``(k, 3)``
@@ -270,11 +304,11 @@ class Outputs:
 def end_of(
     model: LinearResponse, start: FloatArray, angle: float, duration: float, outputs: Outputs
 ) -> tuple[FloatArray, FloatArray]:
-    """State ``(n,)`` and outputs ``(k,)`` after ``duration`` s."""
-    start, angle, rest = model.last_turn(start, angle, duration)
-    require_angle(angle + model.speed * rest, "angle at the end")
-    *_, run = model.walk(start, angle, np.nextafter(rest, np.inf))
-    since = np.array([rest - run.begin])
+    """Return the state ``(n,)`` and the outputs ``(k,)`` after ``duration`` s."""
+    start, angle, remainder = model.last_turn(start, angle, duration)
+    require_angle(angle + model.speed * remainder, "angle at the end")
+    *_, run = model.walk(start, angle, np.nextafter(remainder, np.inf))
+    since = np.array([remainder - run.begin])
     free = free_motion(model.matrix, run.free, since)[:, 0]
     local = run.local + since
     ordinates = polynomial_part(model, run.part, outputs)
@@ -292,35 +326,55 @@ def sample(
     outputs: Outputs,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """Outputs ``(k, count)``, into ``out`` if given, at ``first + j step`` s after ``start``."""
+    """Return uniform samples of the outputs, ``(k, count)``.
+
+    Parameters
+    ----------
+    model : LinearResponse
+        The response.
+    start : array, ``(n,)``
+        State at time 0.
+    angle : float
+        Cam angle at time 0, rad.
+    first : float
+        Time of the first sample, s.
+    step : float
+        Time between two samples, s.
+    count : int
+        Number of samples.
+    outputs : Outputs
+        Outputs to sample.
+    out : array, ``(k, count)``, optional
+        Array for the samples (default: a new array).
+    """
     out = np.empty((outputs.state.shape[0], count)) if out is None else out
     done = 0
-    long: dict[tuple[int, int, int], list[_Passage]] = {}
+    chunked: dict[tuple[int, int, int], list[_Passage]] = {}
     for run in model.walk(start, angle, first + count * step):
         end = min(count, max(done, samples_before((run.end - first) / step)))
         if end > done:
             offset = first + done * step - run.begin
             part = run.part
-            place, width = (run.local + offset) / part.length, step / part.length
-            samples = SampleRun.of(done, end, place, width)
+            u, width = (run.local + offset) / part.length, step / part.length
+            samples = SampleRun.of(done, end, u, width)
             passage = _Passage(samples, offset, run.free)
             if samples.chunk:
-                alike = (part.number, samples.chunk, samples.chunks)
-                long.setdefault(alike, []).append(passage)
+                key = (part.number, samples.chunk, samples.chunks)
+                chunked.setdefault(key, []).append(passage)
             else:
                 _fill_directly(model, part, passage, step, outputs, out[:, done:end])
             done = end
-    for (number, _, _), passages in long.items():
+    for (number, _, _), passages in chunked.items():
         _fill_in_chunks(model, model.parts[number], passages, step, outputs, out)
     return out
 
 
 class _Passage(NamedTuple):
-    """Samples of one part as it is passed."""
+    """Samples in one passage of the cam through a part."""
 
     samples: SampleRun
-    offset: float  #: of the first from the state, s
-    free: FloatArray  #: the state less X
+    offset: float  #: time from the state to the first sample, s
+    free: FloatArray  #: state less X, ``(n,)``
 
 
 def _fill_directly(
@@ -331,10 +385,11 @@ def _fill_directly(
     outputs: Outputs,
     out: FloatArray,
 ) -> None:
+    """Write the few samples of a passage, without chunks."""
     ordinates = polynomial_part(model, part, outputs)
-    at = bernstein.basis(ordinates.shape[1] - 1, passage.samples.at())
+    basis = bernstein.basis(ordinates.shape[1] - 1, passage.samples.at())
     times = passage.offset + step * np.arange(out.shape[1], dtype=np.float64)
-    np.matmul(ordinates, at.T, out=out)
+    np.matmul(ordinates, basis.T, out=out)
     out += outputs.state @ free_motion(model.matrix, passage.free, times)
 
 
@@ -346,15 +401,16 @@ def _fill_in_chunks(
     outputs: Outputs,
     out: FloatArray,
 ) -> None:
+    """Write the samples of all passages through a part with equal chunks."""
     chunk = passages[0].samples.chunk
     series = _part_series(model, part, outputs, step, chunk)
-    over = _chunk(model, outputs, series.powers.shape[0], step, chunk)
+    over = _chunk_matrix(model, outputs, series.powers.shape[0], step, chunk)
     states = np.stack([passage.free for passage in passages], axis=1)
     states = free_motion(model.matrix, states, np.array([passage.offset for passage in passages]))
     trains = repeated([passage.samples for passage in passages])
     polynomial = series.at([train[0] for train in trains])
     rows, _, powers = polynomial.shape
-    chunks = passages[0].samples.chunks  # of each: the chunks of all passages are made at once
+    chunks = passages[0].samples.chunks  # chunks per passage
     polynomial = polynomial.reshape(rows, len(trains), chunks, powers)
     if len(trains) > 1:
         polynomial = np.repeat(polynomial, [len(train) for train in trains], axis=1)
@@ -369,25 +425,28 @@ def _fill_in_chunks(
 
 @lru_cache(maxsize=64)
 def polynomial_parts(model: LinearResponse, outputs: Outputs) -> tuple[FloatArray, ...]:
-    """Ordinates ``(k, p + 1)`` of the outputs' polynomial in every part; those alike together."""
+    """Return the ordinates of the outputs' polynomials, ``(k, p + 1)`` per part.
+
+    Parts at the same position in their pieces of the law are computed together.
+    """
     weights = outputs.law * model.speed ** np.arange(3)
     motion = np.tensordot(weights, model.law.motion, axes=1)
     groups: dict[tuple[int, int, int], list[Part]] = {}
     for part in model.parts:
         groups.setdefault((*part.of_piece, part.particular.shape[1]), []).append(part)
-    found: dict[int, FloatArray] = {}
+    by_number: dict[int, FloatArray] = {}
     for (i, count, width), parts in groups.items():
         of_law = motion[:, :, [part.law_piece for part in parts]].transpose(1, 0, 2)
         flat = bernstein.restrict(of_law.reshape(len(of_law), -1), i / count, (i + 1) / count)
         of_law = bernstein.elevate(flat, width - 1).reshape(width, -1, len(parts))
         of_state = outputs.state @ np.stack([part.particular for part in parts])
         ordinates = of_law.transpose(2, 1, 0) + of_state + outputs.constant[:, None]
-        found.update((part.number, rows) for part, rows in zip(parts, ordinates, strict=True))
-    return tuple(found[part.number] for part in model.parts)
+        by_number.update((part.number, rows) for part, rows in zip(parts, ordinates, strict=True))
+    return tuple(by_number[part.number] for part in model.parts)
 
 
 def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> FloatArray:
-    """Ordinates ``(k, p + 1)`` of the outputs' polynomial in a part."""
+    """Return the ordinates of the outputs' polynomial in a part, ``(k, p + 1)``."""
     return polynomial_parts(model, outputs)[part.number]
 
 
@@ -395,16 +454,19 @@ def polynomial_part(model: LinearResponse, part: Part, outputs: Outputs) -> Floa
 def _part_series(
     model: LinearResponse, part: Part, outputs: Outputs, step: float, chunk: int
 ) -> ChunkSeries:
-    """The series of the outputs' polynomial about the middle of a chunk in a part."""
+    """Return the Taylor series of the outputs about the middle of each chunk."""
     taylor = bernstein.taylor(polynomial_part(model, part, outputs).T)
     return ChunkSeries.of(taylor, step / part.length, chunk)
 
 
 @lru_cache(maxsize=256)
-def _chunk(
+def _chunk_matrix(
     model: LinearResponse, outputs: Outputs, powers: int, step: float, chunk: int
 ) -> FloatArray:
-    """``(k, powers + n, chunk)``: powers of the abscissa and outputs of e^{At} over a chunk."""
+    """Return the powers of the abscissa and the outputs of e^{At} over a chunk.
+
+    The shape is ``(k, powers + n, chunk)``.
+    """
     flows = exponentials(model.matrix, step * np.arange(chunk, dtype=np.float64))
     of_state = np.einsum("kn,cnj->kjc", outputs.state, flows)
     abscissa = np.broadcast_to(chunk_powers(powers - 1, chunk), (len(of_state), powers, chunk))
@@ -412,6 +474,6 @@ def _chunk(
 
 
 @lru_cache(maxsize=256)
-def _chunk_flows(model: LinearResponse, apart: float, count: int) -> FloatArray:
-    """E^{At} at times ``apart`` s from 0 on, ``(count, n, n)``."""
-    return exponentials(model.matrix, apart * np.arange(count, dtype=np.float64))
+def _chunk_flows(model: LinearResponse, period: float, count: int) -> FloatArray:
+    """Return e^{At} at ``count`` times, ``period`` s apart, ``(count, n, n)``."""
+    return exponentials(model.matrix, period * np.arange(count, dtype=np.float64))

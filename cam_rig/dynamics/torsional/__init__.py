@@ -1,1 +1,1 @@
-"""A cam on an elastic shaft (eq. 10 of the paper)."""
+"""Model `torsional`: a cam on an elastic shaft (eq. 10 of the paper)."""

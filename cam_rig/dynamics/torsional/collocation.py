@@ -1,9 +1,12 @@
-"""One window of the torsional vibration (eq. 10): Newton's method on Chebyshev nodes.
+"""Solution of one window of eq. 10: Newton's method on Chebyshev nodes.
 
-The twist is ψ = θ_c − θ_v. What ψ̈ is more at the nodes than in a free vibration, known in
-closed form, is the only unknown; all else follows from it, also the flywheel's lead δ on even
-turning, since δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v, or 0 where it holds its speed. Integration thus
-never touches the free vibration, where it would lose digits with the square of the phase.
+Eq. 10 of the paper is the equation of the torsional vibration (`motion`). The twist is
+ψ = θ_c − θ_v. The unknown is ψ̈ at the nodes, less the ψ̈ of a free vibration, which is known in
+closed form. All other quantities follow from the unknown. The lead δ of the flywheel on uniform
+rotation follows from δ̈ = (k_s ψ + c_s ψ̇ + T_motor)/I_v. It is 0 for a flywheel at constant speed.
+
+The free vibration is never integrated numerically, because that would lose digits with the square
+of its phase.
 """
 
 from __future__ import annotations
@@ -26,19 +29,19 @@ BATCH = 2048
 
 @dataclass(frozen=True, eq=False)
 class CollocationTable:
-    """Chebyshev-Lobatto nodes on [0, 1] and what is linear in the values there."""
+    """Chebyshev-Lobatto nodes on [0, 1] and matrices for the values at the nodes."""
 
-    nodes: FloatArray  #: ``(N + 1,)`` from 0 to 1
-    #: ``(3, N + 3, N + 1)``; [r] takes values at the nodes to the Chebyshev coefficients of the
-    #: r-fold integral from 0
+    nodes: FloatArray  #: nodes from 0 to 1, ``(N + 1,)``
+    #: Matrices from values at the nodes to Chebyshev coefficients of the r-fold integral from 0,
+    #: for r = 0, 1, 2, ``(3, N + 3, N + 1)``
     series: FloatArray
-    first: FloatArray  #: ``(N + 1, N + 1)``; takes values to those of the integral
-    second: FloatArray  #: the same for the two-fold integral
+    first: FloatArray  #: matrix from values to the values of the integral, ``(N + 1, N + 1)``
+    second: FloatArray  #: matrix from values to the values of the double integral
 
 
 @lru_cache(maxsize=32)
 def table(degree: int) -> CollocationTable:
-    """Nodes and matrices of one degree N."""
+    """Return the nodes and matrices of degree N."""
     k = np.arange(degree + 1)
     angles = np.pi * (degree - k) / degree
     weights = np.ones(degree + 1)
@@ -60,9 +63,10 @@ def table(degree: int) -> CollocationTable:
 
 
 def _integral(size: int) -> FloatArray:
-    """``(size, size)``: coefficients to those of the integral over u = (1 + x)/2 from u = 0.
+    """Return the integration matrix of Chebyshev coefficients, ``(size, size)``.
 
-    ∫T_k dx = T_{k+1}/(2(k+1)) − T_{k−1}/(2(k−1)); what would pass the last row is cut off.
+    The integral is over u = (1 + x)/2 from u = 0: ∫T_k dx = T_{k+1}/(2(k+1)) − T_{k−1}/(2(k−1)).
+    Terms beyond the last row are omitted.
     """
     matrix = np.zeros((size, size))
     for k in range(size):
@@ -75,12 +79,12 @@ def _integral(size: int) -> FloatArray:
 
 
 def basis_at(size: int, u: float) -> FloatArray:
-    """``(size,)`` values T_k(2u − 1) at one u in [0, 1]."""
+    """Return the values T_k(2u − 1) at one u in [0, 1], ``(size,)``."""
     return np.asarray(np.cos(np.arange(size) * np.arccos(min(1.0, max(-1.0, 2.0 * u - 1.0)))))
 
 
 def basis(size: int, u: FloatArray) -> FloatArray:
-    """``(size, len(u))`` values T_k(2u − 1), by the three-term recurrence."""
+    """Return the values T_k(2u − 1) by the three-term recurrence, ``(size, len(u))``."""
     values = np.empty((size, u.size))
     values[0] = 1.0
     np.subtract(2.0 * u, 1.0, out=values[1])
@@ -93,71 +97,75 @@ def basis(size: int, u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevPath:
-    """Rows of functions of time, window after window, each a Chebyshev series."""
+    """Functions of time as Chebyshev series in each of W adjacent windows."""
 
-    edges: FloatArray  #: ``(W + 1,)`` times between the windows, s
-    #: ``(W,)`` length of the interval each series is written on; it begins with its window and may
-    #: end later
+    edges: FloatArray  #: times of the borders of the windows, s, ``(W + 1,)``
+    #: Duration of the interval of each series, s, ``(W,)``. It starts with its window and may be
+    #: longer than the window.
     spans: FloatArray
-    series: list[FloatArray]  #: W arrays ``(rows, size)``
+    series: list[FloatArray]  #: W arrays of coefficients, ``(rows, size)``
 
     def window(self, times: FloatArray) -> FloatArray:
-        """Index of the window of each time; at an edge the one that begins there."""
+        """Return the window of each time, at a border the later one."""
         inner = np.searchsorted(self.edges[1:-1], times, side="right")
         return np.asarray(inner, dtype=np.intp)
 
     def at(self, times: FloatArray) -> FloatArray:
-        """``(rows, len(times))`` values at times in any order, inside the edges."""
+        """Return the values at times in any order, ``(rows, len(times))``.
+
+        All times must be inside the windows.
+        """
         out = np.empty((self.series[0].shape[0], times.size))
         if np.any(times[1:] < times[:-1]):
             order = np.argsort(times, kind="stable")
             out[:, order] = self.at(times[order])
             return out
-        for begin in range(0, times.size, BATCH):
-            self._fill(times[begin : begin + BATCH], out[:, begin : begin + BATCH])
+        for start in range(0, times.size, BATCH):
+            self._fill(times[start : start + BATCH], out[:, start : start + BATCH])
         return out
 
     def _fill(self, times: FloatArray, out: FloatArray) -> None:
-        """Fill ``out`` at times that rise."""
+        """Write the values at ascending times to ``out``."""
         window = self.window(times)
         u = (times - self.edges[window]) / self.spans[window]
         low, high = int(window[0]), int(window[-1])
         values = basis(max(s.shape[1] for s in self.series[low : high + 1]), u)
         cuts = np.searchsorted(window, np.arange(low, high + 2))
         for i in range(low, high + 1):
-            a, b = cuts[i - low], cuts[i - low + 1]
-            if b > a:
+            first, stop = cuts[i - low], cuts[i - low + 1]
+            if stop > first:
                 series = self.series[i]
-                np.matmul(series, values[: series.shape[1], a:b], out=out[:, a:b])
+                np.matmul(series, values[: series.shape[1], first:stop], out=out[:, first:stop])
 
 
-#: Newton's method has converged when the next correction would be below this, relatively ...
-CONVERGED = 1e-15
-#: ... and has reached rounding when corrections below this no longer shrink.
-ROUNDING = 1e-12
-
+#: Relative size of the expected next correction at which Newton's method has converged.
+NEWTON_RTOL = 1e-15
+#: Relative size below which corrections that no longer shrink are rounding.
+ROUNDING_RTOL = 1e-12
+#: Largest number of Newton steps.
 MAX_ITERATIONS = 15
-#: A correction may be this fraction of the last before the matrix is made anew.
-SLOW = 0.01
-#: Chebyshev coefficients of u²/2, u and 1, what a ramp adds to angle, speed and acceleration.
+#: Largest ratio of two successive corrections at which the factorised matrix is used again.
+MAX_REUSE_RATIO = 0.01
+#: Chebyshev coefficients of u²/2, u and 1, which a ramp adds to angle, speed and acceleration.
 RAMP = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
 
 
 @dataclass(frozen=True, eq=False)
 class TwistPiece:
-    """One piece of a law."""
+    """One piece of a law in the form that a window needs."""
 
-    #: ``(4, p + 1)``: Bernstein ordinates of s and its first three derivatives, times binomials.
+    #: Bernstein ordinates of s and its first three derivatives, times the binomial coefficients,
+    #: ``(4, p + 1)``
     weights: FloatArray
     span: float  #: rad
 
     @cached_property
-    def flat(self) -> bool:
-        """Whether the follower rests here, and the shaft vibrates freely."""
+    def is_flat(self) -> bool:
+        """True if the follower is at rest in the piece, so that the shaft vibrates freely."""
         return not self.weights[1:].any()
 
     def at(self, angle: FloatArray) -> FloatArray:
-        """``(4, len(angle))``: s and its derivatives at angles (rad) from the piece's beginning."""
+        """Return s, s', s'' and s''' at angles (rad) since the start, ``(4, len(angle))``."""
         powers = np.empty((2, self.weights.shape[1], angle.size))
         powers[:, 0] = 1.0
         powers[0, 1:] = angle / self.span
@@ -167,10 +175,22 @@ class TwistPiece:
 
 
 class CollocationWindow:
-    """Eq. 10 over a time ``length`` (s) on one piece of the law, continued beyond its ends.
+    """Solution of eq. 10 on one piece of the law, continued beyond its ends.
 
-    ``start`` has the flywheel's angle measured from the beginning of the piece; ``ramp`` is α,
-    rad/s².
+    Parameters
+    ----------
+    parameters : TorsionalParameters
+        The shaft.
+    piece : TwistPiece
+        The piece of the law.
+    start : TorsionalState
+        State at the start. Its flywheel angle is measured from the start of the piece.
+    length : float
+        Duration of the window, s.
+    table : CollocationTable
+        Nodes and matrices.
+    ramp : float
+        Acceleration α of the flywheel, rad/s² (default: 0).
     """
 
     def __init__(
@@ -191,7 +211,7 @@ class CollocationWindow:
         if ramp != 0.0:
             self.flywheel_line += 0.5 * ramp * self.times**2
             self.flywheel_speed = start.flywheel_speed + ramp * self.times
-        self.free, self.free_rate, self.free_b = self._free()
+        self.free, self.free_rate, self.free_acceleration = self._free()
         self.has_inertia = parameters.flywheel_inertia is not None
         if self.has_inertia:
             self.flywheel_line += start.lead + start.lead_rate * self.times
@@ -201,25 +221,28 @@ class CollocationWindow:
         self._set(np.zeros_like(self.times))
 
     def _free(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """ψ, ψ̇, ψ̈ without a follower, by z = ψ + (flywheel's θ̈)/k: z̈ = −k z − c ż."""
+        """Return ψ, ψ̇ and ψ̈ of the free vibration at the nodes, ``(N + 1,)`` each.
+
+        With z = ψ + (constant flywheel acceleration)/k it is z̈ = −k z − c ż.
+        """
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
-        rest = (p.flywheel_acceleration[2] + self.ramp) / k
-        z, rate = start.twist + rest, start.twist_rate
+        static = (p.flywheel_acceleration[2] + self.ramp) / k
+        z, rate = start.twist + static, start.twist_rate
         if k <= (0.51 * c) ** 2:
             impulse, slope, _ = response(c, k, self.times)
             twist = z * (slope + c * impulse) + rate * impulse
             twist_rate = rate * slope - k * z * impulse
-            return twist - rest, twist_rate, -k * twist - c * twist_rate
+            return twist - static, twist_rate, -k * twist - c * twist_rate
         root = complex(-0.5 * c, math.sqrt(k - 0.25 * c**2))
         wave = complex(z, -(rate + 0.5 * c * z) / root.imag) * np.exp(root * self.times)
-        return wave.real - rest, (root * wave).real, (root**2 * wave).real
+        return wave.real - static, (root * wave).real, (root**2 * wave).real
 
-    def _set(self, more: FloatArray) -> None:
-        """Take what ψ̈ is more than free at the nodes, and with it the whole motion."""
-        self.more, self.b = more, self.free_b + more
-        self.twist = self.free + self.second @ more
-        self.twist_rate = self.free_rate + self.first @ more
+    def _set(self, unknown: FloatArray) -> None:
+        """Set the unknown, ψ̈ less that of the free vibration, and the motion."""
+        self.unknown, self.twist_acceleration = unknown, self.free_acceleration + unknown
+        self.twist = self.free + self.second @ unknown
+        self.twist_rate = self.free_rate + self.first @ unknown
         self.angle = self.flywheel_line + self.twist
         self.speed = self.flywheel_speed + self.twist_rate
         if self.has_inertia:
@@ -229,48 +252,53 @@ class CollocationWindow:
             self.speed += self.first @ self.driven
 
     def solve(self) -> bool:
-        """Newton's method to rounding; False when it does not converge."""
-        if self.piece.flat:
+        """Solve the window by Newton's method, and return True if it converged."""
+        if self.piece.is_flat:
             self.scale = self._scale()
             return True
         last, ratio, factors = math.inf, 1.0, None
         for i in range(MAX_ITERATIONS):
-            residual, slopes = self._residual(with_slopes=i < 2 or ratio > SLOW)
+            residual, slopes = self._residual(with_slopes=i < 2 or ratio > MAX_REUSE_RATIO)
             if slopes is not None:
                 factors = dgetrf(self._matrix(*slopes), overwrite_a=True)[:2]
             assert factors is not None
             correction = dgetrs(*factors, residual)[0]
-            self._set(self.more - correction)
+            self._set(self.unknown - correction)
             if not math.isfinite(correction @ correction):
                 return False
             if i == 0:
                 self.scale = self._scale()
             size = largest(correction)
             ratio = size / last
-            if size <= CONVERGED * self.scale / min(1.0, max(ratio, 1e-3)):
+            if size <= NEWTON_RTOL * self.scale / min(1.0, max(ratio, 1e-3)):
                 return True
             if i > 2 and ratio > 0.5:
-                return size <= ROUNDING * self.scale
+                return size <= ROUNDING_RTOL * self.scale
             last = size
         return False
 
     def _scale(self) -> float:
-        """Size of ψ̈ (rad/s²) that counts: of itself, or of the shaft's torque."""
+        """Return the magnitude of ψ̈ (rad/s²) plus that of the torque of the shaft."""
         p = self.parameters
         torque = p.shaft_stiffness * largest(self.twist)
         if p.shaft_damping:
             torque += p.shaft_damping * largest(self.twist_rate)
-        return largest(self.b) + p.mobility * torque
+        return largest(self.twist_acceleration) + p.mobility * torque
 
     def _residual(
         self, *, with_slopes: bool
     ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray] | None]:
-        """Left side of eq. 10 (N·m), and its slopes in θ̈_c, θ̇_c and θ_c."""
+        """Return the left side of eq. 10 (N·m), and its slopes by θ̈_c, θ̇_c and θ_c.
+
+        The slopes are None without ``with_slopes``.
+        """
         p, f = self.parameters, self.parameters.follower
         s, s1, s2, s3 = self.piece.at(self.angle)
-        w, a = self.speed, self.b + self.driven + self.ramp
-        lever = f.mass * s2 * w
-        force = lever * w + s1 * (f.mass * a + f.damping * w) + f.spring_stiffness * s + f.preload
+        w, a = self.speed, self.twist_acceleration + self.driven + self.ramp
+        mass_term = f.mass * s2 * w
+        force = (
+            mass_term * w + s1 * (f.mass * a + f.damping * w) + f.spring_stiffness * s + f.preload
+        )
         residual = p.cam_inertia * a + p.shaft_damping * self.twist_rate
         residual += p.shaft_stiffness * self.twist + force * s1
         if not with_slopes:
@@ -278,7 +306,7 @@ class CollocationWindow:
         in_angle = f.mass * (s3 * w**2 + s2 * a) + f.damping * s2 * w + f.spring_stiffness * s1
         slopes = (
             p.cam_inertia + f.mass * s1**2,
-            s1 * (2.0 * lever + f.damping * s1),
+            s1 * (2.0 * mass_term + f.damping * s1),
             in_angle * s1 + force * s2,
         )
         return residual, slopes
@@ -286,7 +314,10 @@ class CollocationWindow:
     def _matrix(
         self, inertia: FloatArray, damping: FloatArray, stiffness: FloatArray
     ) -> FloatArray:
-        """Slope of the residual in b."""
+        """Return the slope of the residual by ψ̈ at the nodes, ``(N + 1, N + 1)``.
+
+        The arguments are the slopes of the residual by θ̈_c, θ̇_c and θ_c.
+        """
         p = self.parameters
         if not self.has_inertia:
             matrix = (damping + p.shaft_damping)[:, None] * self.first
@@ -294,24 +325,32 @@ class CollocationWindow:
             matrix.flat[:: inertia.size + 1] += inertia
             return np.asarray(matrix)
         matrix = damping[:, None] * self.first + stiffness[:, None] * self.second
-        matrix.flat[:: inertia.size + 1] += inertia  # what θ̈_c does; and θ̈_c = ψ̈ + δ̈
+        matrix.flat[:: inertia.size + 1] += inertia  # slope by θ̈_c, with θ̈_c = ψ̈ + δ̈
         k, c, _ = p.flywheel_acceleration
         matrix += matrix @ (k * self.second + c * self.first)
         return np.asarray(matrix + p.shaft_damping * self.first + p.shaft_stiffness * self.second)
 
     def tail(self) -> tuple[float, float]:
-        """Largest coefficient of θ̈_c past 0.4 N, and of the last three, relative to ``scale``."""
-        size = self.b.size
-        coefficients = self.table.series[0, :size] @ (self.b + self.driven + self.ramp)
+        """Return the largest coefficients of θ̈_c, from 0.4 N on and of the last three.
+
+        They are relative to ``scale``. Small coefficients show that the window is resolved.
+        """
+        size = self.twist_acceleration.size
+        coefficients = self.table.series[0, :size] @ (
+            self.twist_acceleration + self.driven + self.ramp
+        )
         scale = self.scale or 1.0
         return largest(coefficients[int(0.4 * size) :]) / scale, largest(coefficients[-3:]) / scale
 
     def series(self) -> FloatArray:
-        """Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c, θ̈_c; then δ, δ̇ of a free flywheel."""
+        """Return the Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c and θ̈_c, ``(5, N + 3)``.
+
+        A flywheel with an inertia adds the rows δ and δ̇.
+        """
         h, start = self.length, self.start
         scales = np.array([[1.0], [h], [h**2]])
-        value, rate, twist = scales * (self.table.series @ self.more)
-        free = np.stack([self.free, self.free_rate, self.free_b], axis=1)
+        value, rate, twist = scales * (self.table.series @ self.unknown)
+        free = np.stack([self.free, self.free_rate, self.free_acceleration], axis=1)
         twist, rate, value = (self.table.series[0] @ free).T + np.stack([twist, rate, value])
         rows = np.stack([twist, rate, twist, rate, value])
         if self.ramp != 0.0:
@@ -330,5 +369,5 @@ class CollocationWindow:
 
 
 def largest(values: FloatArray) -> float:
-    """Largest absolute value of a row without NaN."""
+    """Return the largest absolute value of an array without NaN, ``(n,)``."""
     return abs(float(values[idamax(values)]))

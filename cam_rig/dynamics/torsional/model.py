@@ -1,4 +1,4 @@
-"""The torsional model (eq. 10 of the paper): its numbers, its state, its blocks in a scene."""
+"""Torsional model (eq. 10 of the paper): parameters, state, and blocks."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from cam_rig.dynamics.interval import (
     Block,
     FollowerState,
     Interval,
-    ended,
+    add_cam_state,
+    is_same_speed,
     require_joined,
-    same_speed,
 )
 from cam_rig.dynamics.parameters import (
-    LEAST,
     MAX_DAMPING_RATIO,
+    MIN_POSITIVE,
     FollowerParameters,
     floats_of,
     require_turning,
@@ -33,17 +33,44 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TorsionalParameters:
-    """A cam on an elastic shaft behind a flywheel, which holds its speed or has an inertia."""
+    """Cam on an elastic shaft with a flywheel at constant speed or of finite inertia.
 
-    follower: FollowerParameters  #: the follower on the cam; its stem is rigid here
+    Whole numbers are converted to floats.
+
+    Parameters
+    ----------
+    follower : FollowerParameters
+        The follower on the cam. Its stem is rigid in this model.
+    cam_inertia : float
+        I, moment of inertia of the cam, kg·m², > 0.
+    shaft_stiffness : float
+        k_s, N·m/rad, > 0.
+    shaft_damping : float
+        c_s, N·m·s/rad, ≥ 0 (default: 0).
+    flywheel_inertia : float, optional
+        I_v, kg·m², > 0. None is a flywheel at constant speed, the limit I_v → ∞ (default).
+    motor_torque : float
+        T_motor, constant torque on a flywheel with an inertia, N·m (default: 0).
+        `cam_rig.dynamics.torsional.motion.steady_state` computes the torque that keeps the mean
+        speed.
+
+    Raises
+    ------
+    DynamicsError
+        If a number is not finite or outside its limits, or a motor torque acts on a flywheel at
+        constant speed.
+
+    References
+    ----------
+    Paper, eq. 10, with a flywheel at constant speed.
+    """
+
+    follower: FollowerParameters
     cam_inertia: float  #: I, kg·m²
     shaft_stiffness: float  #: k_s, N·m/rad
     shaft_damping: float = 0.0  #: c_s, N·m·s/rad
-    #: I_v, kg·m²; None holds its speed (eq. 10 of the paper, the limit I_v → ∞)
-    flywheel_inertia: float | None = None
-    #: T, N·m, constant, on a flywheel that has an inertia; `motion.steady_state` finds the one that
-    #: holds the mean speed
-    motor_torque: float = 0.0
+    flywheel_inertia: float | None = None  #: I_v, kg·m², None at constant speed
+    motor_torque: float = 0.0  #: T_motor, N·m
 
     def __post_init__(self) -> None:
         numbers = {name: value for name, value in vars(self).items() if name != "follower"}
@@ -56,13 +83,16 @@ class TorsionalParameters:
 
     @property
     def mobility(self) -> float:
-        """1/I + 1/I_v, 1/(kg·m²): what a torque in the shaft accelerates."""
+        """Acceleration of the twist per torque in the shaft, 1/I + 1/I_v, 1/(kg·m²)."""
         flywheel = 0.0 if self.flywheel_inertia is None else 1.0 / self.flywheel_inertia
         return 1.0 / self.cam_inertia + flywheel
 
     @property
     def flywheel_acceleration(self) -> tuple[float, float, float]:
-        """Weights of ψ, ψ̇ and 1 in θ̈_v, SI; zeros where the flywheel holds its speed."""
+        """Weights of ψ, ψ̇ and 1 in the acceleration θ̈_v of the flywheel, SI units.
+
+        They are 0 if the flywheel has constant speed.
+        """
         if self.flywheel_inertia is None:
             return 0.0, 0.0, 0.0
         torques = self.shaft_stiffness, self.shaft_damping, self.motor_torque
@@ -72,46 +102,61 @@ class TorsionalParameters:
 
 @dataclass(frozen=True)
 class TorsionalState:
-    """Twist and flywheel; lead and even turning apart, a heavy flywheel keeps all its digits."""
+    """State of the shaft: the twist, and the motion of the flywheel.
+
+    The angle of the flywheel is the sum of a uniform rotation, which the drive sets, and a lead.
+    They are stored separately, so that the small lead of a heavy flywheel keeps all its digits.
+    """
 
     twist: float  #: ψ = θ_c − θ_v, rad
-    twist_rate: float  #: rad/s
-    flywheel_angle: float  #: of even turning, which the drive sets, rad
-    flywheel_speed: float  #: of even turning, rad/s
-    lead: float = 0.0  #: by how much a flywheel of finite inertia is ahead of it, rad
-    lead_rate: float = 0.0  #: rad/s
+    twist_rate: float  #: ψ̇, rad/s
+    flywheel_angle: float  #: angle of the uniform rotation, rad
+    flywheel_speed: float  #: speed of the uniform rotation, rad/s
+    lead: float = 0.0  #: lead δ of a flywheel of finite inertia on the uniform rotation, rad
+    lead_rate: float = 0.0  #: δ̇, rad/s
 
     @property
     def cam_angle(self) -> float:
-        """θ_c, rad."""
+        """Cam angle θ_c, rad."""
         return self.flywheel_angle + self.lead + self.twist
 
 
-#: Numbers that a state with a free flywheel remembers.
-FREE = 4
+#: Number of values in the inner state of a model with a flywheel of finite inertia.
+INERTIA_STATE_SIZE = 4
 
 
 def from_rig(rig: RigConfig) -> TorsionalParameters:
-    """The numbers of a rig file; without ``flywheel_inertia`` the flywheel holds its speed."""
+    """Return the parameters of a rig.
+
+    Without ``flywheel_inertia`` in the rig file the flywheel has constant speed.
+
+    Raises
+    ------
+    ConfigError
+        If the rig does not have a shaft.
+    DynamicsError
+        If the damping ratio of the shaft is above `MAX_DAMPING_RATIO`.
+    """
     if rig.shaft is None:
         raise rig.missing("shaft", "the model torsional", "take another model")
     flywheel = rig.shaft.flywheel_inertia
-    found = TorsionalParameters(
+    parameters = TorsionalParameters(
         follower=FollowerParameters.from_rig(rig),
         cam_inertia=rig.shaft.cam_inertia.si,
         shaft_stiffness=rig.shaft.stiffness.si,
         shaft_damping=rig.shaft.damping.si,
         flywheel_inertia=None if flywheel is None else flywheel.si,
     )
-    critical = 2.0 * float(np.sqrt(found.shaft_stiffness / found.mobility))
-    if found.shaft_damping > MAX_DAMPING_RATIO * critical:
+    damping = parameters.shaft_damping
+    critical = 2.0 * float(np.sqrt(parameters.shaft_stiffness / parameters.mobility))
+    if damping > MAX_DAMPING_RATIO * critical:
         raise DynamicsError(
-            f"rig {rig.name}: shaft.damping: is {found.shaft_damping:.4g} N*m*s/rad, "
-            f"{found.shaft_damping / critical:.3g} times what is critical for the cam on its "
+            f"rig {rig.name}: shaft.damping: is {damping:.4g} N*m*s/rad, "
+            f"{damping / critical:.3g} times what is critical for the cam on its "
             f"shaft; allowed: {MAX_DAMPING_RATIO:g} times, {MAX_DAMPING_RATIO * critical:.3g} "
             "N*m*s/rad; a shaft that is damped more is rigid, so take another model"
         )
-    return found
+    return parameters
 
 
 def advance(
@@ -121,29 +166,31 @@ def advance(
     interval: Interval,
     sample_rate: int,
 ) -> tuple[FollowerState, Block]:
-    """Take the cam on its shaft through the interval; None starts it untwisted at the speed.
+    """Return the state at the end of an interval, and its block of samples.
 
-    The interval's angle, speed and acceleration are the flywheel's; ``inner`` of the state is twist
-    and rate. No substitute law for a ramp: the law is taken at the twisted angle.
+    The angle, speed and acceleration of the interval are those of the flywheel. If ``state`` is
+    None, the shaft starts without twist. ``inner`` of a state is the twist and its rate. A ramp
+    needs no substitute law, because the law is evaluated at the twisted angle.
 
-    A flywheel with an inertia turns with the interval in the mean, driven by the mean of the load:
-    see `begin`. ``inner`` then also has its lead and the lead's rate.
+    A flywheel with an inertia has the mean speed of the interval, and a motor with the mean torque
+    of the load drives it, see `begin`. ``inner`` then also contains the lead and its rate.
     """
-    from cam_rig.dynamics.torsional.motion import solve  # with scipy.linalg, which few scenes need
+    # Imported here, because it imports scipy.linalg, which few scenes need.
+    from cam_rig.dynamics.torsional.motion import solve
 
     require_turning(interval.mean_speed)
     require_joined(state, interval)
     inner = () if state is None else state.inner
     last = state.cam_speed if state is not None else None
     driven, start = begin(law, parameters, inner, last, interval)
-    # From time zero: a late start takes no digits from the samples' times.
+    # The motion starts at time 0, so that the sample times of a late interval keep their digits.
     motion = solve(law, driven, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
     rows = grid.open_rows()
     rows[1:5] = follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
     end = FollowerState(x, v, force, in_contact=True, inner=inner_of(motion))
-    return ended(end, interval), Block(interval, rows)
+    return add_cam_state(end, interval), Block(interval, rows)
 
 
 def begin(
@@ -153,39 +200,57 @@ def begin(
     last_speed: float | None,
     interval: Interval,
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """What an interval starts with: the parameters with the motor's torque, and the state.
+    """Return parameters with the motor torque, and the state at an interval's start.
 
-    A flywheel with an inertia begins each speed in its steady state there, as a constant torque
-    would take minutes to bring it there. Along a ramp the drive holds it, as in eq. 10. ``inner``
-    is of the state before (`inner_of`), empty for none; ``last_speed`` where that ended, if known.
+    A flywheel with an inertia starts each speed in its steady state, because a constant torque
+    would need minutes to reach it. On a ramp the drive sets the motion of the flywheel, as in
+    eq. 10.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    parameters : TorsionalParameters
+        The shaft.
+    inner : tuple of float
+        Inner state at the end of the previous interval (`inner_of`), empty at the start of a run.
+    last_speed : float, optional
+        Cam speed at the end of the previous interval, rad/s, or None if unknown.
+    interval : Interval
+        The interval.
     """
     from cam_rig.dynamics.torsional.motion import solve, steady_state
 
     angle, speed = interval.angle, interval.speed
     if parameters.flywheel_inertia is None or interval.acceleration != 0.0:
         twist, rate = inner[:2] or (0.0, 0.0)
-        held = replace(parameters, flywheel_inertia=None)
-        return held, TorsionalState(twist, rate, angle, speed)
+        constant_speed = replace(parameters, flywheel_inertia=None)
+        return constant_speed, TorsionalState(twist, rate, angle, speed)
     driven, start = steady_state(law, parameters, speed)
-    if len(inner) == FREE and (last_speed is None or same_speed(last_speed, speed)):
+    is_unchanged = last_speed is None or is_same_speed(last_speed, speed)
+    if len(inner) == INERTIA_STATE_SIZE and is_unchanged:
         twist, rate, lead, lead_rate = inner
         return driven, TorsionalState(twist, rate, angle, speed, lead, lead_rate)
-    if angle / speed >= LEAST:  # the turn's steady state, as it passes here
+    if angle / speed >= MIN_POSITIVE:  # carry the steady state from angle 0 to this angle
         end = solve(law, driven, start, 0.0, angle / speed).end
         start = replace(end, flywheel_angle=angle)
     return driven, start
 
 
 def inner_of(motion: TorsionalMotion) -> tuple[float, ...]:
-    """What the model remembers of a motion's end: twist, rate; lead and its rate if it is free."""
+    """Return the inner state at the end of a motion.
+
+    It is the twist (rad) and its rate (rad/s). A flywheel with an inertia adds its lead (rad) and
+    the rate of the lead (rad/s).
+    """
     end = motion.end
     twist = (end.twist, end.twist_rate)
-    free = motion.parameters.flywheel_inertia is not None
-    return (*twist, end.lead, end.lead_rate) if free else twist
+    has_inertia = motion.parameters.flywheel_inertia is not None
+    return (*twist, end.lead, end.lead_rate) if has_inertia else twist
 
 
 def follower_rows(motion: TorsionalMotion, times: FloatArray) -> FloatArray:
-    """Lift, velocity, acceleration and contact force, ``(4, len(times))``, at times in s."""
+    """Return lift, velocity, acceleration and force at times in s, ``(4, m)``."""
     _, _, angle, speed, acceleration = motion.at(times)
     s = motion.law.motion_at(angle)
     follower = s[2] * speed**2 + s[1] * acceleration

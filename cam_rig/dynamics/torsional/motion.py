@@ -1,16 +1,20 @@
-"""Torsional vibration of a cam on its shaft (eq. 10 of the paper), to rounding and at any time.
+"""Torsional vibration of a cam on its shaft (eq. 10 of the paper), at any time.
 
     I θ̈_c + c_s (θ̇_c − θ̇_v) + k_s (θ_c − θ_v) + (m s̈ + c ṡ + k s + preload) s'(θ_c) = 0
 
-with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c; the preload is
-an addition to the paper's equation. The flywheel holds its speed, θ_v = θ_0 + ω t, or has an
-inertia: I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v) + T_motor. Along a ramp of α rad/s² a flywheel
-that is driven follows it, θ_v = θ_0 + ω t + α t²/2, and one with an inertia is free as before while
-the motor gives I_v α more. The follower is taken to stay on the cam: where
-`TorsionalMotion.contact_force` is negative the result is not valid.
+with s, s', s'' at the twisted angle θ_c, ṡ = s' θ̇_c and s̈ = s'' θ̇_c² + s' θ̈_c. The preload is
+an addition to the equation of the paper.
 
-Method: window after window (`stepper`), each by Newton's method on Chebyshev nodes, in integral
-form (`collocation_window`).
+The flywheel has constant speed, θ_v = θ_0 + ω t, or an inertia,
+I_v θ̈_v = k_s (θ_c − θ_v) + c_s (θ̇_c − θ̇_v) + T_motor. On a ramp of α rad/s² the flywheel without an
+inertia follows the ramp, θ_v = θ_0 + ω t + α t²/2. For a flywheel with an inertia the motor torque
+increases by I_v α.
+
+The model assumes that the follower stays on the cam. The result is not valid at times with a
+negative `TorsionalMotion.contact_force`.
+
+The time is divided into windows (`stepper`). Each window is solved by Newton's method on Chebyshev
+nodes, in integral form (`collocation`).
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ from numpy.typing import NDArray
 from cam_rig.dynamics.parameters import require_number
 from cam_rig.dynamics.torsional.collocation import ChebyshevPath
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
-from cam_rig.dynamics.torsional.stepper import March
+from cam_rig.dynamics.torsional.stepper import TwistSolver
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray, to_rpm
@@ -33,34 +37,46 @@ from cam_rig.units import TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True, eq=False)
 class TorsionalMotion:
-    """A solution over ``[start_time, stop_time]`` (s)."""
+    """Solution over the times from ``start_time`` to ``stop_time``."""
 
     law: Law
     parameters: TorsionalParameters
-    start_time: float
-    path: ChebyshevPath  #: from ``start_time`` on: a late start takes no digits from the windows
-    pieces: NDArray[np.intp]  #: piece of the law in each window
-    lows: FloatArray  #: cam angle at which that piece begins, rad
-    end: TorsionalState  #: at ``stop_time``
+    start_time: float  #: s
+    path: ChebyshevPath  #: solution by the time since ``start_time``, so that no digits are lost
+    pieces: NDArray[np.intp]  #: index of the piece of the law in each window
+    lows: FloatArray  #: unwrapped cam angle at the start of this piece, rad
+    end: TorsionalState  #: state at ``stop_time``
 
     @property
     def stop_time(self) -> float:
-        """Time at which it ends, s."""
+        """Time of the end, s."""
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:
-        """ψ (rad), ψ̇, θ_c (rad), θ̇_c, θ̈_c, ``(5, m)``, at times (s); at joints right limits."""
+        """Return ψ (rad), ψ̇, θ_c (rad), θ̇_c and θ̈_c at times in s, ``(5, m)``.
+
+        The values at joints are right limits.
+        """
         return self.path.at(self._since(times))[:5]
 
     def lead(self, times: FloatArray) -> FloatArray:
-        """By how much the flywheel is ahead of even turning, rad and rad/s, ``(2, m)``."""
+        """Return the lead of the flywheel on uniform rotation and its rate, ``(2, m)``.
+
+        The units are rad and rad/s. Both are 0 for a flywheel at constant speed.
+        """
         since = self._since(times)
         if self.parameters.flywheel_inertia is None:
             return np.zeros((2, since.size))
         return self.path.at(since)[5:]
 
     def _since(self, times: FloatArray) -> FloatArray:
-        """Times since the start, none of them outside."""
+        """Return times (s) since the start.
+
+        Raises
+        ------
+        DynamicsError
+            If a time is outside the solution.
+        """
         since = np.atleast_1d(np.asarray(times, dtype=np.float64)) - self.start_time
         duration = float(self.path.edges[-1])
         slack = 1e-12 * duration + 4.0 * np.spacing(abs(self.start_time) + duration)
@@ -72,13 +88,13 @@ class TorsionalMotion:
         return since
 
     def shaft_torque(self, times: FloatArray) -> FloatArray:
-        """``(len(times),)`` k_s ψ + c_s ψ̇ in N·m: what the shaft puts on the flywheel."""
+        """Return the torque of the shaft on the flywheel, k_s ψ + c_s ψ̇ in N·m, ``(m,)``."""
         twist, twist_rate = self.at(times)[:2]
         p = self.parameters
         return np.asarray(p.shaft_stiffness * twist + p.shaft_damping * twist_rate)
 
     def contact_force(self, times: FloatArray) -> FloatArray:
-        """``(len(times),)`` m s̈ + c ṡ + k s + preload in N."""
+        """Return the contact force m s̈ + c ṡ + k s + preload in N, ``(m,)``."""
         since = self._since(times)
         _, _, angle, speed, acceleration = self.path.at(since)[:5]
         window = self.path.window(since)
@@ -86,8 +102,9 @@ class TorsionalMotion:
         u = (angle - self.lows[window]) / self.law.spans[piece]
         s = np.empty((3, since.size))
         for i in np.unique(piece):
-            here = piece == i
-            s[:, here] = self.law.motion[:, :, i] @ bernstein.basis(self.law.degree, u[here]).T
+            in_piece = piece == i
+            basis = bernstein.basis(self.law.degree, u[in_piece])
+            s[:, in_piece] = self.law.motion[:, :, i] @ basis.T
         f = self.parameters.follower
         inertia = f.mass * (s[2] * speed**2 + s[1] * acceleration)
         return np.asarray(
@@ -103,30 +120,64 @@ def solve(
     duration: float,
     ramp: float = 0.0,
 ) -> TorsionalMotion:
-    """Solve eq. 10 for ``duration`` (s); ``ramp`` (rad/s²) is of the flywheel, or of its motor."""
+    """Solve eq. 10 from a state.
+
+    Parameters
+    ----------
+    law : Law
+        The law, without velocity jumps.
+    parameters : TorsionalParameters
+        The shaft.
+    state : TorsionalState
+        State at the start.
+    start_time : float
+        Time of the start, s.
+    duration : float
+        Duration of the solution, s, > 0.
+    ramp : float
+        Acceleration α of the flywheel, rad/s² (default: 0). A flywheel with an inertia gets the
+        additional motor torque I_v α.
+
+    Returns
+    -------
+    TorsionalMotion
+        The solution at any time.
+
+    Raises
+    ------
+    DynamicsError
+        If a number is not finite, the law has a velocity jump, or the solution diverges.
+
+    References
+    ----------
+    Paper, eq. 10.
+    """
     numbers = {"start_time": start_time, "duration": duration, "ramp": ramp, **asdict(state)}
     for name, value in numbers.items():
         require_number(name, value, "> 0" if name == "duration" else "of either sign")
-    end, done = March(law, parameters, ramp).run(state, duration)
-    for stretch in done:
-        stretch.series[2, 0] += stretch.low
+    end, windows = TwistSolver(law, parameters, ramp).run(state, duration)
+    for window in windows:
+        window.series[2, 0] += window.low
     path = ChebyshevPath(
-        np.array([0.0, *(stretch.end for stretch in done)]),
-        np.array([stretch.span for stretch in done]),
-        [stretch.series for stretch in done],
+        np.array([0.0, *(window.end for window in windows)]),
+        np.array([window.span for window in windows]),
+        [window.series for window in windows],
     )
-    pieces = np.array([stretch.piece for stretch in done])
-    lows = np.array([stretch.low for stretch in done])
+    pieces = np.array([window.piece for window in windows])
+    lows = np.array([window.low for window in windows])
     return TorsionalMotion(law, parameters, start_time, path, pieces, lows, end)
 
 
-#: A steady state returns to itself to this fraction of its peak; it is sought to PERIODIC.
-RETURNS, PERIODIC = 1e-11, 1e-13
-
+#: Largest change of a periodic state by one turn, relative to the peak twist.
+PERIODIC_RTOL = 1e-11
+#: Change of the state by one turn at which the iteration ends, relative to the peak twist.
+TARGET_RTOL = 1e-13
+#: Largest number of iterations for a periodic state. Each computes one turn.
 MAX_TURNS = 25
-#: Change of the start taken for the slopes of the map, in peaks.
-NUDGE = 0.03
-#: A start that comes back to this fraction of its change: the shaft is in resonance with the cam.
+#: Change of the start for the slopes of the turn map, relative to the peak twist.
+SLOPE_STEP = 0.03
+#: Smallest norm of the slope of (turn map − identity). At a smaller one a turn hardly changes the
+#: state, and the shaft is in resonance with the cam.
 RESONANT = 1e-8
 
 
@@ -134,65 +185,87 @@ RESONANT = 1e-8
 def steady_state(
     law: Law, parameters: TorsionalParameters, speed: float
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """The state at the flywheel's angle 0 that returns after one turn, and what drives it.
+    """Return parameters and the state at flywheel angle 0 that returns after a turn.
 
-    ``speed`` (rad/s) is the mean. A flywheel with an inertia is driven by a constant torque, the
-    mean of the load: it comes with the parameters. As any state of the turn may be its first, the
-    one is taken whose flywheel passes angle 0 together with even turning, without a lead.
+    A constant motor torque, the mean of the load, drives a flywheel with an inertia. The returned
+    parameters contain this torque. The state has no lead on uniform rotation, because any state of
+    the steady turn may be its first one.
+
+    Parameters
+    ----------
+    law : Law
+        The law, without velocity jumps.
+    parameters : TorsionalParameters
+        The shaft.
+    speed : float
+        Mean speed, rad/s, not 0.
+
+    Raises
+    ------
+    DynamicsError
+        If there is no periodic state, because the shaft is in resonance with the cam.
     """
     require_number("speed", speed, "of either sign")
     if speed == 0.0:
         raise DynamicsError(f"speed is {speed!r}; allowed for a periodic state: finite, not 0")
-    march, duration = March(law, parameters), TURN / abs(speed)
+    solver, duration = TwistSolver(law, parameters), TURN / abs(speed)
     inertia = parameters.flywheel_inertia
-    # A twist in rad, and what else a free vibration of one radian has: rate, momentum, torque.
-    momentum = parameters.shaft_stiffness / march.rate
-    unit = np.array([1.0, march.rate, momentum / (inertia or 1.0), momentum / duration])
+    # Units of the unknowns: twist, twist rate, lead rate and torque of a free vibration of 1 rad.
+    momentum = parameters.shaft_stiffness / solver.rate
+    unit = np.array([1.0, solver.rate, momentum / (inertia or 1.0), momentum / duration])
 
-    def begun(x: FloatArray) -> tuple[TorsionalParameters, TorsionalState]:
-        twist, rate, *free = (x * unit[: x.size]).tolist()
-        start = TorsionalState(twist, rate, 0.0, speed, 0.0, *free[:1])
-        return replace(parameters, motor_torque=free[1]) if free else parameters, start
+    def start_from(x: FloatArray) -> tuple[TorsionalParameters, TorsionalState]:
+        twist, rate, *flywheel = (x * unit[: x.size]).tolist()
+        start = TorsionalState(twist, rate, 0.0, speed, 0.0, *flywheel[:1])
+        return replace(parameters, motor_torque=flywheel[1]) if flywheel else parameters, start
 
-    def miss(x: FloatArray) -> FloatArray:
-        march.parameters, start = begun(x)
-        end, _ = march.run(start, duration)
-        gap = [end.twist, end.twist_rate, end.lead_rate, end.lead / duration]
-        gap = np.array(gap) / unit[[0, 1, 2, 2]]
-        return np.asarray(gap - np.array([*x[:3], 0.0]) if x.size == 4 else gap[:2] - x)
+    def change_by_turn(x: FloatArray) -> FloatArray:
+        solver.parameters, start = start_from(x)
+        end, _ = solver.run(start, duration)
+        values = [end.twist, end.twist_rate, end.lead_rate, end.lead / duration]
+        values = np.array(values) / unit[[0, 1, 2, 2]]
+        return np.asarray(values - np.array([*x[:3], 0.0]) if x.size == 4 else values[:2] - x)
 
-    x, gap, slope = _fixed_point(miss, 2 if inertia is None else 4, lambda: march.peak)
-    scale = max(march.peak, float(np.abs(x).max()))
-    if not np.abs(gap).max() <= RETURNS * scale:
+    x, change, slope = _fixed_point(
+        change_by_turn, 2 if inertia is None else 4, lambda: solver.peak
+    )
+    scale = max(solver.peak, float(np.abs(x).max()))
+    if not np.abs(change).max() <= PERIODIC_RTOL * scale:
         raise DynamicsError(
             f"no periodic state at {to_rpm(speed):.6g} rpm: a turn misses its start by "
-            f"{np.abs(gap).max():.3g} rad of {scale:.3g}, allowed {RETURNS:g} of it; "
+            f"{np.abs(change).max():.3g} rad of {scale:.3g}, allowed {PERIODIC_RTOL:g} of it; "
             f"its slope is {slope:.3g}. Resonance needs damping"
         )
-    return begun(x)
+    return start_from(x)
 
 
 def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> TorsionalMotion:
-    """One turn in steady state at the mean ``speed`` (rad/s), from the flywheel's angle 0 on."""
+    """Return a steady turn at a mean speed (rad/s) from flywheel angle 0 on."""
     driven, start = steady_state(law, parameters, speed)
     return solve(law, driven, start, 0.0, TURN / speed)
 
 
 def _fixed_point(
-    miss: Callable[[FloatArray], FloatArray], size: int, peak: Callable[[], float]
+    change_of: Callable[[FloatArray], FloatArray], size: int, peak: Callable[[], float]
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Where ``miss`` is zero, what is left of it there, and the least slope on the way."""
+    """Solve change_of(x) = 0 by Broyden's method.
+
+    Returns x, the remaining change there, and the smallest norm of the slope. ``peak`` returns the
+    peak twist so far.
+    """
     x = np.zeros(size)
-    gap = miss(x)
-    nudge = NUDGE * (peak() or 1.0)
-    slopes = np.stack([(miss(step) - gap) / nudge for step in nudge * np.eye(size)], axis=1)
+    change = change_of(x)
+    length = SLOPE_STEP * (peak() or 1.0)
+    slopes = np.stack(
+        [(change_of(step) - change) / length for step in length * np.eye(size)], axis=1
+    )
     for _ in range(MAX_TURNS):
         if np.linalg.norm(slopes, -2) < RESONANT:
             break
-        step = np.linalg.solve(slopes, -gap)
-        x, last = x + step, gap
-        gap = miss(x)
-        if np.abs(gap).max() <= PERIODIC * max(peak(), np.abs(x).max()):
+        step = np.linalg.solve(slopes, -change)
+        x, last = x + step, change
+        change = change_of(x)
+        if np.abs(change).max() <= TARGET_RTOL * max(peak(), np.abs(x).max()):
             break
-        slopes += np.outer(gap - last - slopes @ step, step) / (step @ step)
-    return x, gap, float(np.linalg.norm(slopes, -2))
+        slopes += np.outer(change - last - slopes @ step, step) / (step @ step)
+    return x, change, float(np.linalg.norm(slopes, -2))

@@ -1,8 +1,8 @@
-"""Window after window of the torsional vibration, cut where the cam crosses a joint of its law.
+"""Sequence of windows of the torsional vibration, cut at the joints of the law.
 
-The time of a crossing depends on the solution. So a window runs a little past the joint, on the
-same polynomial continued, and is cut afterwards at the root of θ_c(t) = joint: up to there it
-obeyed the right piece, and nothing has to be solved again.
+The time at which the cam crosses a joint depends on the solution. A window therefore extends a
+little beyond the joint, with the same polynomial of the law. It is shortened afterwards to the root
+of θ_c(t) = joint. Up to the root it used the right piece, so that no window is solved twice.
 """
 
 from __future__ import annotations
@@ -28,30 +28,31 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray
 
-#: Degrees of a window, and the phase of the shaft's free vibration (rad) each resolves: half of
-#: it is the argument of the Bessel functions that are the coefficients of an oscillation.
+#: Degrees that a window may have.
 DEGREES = (16, 24, 32, 48, 64)
+#: Phase of the shaft's free vibration that each degree resolves, rad. The Chebyshev coefficients of
+#: an oscillation are Bessel functions of half the phase.
 PHASES = (2.0, 7.0, 14.0, 30.0, 48.0)
-#: A vibration (rad, rad/s) that a long dwell has damped below this is 0: nearer to the smallest
-#: number that a float can hold, it has no digits left to be resolved.
-DEAD = 1e-250
-#: A window is resolved when its last coefficients are below this fraction of the largest.
-RESOLVED = 1e-13
-#: Halvings and other changes of one window before it is given up.
+#: Smallest vibration, rad and rad/s. A long dwell may damp it below this value, close to the
+#: smallest float, where no digits are left. It is then set to 0.
+MIN_VIBRATION = 1e-250
+#: Largest size of the last coefficients of a resolved window, relative to the largest coefficient.
+RESOLVED_RTOL = 1e-13
+#: Largest number of attempts with shorter windows or higher degrees.
 MAX_TRIES = 40
-#: Windows of one run: hours of turning.
+#: Largest number of windows in one run. It is enough for hours of turning.
 MAX_WINDOWS = 100_000
-#: Windows without length that may follow one another at a joint.
+#: Largest number of successive windows of zero duration at a joint.
 MAX_STALLS = 3
-#: What is left of a run behind a joint and below this fraction of it is rounding, and not run.
-SLIVER = 4e-16
-#: Newton's method for a crossing ends at this relative correction.
-SETTLED = 1e-10
+#: Shortest duration after a joint, relative to the run. A shorter one is rounding and is omitted.
+MIN_REMAINDER = 4e-16
+#: Relative correction at which Newton's method for a crossing has converged.
+CROSSING_RTOL = 1e-10
 
 
 @lru_cache(maxsize=64)
 def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
-    """The law's pieces as a window takes them."""
+    """Return the pieces of a law in the form that a window needs."""
     require_smooth(law)
     stack = np.stack([law.derivative_ordinates(order).T for order in range(4)], axis=1)
     stack *= bernstein.binomials(law.degree)
@@ -62,26 +63,29 @@ def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
 
 @dataclass
 class Control:
-    """What has proved to resolve a piece."""
+    """Settings that have resolved the windows of a piece."""
 
-    reach: float  #: longest window, s
-    bump: int = 0  #: rungs above those of the phase
+    max_length: float  #: longest window, s
+    extra_degrees: int = 0  #: steps in `DEGREES` above the degree for the phase
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothInterval:
-    """A finished window."""
+class SolvedWindow:
+    """Solved part of a run on one piece of the law."""
 
-    begin: float  #: s
+    start: float  #: s
     end: float  #: s
-    span: float  #: what the series are over, s
-    series: FloatArray
-    piece: int
-    low: float  #: unwrapped cam angle at which the piece begins; the series count from it, rad
+    span: float  #: duration of the interval of the series, s
+    series: FloatArray  #: rows as in `CollocationWindow.series`
+    piece: int  #: index of the piece of the law
+    low: float  #: unwrapped cam angle at the start of the piece, from which the series count, rad
 
 
-class March:
-    """Takes a state on, along a ``ramp`` (rad/s²), and keeps what it learns about the pieces."""
+class TwistSolver:
+    """Solver of eq. 10 over any duration, at constant speed or along a ramp (rad/s²).
+
+    It stores the settings that have resolved each piece of the law.
+    """
 
     def __init__(self, law: Law, parameters: TorsionalParameters, ramp: float = 0.0) -> None:
         self.law, self.parameters, self.pieces = law, parameters, pieces_of(law)
@@ -90,119 +94,132 @@ class March:
         self.peak = 0.0
         self._controls = [Control(PHASES[-1] / self.rate) for _ in self.pieces]
 
-    @np.errstate(over="ignore", invalid="ignore")  # a window that diverges is met by `_window`
+    @np.errstate(over="ignore", invalid="ignore")  # `_window` handles a window that diverges
     def run(
         self, state: TorsionalState, duration: float
-    ) -> tuple[TorsionalState, list[SmoothInterval]]:
-        """The state after ``duration`` (s), and the windows up to there."""
+    ) -> tuple[TorsionalState, list[SolvedWindow]]:
+        """Return the state after ``duration`` s, and the windows of the run.
+
+        Raises
+        ------
+        DynamicsError
+            If a window cannot be resolved, or there are more than `MAX_WINDOWS` windows.
+        """
         index = self._index(state.cam_angle)
-        state = self._from(state, -self._low(index))
+        state = self._shift_angle(state, -self._low(index))
         self.peak = max(self.peak, abs(state.twist))
-        time, stalls, done = 0.0, 0, list[SmoothInterval]()
+        time, stalls, windows = 0.0, 0, list[SolvedWindow]()
         while time < duration:
             window = self._window(state, index % len(self.pieces), duration - time)
             series = window.series()
-            at, way = leave(window, series)
-            last = way == 0 and window.length >= duration - time
-            last = last or duration - (time + at) <= SLIVER * duration
-            end = duration if last else time + at
+            exit_time, direction = find_exit(window, series)
+            last = direction == 0 and window.length >= duration - time
+            last = last or duration - (time + exit_time) <= MIN_REMAINDER * duration
+            end = duration if last else time + exit_time
             stalls = stalls + 1 if end <= time else 0
-            if stalls > MAX_STALLS or len(done) >= MAX_WINDOWS:
-                raise self._stuck(index, time, len(done))
+            if stalls > MAX_STALLS or len(windows) >= MAX_WINDOWS:
+                raise self._stall_error(index, time, len(windows))
             if end > time:
                 piece, low = index % len(self.pieces), self._low(index)
-                done.append(SmoothInterval(time, end, window.length, series, piece, low))
+                windows.append(SolvedWindow(time, end, window.length, series, piece, low))
                 state = self._state(series, state, end - time, window.length)
-            if way:  # spans, not differences of unwrapped angles, which are rounded
-                span = self.pieces[(index if way > 0 else index - 1) % len(self.pieces)].span
-                state, index = self._from(state, -way * span), index + way
+            if direction:  # spans, because differences of unwrapped angles are rounded
+                span = self.pieces[(index if direction > 0 else index - 1) % len(self.pieces)].span
+                state, index = self._shift_angle(state, -direction * span), index + direction
             time = end
-        return self._from(state, self._low(index)), done
+        return self._shift_angle(state, self._low(index)), windows
 
     def _index(self, angle: float) -> int:
-        """Number of the piece at an unwrapped cam angle (rad), counted through all turns."""
+        """Return the index of the piece at an unwrapped angle (rad), over all turns."""
         turn = math.floor(angle / TURN)
         piece = int(np.searchsorted(self.law.breaks[1:-1], angle - turn * TURN, side="right"))
         return turn * len(self.pieces) + piece
 
     def _low(self, index: int) -> float:
-        """Unwrapped cam angle (rad) at which a piece begins."""
+        """Return the unwrapped cam angle (rad) at the start of a piece."""
         turn, piece = divmod(index, len(self.pieces))
         return turn * TURN + float(self.law.breaks[piece])
 
     @staticmethod
-    def _from(state: TorsionalState, shift: float) -> TorsionalState:
+    def _shift_angle(state: TorsionalState, shift: float) -> TorsionalState:
+        """Return a state with its flywheel angle increased by ``shift`` rad."""
         return replace(state, flywheel_angle=state.flywheel_angle + shift)
 
     def _window(self, state: TorsionalState, piece: int, remaining: float) -> CollocationWindow:
-        """A solved and resolved window from ``state`` on: as long as can be."""
-        if max(abs(state.twist), abs(state.twist_rate)) < DEAD:
+        """Return the longest window from a state that is solved and resolved."""
+        if max(abs(state.twist), abs(state.twist_rate)) < MIN_VIBRATION:
             state = replace(state, twist=0.0, twist_rate=0.0)
         control, length = self._controls[piece], 0.0
         for _ in range(MAX_TRIES):
             length = self._length(state, piece, remaining)
-            rung = bisect.bisect_left(PHASES, length * self.rate) + control.bump
-            degree = DEGREES[min(rung, len(DEGREES) - 1)]
+            order = bisect.bisect_left(PHASES, length * self.rate) + control.extra_degrees
+            degree = DEGREES[min(order, len(DEGREES) - 1)]
             window = CollocationWindow(
                 self.parameters, self.pieces[piece], state, length, table(degree), self.ramp
             )
             solved = window.solve()
             tail = window.tail() if solved else None
-            if tail is not None and tail[1] <= RESOLVED:
-                if tail[0] <= RESOLVED and length > 0.9 * control.reach:
-                    control.reach *= 2.0
+            if tail is not None and tail[1] <= RESOLVED_RTOL:
+                if tail[0] <= RESOLVED_RTOL and length > 0.9 * control.max_length:
+                    control.max_length *= 2.0
                 self.peak = max(self.peak, largest(window.twist))
                 return window
-            if solved and rung < len(DEGREES) - 1:
-                control.bump += 1
+            if solved and order < len(DEGREES) - 1:
+                control.extra_degrees += 1
             else:
-                control.reach = 0.5 * length
+                control.max_length = 0.5 * length
         raise DynamicsError(
             f"law {self.law.name!r}: a window of {length:.3g} s from twist {state.twist:.6g} rad, "
             f"rate {state.twist_rate:.6g} rad/s {'is not resolved' if solved else 'diverges'} "
-            f"after {MAX_TRIES} tries; check the state the run begins with, and that a shaft of "
-            f"{self.parameters.shaft_stiffness:g} N·m/rad can carry the follower's torque"
+            f"after {MAX_TRIES} tries; check the state at the start of the run, and that a shaft "
+            f"of {self.parameters.shaft_stiffness:g} N·m/rad can carry the follower's torque"
         )
 
     def _length(self, state: TorsionalState, piece: int, remaining: float) -> float:
-        """Time (s) to a little past the next joint as the flywheel turns, in equal windows."""
+        """Return the duration (s) of the next of several equal windows.
+
+        Together they extend a little beyond the next joint, as the flywheel turns.
+        """
         span, speed = self.pieces[piece].span, state.flywheel_speed + state.lead_rate
         margin = min(2.0 * self.peak + 0.002 * span, 0.1 * span)
-        forwards = (speed or self.ramp) > 0.0
+        is_forward = (speed or self.ramp) > 0.0
         angle = state.flywheel_angle + state.lead
-        ahead = span - angle if forwards else angle
-        way = max(ahead, 0.0) + margin
-        square = speed**2 + 2.0 * way * (self.ramp if forwards else -self.ramp)
+        ahead = span - angle if is_forward else angle
+        distance = max(ahead, 0.0) + margin
+        square = speed**2 + 2.0 * distance * (self.ramp if is_forward else -self.ramp)
         length = remaining
-        if square > 0.0:  # else it stands, or turns back before
-            length = min(remaining, 2.0 * way / (abs(speed) + math.sqrt(square)))
-        return length / math.ceil(length / self._controls[piece].reach)
+        if square > 0.0:  # otherwise the flywheel stops or turns back before the joint
+            length = min(remaining, 2.0 * distance / (abs(speed) + math.sqrt(square)))
+        return length / math.ceil(length / self._controls[piece].max_length)
 
     def _state(
-        self, series: FloatArray, start: TorsionalState, at: float, length: float
+        self, series: FloatArray, start: TorsionalState, time: float, length: float
     ) -> TorsionalState:
-        rows = (series @ basis_at(series.shape[1], at / length)).tolist()
-        gained = self.ramp * at
-        turned = start.flywheel_angle + (start.flywheel_speed + 0.5 * gained) * at
+        """Return the state at a time (s) since the start of a window of ``length`` s."""
+        rows = (series @ basis_at(series.shape[1], time / length)).tolist()
+        speed_gain = self.ramp * time
+        angle = start.flywheel_angle + (start.flywheel_speed + 0.5 * speed_gain) * time
         lead, lead_rate = rows[5:] or (0.0, 0.0)
-        speed = start.flywheel_speed + gained
-        return TorsionalState(rows[0], rows[1], turned, speed, lead, lead_rate)
+        speed = start.flywheel_speed + speed_gain
+        return TorsionalState(rows[0], rows[1], angle, speed, lead, lead_rate)
 
-    def _stuck(self, index: int, time: float, windows: int) -> DynamicsError:
-        why = "the cam stands still there"
+    def _stall_error(self, index: int, time: float, windows: int) -> DynamicsError:
+        """Return the error for a run that stops at a joint."""
+        reason = "the cam does not move there"
         if windows >= MAX_WINDOWS:
-            why = "solve a shorter span, and go on from its end"
+            reason = "solve a shorter duration, and continue from its end"
         return DynamicsError(
-            f"law {self.law.name!r}: after {windows} windows and {time:.6g} s at the joint at "
-            f"{self._low(index):.6g} rad the run goes on no more; {why}"
+            f"law {self.law.name!r}: the run stops after {windows} windows and {time:.6g} s, at "
+            f"the joint at {self._low(index):.6g} rad; {reason}"
         )
 
 
-def leave(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
-    """Time in the window (s) at which it leaves its piece, and which way: 1, −1, or 0 for never.
+def find_exit(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
+    """Find the time (s) at which the cam leaves its piece, and the direction.
 
-    Nodes are dense enough to see every exit of a cam that turns one way; where it turns back
-    they are filled in.
+    The direction is 1 for forwards, −1 for backwards, and 0 if the cam does not leave the piece.
+    The nodes are dense enough to detect every exit of a cam that turns in one direction. For a cam
+    that turns back more points are used.
     """
     u, angle, span = window.table.nodes, window.angle, window.piece.span
     if window.speed.min() < 0.0 < window.speed.max():
@@ -212,15 +229,19 @@ def leave(window: CollocationWindow, series: FloatArray) -> tuple[float, int]:
     if outside.size == 0:
         return window.length, 0
     i = int(outside[0])
-    way = 1 if angle[i + 1] > span else -1
-    joint = span if way > 0 else 0.0
-    return window.length * _root(window, series[2:4], joint, float(u[i]), float(u[i + 1])), way
+    direction = 1 if angle[i + 1] > span else -1
+    joint = span if direction > 0 else 0.0
+    u_exit = _crossing(window, series[2:4], joint, float(u[i]), float(u[i + 1]))
+    return window.length * u_exit, direction
 
 
-def _root(
+def _crossing(
     window: CollocationWindow, series: FloatArray, joint: float, low: float, high: float
 ) -> float:
-    """U at which θ_c meets the joint: Newton's method, kept in its bracket by bisection."""
+    """Return u at which θ_c is at the joint.
+
+    Newton's method is used, and bisection if a step leaves the bracket.
+    """
     sign = 1.0 if joint > 0.0 else -1.0
     u = 0.5 * (low + high)
     for _ in range(MAX_TRIES):
@@ -228,12 +249,12 @@ def _root(
         gap = sign * (float(angle) - joint)
         low, high = (low, u) if gap > 0.0 else (u, high)
         slope = sign * float(speed) * window.length
-        following = u - gap / slope if slope > 0.0 else low
-        if not low <= following <= high:
-            following = 0.5 * (low + high)
-            if following in (low, high):
-                return following
-        if abs(following - u) <= SETTLED * u:  # and what follows is the square of it
-            return following
-        u = following
+        next_u = u - gap / slope if slope > 0.0 else low
+        if not low <= next_u <= high:
+            next_u = 0.5 * (low + high)
+            if next_u in (low, high):
+                return next_u
+        if abs(next_u - u) <= CROSSING_RTOL * u:  # the next correction is the square of this one
+            return next_u
+        u = next_u
     return u

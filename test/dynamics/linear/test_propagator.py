@@ -1,4 +1,4 @@
-"""The exact propagator against 50-digit arithmetic."""
+"""The exact propagator in comparison with 50-digit arithmetic."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from cam_rig.units import TURN
 
 @pytest.fixture
 def exact(many_digits):
-    """State at a time, stored."""
+    """Return a function that returns the stored exact state at a time."""
 
     def recall(matrix, forcing, duration, start, time):
         inputs = (matrix, forcing, duration, start, time)
@@ -30,7 +30,7 @@ def exact(many_digits):
 
 
 def by_exponential(matrix, forcing, duration, start, time):
-    """State at ``time``: exponential of the system augmented by the chain tʲ/j! of its forcing."""
+    """Return the state at a time by the exponential of the system augmented by tʲ/j!."""
     n, degree = matrix.shape[0], forcing.shape[1] - 1
     with mp.workdps(60):
         size = n + degree + 1
@@ -44,15 +44,15 @@ def by_exponential(matrix, forcing, duration, start, time):
                 row = [b - a for a, b in itertools.pairwise(row)]
         for j in range(degree):
             augmented[n + j + 1, n + j] = 1
-        begin = mp.matrix([*(mp.mpf(x) for x in start), 1, *[0] * degree])
-        end = mp.expm(augmented * mp.mpf(time), method="taylor") * begin
+        initial = mp.matrix([*(mp.mpf(x) for x in start), 1, *[0] * degree])
+        end = mp.expm(augmented * mp.mpf(time), method="taylor") * initial
         return np.array([float(end[i]) for i in range(n)])
 
 
 @pytest.mark.parametrize("degree", [0, 5, 15])
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_random_stable_system(exact, n, degree):
-    """Start, inside and end of a piece a few time constants long, to 1e-11 of its size."""
+    """States in a piece of a few time constants are exact to 1e-11 of their maximum."""
     rng = np.random.default_rng(10 * n + degree)
     matrix = rng.normal(size=(n, n))
     matrix -= (np.linalg.eigvals(matrix).real.max() + 0.5) * np.eye(n)  # all modes decay
@@ -67,9 +67,9 @@ def test_random_stable_system(exact, n, degree):
     np.testing.assert_allclose(part.end(start), expected[:, -1], rtol=0, atol=1e-11 * size)
 
 
-#: Matrix; seed and number of ordinates of the forcing; start; durations. An undamped mode forced by
-#: a piece of exactly its period; modes without a spring, which drift; one eigenvector for two;
-#: pieces much shorter and much longer than the time constant of 1 s.
+#: Matrix, seed and number of ordinates of the forcing, start, and durations. The cases are pieces
+#: much shorter and longer than the time constant of 1 s, an undamped mode with a piece of exactly
+#: its period, modes without a spring, which drift, and a matrix with one eigenvector.
 SPECIAL = {
     "quick": ([[-1.0]], 5, 6, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
     "quick, degree 15": ([[-1.0]], 15, 16, [0.7], [1e-3, 0.1, 1.0, 10.0, 1000.0]),
@@ -82,7 +82,7 @@ SPECIAL = {
 
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_matrices(exact, name):
-    """They are no special cases: nothing here asks for eigenvectors, or for a restoring force."""
+    """Defective matrices and matrices without a restoring force are as exact."""
     matrix, seed, count, start, durations = SPECIAL[name]
     matrix, start = np.array(matrix), np.array(start)
     forcing = np.random.default_rng(seed).normal(size=(start.size, count))
@@ -92,17 +92,17 @@ def test_special_matrices(exact, name):
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-# Matrices at the edge: no damping on the stiffest stem, critical damping, nothing to ground.
+# Extreme matrices: the stiffest stem without damping, critical damping, a free mass
 
 SPEED = 300.0 * np.pi / 30.0
 
 
 @dataclass(frozen=True)
 class Vibration(Oscillator):
-    """Eq. 5 for r = x − α s: what is left of the stem's load when the lift is taken off.
+    """Eq. 5 of the paper for r = x − α s, as the model solves it.
 
-    Rounding of the lift hides in x, and comes back in the force times the stem's stiffness; so
-    does a step of 1e-17 m at a joint of the law, which is none of the model's.
+    In x the rounding of the lift, and a step of 1e-17 m at a joint of the law, are invisible. In
+    the force they are multiplied by the stiffness of the stem.
     """
 
     def phases(self):
@@ -112,7 +112,7 @@ class Vibration(Oscillator):
 
 
 def errors(reference, law, model, speed, turns=1):
-    """Largest errors of (r, ṙ) against 50 digits, relative to their largest values."""
+    """Return the largest relative errors of (r, ṙ) in comparison with 50 digits."""
     case = Case("edge", "edge", law, model, speed, turns, turns, output_times(speed, turns, 29))
     wanted = reference.solution(case, many_digits_of.solve)
     numbers = [float(x) for x in vars(model).values()]
@@ -127,8 +127,8 @@ def errors(reference, law, model, speed, turns=1):
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal", "tm21"])
 @pytest.mark.parametrize("turns", [1, 20])
 def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
-    """1e10 N/m and no damper: nothing that is excited ever dies, and a phase is all there is."""
-    # Ωt is 17 500 rad a turn; its rounding, eps Ωt, is the tolerance, four times over for the sums
+    """Without damping and at 1e10 N/m the error is the rounding of the phase."""
+    # Ωt is 17 500 rad per turn. The tolerance is four times its rounding, eps Ωt, due to the sums
     # over the parts of a turn.
     model = Vibration(1.3, 0.0, 4030.0, 1e10)
     phase = np.sqrt(1e10 / 1.3) * turns * TURN / SPEED
@@ -140,8 +140,8 @@ def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
 @pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
 def test_a_critically_damped_stem(laws, many_digits, off, speed):
-    """c = 2√(km), 64 1/s twice, and near it: one mode shape for two modes."""
-    # The reference is off critical by 1e-22, for it goes by eigenvectors.
+    """Critical damping, with two rates of 64 1/s, and damping near it are exact."""
+    # The reference differs from critical damping by 1e-22, because it uses eigenvectors.
     with mp.workdps(60):
         damping = mp.mpf(128.0 * (1.0 + off)) * (1 + mp.mpf(10) ** -22)
     model = Vibration(1.0, damping, 96.0, 4000.0)
@@ -149,7 +149,7 @@ def test_a_critically_damped_stem(laws, many_digits, off, speed):
 
 
 def test_critically_damped_flight():
-    """Damping in proportion to stiffness, critical for one mode: its matrix is defective."""
+    """A flight with proportional damping, critical for one mode, is exact."""
     m1, m2, k1, k2 = 1.0, 2.0, 3000.0, 1000.0
     squares = np.linalg.eigvals(np.array([[k1 / m1, -k1 / m1], [-k1 / m2, (k1 + k2) / m2]]))
     for square in squares:
@@ -164,29 +164,29 @@ def test_critically_damped_flight():
         matrix[3] = np.array([k1, c1, -(k1 + k2), -(c1 + c2)]) / m2
         load = np.array([[0.0], [0.0], [0.0], [-12.0 / m2]])
         inner = to_inner(p, start)
-        got = from_inner(p, inner[:, None] + free_masses(p).moved(inner, times)[0])
+        got = from_inner(p, inner[:, None] + free_masses(p).state_change(inner, times)[0])
         for i, time in enumerate(times):
-            wanted, scale = by_exponential(matrix, load, 1.0, start, time), [0.02, 1.0, 0.02, 1.0]
-            np.testing.assert_allclose((got[:, i] - wanted) / scale, 0.0, atol=1e-12)
+            exact, scale = by_exponential(matrix, load, 1.0, start, time), [0.02, 1.0, 0.02, 1.0]
+            np.testing.assert_allclose((got[:, i] - exact) / scale, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("turns", [1, 7, 1000])
-def test_nothing_to_ground(laws, turns):
-    """A free mass pushed by K s(θ): a double zero, whose drift is the double integral of the law.
+def test_a_mass_without_spring_and_damper(laws, turns):
+    """The drift of a free mass under a force K s(θ) is the double integral of the law.
 
-    v grows by K ∮s dt a turn, and x by what v has grown: x(NT) = N x(T) + v(T) T N(N − 1)/2.
+    v increases by K ∮s dt per turn, and x(NT) = N x(T) + v(T) T N(N − 1)/2.
     """
     law, push = laws["poly345"], 7.0
     free = np.array([[0.0, 1.0], [0.0, 0.0]])
     drive = np.array([[0.0, 0.0, 0.0], [push, 0.0, 0.0]])
     model = LinearResponse(law, SPEED, free, drive, np.zeros(2))
-    speed_gained = moved = 0.0
+    speed_gain = distance = 0.0
     for ordinates, span in zip(law.ordinates.T, law.spans / SPEED, strict=True):
         once = span * bernstein.antiderivative(ordinates)
-        moved += speed_gained * span + push * span * bernstein.antiderivative(once)[-1]
-        speed_gained += push * once[-1]
+        distance += speed_gain * span + push * span * bernstein.antiderivative(once)[-1]
+        speed_gain += push * once[-1]
     period = TURN / SPEED
     x, v = model.end(np.zeros(2), 0.0, turns * period)
-    assert v == pytest.approx(turns * speed_gained, rel=1e-12)
-    drifted = turns * moved + speed_gained * period * turns * (turns - 1) / 2
-    assert x == pytest.approx(drifted, rel=1e-12)
+    assert v == pytest.approx(turns * speed_gain, rel=1e-12)
+    drift = turns * distance + speed_gain * period * turns * (turns - 1) / 2
+    assert x == pytest.approx(drift, rel=1e-12)

@@ -1,4 +1,4 @@
-"""A rig's linear model for scipy: the closed forms of its transfer, and the exact propagator."""
+"""The linear model of a rig, against closed forms and the exact propagator."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ W = np.geomspace(1.0, 3e4, 40)
 
 
 def rigs(count):
-    """Rigs of numbers over some decades; the last numbers are those of the stem."""
+    """Yield rigs with random numbers over several decades."""
     random = np.random.default_rng(5)
     for _ in range(count):
         mass, spring, stem = 10.0 ** random.uniform((-2, 2, 5), (2, 5, 9))
@@ -32,54 +32,55 @@ def rigs(count):
 
 
 def closed_form(rig, model, w):
-    """x/s and F/s by hand."""
-    own, s = rig.follower, 1j * w
-    m, k, c = own.mass.si, own.spring_stiffness.si, own.damping.si
+    """Return the transfer functions x/s and F/s in closed form."""
+    follower, s = rig.follower, 1j * w
+    m, k, c = follower.mass.si, follower.spring_stiffness.si, follower.damping.si
     if model == "one_mass":
         return np.ones_like(s), k + c * s + m * s**2
-    stem, roller = own.stem_stiffness.si, 0.0
+    stem, roller = follower.stem_stiffness.si, 0.0
     if model == "two_mass":
-        roller, stem = own.roller_share.si * m, stem + own.stem_damping.si * s
+        roller, stem = follower.roller_share.si * m, stem + follower.stem_damping.si * s
     x = stem / (stem + k + c * s + (m - roller) * s**2)
     return x, stem * (1.0 - x) + roller * s**2
 
 
 @pytest.mark.parametrize("model", rig_model.MODELS)
 def test_the_frequency_response_is_the_closed_form(model):
-    """Also velocity and acceleration: jω and (jω)² of the displacement."""
+    """All outputs agree with closed forms, such as velocity jω x."""
     for rig in rigs(20):
         x, velocity, acceleration, force = rig.frequency_response(W, model)
-        by_hand, pushed = closed_form(rig, model, W)
-        # the vibration about the static share cancels it far above the eigenfrequency
-        rounding = 1e-10 * (1.0 + np.abs(by_hand))
-        assert (np.abs(x - by_hand) <= rounding).all()
-        assert (np.abs(velocity - 1j * W * by_hand) <= W * rounding).all()
-        assert (np.abs(acceleration + W**2 * by_hand) <= W**2 * rounding).all()
-        scale = rig.follower.stem_stiffness.si * (1.0 + np.abs(by_hand)) + np.abs(pushed)
-        assert (np.abs(force - pushed) <= 1e-9 * scale).all()
+        exact_x, exact_force = closed_form(rig, model, W)
+        # far above the eigenfrequency the vibration cancels the static fraction of the lift
+        rounding = 1e-10 * (1.0 + np.abs(exact_x))
+        assert (np.abs(x - exact_x) <= rounding).all()
+        assert (np.abs(velocity - 1j * W * exact_x) <= W * rounding).all()
+        assert (np.abs(acceleration + W**2 * exact_x) <= W**2 * rounding).all()
+        scale = rig.follower.stem_stiffness.si * (1.0 + np.abs(exact_x)) + np.abs(exact_force)
+        assert (np.abs(force - exact_force) <= 1e-9 * scale).all()
 
 
-def test_the_state_space_moves_as_the_model_does():
-    """scipy's lsim, which joins its input by lines, comes as near as its steps are short."""
+def test_the_state_space_converges_to_the_model():
+    """The error of scipy's lsim decreases with its time step."""
     rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig, speed = rig.replace(stem_stiffness="40 N/mm"), 30.0
     system = rig.state_space()
-    own = FollowerParameters.from_rig(rig)
-    away = []
+    follower = FollowerParameters.from_rig(rig)
+    errors = []
     for steps in (2000, 4000):
         time = np.linspace(0.0, 0.2, steps + 1)
         motion = law.motion_at(speed * time) * speed ** np.arange(3)[:, None]
         _, out, states = lsim(system, motion.T, time)
-        exact = elastic_stem.response(law, own, speed).states(np.zeros(2), 0.0, time)
-        away.append(np.abs(states.T - exact).max() / np.abs(exact).max())
-    assert away[1] < away[0] / 2.5 < 1e-5  # by the square of the step, but for joints between
+        exact = elastic_stem.response(law, follower, speed).states(np.zeros(2), 0.0, time)
+        errors.append(np.abs(states.T - exact).max() / np.abs(exact).max())
+    assert errors[1] < errors[0] / 2.5 < 1e-5  # square of the step, except at joints
     x = out[:, 0]
-    assert np.abs(x - motion[0]).max() < 0.5 * law.lift  # near the law, below it by the spring
-    pushed = own.stem_stiffness * (motion[0] - x)
-    np.testing.assert_allclose(out[:, 3], pushed, rtol=1e-9, atol=1e-6)
+    assert np.abs(x - motion[0]).max() < 0.5 * law.lift  # below the law, because of the spring
+    force = follower.stem_stiffness * (motion[0] - x)
+    np.testing.assert_allclose(out[:, 3], force, rtol=1e-9, atol=1e-6)
 
 
-def test_what_a_rig_cannot_tell():
+def test_errors_of_the_linear_model():
+    """A missing number, an unknown model and an invalid frequency are errors."""
     rigid = cam_rig.Rig(mass=1.3, spring=4000.0, preload=30.0)
     with pytest.raises(ConfigError, match="no state; allowed: a rig with stem_stiffness"):
         rigid.state_space()
@@ -95,5 +96,6 @@ def test_what_a_rig_cannot_tell():
     assert elastic.frequency_response(np.ones((2, 3))).shape == (4, 2, 3)
 
 
-def test_the_model_is_where_a_rig_looks_for_it():
+def test_a_rig_imports_the_right_module():
+    """The name of the module in `cam_rig.schema.rig` is right."""
     assert rig_model.__name__ == schema.LINEAR

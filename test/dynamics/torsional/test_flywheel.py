@@ -1,4 +1,4 @@
-"""A flywheel of finite inertia: momentum, energy, closed forms, and the limit that is eq. 10."""
+"""A flywheel of finite inertia: momentum, energy, closed forms and limits."""
 
 import dataclasses
 import math
@@ -13,33 +13,33 @@ from cam_rig.laws import Law
 from cam_rig.schema import load_rig
 from cam_rig.units import TURN
 
-from ..helpers import MS, gauss, ticked
+from ..helpers import MS, gauss, run_in_ticks
 
 SPEED = 300.0 * np.pi / 30.0
 
 
 @pytest.fixture(scope="module")
 def shaft(config_dir):
-    """The shipped shaft behind its flywheel."""
+    """Return the shipped shaft with its flywheel."""
     return MODELS["torsional"].parameters(load_rig(config_dir / "rigs" / "paper_flywheel.yaml"))
 
 
 def integral(motion, value):
-    """∫ value dt over all windows of a motion, by Gauss-Legendre in each."""
+    """Return ∫ value dt over all windows of a motion by the Gauss-Legendre rule."""
     times, weights = gauss(motion.path.edges, 48)
     return float(weights @ value(times))
 
 
 def momentum(motion, time):
-    """Angular momentum (N·m·s) of flywheel and cam."""
-    p, at = motion.parameters, np.array([time])
-    cam = p.cam_inertia * motion.at(at)[3, 0]
-    return cam + p.flywheel_inertia * (SPEED + motion.lead(at)[1, 0])
+    """Return the angular momentum (N·m·s) of flywheel and cam."""
+    p, times = motion.parameters, np.array([time])
+    cam = p.cam_inertia * motion.at(times)[3, 0]
+    return cam + p.flywheel_inertia * (SPEED + motion.lead(times)[1, 0])
 
 
 @pytest.mark.variants(3)
-def test_the_flywheel_feels_the_cam(law, shaft):
-    """Momentum of both inertias changes by the motor's torque less the follower's, F s'."""
+def test_balance_of_angular_momentum(law, shaft):
+    """The momentum changes by the motor torque less the follower torque F s'."""
     p = dataclasses.replace(shaft, motor_torque=2.0)
     start = TorsionalState(2e-4, -0.1, 0.7, SPEED, 0.01, -0.3)
     motion = solve(law, p, start, 0.0, 1.7 * TURN / SPEED)
@@ -48,12 +48,13 @@ def test_the_flywheel_feels_the_cam(law, shaft):
         return motion.contact_force(times) * law(motion.at(times)[2], 1)
 
     change = momentum(motion, motion.stop_time) - momentum(motion, 0.0)
-    given = 2.0 * motion.stop_time - integral(motion, load)
-    assert change == pytest.approx(given, abs=1e-12 * integral(motion, lambda t: np.abs(load(t))))
+    expected = 2.0 * motion.stop_time - integral(motion, load)
+    size = integral(motion, lambda times: np.abs(load(times)))
+    assert change == pytest.approx(expected, abs=1e-12 * size)
 
 
 def test_two_inertias_and_a_motor(shaft):
-    """Without lift the momentum grows by the motor's torque, and ψ swings about −T/(k I_v μ)."""
+    """Without lift the momentum increases, and ψ oscillates about −T/(k I_v μ)."""
     disc = Law("round", np.array([0.0, TURN]), np.zeros((1, 1)))
     p = dataclasses.replace(shaft, shaft_damping=0.0, flywheel_inertia=0.05, motor_torque=7.0)
     times = np.linspace(0.0, 0.2, 300)
@@ -70,8 +71,8 @@ def test_two_inertias_and_a_motor(shaft):
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(6))
-def test_a_turn_brings_back_the_steady_state(laws, seed):
-    """On random rigs: state and angle return, and the motor's work is what the dampers take."""
+def test_the_steady_state_returns_after_a_turn(laws, seed):
+    """The state returns, and the work of the motor equals that of the dampers."""
     rng = np.random.default_rng(seed)
     law = laws[["poly345", "tm21", "bezier15", "cycloidal", "poly4567", "modified_sine"][seed]]
     inertia, flywheel = 10.0 ** rng.uniform(-2.5, -1.0), 10.0 ** rng.uniform(-2.0, 4.0)
@@ -87,32 +88,32 @@ def test_a_turn_brings_back_the_steady_state(laws, seed):
     twist = motion.at(ends)[:2]
     assert np.abs(np.diff(twist[0])) <= 1e-9 * np.abs(motion.at(motion.path.edges)[0]).max()
 
-    def taken(times):
+    def dissipation(times):
         _, rate, angle, cam_speed = motion.at(times)[:4]
         return damping * rate**2 + follower.damping * (law(angle, 1) * cam_speed) ** 2
 
     work = motion.parameters.motor_torque * TURN
-    assert work == pytest.approx(integral(motion, taken), rel=1e-8)
+    assert work == pytest.approx(integral(motion, dissipation), rel=1e-8)
 
 
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
-def test_a_heavy_flywheel_holds_its_speed(laws, shaft, cam):
-    """I_v → ∞ is eq. 10: the twist comes to it as 1/I_v, down to rounding."""
+def test_a_heavy_flywheel_has_constant_speed(laws, shaft, cam):
+    """For I_v → ∞ the twist converges to that of eq. 10 as 1/I_v, down to rounding."""
     law, times = laws[cam], np.linspace(0.0, TURN / SPEED, 400)
-    held = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=None), SPEED).at(times)
-    away = []
+    limit = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=None), SPEED).at(times)
+    errors = []
     for inertia in (1e3, 1e5, 1e13):
         p = dataclasses.replace(shaft, flywheel_inertia=inertia)
-        found = steady_motion(law, p, SPEED).at(times)
-        away.append(np.abs(found[0] - held[0]).max() / np.abs(held[0]).max())
-    assert away[0] / away[1] == pytest.approx(100.0, rel=0.02)
-    assert away[2] < 1e-10
+        rows = steady_motion(law, p, SPEED).at(times)
+        errors.append(np.abs(rows[0] - limit[0]).max() / np.abs(limit[0]).max())
+    assert errors[0] / errors[1] == pytest.approx(100.0, rel=0.02)
+    assert errors[2] < 1e-10
 
 
 def by_energy(law, p, motion, times):
-    """Cam speed (rad/s) of one rigid body with the follower, without damping: energy is constant.
+    """Return the cam speed (rad/s) of an undamped rigid shaft from its energy.
 
-    ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E from the first instant.
+    ½(I + I_v + m s'²) θ̇² + ½ k s² + F₀ s = E, with E at the first time.
     """
     angle, speed = motion.at(times)[2:4]
     f, s, s1 = p.follower, law(angle), law(angle, 1)
@@ -126,8 +127,8 @@ def by_energy(law, p, motion, times):
 @pytest.mark.parametrize(
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )
-def test_a_rigid_shaft_or_no_flywheel_in_closed_form(laws, shaft, inertia, stiffness, error):
-    """A rigid shaft, or one with nothing behind it, is one body: its speed follows from energy."""
+def test_the_speed_of_one_body_follows_from_energy(laws, shaft, inertia, stiffness, error):
+    """A rigid shaft or almost no flywheel makes one body, whose energy is constant."""
     follower = dataclasses.replace(shaft.follower, damping=0.0)
     p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
     law, times = laws["poly4567"], np.linspace(0.0, TURN / SPEED, 300)
@@ -137,27 +138,27 @@ def test_a_rigid_shaft_or_no_flywheel_in_closed_form(laws, shaft, inertia, stiff
     assert np.ptp(expected) > 0.02 * SPEED
 
 
-def test_a_run_may_begin_anywhere_in_the_turn(laws, shaft):
-    """Begun in mid-turn it is where the steady state of the turn is there."""
+def test_a_run_may_start_at_any_angle(laws, shaft):
+    """A run that starts within a turn has the steady state at its angle."""
     whole = Interval(0, 200 * MS, 0.0, SPEED)
-    rows = ticked(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
+    rows = run_in_ticks(laws["poly345"], "torsional", shaft, whole, [0, 200 * MS], 24_000)[0]
     part = Interval(90 * MS, 200 * MS, SPEED * 0.09, SPEED)
     late = MODELS["torsional"].advance(laws["poly345"], shaft, None, part, 24_000)[1].rows
     np.testing.assert_allclose(late[1], rows[1, -late.shape[1] :], rtol=0, atol=1e-12)
 
 
-def test_a_new_speed_begins_steady_and_a_ramp_is_held(laws, shaft):
-    """After a ramp, on which the drive holds the flywheel as in eq. 10, the turn is steady."""
+def test_a_ramp_follows_the_drive_and_a_new_speed_is_steady(laws, shaft):
+    """On a ramp the drive sets the flywheel, and after it the motion is steady."""
     law, advance = laws["poly345"], MODELS["torsional"].advance
     ramp = Interval(0, 100 * MS, 0.0, 0.0, 10.0 * SPEED)
-    held = dataclasses.replace(shaft, flywheel_inertia=None)
+    driven = dataclasses.replace(shaft, flywheel_inertia=None)
     state, block = advance(law, shaft, None, ramp, 24_000)
-    np.testing.assert_array_equal(block.rows, advance(law, held, None, ramp, 24_000)[1].rows)
+    np.testing.assert_array_equal(block.rows, advance(law, driven, None, ramp, 24_000)[1].rows)
     after = Interval(100 * MS, 300 * MS, ramp.angle_at(0.1), SPEED)
-    one = advance(law, shaft, state, after, 24_000)[1].rows
-    np.testing.assert_array_equal(one, advance(law, shaft, None, after, 24_000)[1].rows)
+    rows = advance(law, shaft, state, after, 24_000)[1].rows
+    np.testing.assert_array_equal(rows, advance(law, shaft, None, after, 24_000)[1].rows)
     faster = dataclasses.replace(after, speed=1.1 * SPEED)
     state = advance(law, shaft, None, after, 24_000)[0]
     other = dataclasses.replace(state, cam_angle=None)
-    one = advance(law, shaft, other, faster, 24_000)[1].rows
-    np.testing.assert_array_equal(one, advance(law, shaft, None, faster, 24_000)[1].rows)
+    rows = advance(law, shaft, other, faster, 24_000)[1].rows
+    np.testing.assert_array_equal(rows, advance(law, shaft, None, faster, 24_000)[1].rows)

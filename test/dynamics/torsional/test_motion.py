@@ -1,4 +1,4 @@
-"""Torsional vibration against other integrators, 40-digit arithmetic and closed forms."""
+"""Torsional vibration: equation of motion, periodic states, limits, 40 digits."""
 
 import dataclasses
 import math
@@ -21,30 +21,30 @@ from ..helpers import ONE as FOLLOWER
 SLOW = 350.0 * np.pi / 30.0
 
 
-# Joints, restarts, samples, the periodic state.
+# Joints, samples and the periodic state
 
 REST = TorsionalState(0.0, 0.0, 0.0, SLOW)
 
 
 @pytest.fixture(scope="module")
 def damped(follower):
-    """A soft damped, damped."""
+    """Return a soft, damped shaft."""
     return TorsionalParameters(follower, 0.02, 8e3, 0.4)
 
 
-def test_joints_are_met(laws, damped):
-    """Windows end where the cam itself, not the flywheel, is at a joint; there s'' and θ̈_c step.
+def test_windows_end_at_joints(laws, damped):
+    """Windows end when the cam, not the flywheel, is at a joint.
 
-    (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s': all else is continuous.
+    The jump is (I + m s'²) Δθ̈_c = −m Δs'' θ̇_c² s'. All other quantities are continuous.
     """
     law, f = laws["tm21"], damped.follower
     motion = solve(law, damped, REST, 0.0, TURN / SLOW)
     inner = motion.path.edges[1:-1]
     at_joint = motion.at(inner)
     distance = np.abs(at_joint[2][:, None] - law.breaks).min(axis=1)
-    met = distance < 1e-9
-    assert distance[met].max() < 4e-15
-    assert met.sum() >= law.spans.size - 1
+    is_joint = distance < 1e-9
+    assert distance[is_joint].max() < 4e-15
+    assert is_joint.sum() >= law.spans.size - 1
     before, after = motion.at(inner - 1e-10), at_joint
     s1 = law(at_joint[2], 1)
     step = law(at_joint[2] + 1e-9, 2) - law(at_joint[2] - 1e-9, 2)
@@ -55,8 +55,8 @@ def test_joints_are_met(laws, damped):
 
 @pytest.mark.variants(6)
 @pytest.mark.parametrize(("ramp", "inertia"), [(0.0, None), (80.0, None), (0.0, 0.05)])
-def test_rows_obey_the_equation(law, damped, ramp, inertia):
-    """Rates are those of the values, and θ̈_c closes eq. 10; on a ramp and with a flywheel too."""
+def test_rows_satisfy_the_equation(law, damped, ramp, inertia):
+    """Rates are derivatives, and θ̈_c satisfies eq. 10, also on a ramp."""
     damped = dataclasses.replace(damped, flywheel_inertia=inertia)
     motion = solve(law, damped, REST, 2.0, 0.2, ramp)
     times, h = np.linspace(2.001, 2.199, 333), 1e-6
@@ -75,7 +75,7 @@ def test_rows_obey_the_equation(law, damped, ramp, inertia):
 
 
 def test_times_in_any_order(laws, damped):
-    """Shuffled times, single times and many at once give the same numbers."""
+    """Shuffled times, single times and sorted times give the same values."""
     motion = solve(laws["tm21"], damped, REST, 5.0, 0.3)
     times, order = 5.0 + 1e-4 * np.arange(3000), np.random.default_rng(1).permutation(3000)
     rows = motion.at(times)
@@ -88,7 +88,7 @@ def test_times_in_any_order(laws, damped):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("speed", [SLOW, -SLOW, 3.0])
 def test_periodic_state_returns(law, damped, speed):
-    """After one turn it is back, to 1e-11 of the peak twist, and where it is on the turn."""
+    """The periodic state returns after one turn, to 1e-11 of the peak twist."""
     _, state = steady_state(law, damped, speed)
     motion = solve(law, damped, state, 0.0, TURN / abs(speed))
     peak = np.abs(motion.at(1e-3 * motion.stop_time * np.arange(1000))[0]).max()
@@ -98,7 +98,7 @@ def test_periodic_state_returns(law, damped, speed):
 
 
 def test_resonance_has_no_periodic_state(laws, follower):
-    """Undamped, with whole periods in the turn, and a cam too flat to detune it; nor has rest."""
+    """An undamped shaft with whole periods per turn, and speed 0, are errors."""
     base = laws["poly345"]
     undamped = dataclasses.replace(follower, damping=0.0)
     p = TorsionalParameters(undamped, 0.02, 0.02 * (5 * SLOW) ** 2)
@@ -110,20 +110,20 @@ def test_resonance_has_no_periodic_state(laws, follower):
 
 
 @pytest.mark.parametrize("ramp", [0.0, 60.0])
-def test_a_stiff_shaft_turns_the_cam_like_the_drive(laws, ramp):
-    """With an almost rigid shaft the follower moves as in the kinetostatic model, on a ramp too."""
+def test_a_stiff_shaft_equals_the_kinetostatic_model(laws, ramp):
+    """With an almost rigid shaft the follower moves as in the kinetostatic model."""
     stiff = TorsionalParameters(FOLLOWER, 0.02, 1e9, 1e3)
     interval = Interval(0, 200 * MS, 0.0, 10.0 if ramp else SLOW, ramp)
     law = laws["poly345"]
-    one = MODELS["torsional"].advance(law, stiff, None, interval, 10_000)[1].rows
-    other = MODELS["kinetostatic"].advance(law, FOLLOWER, None, interval, 10_000)[1].rows
-    np.testing.assert_allclose(one[1], other[1], atol=1e-8)
-    np.testing.assert_allclose(one[4], other[4], atol=1e-2)
+    rows = MODELS["torsional"].advance(law, stiff, None, interval, 10_000)[1].rows
+    rigid = MODELS["kinetostatic"].advance(law, FOLLOWER, None, interval, 10_000)[1].rows
+    np.testing.assert_allclose(rows[1], rigid[1], atol=1e-8)
+    np.testing.assert_allclose(rows[4], rigid[4], atol=1e-2)
 
 
-# Along ramps: θ_v = θ₀ + ω t + α t²/2, the law at the twisted angle.
+# Ramps θ_v = θ₀ + ω t + α t²/2, with the law at the twisted angle
 
-#: Without a damper in the shaft, as the reference has it.
+#: Shaft without damping, as in the reference.
 SHAFT = TorsionalParameters(FOLLOWER, 0.02, 5e3)
 TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
 
@@ -134,7 +134,7 @@ TWIST = Twist(0.02, 5e3, 1.3, 8.642, 4030.0, 12.753)
     ("speed", "ramp", "duration"), [(0.0, 60.0, 0.5), (20.0, 100.0, 0.3), (45.0, -120.0, 0.37)]
 )
 def test_a_ramp_against_forty_digits(laws, many_digits, name, speed, ramp, duration):
-    """From rest, up and almost to rest, over a turn: to 1e-12 of the largest twist."""
+    """The twist on a ramp is exact to 1e-12 of its peak."""
     times = np.linspace(0.0, duration, 24)[1:]
     law = laws[name]
     inputs = (law.breaks, law.ordinates, speed, ramp, times, list(vars(TWIST).values()))
