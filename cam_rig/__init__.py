@@ -55,7 +55,8 @@ if TYPE_CHECKING:
     from cam_rig.studies.jump.jump_speed import jump_speed
     from cam_rig.studies.jump.study import jump
     from cam_rig.studies.laws.figures import plot_law
-    from cam_rig.studies.laws.study import law, list_laws
+    from cam_rig.studies.laws.rises import list_laws
+    from cam_rig.studies.laws.study import law
     from cam_rig.studies.noise.study import noise
     from cam_rig.studies.orders.study import orders
     from cam_rig.studies.profile.contour import contour
@@ -88,7 +89,7 @@ _HOMES = {
     "jump": "cam_rig.studies.jump.study",
     "jump_speed": "cam_rig.studies.jump.jump_speed",
     "law": "cam_rig.studies.laws.study",
-    "list_laws": "cam_rig.studies.laws.study",
+    "list_laws": "cam_rig.studies.laws.rises",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",

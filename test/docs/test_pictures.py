@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import re
 import time
-import urllib.request
 from pathlib import Path
+from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,6 +22,7 @@ from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, photographs, why_no
 from tools.docs.pictures import ANIMATION, SIDE_BY_SIDE, draw_pictures
 from tools.docs.turn_archive import TurnArchive, gap, read_turns
 
+from ..viewer.asking import ask
 from ..viewer.conftest import SmallBag
 from .conftest import DOCS, PAGES
 
@@ -59,8 +60,8 @@ def test_a_photograph_is_of_the_bags_own_layout(bag, tmp_path, monkeypatch):
     pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 
     def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
-        client = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-        assert client.open(address, timeout=60).status == 200
+        parts = urlsplit(address)
+        assert ask(address, f"{parts.path}?{parts.query}")[0] == 200
         assert settled in colours and colours == screenshot.SHOWN
         return pixels
 

@@ -22,7 +22,6 @@ from cam_rig.panel.lab.labs import lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook
 from cam_rig.panel.server import serve
-from cam_rig.viewer.web_server import LOCAL_HOST
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
 from ..processes import WAIT_S, children, until
@@ -170,7 +169,10 @@ class BrowserPage:
         page.on("websocket", lambda socket: self._note(socket.url))
 
     def _note(self, url):
-        if urlsplit(url).scheme not in ("data", "file") and urlsplit(url).hostname != LOCAL_HOST:
+        parts = urlsplit(url)
+        if parts.scheme not in ("data", "file") and not (parts.hostname or "").endswith(
+            ".localhost"
+        ):
             self.outside.append(url)
 
     def open(self, address, path=""):

@@ -77,7 +77,7 @@ def test_what_has_no_sheet_is_refused(tmp_path):
         ("vibration", [one], rig, r"periods of the stem .* allowed: 60"),
         ("noise", [one, two], rig, r"the same is the louder from \d+ to \d+ rpm"),
         ("noise", [arcs], rig, "allowed in lab 'noise': two that differ"),
-        *((lab, [held], rig, "closing spring alone") for lab in LABS),
+        *((lab, [held], rig, "only a closing spring") for lab in LABS),
     ):
         with pytest.raises(ConfigError, match=words):
             LabPages(lab_sheet(lab, cams, on), tmp_path)

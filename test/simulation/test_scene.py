@@ -38,7 +38,7 @@ def write_cam(tmp_path, config_dir, name, old, new):
 
 
 UNSPRUNG = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
-KIND = r"{0}\.yaml: follower\.type is '{0}'; allowed on a rig: one that a closing spr"
+KIND = r"{0}\.yaml: follower\.type is '{0}'; allowed on a rig: a follower that only a clos"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from cam_rig.show.result import Result
 from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
-    from cam_rig.studies.laws.study import CamLawsResult, RisesResult
+    from cam_rig.studies.laws.rises import RisesResult
+    from cam_rig.studies.laws.study import CamLawsResult
 
 
 Save = Annotated[
@@ -111,7 +112,7 @@ def laws(
 
     cam-rig laws --json -
     """
-    from cam_rig.studies.laws.study import list_laws
+    from cam_rig.studies.laws.rises import list_laws
 
     return list_laws(family)
 
@@ -125,7 +126,7 @@ def record(result: RisesResult | CamLawsResult, path: Path) -> None:
     from cam_rig.laws.catalogue import cam_curves, common_unit, rise_curves
     from cam_rig.show.looks import PER_RADIAN
     from cam_rig.studies.laws.chart import save_laws
-    from cam_rig.studies.laws.study import RisesResult
+    from cam_rig.studies.laws.rises import RisesResult
 
     if isinstance(result, RisesResult):
         curves = [rise_curves(name) for name in result.names]

@@ -19,7 +19,8 @@ from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapp
 from cam_rig.show.looks import DERIVATIVE_NAMES, DERIVATIVES, MM, PER_RADIAN, in_words, short, web
 from cam_rig.show.result import enable_notebook_display
 from cam_rig.show.tables import typeset_number
-from cam_rig.studies.laws.study import CamLawsResult, LawsResult, RisesResult
+from cam_rig.studies.laws.rises import LawsResult, RisesResult
+from cam_rig.studies.laws.study import CamLawsResult
 
 #: Colours of the panels.
 COLOURS = tuple(map(web, DERIVATIVES))

@@ -1,9 +1,9 @@
-"""Results of `cam-rig laws` and `cam-rig law`: peaks of rises, curves of cams."""
+"""Results of `cam-rig law`: curves, extremes and joints of cams."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,6 @@ from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law, catalogue
 from cam_rig.laws.cam import law_of
-from cam_rig.laws.catalogue import families
 from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.passages import LEVELS, passages
 from cam_rig.laws.segments import NAMED_RISES
@@ -23,138 +22,7 @@ from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.load import cam_path, config_root
 from cam_rig.show.looks import PER_RADIAN
 from cam_rig.show.result import Column, Records, Result
-from cam_rig.units import FloatArray
-
-
-@dataclass(frozen=True)
-class RiseRow:
-    """A law by name with its source and its peaks.
-
-    `figures` is None for a law whose peaks depend on the cam file.
-    """
-
-    law: str
-    source: str
-    figures: catalogue.Figures | None
-
-
-#: Columns of a table of rises.
-RISE_COLUMNS = (
-    Column("law"),
-    Column("source", heading="from, or by", doc="equation, or keys of the cam's file"),
-    *(
-        Column(f"peak_{order}", "", ".4f", order, f"figures.peak_{order}", missing="any")
-        for order in ("velocity", "acceleration", "jerk")
-    ),
-    Column(
-        "continuity",
-        heading="joins",
-        of="figures.continuity",
-        cell=lambda row: "any" if row.figures is None else f"C{row.figures.continuity}",
-        doc="order of the highest derivative without a jump",
-    ),
-)
-#: Caption of a table of rises.
-CAPTION = "Peaks for unit rise and unit span"
-
-
-def _rise_rows(names: Iterable[str]) -> list[RiseRow]:
-    """Return the rows of named rises."""
-    return [RiseRow(name, NAMED_RISES[name].source, catalogue.figures(name)) for name in names]
-
-
-@dataclass(frozen=True, repr=False)
-class LawsResult(Result):
-    """The named rises of one or all families.
-
-    Parameters
-    ----------
-    families : tuple of RiseFamily
-        The families.
-    free : bool
-        True if the laws whose peaks depend on the cam file are listed too.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> cam_rig.list_laws("end").to_pandas().law.tolist()
-    ['bezier4_end', 'bezier6_end', 'bezier8_end']
-    """
-
-    schema = "cam_rig.laws.1"
-    plot_function = "cam_rig.studies.laws.figures:laws_figure"
-    columns: ClassVar = {"laws": RISE_COLUMNS}
-
-    families: tuple[catalogue.RiseFamily, ...]
-    free: bool
-
-    def tables(self) -> list[Records]:
-        """Return the table `laws` in the order of the catalogue, one row per law."""
-        named = {name for family in self.families for name in family.rises}
-        rows = _rise_rows(name for name in NAMED_RISES if name in named)
-        if self.free:
-            free = catalogue.free_laws().items()
-            rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
-        return [self.table("laws", CAPTION, rows)]
-
-
-def _curve(key: str) -> Callable[[Any], Any]:
-    """Return the function that takes a curve from a result."""
-    return lambda result: result.curves[key]
-
-
-#: Steps of the curve of a rise.
-RISE_STEPS = 200
-#: Names of the derivatives of the lift, by order.
-QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
-#: Symbols of the derivatives of the lift, by order.
-SYMBOLS = ("s", "s'", "s''", "s'''")
-
-
-@dataclass(frozen=True, repr=False)
-class RisesResult(Result):
-    """Named rises of unit lift over a unit span.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the rises.
-    """
-
-    schema = "cam_rig.law_rises.1"
-    plot_function = "cam_rig.studies.laws.figures:rises_result_figure"
-    columns: ClassVar = {
-        "curves": (
-            Column("rise", of=_curve("rise")),
-            Column("u", of=_curve("u"), doc="fraction of the span"),
-            *(Column(key, of=_curve(key), doc="for unit rise and unit span") for key in QUANTITIES),
-        ),
-        "laws": RISE_COLUMNS,
-    }
-
-    names: tuple[str, ...]
-
-    @property
-    def labels(self) -> list[str]:
-        """Labels for the name of a figure's file: the names of the rises."""
-        return ["rises", *self.names]
-
-    @cached_property
-    def curves(self) -> dict[str, Any]:
-        """Curves by column, rise after rise."""
-        u = np.linspace(0.0, 1.0, RISE_STEPS + 1)
-        motion = np.hstack([catalogue.rise_values(name, u) for name in self.names])
-        rises = np.repeat(self.names, u.size)
-        return {"rise": rises, "u": np.tile(u, len(self.names))} | _by_order(motion)
-
-    def tables(self) -> list[Records]:
-        """Return `curves`, and `laws` with one row per rise."""
-        return [self.array_table("curves"), self.table("laws", CAPTION, _rise_rows(self.names))]
-
-
-def _by_order(motion: FloatArray) -> dict[str, FloatArray]:
-    """Return the rows of a motion by the names of their quantities."""
-    return dict(zip(QUANTITIES, motion, strict=True))
+from cam_rig.studies.laws.rises import QUANTITIES, SYMBOLS, RisesResult, by_order, curve_column
 
 
 @dataclass(frozen=True)
@@ -253,10 +121,10 @@ class CamLawsResult(Result):
     plot_function = "cam_rig.studies.laws.figures:cam_laws_figure"
     columns: ClassVar = {
         "curves": (
-            Column("cam", of=_curve("cam")),
-            Column("angle", "°", of=_curve("angle"), doc="cam angle"),
+            Column("cam", of=curve_column("cam")),
+            Column("angle", "°", of=curve_column("angle"), doc="cam angle"),
             *(
-                Column(key, f"mm{per}", of=_curve(key))
+                Column(key, f"mm{per}", of=curve_column(key))
                 for key, per in zip(QUANTITIES, PER_RADIAN, strict=True)
             ),
         ),
@@ -309,7 +177,7 @@ class CamLawsResult(Result):
             [np.stack([law(angle, i) for i in catalogue.ORDERS]) for _, law in self.cams]
         )
         names = np.repeat([cam.name for cam, _ in self.cams], angle.size)
-        return {"cam": names, "angle": np.tile(angle, len(self.cams))} | _by_order(motion)
+        return {"cam": names, "angle": np.tile(angle, len(self.cams))} | by_order(motion)
 
     @property
     def rough_joints(self) -> list[JointRow]:
@@ -427,46 +295,6 @@ def law(
         cam = source if isinstance(source, CamConfig) else load_cam(cam_path(source))
         cams.append((cam, law_of(path, cam)))
     return CamLawsResult(tuple(cams))
-
-
-@checked
-def list_laws(family: str | None = None) -> LawsResult:
-    """List the laws by name with their peaks per unit rise and unit span.
-
-    The table also has the continuity at the ends of each rise. The command is ``cam-rig laws``.
-
-    Parameters
-    ----------
-    family : str, optional
-        Family of rises: ``polynomial``, ``start`` or ``end`` (half-rises) or ``classical``
-        (default: all laws).
-
-    Returns
-    -------
-    LawsResult
-        One row per law.
-
-    Raises
-    ------
-    ConfigError
-        The family is unknown.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> table = cam_rig.list_laws("polynomial").to_pandas()
-    >>> table.law.tolist()[:2]
-    ['poly345', 'poly4567']
-    """
-    by_name = families()
-    if family is None:
-        return LawsResult(tuple(by_name.values()), free=True)
-    if family not in by_name:
-        hint = did_you_mean(family, by_name)
-        raise ConfigError(
-            f"--family {family!r}: no such family{hint}; allowed: {', '.join(by_name)}"
-        )
-    return LawsResult((by_name[family],), free=False)
 
 
 def _are_rises(names: Sequence[str], rises: bool) -> bool:
