@@ -316,7 +316,7 @@ def test_compose_builds_that_image():
 
 
 PACKAGE = {path: path.read_text(encoding="utf-8") for path in (ROOT / "cam_rig").rglob("*.py")}
-MAX_FILE, MAX_FUNCTION = 450, 60
+MAX_FILE, MAX_FUNCTION = 420, 60
 #: Where a statement has others.
 PARTS = ("body", "orelse", "handlers", "finalbody", "cases")
 
@@ -341,23 +341,34 @@ def test_a_class_name_is_defined_once(nodes):
     assert {name: count for name, count in names.items() if count > 1} == {}
 
 
+def lines_without_docstrings(node, first, last):
+    """Return the number of lines of a module, class or function without its docstrings."""
+    documented = [
+        inner.body[0].end_lineno - inner.body[0].lineno + 1
+        for inner in ast.walk(node)
+        if isinstance(inner, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and ast.get_docstring(inner)
+    ]
+    return last - first + 1 - sum(documented)
+
+
 def test_no_file_is_too_long_to_read():
-    """One thought a file: at most 450 lines."""
-    lines = {str(path): len(text.splitlines()) for path, text in PACKAGE.items()}
+    """A file has at most 420 lines without its docstrings, which grow with the parameters."""
+    lines = {
+        str(path): lines_without_docstrings(ast.parse(text), 1, len(text.splitlines()))
+        for path, text in PACKAGE.items()
+    }
     assert {path: count for path, count in lines.items() if count > MAX_FILE} == {}
 
 
 def test_no_function_is_longer_than_a_screen(nodes):
-    """At most 60 lines without its docstring, which grows with the parameters."""
-
-    def lines(node):
-        text = node.body[0] if ast.get_docstring(node) else None
-        documented = text.end_lineno - text.lineno + 1 if text else 0
-        return node.end_lineno - node.lineno + 1 - documented
-
-    functions = [(path, node) for path, node in nodes if isinstance(node, ast.FunctionDef)]
-    lengths = {f"{path}:{node.name}": lines(node) for path, node in functions}
-    assert {name: count for name, count in lengths.items() if count > MAX_FUNCTION} == {}
+    """A function has at most 60 lines without its docstring."""
+    lines = {
+        f"{path}:{node.name}": lines_without_docstrings(node, node.lineno, node.end_lineno)
+        for path, node in nodes
+        if isinstance(node, ast.FunctionDef)
+    }
+    assert {name: count for name, count in lines.items() if count > MAX_FUNCTION} == {}
 
 
 def test_no_name_is_sought_among_too_many():
