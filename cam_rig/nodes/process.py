@@ -13,9 +13,14 @@ from contextlib import contextmanager
 from types import FrameType
 
 import rclpy
+import rclpy.logging
+from rcl_interfaces.msg import Log
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import LoggingSeverity
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -35,11 +40,13 @@ SIGNAL_POLL_S = 0.1
 #: Time (s, wall clock) for DDS to shut down, which usually takes less than one second. It is
 #: shorter than the time after which the runner kills a node.
 MAX_TEARDOWN_S = 3
-#: Times (s, wall clock) for the error of a node that cannot start to reach /rosout: to discover a
-#: subscriber, which takes 0.06 to 0.08 s on a free machine, to poll for it, and to deliver.
+#: Time (s, wall clock) in which a node that cannot start looks for subscribers of /rosout in the
+#: graph. Discovery takes 0.06 to 0.08 s on a free machine.
 ROSOUT_DISCOVERY_S = 0.5
+#: Time (s, wall clock) for a subscriber in the graph to match, and then to acknowledge the error.
+ROSOUT_DELIVERY_S = 5.0
+#: Period (s) at which both are checked.
 ROSOUT_POLL_S = 0.02
-ROSOUT_DELIVERY_S = 0.2
 
 
 class StopRequest:
@@ -84,7 +91,7 @@ def run(name: str, make: Callable[[], RigNode]) -> None:
     request = StopRequest()
     # rclpy warns if a node could not be created, in addition to the error
     warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
-    RigNode.process_logger, invalid = None, ""
+    invalid = ""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         if stray := remove_ros_args(sys.argv)[1:]:
@@ -107,26 +114,31 @@ def first_line(error: Exception) -> str:
 
 
 def _fail(name: str, text: str, code: int) -> int:
-    """Log why a node cannot start, on /rosout as well, and return the exit code.
+    """Log why a node cannot start, also on /rosout, and return the exit code.
 
-    The node exists if its constructor has failed. Otherwise a plain node of its `name` takes its
-    place: the logger of a process without a node does not publish on /rosout.
+    The message on /rosout has a publisher of its own, because rclpy reports neither when the
+    publisher of a logger has matched nor when its message has arrived.
     """
+    rclpy.logging.get_logger(f"{name}.start").fatal(text)
     monitor = rclpy.create_node(
-        name,
-        use_global_arguments=False,
-        start_parameter_services=False,
-        enable_rosout=RigNode.process_logger is None,
+        name, use_global_arguments=False, start_parameter_services=False, enable_rosout=False
     )
-    deadline = time.monotonic() + ROSOUT_DISCOVERY_S
-    while not monitor.count_subscribers("/rosout") and time.monotonic() < deadline:
-        time.sleep(ROSOUT_POLL_S)
-    # rclpy reports neither when the logger's publisher has matched nor when the message has arrived
-    wait = ROSOUT_DELIVERY_S if monitor.count_subscribers("/rosout") else 0.0
-    time.sleep(wait)
-    (RigNode.process_logger or monitor.get_logger()).fatal(text)
-    time.sleep(wait)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = monitor.create_publisher(Log, "/rosout", latched)
+    stamp = monitor.get_clock().now().to_msg()
+    publisher.publish(Log(stamp=stamp, level=LoggingSeverity.FATAL, name=name, msg=text))
+    if _wait_for(lambda: monitor.count_subscribers("/rosout") > 0, ROSOUT_DISCOVERY_S):
+        _wait_for(lambda: publisher.get_subscription_count() > 0, ROSOUT_DELIVERY_S)
+        publisher.wait_for_all_acked(Duration(seconds=ROSOUT_DELIVERY_S))
     return code
+
+
+def _wait_for(condition: Callable[[], bool], seconds: float) -> bool:
+    """Wait at most `seconds` (wall clock) for a condition, and return True if it is met."""
+    deadline = time.monotonic() + seconds
+    while not (met := condition()) and time.monotonic() < deadline:
+        time.sleep(ROSOUT_POLL_S)
+    return met
 
 
 def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:

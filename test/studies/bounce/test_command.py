@@ -118,7 +118,7 @@ def test_it_goes_on_where_it_was_ended(tm21, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ({}, "allowed: resume to go on"),
+        ({}, "allowed: resume to continue"),
         ({"resume": True, "restitution": 0.6}, r"restitution is 0\.6, was 0\.7"),
         ({"resume": True, "law": "poly345"}, "law is poly345"),
         ({"start": "below"}, "out: keeps rows that begin on the cam, not below"),

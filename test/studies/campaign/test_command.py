@@ -223,7 +223,7 @@ def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
     dataset = CampaignDataset(out, open_campaign(path))
     with dataset.opened(False):
         dataset.write(measure_batch(dataset.campaign, 0, 2))
-    assert "--resume to go on" in call(path, "--out", out).stderr
+    assert "--resume to continue" in call(path, "--out", out).stderr
     other = call(path, "--out", out, "--resume", "--seed", 9)
     assert "is of another study" in other.stderr
     assert "plan.seed is 9, was 1; allowed" in other.stderr
