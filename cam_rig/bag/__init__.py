@@ -1,1 +1,1 @@
-"""Recordings: MCAP bags written, read, compared, recovered."""
+"""Recordings as MCAP bags: writing, reading, comparison and recovery."""
