@@ -89,7 +89,7 @@ def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_
     settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
-    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
+    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag contains" in refused.stderr
     rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)

@@ -53,8 +53,8 @@ def test_a_model_whose_turns_differ_is_told_from_one_that_jumps_alike_in_each():
     alike = np.where(np.abs(inside - places[turn]) < 20.0, 0.0, 50.0)
     places += rng.uniform(-45.0, 45.0, places.size)
     differing = np.where(np.abs(inside - places[turn]) < 20.0, 0.0, 50.0)
-    assert not departure(pair(noise, alike), False).restless
-    assert departure(pair(noise, differing), False).restless
+    assert not departure(pair(noise, alike), False).varies_by_turn
+    assert departure(pair(noise, differing), False).varies_by_turn
 
 
 def test_exactly_driven_there_is_no_noise():
@@ -116,9 +116,9 @@ def test_an_even_speed_is_one_number_for_all_turns():
     found = steady_stretches(Signal(time, counts(angle)), 3.0)
     assert [one.rpm for one in found] == pytest.approx([200.0, 317.0, 450.0], rel=2e-5)
     for stretch in found:
-        assert stretch.line and stretch.largest < COUNT
+        assert stretch.is_uniform and stretch.largest < COUNT
         inside = (time >= stretch.knots[0]) & (time <= stretch.knots[-1])
-        off = stretch.at(time[inside]) - angle[inside]
+        off = stretch.angle_at(time[inside]) - angle[inside]
         assert np.abs(off + 0.5 * COUNT).max() < 0.05 * COUNT
 
 
@@ -131,9 +131,9 @@ def test_a_speed_that_wavers_within_the_turn_is_followed():
     mean = 300.0 * RPM
     angle = mean * time + 0.015 * np.sin(2.0 * mean * time)
     (stretch,) = steady_stretches(Signal(time, counts(angle)), 3.0)
-    assert not stretch.line
+    assert not stretch.is_uniform
     inside = (time > stretch.knots[1]) & (time < stretch.knots[-2])
-    off = stretch.at(time[inside]) - angle[inside] + 0.5 * COUNT
+    off = stretch.angle_at(time[inside]) - angle[inside] + 0.5 * COUNT
     assert np.sqrt(np.mean(off**2)) < 0.15 * COUNT and np.abs(off).max() < 0.5 * COUNT
     speed = mean * (1.0 + 0.03 * np.cos(2.0 * mean * stretch.knots[1:-1]))
     wrong = np.abs(stretch.speed[1:-1] / speed - 1.0)
