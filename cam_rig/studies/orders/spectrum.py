@@ -1,8 +1,8 @@
 """Force and sound of a steady turn by orders of the cam.
 
 Order n is the frequency of n periods per turn. The coefficients of the force are
-c_n = (1/T) ∫ F e^{−inωt} dt over its period T. The sound pressure is p = g ω_c (F − q) with q̇ = ω_c (F − q), which
-is a factor per order.
+c_n = (1/T) ∫ F e^{−inωt} dt over its period T. The sound pressure is p = g ω_c (F − q) with
+q̇ = ω_c (F − q), which is a factor per order.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def polynomial_integral(ordinates: FloatArray, phase: FloatArray) -> ComplexArra
 
     `ordinates` are the Bernstein ordinates of the polynomial P, shape (p + 1,). In Legendre
     polynomials of x = 2u − 1 each term is a spherical Bessel function,
-    ∫₋₁¹ P_l e^{−iκx} dx = 2 (−i)^l j_l(κ). No term is therefore larger than the polynomial, for any φ.
+    ∫₋₁¹ P_l e^{−iκx} dx = 2 (−i)^l j_l(κ). No term is therefore larger than the polynomial, for
+    any φ.
     """
     terms = legendre_matrix(ordinates.size - 1) @ ordinates
     degrees = np.arange(terms.size)
