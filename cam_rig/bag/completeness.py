@@ -99,10 +99,9 @@ class Holdings:
         """
         newest = max((state.time_ns for _, state in self.states), default=0)
         planned = takewhile(lambda state: state.time_ns <= newest, cam_states(scene))
-        planned_states = {state.time_ns: state for state in planned}
+        by_time = {state.time_ns: state for state in planned}
         return bool(self.states) and all(
-            (planned_state := planned_states.get(state.time_ns)) is not None
-            and planned_state.cam == state.cam
+            (match := by_time.get(state.time_ns)) is not None and match.cam == state.cam
             for _, state in self.states
         )
 

@@ -168,8 +168,7 @@ def topic_list(bag: Path) -> str:
     """Return the topics of a bag with their types, for an error message."""
     connections = topics_of(bag).values()
     return (
-        ", ".join(f"{connection.topic} [{_type_text(connection)}]" for connection in connections)
-        or "no messages"
+        ", ".join(f"{topic.topic} [{_type_text(topic)}]" for topic in connections) or "no messages"
     )
 
 

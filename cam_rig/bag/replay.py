@@ -116,13 +116,11 @@ def compare(first: Path, second: Path) -> list[Difference]:
     return list(differences.values())
 
 
-def _add_values(
-    entry: Difference, values: FloatArray, other_values: FloatArray, label: str
-) -> None:
-    if values.shape != other_values.shape:
-        raise BagError(f"{label}: has {values.size} numbers, in the other bag {other_values.size}")
+def _add_values(entry: Difference, values: FloatArray, others: FloatArray, label: str) -> None:
+    if values.shape != others.shape:
+        raise BagError(f"{label}: has {values.size} numbers, in the other bag {others.size}")
     entry.count += values.size
-    difference = float(np.abs(values - other_values).max(initial=0.0))
+    difference = float(np.abs(values - others).max(initial=0.0))
     entry.difference = (
         max(entry.difference, difference) if np.isfinite(difference) else float("inf")
     )

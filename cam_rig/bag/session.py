@@ -152,14 +152,11 @@ class PendingDiagnostics:
 
     def due(self, until: int) -> Iterator[tuple[int, bytes]]:
         """Yield log time (ns) and message of all diagnostics up to a rig time (ns)."""
-        for diagnostic in sorted(pending for pending in self._waiting if pending.stamp <= until):
-            del self._waiting[diagnostic]
-            self._written.append(diagnostic)
+        for message in sorted(pending for pending in self._waiting if pending.stamp <= until):
+            del self._waiting[message]
+            self._written.append(message)
             # The offset of a few ns per node makes the order independent of scheduling.
-            yield (
-                diagnostic.stamp + 1 + topics.DIAGNOSED_NODES.index(diagnostic.node),
-                diagnostic.cdr,
-            )
+            yield (message.stamp + 1 + topics.DIAGNOSED_NODES.index(message.node), message.cdr)
 
 
 #: Number of bytes of a state that are its stamp. The clock message consists of them.

@@ -91,10 +91,8 @@ class _Readings:
         """
         name, notes = self.source.quantity, []
         if skipped := self.messages - len(self.values):
-            field_name = self.source.field or "number"
-            notes.append(
-                f"{name}: {skipped} of {self.messages} messages have no {field_name}: skipped."
-            )
+            path = self.source.field or "number"
+            notes.append(f"{name}: {skipped} of {self.messages} messages have no {path}: skipped.")
         times = np.frombuffer(self.stamps if self.headed else self.log_times, dtype=np.int64)
         values = np.frombuffer(self.values, dtype=np.float64) * self.source.factor
         if self.source.unit == "Pa":
@@ -107,10 +105,8 @@ class _Readings:
                 "dropped."
             )
         finite = np.isfinite(values)
-        if not_finite := int(np.count_nonzero(~finite)):
-            notes.append(
-                f"{name}: {not_finite} of {values.size} readings are not numbers: dropped."
-            )
+        if lost := int(np.count_nonzero(~finite)):
+            notes.append(f"{name}: {lost} of {values.size} readings are not numbers: dropped.")
         times, values = times[timed & finite], values[timed & finite]
         if disordered := int(np.count_nonzero(np.diff(times) < 0)):
             notes.append(f"{name}: {disordered} stamps are before the last one: sorted.")

@@ -178,7 +178,7 @@ def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Al
         modelled = stretch.angle_at(run.rows[0])
         last = modelled > modelled[-1] - TURN  # Fourier coefficients of the last whole turn
         wave = np.exp(1j * orders[:, None] * (modelled[last] + offset_guess))
-        modelled_orders = wave @ run.rows[1, last] / np.count_nonzero(last)
+        expected = wave @ run.rows[1, last] / np.count_nonzero(last)
         inside = (lift.time >= run.start) & (lift.time <= stretch.knots[-1])
         time, value = lift.time[inside], lift.value[inside]
         angle = stretch.angle_at(time)
@@ -194,9 +194,7 @@ def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Al
             centred = value[in_group] - value[in_group].mean()
             measured = np.exp(-1j * orders[:, None] * angle[in_group]) @ centred / count
             products = np.zeros(SEARCH_ANGLES, dtype=np.complex128)
-            products[1 : ORDERS + 1] = np.where(
-                orders <= count / 3, measured * modelled_orders, 0.0
-            )
+            products[1 : ORDERS + 1] = np.where(orders <= count / 3, measured * expected, 0.0)
             best = float(np.argmax(np.fft.fft(products).real)) * (TURN / SEARCH_ANGLES)
             rows.append((best, stretch.mean_speed, float(time[in_group].mean())))
     if not rows:
@@ -225,11 +223,9 @@ def _iterate(
         runs = [drive(stretch, alignment.offset) for stretch in stretches]
         alignment = _gauss_newton_step(alignment, runs, lift, names)
         time = max(stretch.knots[-1] for stretch in stretches)
-        time_change = abs(alignment.delay - before.delay) + time * abs(
-            alignment.drift - before.drift
-        )
+        shift = abs(alignment.delay - before.delay) + time * abs(alignment.drift - before.drift)
         speed, _ = _max_speed(stretches)
-        if abs(alignment.offset - before.offset) + speed * time_change < STEP_ATOL:
+        if abs(alignment.offset - before.offset) + speed * shift < STEP_ATOL:
             break
     return alignment
 
@@ -265,23 +261,18 @@ def _gauss_newton_step(
     residual = difference - alignment.zero - alignment.lag * sign
     # On a long dwell most readings do not depend on the angle.
     deviation = np.abs(residual - np.median(residual))
-    min_spread = MIN_SPREAD * float(np.ptp(modelled[has_model]))
-    is_used = deviation <= CLIP_SIGMAS * max(
-        float(np.percentile(deviation, 90.0)) / SIGMAS_OF_90_PERCENT, min_spread
-    )
+    spread = float(np.percentile(deviation, 90.0)) / SIGMAS_OF_90_PERCENT
+    spread = max(spread, MIN_SPREAD * float(np.ptp(modelled[has_model])))
+    is_used = deviation <= CLIP_SIGMAS * spread
     scale = np.abs(matrix).max(axis=0)
     scaled = matrix[is_used] / scale
     step, _, rank, _ = np.linalg.lstsq(scaled, difference[is_used], rcond=None)
     if rank < len(chosen):
         return alignment
-    remainder = difference[is_used] - scaled @ step
+    error = difference[is_used] - scaled @ step
     # Correlated residuals count as fewer, otherwise a clock error would be significant in any of
     # them.
-    variance = (
-        correlation_length(remainder)
-        * float(remainder @ remainder)
-        / max(remainder.size - len(chosen), 1)
-    )
+    variance = correlation_length(error) * float(error @ error) / max(error.size - len(chosen), 1)
     inverse = np.linalg.inv(scaled.T @ scaled)
     errors = dict(zip(chosen, np.sqrt(variance * np.diag(inverse)) / scale, strict=True))
     change = dict(zip(chosen, (step / scale).tolist(), strict=True))

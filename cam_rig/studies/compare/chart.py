@@ -48,11 +48,9 @@ def real_run_tabs(comparison: RunComparison) -> list[rrb.Vertical]:
     tabs = []
     for rows in group_by_cam(comparison.speeds):
         charts = [
-            rrb.Horizontal(
-                *(_view(rows, name, chart, axes) for chart, axes in axes_by_chart.items())
-            )
+            rrb.Horizontal(*(_view(rows, name, chart, axes) for chart, axes in views.items()))
             for name in QUANTITIES
-            if (axes_by_chart := _axes(rows, name))
+            if (views := _axes(rows, name))
         ]
         tabs.append(rrb.Vertical(*charts, name=title_of(comparison.loaded.titles, rows[0].cam)))
     return tabs

@@ -65,22 +65,18 @@ def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> 
     `speeds` are in rpm, and `peaks` in Hz or None. Returns None if the frequency changes with the
     speed, because a natural frequency of a sensor does not.
     """
-    known_peaks = [
-        (speed, peak) for speed, peak in zip(speeds, peaks, strict=True) if peak is not None
-    ]
-    if len(known_peaks) < 2:
+    known = [(speed, peak) for speed, peak in zip(speeds, peaks, strict=True) if peak is not None]
+    if len(known) < 2:
         return None
-    middle = float(np.median([peak for _, peak in known_peaks]))
-    common_speeds = [
-        speed for speed, peak in known_peaks if abs(peak - middle) <= FREQUENCY_RTOL * middle
-    ]
+    middle = float(np.median([peak for _, peak in known]))
+    common = [speed for speed, peak in known if abs(peak - middle) <= FREQUENCY_RTOL * middle]
     if (
-        len(common_speeds) < 2
-        or 2 * len(common_speeds) <= len(known_peaks)
-        or max(common_speeds) < (1.0 + MIN_SPEED_RANGE) * min(common_speeds)
+        len(common) < 2
+        or 2 * len(common) <= len(known)
+        or max(common) < (1.0 + MIN_SPEED_RANGE) * min(common)
     ):
         return None
-    if middle < MIN_RESONANCE_ORDER * max(common_speeds) / 60.0:
+    if middle < MIN_RESONANCE_ORDER * max(common) / 60.0:
         return None
     return middle
 
@@ -139,9 +135,7 @@ class SpeedDeparture:
     @property
     def exact(self) -> bool:
         """True if the model was driven sample by sample with the recorded cam states."""
-        return any(
-            deviation is not None and deviation.exact for deviation in (self.lift, self.force)
-        )
+        return any(part is not None and part.exact for part in (self.lift, self.force))
 
     @property
     def agrees(self) -> bool:
@@ -149,7 +143,7 @@ class SpeedDeparture:
 
         Without noise they must agree within rounding.
         """
-        return all(deviation is None or deviation.within for deviation in (self.lift, self.force))
+        return all(part is None or part.within for part in (self.lift, self.force))
 
     @property
     def later(self) -> float | None:
@@ -169,9 +163,7 @@ def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[Spe
 def _speed_departure(step: PairedStep, law: Law) -> SpeedDeparture:
     pairs = {"lift": step.lift, "force": step.force}
     lift, force = (None if pair is None else departure(pair, step.exact) for pair in pairs.values())
-    is_different = (
-        step.force is not None and force is not None and not step.exact and not force.within
-    )
+    differs = step.force is not None and force is not None and not step.exact and not force.within
     return SpeedDeparture(
         cam=step.cam,
         rpm=step.rpm,
@@ -181,7 +173,7 @@ def _speed_departure(step: PairedStep, law: Law) -> SpeedDeparture:
         contact=lost_contact(step, law),
         measured_db=step.levels[0],
         model_db=step.levels[1],
-        peak_hz=peak_frequency(step.force) if is_different and step.force is not None else None,
+        peak_hz=peak_frequency(step.force) if differs and step.force is not None else None,
         drawn={name: _last_turn(pair) for name, pair in pairs.items() if pair is not None},
     )
 
@@ -247,9 +239,7 @@ def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]
     contacts = [(row.rpm, row.contact) for row in rows if row.contact is not None]
     by_speed = {
         ("lift_offs", "1/turn"): [(part.measured - part.model, rpm) for rpm, part in contacts],
-        ("events_later", "s"): [
-            (part.shift, rpm) for rpm, part in contacts if part.shift is not None
-        ],
+        ("events_later", "s"): [(c.shift, rpm) for rpm, c in contacts if c.shift is not None],
         ("level", "dB"): [
             (row.level_difference, row.rpm) for row in rows if row.level_difference is not None
         ],
@@ -285,37 +275,31 @@ class AlignmentNumber:
 
 def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
     """Return the numbers by which the readings of a bench were aligned with the cam."""
-    alignment, from_lift = pairs.alignment, Origin.FROM_LIFT
-    is_identified = alignment.is_significant("offset") or alignment.errors[0] > 0.0
+    fit, from_lift = pairs.alignment, Origin.FROM_LIFT
+    is_identified = fit.is_significant("offset") or fit.errors[0] > 0.0
     origin = Origin.GIVEN if pairs.given else from_lift if is_identified else Origin.ASSUMED
     residual = max((stretch.largest for stretch in pairs.stretches), default=0.0)
-    uneven_fraction = sum(not stretch.is_uniform for stretch in pairs.stretches) / max(
+    uneven = sum(not stretch.is_uniform for stretch in pairs.stretches) / max(
         1, len(pairs.stretches)
     )
     return [
-        AlignmentNumber("cam_angle_offset", alignment.offset, "rad", origin),
+        AlignmentNumber("cam_angle_offset", fit.offset, "rad", origin),
         AlignmentNumber(
             *("encoder_counts", TURN / pairs.count if pairs.count else None, "1/turn"),
             Origin.FROM_ANGLE,
         ),
         AlignmentNumber("angle_residual", residual, "rad", Origin.FROM_ANGLE),
-        AlignmentNumber("uneven_speed", uneven_fraction, "1", Origin.FROM_ANGLE),
+        AlignmentNumber("uneven_speed", uneven, "1", Origin.FROM_ANGLE),
         AlignmentNumber("left_out_time", pairs.left_out, "1", Origin.FROM_ANGLE),
-        AlignmentNumber("sensor_clock_drift", alignment.drift, "1", from_lift),
-        AlignmentNumber("sensor_stamp_delay", alignment.delay, "s", from_lift),
+        AlignmentNumber("sensor_clock_drift", fit.drift, "1", from_lift),
+        AlignmentNumber("sensor_stamp_delay", fit.delay, "s", from_lift),
         AlignmentNumber(
-            "lift_zero",
-            alignment.zero if alignment.is_significant("zero") else None,
-            "m",
-            from_lift,
+            "lift_zero", fit.zero if fit.is_significant("zero") else None, "m", from_lift
         ),
         # Hysteresis is twice the lag. A negative value means that the lift trails its motion, as
         # with backlash.
         AlignmentNumber(
-            "lift_hysteresis",
-            2.0 * alignment.lag if alignment.is_significant("lag") else None,
-            "m",
-            from_lift,
+            "lift_hysteresis", 2.0 * fit.lag if fit.is_significant("lag") else None, "m", from_lift
         ),
     ]
 

@@ -98,22 +98,12 @@ def _curves(axes: Axes, turn: PairedSignal, factor: float, colour: str, name: st
 
 
 def _difference(axes: Axes, turn: PairedSignal, factor: float) -> None:
+    counted = turn.away_from_jumps
     axes.axhline(0.0, color="0.1", lw=0.8)
     difference = turn.difference * factor
     dots: dict[str, Any] = {"lw": 0.0, "marker": ".", "ms": 2.5}
-    if not turn.away_from_jumps.all():
-        is_near_jump = ~turn.away_from_jumps
-        axes.plot(
-            turn.degrees[is_near_jump],
-            difference[is_near_jump],
-            color="0.7",
-            label=NEAR_JUMP_LABEL,
-            **dots,
-        )
-    axes.plot(
-        turn.degrees[turn.away_from_jumps],
-        difference[turn.away_from_jumps],
-        color=web(colours.LIMIT),
-        **dots,
-    )
+    if not counted.all():
+        near = ~counted
+        axes.plot(turn.degrees[near], difference[near], color="0.7", label=NEAR_JUMP_LABEL, **dots)
+    axes.plot(turn.degrees[counted], difference[counted], color=web(colours.LIMIT), **dots)
     turn_axis(axes)

@@ -118,19 +118,15 @@ def standstills(angle: Signal) -> FloatArray:
 
     Short stops are left out.
     """
-    max_range = max(STILL_ANGLE, 1.5 * encoder_count(angle.value))
+    limit = max(STILL_ANGLE, 1.5 * encoder_count(angle.value))
     first = np.arange(0, angle.time.size, STILL_READINGS)
     last = np.minimum(first + STILL_READINGS, angle.time.size - 1)
     low, high = (extreme.reduceat(angle.value, first) for extreme in (np.minimum, np.maximum))
-    is_still = (high - low <= max_range) & (
-        np.abs(angle.value[last] - angle.value[first]) <= max_range
-    )
+    is_still = (high - low <= limit) & (np.abs(angle.value[last] - angle.value[first]) <= limit)
     # Between two equal readings of the angle, as in a gap, the motion of the cam is unknown.
     gaps = angle.gaps()[:, 0]
-    is_within_readings = np.searchsorted(gaps, angle.time[first]) == np.searchsorted(
-        gaps, angle.time[last]
-    )
-    selected = is_still & is_within_readings & (last - first == STILL_READINGS)
+    is_bounded = np.searchsorted(gaps, angle.time[first]) == np.searchsorted(gaps, angle.time[last])
+    selected = is_still & is_bounded & (last - first == STILL_READINGS)
     return np.column_stack([angle.time[first[selected]], angle.time[last[selected]]])
 
 

@@ -238,9 +238,7 @@ class MeasuredPairs:
         It is 0 if the motion passes through all readings.
         """
         count = encoder_count(self.run.angle.value)
-        is_rounded = any(
-            stretch.scatter > MIN_ROUNDING_COUNTS * count for stretch in self.stretches
-        )
+        is_rounded = any(part.scatter > MIN_ROUNDING_COUNTS * count for part in self.stretches)
         return count if is_rounded else 0.0
 
     @property
@@ -303,11 +301,9 @@ def _mark_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
 
     There the force depends on the times of the events.
     """
-    half_width = max(
-        JUMP_ANGLE / model.stretch.mean_speed, 2.0 * float(np.diff(model.rows[0, :2])[0])
-    )
+    width = max(JUMP_ANGLE / model.stretch.mean_speed, 2.0 * float(np.diff(model.rows[0, :2])[0]))
     around = [
-        np.interp(pair.time + fraction * half_width, model.rows[0], model.rows[4])
+        np.interp(pair.time + fraction * width, model.rows[0], model.rows[4])
         for fraction in (-1.0, -0.5, 0.0, 0.5, 1.0)
     ]
     near_jump = np.ptp(around, axis=0) > JUMP_FRACTION * float(np.ptp(pair.model))

@@ -36,22 +36,18 @@ def _departure_columns(name: str, unit: str) -> tuple[Column, ...]:
     """
 
     def noise(row: SpeedDeparture) -> Cell:
-        deviation = getattr(row, name)
-        return (
-            None
-            if row.exact or deviation is None
-            else deviation.noise / SI_UNITS.get(unit, ("", 1.0))[1]
-        )
+        part = getattr(row, name)
+        return None if row.exact or part is None else part.noise / SI_UNITS.get(unit, ("", 1.0))[1]
 
     def mark(row: SpeedDeparture) -> Cell:
-        deviation = getattr(row, name)
-        if deviation is None or not deviation.within:
-            return "~" if deviation is not None and deviation.varies_by_turn else None
+        part = getattr(row, name)
+        if part is None or not part.within:
+            return "~" if part is not None and part.varies_by_turn else None
         return "=" if row.exact else "*"
 
     def angle(row: SpeedDeparture) -> float | None:
-        deviation = getattr(row, name)
-        return None if deviation is None else math.radians(deviation.degrees)
+        part = getattr(row, name)
+        return None if part is None else math.radians(part.degrees)
 
     return (
         Column(f"{name}_rms", unit, ".3g", f"{name} r.m.s.", f"{name}.rms"),

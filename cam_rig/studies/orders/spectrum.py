@@ -166,12 +166,9 @@ class OrderSpectrum:
 
     def up_to(self, highest: float) -> OrderSpectrum:
         """Return the spectrum without the orders above `highest`."""
-        count = int(np.searchsorted(self.orders, highest, side="right"))
+        size = int(np.searchsorted(self.orders, highest, side="right"))
         return replace(
-            self,
-            orders=self.orders[:count],
-            force=self.force[:count],
-            pressure=self.pressure[:count],
+            self, orders=self.orders[:size], force=self.force[:size], pressure=self.pressure[:size]
         )
 
     @property
@@ -203,9 +200,9 @@ def force_orders(steady: SteadyForce, rates: FloatArray, contact_time: float) ->
     for piece in steady.pieces:
         integral = piece.length * polynomial_integral(piece.ordinates, rates * piece.length)
         if piece.free is not None:
-            vibration = piece.free
+            free = piece.free
             integral = integral + vibration_integral(
-                vibration.matrix, vibration.row, vibration.start, piece.length, rates
+                free.matrix, free.row, free.start, piece.length, rates
             )
         total += np.exp(-1j * rates * piece.begin) * integral
     pulse = pulse_integral(rates * contact_time)
@@ -316,7 +313,7 @@ def quantities_of(studies: Iterable[CamOrders]) -> dict[str, str]:
     The level is left out if the rig has no sound parameters.
     """
     has_sound = all(
-        math.isfinite(spectrum.background_db) for study in studies for spectrum in study.spectra
+        math.isfinite(each.background_db) for study in studies for each in study.spectra
     )
     return {name: title for name, title in QUANTITIES.items() if has_sound or name != "level"}
 

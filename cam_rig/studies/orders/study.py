@@ -126,9 +126,7 @@ class OrdersResult(Result):
     @property
     def speed_rows(self) -> list[OrdersRow]:
         """One row per cam and speed."""
-        return [
-            OrdersRow(study.cam, spectrum) for study in self.studies for spectrum in study.spectra
-        ]
+        return [OrdersRow(study.cam, each) for study in self.studies for each in study.spectra]
 
     @property
     def speeds(self) -> Records:
@@ -240,10 +238,8 @@ def orders(
         raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
     laws, titles, chosen, own_model, own_rpm = _resolve_source(source, cam, rig)
     speeds = own_rpm if rpm is None else speeds_within(rpm)
-    speeds_rad_s = [speed * RPM for speed in speeds]
-    studies = waterfall(
-        laws, model_named(model or own_model), chosen, speeds_rad_s, orders, progress
-    )
+    rad_s = [speed * RPM for speed in speeds]
+    studies = waterfall(laws, model_named(model or own_model), chosen, rad_s, orders, progress)
     return OrdersResult(studies, titles)
 
 
