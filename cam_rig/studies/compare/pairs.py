@@ -150,9 +150,7 @@ class RecordedPairs:
                     pressure = microphone.listen(block.rows, block.interval.mean_speed)
                 yield TickSamples(start, block.interval, block.rows), pressure, placed
             start = state
-            if not self._is_compared(
-                state.cam
-            ):  # the state ended the last tick of the previous cam
+            if not self._is_compared(state.cam):  # the state ends the last tick of the other cam
                 start = None
                 follower.put_down()
 
