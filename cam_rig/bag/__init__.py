@@ -1,1 +1,1 @@
-"""Recordings as MCAP bags: writing, reading, comparison and recovery."""
+"""Recordings: MCAP bags written, read, compared, recovered."""
