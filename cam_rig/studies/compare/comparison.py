@@ -277,7 +277,9 @@ def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
     """Return the numbers by which the readings of a bench were aligned with the cam."""
     fit, from_lift = pairs.alignment, Origin.FROM_LIFT
     is_identified = fit.is_significant("offset") or fit.errors[0] > 0.0
-    origin = Origin.GIVEN if pairs.given else from_lift if is_identified else Origin.ASSUMED
+    origin = (
+        Origin.GIVEN if pairs.is_offset_given else from_lift if is_identified else Origin.ASSUMED
+    )
     residual = max((stretch.largest for stretch in pairs.stretches), default=0.0)
     uneven = sum(not stretch.is_uniform for stretch in pairs.stretches) / max(
         1, len(pairs.stretches)

@@ -219,7 +219,7 @@ MIN_ROUNDING_COUNTS = 0.1
 class MeasuredPairs:
     """Pairs of a measured run and the model of a scene.
 
-    `given` is True if the encoder's zero was given.
+    `is_offset_given` is True if the encoder's zero was given.
     """
 
     run: MeasuredRun
@@ -227,7 +227,7 @@ class MeasuredPairs:
     cam: str
     stretches: tuple[SteadyStretch, ...]
     alignment: Alignment
-    given: bool = False
+    is_offset_given: bool = False
 
     @property
     def count(self) -> float:
