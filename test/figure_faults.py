@@ -1,4 +1,4 @@
-"""What is wrong with a figure as a reader would see it: cut, overlapping or too small texts."""
+"""Faults of a figure in print: cut off, overlapping, or too small texts."""
 
 from __future__ import annotations
 
@@ -14,16 +14,20 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-#: Smallest type (pt) at the width (in) that a journal prints.
-SMALLEST, WIDEST = 7.0, 170.0 / 25.4
-#: A hyphen in place of a minus, and an exponent that is not typeset.
-HYPHEN, EXPONENT = re.compile(r"(?<![\w-])-\d"), re.compile(r"\de[+-]?\d")
-#: Pixels by which boxes may touch: those of a glyph are rounded up.
+#: Smallest font size of a printed figure, pt.
+SMALLEST = 7.0
+#: Largest width of a printed figure, in.
+WIDEST = 170.0 / 25.4
+#: Hyphen in place of a minus.
+HYPHEN = re.compile(r"(?<![\w-])-\d")
+#: Exponent that is not typeset.
+EXPONENT = re.compile(r"\de[+-]?\d")
+#: Number of pixels by which boxes may overlap. Those of a glyph are rounded up.
 TOUCH = 1.0
 
 
 def faults(figure: Figure) -> list[str]:
-    """One line for each fault; none for a figure that may be printed."""
+    """Return one line per fault. The result is empty for a printable figure."""
     figure.draw_without_rendering()
     found = [] if figure.get_figwidth() <= WIDEST + 1e-9 else ["wider than 170 mm"]
     texts = [text for text in figure.findobj(Text) if text.get_text().strip()]
@@ -34,7 +38,9 @@ def faults(figure: Figure) -> list[str]:
         if HYPHEN.search(words) or EXPONENT.search(words):
             found.append(f"{words!r}: not typeset")
     labels = list(_labels(figure))
-    boxes = [(text, Text.get_window_extent(text)) for text in labels]  # without an arrow
+    boxes = [
+        (text, Text.get_window_extent(text)) for text in labels
+    ]  # without the arrow of an annotation
     page = figure.bbox.padded(TOUCH)
     for text, box in boxes:
         if not (
@@ -69,7 +75,7 @@ def no_faulty_figure(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _labels(figure: Figure) -> Iterator[Text]:
-    """Ticks in view, names of axes, titles, legends, and words beside curves."""
+    """Yield the visible texts: tick labels, axis labels, titles, legends, annotations."""
     for axes in figure.findobj(Axes):
         if axes.get_visible() and axes.axison:
             texts = [child for child in axes.get_children() if isinstance(child, Text)]

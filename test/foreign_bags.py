@@ -1,4 +1,4 @@
-"""Bags of a bench that knows nothing of this package: standard messages, written by rosbags."""
+"""Bags of a test bench without this package: standard messages by rosbags."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ TYPES = get_typestore(Stores.ROS2_KILTED)
 TIME, HEADER = (
     TYPES.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
 )
-#: The wall's time at which such a run begins, ns.
+#: Wall-clock time (ns) at which the run starts.
 BEGIN = 1_767_225_600_000_000_000
 
 
@@ -39,9 +39,10 @@ def wrench(stamp, value):
 
 
 def write_bag(path, topics, plugin=StoragePlugin.MCAP):
-    """A bag of ``topics``: name -> (maker of messages, times in s from its begin, values).
+    """Write a bag of `topics`: name -> (function for a message, times in s, values).
 
-    The bag's time is half a millisecond after the stamp, and never goes back within a topic.
+    Times count from `BEGIN`. The log time is half a millisecond after the stamp, and never
+    decreases within a topic.
     """
     rows = [
         (BEGIN + round(time * NS), name, make, value)
@@ -61,7 +62,7 @@ def write_bag(path, topics, plugin=StoragePlugin.MCAP):
 
 
 def write_rigs(path, bag, *namespaces):
-    """The messages of a bag of the rig, once in each namespace."""
+    """Write the messages of a bag of the rig once per namespace."""
     with BagWriter(path) as writer:
         for connection, time_ns, data in raw_messages(bag, set(read_counts(bag))):
             for namespace in namespaces:

@@ -1,22 +1,25 @@
-"""What Linux's own tables tell of processes, and a wait for what they do."""
+"""Processes as shown by /proc, and waiting for conditions."""
 
 import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
 
-#: Wall time (s) after which something that has not come true never will, however busy the machine.
+#: Wall-clock time (s) after which a condition has failed, also on a busy machine.
 WAIT_S = 100.0
 
 
 def ended(*command, **how):
-    """Return a process that has ended, with its output as text."""
+    """Run a command to its end, and return it with its output as text."""
     words, pipes = [*map(str, command)], {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.run(words, text=True, check=False, **{"timeout": WAIT_S} | pipes | how)
 
 
 def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):
-    """Wait step by step until a condition that another thread or process meets, and return it."""
+    """Wait until a condition of another thread or process is true.
+
+    Returns the value of the condition. `said` returns a text for the error message.
+    """
     end = time.monotonic() + wait
     while not (result := condition()):
         assert time.monotonic() < end, f"it never came true {said()}"
@@ -25,7 +28,7 @@ def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S
 
 
 def text_of(place):
-    """What stands at a place in /proc; nothing where it has gone meanwhile."""
+    """Return the text of a file in /proc, or empty if it does not exist."""
     try:
         return Path(place).read_text(encoding="utf-8")
     except OSError:
@@ -33,28 +36,31 @@ def text_of(place):
 
 
 def children(pid):
-    """The words of each process's command that one has begun, by their numbers."""
+    """Return the command of each child process as a list of words, by process id."""
     found = " ".join(map(text_of, Path(f"/proc/{pid}/task").glob("*/children"))).split()
     return {int(child): text_of(f"/proc/{child}/cmdline").split("\0") for child in found}
 
 
 def takes(pid, number):
-    """Whether a process handles a signal; `handle_signals` sets that of a hang-up last."""
+    """Return True if a process handles a signal.
+
+    `handle_signals` installs the handler of SIGHUP last.
+    """
     caught = text_of(f"/proc/{pid}/status").partition("SigCgt:")[2].split()
     return bool(caught) and bool(int(caught[0], 16) >> (number - 1) & 1)
 
 
 def is_running(pid):
-    """Whether there is such a process that has not ended."""
+    """Return True if the process exists and has not ended."""
     stat = text_of(f"/proc/{pid}/stat")
     return stat != "" and stat.rpartition(")")[2].split()[0] != "Z"
 
 
 def sockets(pid, *tables):
-    """The rows of tables, such as tcp and udp6, that are of a process's sockets, cell by cell."""
+    """Return the rows of tables, such as tcp and udp6, of the sockets of a process."""
     inodes = set()
     for link in Path(f"/proc/{pid}/fd").iterdir():
-        with suppress(OSError):  # closed since it was listed
+        with suppress(OSError):  # closed after it was listed
             inodes.add(str(link.readlink()).removeprefix("socket:[").rstrip("]"))
     lines = (
         line

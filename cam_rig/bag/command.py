@@ -1,23 +1,14 @@
-"""cam-rig analyze: the noise comparison from a bag."""
+"""The command cam-rig recover, and the newest recording in bags/."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cam_rig.show.command import command
 from cam_rig.show.terminal import say
-
-if TYPE_CHECKING:
-    pass
-
-
-# cam-rig export: the samples of a run as named columns in a file.
-
-
-# cam-rig recover: a valid bag from one that is truncated or damaged.
 
 
 @command()
@@ -30,10 +21,10 @@ def recover(
         ),
     ] = None,
 ) -> None:
-    """Copy everything readable of a damaged or unfinished bag into a new, valid one.
+    """Copy everything readable of a damaged or unfinished bag into a new, valid bag.
 
-    The damaged bag is left as it is. What is missing is printed: ticks of the scene, or messages.
-    A recovery that was interrupted can be repeated.
+    The damaged bag is not changed. The command prints the missing ticks of the scene, or the
+    missing messages. A recovery that was interrupted can be repeated.
 
     Examples
     --------
@@ -43,18 +34,23 @@ def recover(
     """
     from cam_rig.bag.recover import recover as recover_bag
 
-    place = bag if bag.name not in ("", "..") else bag.resolve()
-    target = output or place.parent / (f"{place.stem if place.is_file() else place.name}_recovered")
+    source = bag if bag.name not in ("", "..") else bag.resolve()
+    target = output or source.parent / (
+        f"{source.stem if source.is_file() else source.name}_recovered"
+    )
     say(f"{target}: {recover_bag(bag, target).words}")
 
 
 def newest_bag() -> Path:
-    """The bag under ``bags/`` that was written last, of those that were closed."""
+    """Return the closed bag under ``bags/`` that was written last.
+
+    Raises BagError if there is no closed bag.
+    """
     from cam_rig.bag.files import METADATA, is_unclosed
     from cam_rig.errors import BagError
 
-    found = sorted(Path("bags").glob(f"*/{METADATA}"), key=lambda p: p.stat().st_mtime)
-    for bag in (file.parent for file in reversed(found)):
+    metadata_files = sorted(Path("bags").glob(f"*/{METADATA}"), key=lambda p: p.stat().st_mtime)
+    for bag in (file.parent for file in reversed(metadata_files)):
         if not is_unclosed(bag):
             return bag
         say(f"{bag}: was not closed, an older one is taken; see: cam-rig recover")

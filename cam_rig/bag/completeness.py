@@ -1,6 +1,6 @@
-"""What a recording lacks, in numbers: by its scene, by its states, by its sequence numbers.
+"""Missing messages of a recording, by its scene, states or sequence numbers.
 
-The ticks of a scene are counted from 1, and so are the messages of a topic.
+The ticks of a scene and the messages of a topic are counted from 1.
 """
 
 from __future__ import annotations
@@ -20,11 +20,15 @@ from cam_rig.messages.topics import RECEIVED, RECORDING, Topic, occasions, recor
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
-# Whether a bag holds every message of every tick of its scene.
+# Check that a bag contains every message of every tick of its scene.
 
 
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
-    """Messages a topic, when none is missing that the states in the bag make it hold."""
+    """Return the number of messages per topic of a complete bag.
+
+    Raises BagError if a tick of the scene is missing, or a message that the states in the bag
+    require.
+    """
     counts = read_counts(bag)
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
     if len(states) <= tick_count(scene):
@@ -42,38 +46,41 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
 
 
 def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
-    """Topics that have a message at a state's time, by the state before it (None at the first)."""
-    there = occasions(before, state)
-    return tuple(topic for topic in RECEIVED if topic.per in there)
+    """Return the topics that have a message at the time of a state.
+
+    `before` is the previous state, or None for the first.
+    """
+    current = occasions(before, state)
+    return tuple(topic for topic in RECEIVED if topic.per in current)
 
 
 def expected_counts(states: list[CamState]) -> dict[str, int]:
-    """How many ticks, states, cams and speeds there are in a series of states."""
+    """Return the number of ticks, states, cams and speeds in a series of states."""
     moves = zip([None, *states], states, strict=False)
-    found = Counter(per for move in moves for per in occasions(*move))
-    return {per: found[per] for per in ("tick", "state", "cam", "speed")}
+    counts = Counter(per for move in moves for per in occasions(*move))
+    return {per: counts[per] for per in ("tick", "state", "cam", "speed")}
 
 
-#: Ticks of a scene, at most, of which what a recording lacks at its end is counted.
+#: Largest number of ticks of a scene for which the missing end of a recording is counted.
 MAX_COUNTED = 100_000
-#: Gaps that are named one by one; of more, the number is given.
+#: Largest number of gaps that are listed. Of more gaps, the number is given.
 MAX_NAMED = 6
-#: The number of a state, the one before it where that is known, and the state.
+#: Number of a state, the previous state if it is known, and the state.
 Move = tuple[int, CamState | None, CamState]
-#: The numbers of states at which topics have no message, and the names of these.
-Lacking = list[tuple[int, frozenset[str]]]
+#: Numbers of states, and names of the topics without a message there.
+MissingMessages = list[tuple[int, frozenset[str]]]
 
 
 @dataclass
 class Holdings:
-    """The times (ns) of the messages that a recording has, their numbers, and its states."""
+    """Times (ns), sequence numbers and states of the messages of a recording."""
 
     times: dict[str, set[int]] = field(default_factory=dict)
     numbers: dict[str, set[int]] = field(default_factory=dict)
     states: list[tuple[int, CamState]] = field(default_factory=list)
 
     def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
-        """Note a message, if it is of a topic of the rig."""
+        """Note a message if its topic belongs to the rig."""
         if (topic := recorded_topic(name)) is None:
             return
         self.times.setdefault(topic.name, set()).add(log_time)
@@ -82,27 +89,31 @@ class Holdings:
             try:
                 message = read_message(topics.CAM_STATE, cdr)[0]
                 self.states.append((number, cam_state_of(message)))
-            except RefusedError:  # of a damaged part; it is counted where that is reported
+            except RefusedError:  # from damaged bytes, which the reader reports
                 pass
 
     def follows(self, scene: SceneConfig) -> bool:
-        """Whether every state is one of the scene's; not where an operator overrode it."""
+        """Return True if every state is a state of the scene.
+
+        The result is False if an operator has changed the run.
+        """
         newest = max((state.time_ns for _, state in self.states), default=0)
         planned = takewhile(lambda state: state.time_ns <= newest, cam_states(scene))
-        known = {state.time_ns: state for state in planned}
+        by_time = {state.time_ns: state for state in planned}
         return bool(self.states) and all(
-            (there := known.get(state.time_ns)) is not None and there.cam == state.cam
+            (match := by_time.get(state.time_ns)) is not None and match.cam == state.cam
             for _, state in self.states
         )
 
 
 @dataclass(frozen=True)
 class Loss:
-    """What is missing: each gap in words, how many messages, and where the recording ends.
+    """Missing messages of a recording.
 
-    ``gaps`` are those that are known; ``open_end`` says that what came after the last message is
-    missing too, and it is not known how much; ``ends`` is how far a recording went that was closed
-    before its scene was at its end, empty for others.
+    `gaps` contains the known gaps as text, and `messages` the number of missing messages.
+    `open_end` is True if an unknown number of messages after the last message is missing. `ends` is
+    a text on the last tick of a recording that was closed before the end of its scene, and empty
+    for others.
     """
 
     gaps: tuple[str, ...] = ()
@@ -112,20 +123,22 @@ class Loss:
 
     @property
     def words(self) -> str:
-        """The gaps as text; empty if there is none."""
+        """Gaps as text, or empty without a gap."""
         more = [f"{len(self.gaps) - MAX_NAMED} gaps more"] if len(self.gaps) > MAX_NAMED else []
         named = "; ".join([*self.gaps[:MAX_NAMED], *more])
         return f"{named} ({self.messages} messages)" if named else ""
 
 
 def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bool) -> Loss:
-    """What a recording of a scene (None where it is not known) lacks.
+    """Return the missing messages of a recording.
 
-    ``whole``: it was closed, so that nothing was to come after its end; ``ours``: this package
-    wrote the file, numbering each topic's messages from 1.
+    `scene` is None if it is not known. `whole` is True if the recording was closed, so that nothing
+    is missing after its end. `ours` is True if this package wrote the file, with the messages of
+    each topic numbered from 1.
     """
     total = 0 if scene is None else tick_count(scene)
-    # What is missing of the rest is counted tick by tick: of a bench's hundred thousand turns, not.
+    # The missing end is counted tick by tick, which takes too long for the hundred thousand turns
+    # of a long scene.
     countable = whole or total <= MAX_COUNTED
     if scene is not None and countable and holdings.follows(scene):
         newest = max(state.time_ns for _, state in holdings.states)
@@ -134,24 +147,25 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
             planned = takewhile(lambda state: state.time_ns <= newest, planned)
         states = list(enumerate(planned))
         ends, numbered = "", [topic for topic in RECORDING if topic.per in ("instant", "any")]
-        if whole and states[-1][0] < total:  # what was never recorded is not lost
+        if whole and states[-1][0] < total:  # ticks that were never recorded are not lost
             ends = f"it was closed after tick {states[-1][0]} of {total}"
-        lacking = _lacking(holdings, list(_moves(states)))
+        missing = _missing_messages(holdings, list(_moves(states)))
         last = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
-        open_end, rest = False, not whole and last < states[-1][1].time_ns
+        open_end, has_uncounted = False, not whole and last < states[-1][1].time_ns
     else:
         states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
         known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
-        lacking = _lacking(holdings, known, only_last=True)  # else by the sequence numbers
-        ends, open_end, rest, numbered, total = "", not whole, False, list(RECORDING), 0
-    gaps = [_gap_words(run, total) for run in _runs(lacking)]
-    if rest:  # the number of them is not known
+        # Sequence numbers show the other gaps.
+        missing = _missing_messages(holdings, known, only_last=True)
+        ends, open_end, has_uncounted, numbered, total = "", not whole, False, list(RECORDING), 0
+    gaps = [_gap_words(run, total) for run in _runs(missing)]
+    if has_uncounted:  # their number is not known
         gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
-    count = sum(len(names) for _, names in lacking)
+    count = sum(len(names) for _, names in missing)
     if ours:
         for topic in numbered:
-            there = sorted({0, *(n for n in holdings.numbers.get(topic.name, ()) if n > 0)})
-            absent = [range(a + 1, b) for a, b in pairwise(there) if b > a + 1]
+            present = sorted({0, *(n for n in holdings.numbers.get(topic.name, ()) if n > 0)})
+            absent = [range(a + 1, b) for a, b in pairwise(present) if b > a + 1]
             count += sum(len(run) for run in absent)
             gaps += [f"{_range_words('message', run)} of {topic.name}" for run in absent]
     return Loss(tuple(gaps), count, open_end, ends)
@@ -164,10 +178,15 @@ def _moves(states: list[tuple[int, CamState]]) -> Iterator[Move]:
         yield n, before if n == k + 1 else None, state
 
 
-def _lacking(holdings: Holdings, moves: list[Move], only_last: bool = False) -> Lacking:
-    """What is missing at states; ``only_last`` leaves out topics that have a message later on."""
+def _missing_messages(
+    holdings: Holdings, moves: list[Move], only_last: bool = False
+) -> MissingMessages:
+    """Return the missing messages of states.
+
+    `only_last` leaves out topics that have a later message.
+    """
     newest = {name: max(times) for name, times in holdings.times.items()} if only_last else {}
-    found: Lacking = []
+    missing: MissingMessages = []
     for k, before, state in moves:
         names = frozenset(
             topic.name
@@ -176,18 +195,21 @@ def _lacking(holdings: Holdings, moves: list[Move], only_last: bool = False) -> 
             and state.time_ns > newest.get(topic.name, -1)
         )
         if names:
-            found.append((k, names))
-    return found
+            missing.append((k, names))
+    return missing
 
 
-def _runs(lacking: Lacking) -> Iterator[Lacking]:
-    """Neighbours that lack the same; a new speed's or cam's messages make no difference."""
+def _runs(missing: MissingMessages) -> Iterator[MissingMessages]:
+    """Yield runs of adjacent states at which the same topics are missing.
 
-    def alike(item: tuple[int, tuple[int, frozenset[str]]]) -> tuple[int, frozenset[str] | bool]:
-        place, (k, names) = item
-        return k - place, _is_all(names) or names
+    The additional messages of a new speed or cam do not end a run.
+    """
 
-    for _, run in groupby(enumerate(lacking), key=alike):
+    def run_key(item: tuple[int, tuple[int, frozenset[str]]]) -> tuple[int, frozenset[str] | bool]:
+        index, (k, names) = item
+        return k - index, _is_all(names) or names
+
+    for _, run in groupby(enumerate(missing), key=run_key):
         yield [entry for _, entry in run]
 
 
@@ -195,18 +217,18 @@ def _is_all(names: frozenset[str]) -> bool:
     return topics.CAM_STATE.name in names
 
 
-def _gap_words(run: Lacking, total: int) -> str:
+def _gap_words(run: MissingMessages, total: int) -> str:
     numbers = range(run[0][0], run[-1][0] + 1)
     names = run[0][1]
-    of = f" of {total}" if total else ""
+    total_text = f" of {total}" if total else ""
     if numbers.start == 0:
         first = "the first state" if _is_all(names) else f"{', '.join(sorted(names))} at the start"
-        rest = run[1:]
-        return f"{first}, {_gap_words(rest, total)}" if rest else first
-    ticks = _range_words("tick", numbers) + of
+        remainder = run[1:]
+        return f"{first}, {_gap_words(remainder, total)}" if remainder else first
+    ticks = _range_words("tick", numbers) + total_text
     return ticks if _is_all(names) else f"{', '.join(sorted(names))} of {ticks}"
 
 
-def _range_words(what: str, numbers: range) -> str:
+def _range_words(noun: str, numbers: range) -> str:
     last = numbers.stop - 1
-    return f"{what} {last}" if len(numbers) == 1 else f"{what}s {numbers.start} to {last}"
+    return f"{noun} {last}" if len(numbers) == 1 else f"{noun}s {numbers.start} to {last}"

@@ -1,4 +1,4 @@
-"""Writing one MCAP file of a bag, as rosbag2's storage plugin writes it."""
+"""Writer of one MCAP file of a bag, as in the storage plugin of rosbag2."""
 
 from __future__ import annotations
 
@@ -26,18 +26,21 @@ from cam_rig.bag.partial_reader import LIBRARY
 from cam_rig.bag.records import HEAD, MESSAGE_HEAD
 from cam_rig.messages.topics import Topic
 
-# The description of a bag for rosbag2: metadata.yaml, and each topic's quality of service.
+# Description of a bag for rosbag2: metadata.yaml, and the quality of service of each topic.
 
+#: Duration that rosbag2 uses for a quality of service without a limit.
 FOREVER = interfaces.QosTime(2147483647, 4294967295)
-#: The record in an MCAP file, and the key in it, that rosbag2 reads a file's metadata from.
-RECORD, RECORD_KEY = "rosbag2", "serialized_metadata"
-#: The time (ns) at which a file without messages begins, as rosbag2 has it.
+#: Name of the MCAP record from which rosbag2 reads the metadata of a file.
+RECORD = "rosbag2"
+#: Key of the metadata in that record.
+RECORD_KEY = "serialized_metadata"
+#: Start time (ns) of a file without messages in rosbag2.
 NEVER = 2**63 - 1
 
 
 @dataclass
 class FileContent:
-    """What one file of a bag holds: messages a topic, first and last log time (ns)."""
+    """Content of one file of a bag: messages per topic, first and last log time (ns)."""
 
     name: str
     counts: dict[str, int] = field(default_factory=dict)
@@ -54,12 +57,12 @@ class FileContent:
 
     @property
     def total(self) -> int:
-        """Messages of all topics."""
+        """Number of messages of all topics."""
         return sum(self.counts.values())
 
     @property
     def times(self) -> dict[str, dict[str, int]]:
-        """Duration and start as rosbag2 names them."""
+        """Duration and start time in the form of rosbag2."""
         return {
             "duration": {"nanoseconds": max(0, self.last - self.first)},
             "starting_time": {"nanoseconds_since_epoch": self.first},
@@ -67,7 +70,10 @@ class FileContent:
 
 
 def offered_qos(topic: Topic) -> list[Any]:
-    """What a topic was published with; `ros2 bag play` offers the same again."""
+    """Return the quality of service with which a topic was published.
+
+    `ros2 bag play` offers the same again.
+    """
     durability = interfaces.QosDurability["TRANSIENT_LOCAL" if topic.latched else "VOLATILE"]
     qos = interfaces.Qos(
         history=interfaces.QosHistory.KEEP_LAST,
@@ -86,19 +92,25 @@ def offered_qos(topic: Topic) -> list[Any]:
 def metadata(
     files: Iterable[FileContent], topics: Iterable[Topic] = (), namespace: str = ""
 ) -> bytes:
-    """The metadata.yaml of a bag; ``topics`` are listed though they may have no message yet."""
-    about = information(files, topics, namespace)
-    return _yaml({"rosbag2_bagfile_information": about}).encode()
+    """Return the metadata.yaml of a bag.
+
+    `topics` are listed even if they have no message yet.
+    """
+    description = information(files, topics, namespace)
+    return _yaml({"rosbag2_bagfile_information": description}).encode()
 
 
 def _yaml(data: dict[str, Any]) -> str:
-    """As text; by libyaml where it is there, which takes a tenth of the time."""
+    """Return data as YAML text.
+
+    If libyaml is available it is used, because it takes a tenth of the time.
+    """
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return str(yaml.dump(data, Dumper=dumper, sort_keys=False))
 
 
 def together(files: Iterable[FileContent]) -> FileContent:
-    """What all files of a bag hold."""
+    """Return the total content of the files of a bag."""
     whole = FileContent("")
     for file in files:
         whole.topics = file.topics | whole.topics
@@ -111,10 +123,10 @@ def together(files: Iterable[FileContent]) -> FileContent:
 def information(
     files: Iterable[FileContent], topics: Iterable[Topic], namespace: str
 ) -> dict[str, Any]:
-    """What rosbag2 knows of a bag, version 9 of its metadata."""
+    """Return the description of a bag for rosbag2, in version 9 of its metadata."""
     files = list(files)
     whole = together(files)
-    listed = {topic.name: topic for topic in topics} | whole.topics
+    all_topics = {topic.name: topic for topic in topics} | whole.topics
     return {
         "version": 9,
         "storage_identifier": "mcap",
@@ -122,10 +134,10 @@ def information(
         "message_count": whole.total,
         "topics_with_message_count": [
             {
-                "topic_metadata": _of_topic(topic, namespace),
+                "topic_metadata": _topic_information(topic, namespace),
                 "message_count": whole.counts.get(topic.name, 0),
             }
-            for topic in listed.values()
+            for topic in all_topics.values()
         ],
         "compression_format": "",
         "compression_mode": "",
@@ -137,23 +149,26 @@ def information(
 
 
 def ros_distribution() -> str:
-    """The ROS distribution: the environment's, else that of the installed wheels, or unknown."""
-    return os.environ.get("ROS_DISTRO") or _of_wheels()
+    """Return the name of the ROS distribution.
+
+    The name is that of the environment, else that of the installed wheels, else "unknown".
+    """
+    return os.environ.get("ROS_DISTRO") or _wheel_distribution()
 
 
 @lru_cache(maxsize=1)
-def _of_wheels() -> str:
-    names = (re.fullmatch(r"ros[-_](\w+)[-_]rclpy", each.name) for each in distributions())
+def _wheel_distribution() -> str:
+    names = (re.fullmatch(r"ros[-_](\w+)[-_]rclpy", package.name) for package in distributions())
     return next((name[1] for name in names if name), "unknown")
 
 
 def type_hash(topic: Topic) -> str:
-    """The type's RIHS01 hash; empty for a type that is not known."""
+    """Return the RIHS01 hash of a topic's type, or empty for an unknown type."""
     types = get_typestore(Stores.ROS2_KILTED)
     return str(types.hash_rihs01(topic.type)) if topic.type in types.types else ""
 
 
-def _of_topic(topic: Topic, namespace: str) -> dict[str, Any]:
+def _topic_information(topic: Topic, namespace: str) -> dict[str, Any]:
     return {
         "name": topic.within(namespace),
         "type": topic.type,
@@ -163,28 +178,30 @@ def _of_topic(topic: Topic, namespace: str) -> dict[str, Any]:
     }
 
 
-#: Wall time (s) between flushes: what a killed recorder can lose; and between two fsyncs: what a
-#: power cut can take.
-FLUSH_PERIOD_S = SYNC_PERIOD_S = 0.5
-#: Bytes that a message takes beside its content: two heads, and its place in the index.
-BYTES_BESIDE = HEAD.size + MESSAGE_HEAD.size + 16
-#: Media types of attachments by the end of their names; others are YAML.
+#: Wall-clock time (s) between flushes. A killed recorder loses at most the messages of this time.
+FLUSH_PERIOD_S = 0.5
+#: Wall-clock time (s) between fsyncs. A power cut loses at most the messages of this time.
+SYNC_PERIOD_S = 0.5
+#: Bytes of a message in addition to its content: two heads, and its entry in the index.
+MESSAGE_OVERHEAD_BYTES = HEAD.size + MESSAGE_HEAD.size + 16
+#: Media types of attachments by file name extension. Others are YAML.
 MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
 
 
 class FileWriter:
-    """An MCAP file being written; every method but `abandon` may raise an OSError.
+    """MCAP file that is being written.
 
-    It must not exist yet. What ``replaces`` a file is written beside it, and takes its place when
-    `replace_old` is called; until then that file, if there is one, stays as it is. BlockingIOError:
-    another process is writing it.
+    The file must not exist yet. If `replaces` is True, the content is written to a file next to it,
+    which takes its name when `replace_old` is called. Until then an old file of that name is not
+    changed. Every method except `abandon` may raise OSError. BlockingIOError means that another
+    process is writing the file.
     """
 
     def __init__(self, path: Path, replaces: bool = False, namespace: str = "") -> None:
         self.path, self._namespace = path, namespace
         self.part: Path | None = part_of(path) if replaces else None
         self.content = FileContent(path.name)
-        #: Bytes of its messages so far.
+        #: Number of bytes of its messages.
         self.size = 0
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}
@@ -196,23 +213,26 @@ class FileWriter:
 
     @property
     def closed(self) -> bool:
-        """Whether nothing can be written any longer."""
+        """True if the file cannot be written any longer."""
         return self._stream.closed
 
     def start(self, before: list[FileContent]) -> None:
-        """Write the file's head; ``before`` are the bag's other files."""
+        """Write the head of the file. `before` contains the other files of the bag."""
         self._writer.start(profile="ros2", library=LIBRARY)
         self._describe([*before, self.content])
         self._stream.flush()
 
     def attach(self, name: str, data: bytes) -> None:
-        """Put a file into it."""
+        """Attach a file."""
         self._dirty = True
         kind = MEDIA.get(Path(name).suffix, "application/yaml")
         self._writer.add_attachment(0, 0, name, kind, data)
 
     def register(self, topic: Topic, definition: bytes | None = None) -> int:
-        """A topic's channel; ``definition`` is its type's, by default what rosbags knows of it."""
+        """Register a topic and return its channel.
+
+        `definition` is the definition of its type (default: the definition that rosbags has).
+        """
         if topic.name in self._channels:
             return self._channels[topic.name]
         if definition is None:
@@ -221,32 +241,41 @@ class FileWriter:
         if (schema := self._schemas.get((topic.type, definition))) is None:
             schema = self._writer.register_schema(topic.type, "ros2msg", definition)
             self._schemas[topic.type, definition] = schema
-        # JSON is YAML, which rosbag2 reads here.
-        about = {"offered_qos_profiles": json.dumps(offered_qos(topic))}
-        about["topic_type_hash"] = type_hash(topic)
-        channel = self._writer.register_channel(topic.within(self._namespace), "cdr", schema, about)
+        # The text is JSON, which rosbag2 reads as YAML.
+        properties = {"offered_qos_profiles": json.dumps(offered_qos(topic))}
+        properties["topic_type_hash"] = type_hash(topic)
+        channel = self._writer.register_channel(
+            topic.within(self._namespace), "cdr", schema, properties
+        )
         self._channels[topic.name] = channel
         return channel
 
     def write(self, topic: Topic, log_time: int, cdr: bytes, number: int) -> None:
-        """Write one message of a registered topic; flush when that is due."""
+        """Write one message of a registered topic, and flush if due."""
         channel = self._channels[topic.name]
         self._dirty = True
         self._writer.add_message(channel, log_time, cdr, log_time, number)
         self.content.note(topic, log_time)
-        self.size += BYTES_BESIDE + len(cdr)
+        self.size += MESSAGE_OVERHEAD_BYTES + len(cdr)
         if time.monotonic() - self._flushed > FLUSH_PERIOD_S:
             self.flush()
 
     def flush_if_due(self) -> None:
-        """Flush what was written a while ago; to be called a few times a second."""
+        """Flush if `FLUSH_PERIOD_S` has passed since the last flush.
+
+        The method must be called a few times per second.
+        """
         now = time.monotonic()
         is_due = self._dirty and now - self._flushed > FLUSH_PERIOD_S
         if is_due or (self._unsynced and now - self._synced > SYNC_PERIOD_S):
             self.flush()
 
     def flush(self, to_disk: bool = False) -> None:
-        """Write everything to the file, safe from a kill; every half second fsync as well."""
+        """Flush all messages, so that they survive the end of the process.
+
+        Every `SYNC_PERIOD_S`, or if `to_disk` is True, the file is also written to the disk
+        (fsync).
+        """
         self._writer.flush()
         self._stream.flush()
         self._flushed, self._dirty, self._unsynced = time.monotonic(), False, True
@@ -254,13 +283,16 @@ class FileWriter:
             self._sync()
 
     def replace_old(self) -> None:
-        """Let the new file, which is on the disk, replace the old one of its name."""
+        """Replace the old file by the new file, which must be on the disk."""
         if self.part is not None:
             files.replace(self.part, self.path)
             self.part = None
 
     def finish(self, whole: list[FileContent]) -> None:
-        """Write the end of the file and of the bag (``whole``), by which it counts as closed."""
+        """Write the end of the file, after which it counts as closed.
+
+        `whole` is the content of all files of the bag.
+        """
         self._writer.flush()
         self._describe(whole)
         self._writer.finish()
@@ -269,20 +301,23 @@ class FileWriter:
         self.replace_old()
 
     def abandon(self) -> None:
-        """Leave the file as it is, not closed; one that was to replace another is removed."""
+        """Leave the file as it is, not closed.
+
+        A file that should have replaced another file is removed.
+        """
         self.close_stream()
         if self.part is not None:
             with suppress(OSError):
                 self.part.unlink()
 
     def close_stream(self) -> None:
-        """Write nothing more."""
+        """Close the stream without writing the end of the file."""
         with suppress(OSError):
             self._stream.close()
 
     def _describe(self, whole: list[FileContent]) -> None:
-        about = {RECORD_KEY: _yaml(information(whole, (), self._namespace))}
-        self._writer.add_metadata(RECORD, about)
+        properties = {RECORD_KEY: _yaml(information(whole, (), self._namespace))}
+        self._writer.add_metadata(RECORD, properties)
 
     def _sync(self) -> None:
         files.sync(self._stream)

@@ -1,11 +1,11 @@
-"""Names of the files of a bag, their integrity, and how a new file replaces an old one.
+"""Names of the files of a bag, their integrity, and their replacement.
 
-A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so on as well.
+A bag ``B`` has the file ``B_0.mcap``. A bag that was split also has ``B_1.mcap`` and so on.
 
-A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
-The name of a file that a recovery writes ends with ``.part`` until it contains everything; then it
-replaces the old file in one step. A kill at any moment therefore leaves the old or the new file,
-and a ``.part`` file can always be deleted.
+A recording is complete if its MCAP file ends with a footer and the magic bytes, which are written
+last. The name of a file that a recovery writes ends with ``.part`` until it contains everything.
+Then it replaces the old file in one step. If the process is killed, either the old or the new file
+therefore exists, and a ``.part`` file can always be deleted.
 """
 
 from __future__ import annotations
@@ -30,39 +30,43 @@ from rosbags.serde import SerdeError
 
 from cam_rig.errors import BagError
 
+#: Name of the file in which rosbag2 describes a bag.
 METADATA = "metadata.yaml"
-#: Ending of the files of rosbag2's SQLite storage.
+#: File name extension of the SQLite storage of rosbag2.
 SQLITE = ".db3"
-#: The first bytes of such a file.
+#: First bytes of an SQLite file.
 SQLITE_MAGIC = b"SQLite format 3\0"
-#: The end of the name of a file that is not yet complete.
+#: End of the name of a file that is not complete yet.
 PART = ".part"
-#: A footer's opcode and length; 20 bytes and the magic follow.
+#: Opcode and length of a footer. 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-#: What a bag is, for the error that refuses something else.
+#: Definition of a bag, for the error message about another path.
 ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
 
 
 def bag_file(directory: Path, number: int = 0) -> Path:
-    """Where an MCAP file of a bag is written, the first one unless another number is given."""
+    """Return the path of an MCAP file of a bag, by default of its first file."""
     return directory / f"{directory.name}_{number}.mcap"
 
 
 def bag_files(directory: Path) -> list[Path]:
-    """The MCAP files that were written of a bag, in their order; a gap in it ends them."""
-    found = list[Path]()
-    while (file := bag_file(directory, len(found))).exists():
-        found.append(file)
-    return found
+    """Return the MCAP files of a bag in the order of their numbers.
+
+    The list ends at the first number without a file.
+    """
+    existing = list[Path]()
+    while (file := bag_file(directory, len(existing))).exists():
+        existing.append(file)
+    return existing
 
 
 def part_of(file: Path) -> Path:
-    """The name of a file until it is complete."""
+    """Return the name of a file until it is complete."""
     return file.with_name(file.name + PART)
 
 
 def is_closed(file: Path) -> bool:
-    """Whether an MCAP file was written to its end."""
+    """Return True if an MCAP file was written to its end."""
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         tail = len(FOOTER) + 20 + len(MCAP0_MAGIC)
@@ -74,39 +78,45 @@ def is_closed(file: Path) -> bool:
 
 
 def is_unclosed(bag: Path) -> bool:
-    """Whether a recording was begun here and not closed, or its recovery was not finished."""
+    """Return True if a bag was not closed.
+
+    This is the case if its recording was not closed, or if its recovery was not completed.
+    """
     files = bag_files(bag)
     return bool(files) and not (all(map(is_closed, files)) and (bag / METADATA).exists())
 
 
 def require_a_bag(path: Path) -> None:
-    """Refuse a path that is not a bag and never was one."""
-    if what := why_not_a_bag(path):
-        raise BagError(f"{path}: {what}; {ALLOWED}")
+    """Raise BagError if a path is not a bag and never was a bag."""
+    if problem := why_not_a_bag(path):
+        raise BagError(f"{path}: {problem}; {ALLOWED}")
 
 
 def why_not_a_bag(path: Path) -> str | None:
-    """Return why a path is not a bag and never was one; None if it is or was one."""
+    """Return the reason why a path is not a bag.
+
+    Returns None for a bag, and for a path that was a bag before it was damaged.
+    """
     try:
         if not path.exists():
             return "no such bag"
     except OSError as error:
         return f"is not a bag: {error.strerror}"
     if not path.is_dir():
-        return _why_not_a_file(path)
-    if wrong := [_why_not_mcap(file) for file in sorted(path.glob("*.mcap"))]:
-        return wrong[0] if all(wrong) else None
+        return _why_not_a_bag_file(path)
+    if problems := [_why_not_mcap(file) for file in sorted(path.glob("*.mcap"))]:
+        return problems[0] if all(problems) else None
     if any(path.glob(f"*.mcap{PART}")):
         return "is not a bag: a recovery was interrupted here; repeat it"
-    there = (path / METADATA).exists()  # then of another storage, as SQLite
-    return None if there else "is not a bag: no .mcap file in it"
+    has_metadata = (path / METADATA).exists()  # a bag of another storage, such as SQLite
+    return None if has_metadata else "is not a bag: no .mcap file in it"
 
 
-def _why_not_a_file(path: Path) -> str | None:
+def _why_not_a_bag_file(path: Path) -> str | None:
     if path.suffix == SQLITE:
         with path.open("rb") as stream:
-            known = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
-        return None if known else "is not a bag: it does not begin as an SQLite file does"
+            is_sqlite = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
+        return None if is_sqlite else "is not a bag: it does not begin as an SQLite file does"
     return _why_not_mcap(path) if path.suffix == ".mcap" else "is not a bag: not an .mcap file"
 
 
@@ -118,7 +128,11 @@ def _why_not_mcap(file: Path) -> str | None:
 
 
 def create(file: Path) -> BinaryIO:
-    """Open a file to be written; a ``.part`` that a killed process left is truncated."""
+    """Open a new file for writing.
+
+    A ``.part`` file that a killed process left is truncated. Raises BlockingIOError if another
+    process is writing it.
+    """
     if file.suffix != PART:
         return file.open("xb")
     stream = file.open("ab")
@@ -133,62 +147,71 @@ def create(file: Path) -> BinaryIO:
 
 
 def sync(stream: BinaryIO) -> None:
-    """Write a file to the disk (fsync), where a power cut cannot take it."""
+    """Write a file to the disk (fsync), so that it survives a power cut."""
     stream.flush()
     os.fsync(stream.fileno())
 
 
 def sync_folder(folder: Path) -> None:
-    """Write a folder's entries to the disk (fsync), where the folder and its disk allow it."""
+    """Write the entries of a folder to the disk (fsync).
+
+    The function does nothing if the folder cannot be read or the file system does not support it.
+    """
     try:
-        number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except PermissionError:  # it may be written, not read
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except PermissionError:  # the folder can be written but not read
         return
     try:
-        os.fsync(number)
+        os.fsync(descriptor)
     except OSError as error:
         if error.errno != errno.EINVAL:  # some network disks do not support it
             raise
     finally:
-        os.close(number)
+        os.close(descriptor)
 
 
 def replace(part: Path, file: Path) -> None:
-    """Let a complete file, which is on the disk, take another's place in one step."""
+    """Replace a file by a complete file in one step.
+
+    The new file must be on the disk already.
+    """
     os.replace(part, file)
     sync_folder(file.parent)
 
 
 def write_whole(file: Path, data: bytes) -> None:
-    """Write a small file, of which no reader sees a part."""
+    """Write a small file so that readers never find an incomplete file."""
     with create(part_of(file)) as stream:
         stream.write(data)
         sync(stream)
     replace(part_of(file), file)
 
 
-# What a damaged bag may raise in its readers, and the error that reports it.
+# Errors of readers of a damaged bag, and the error that reports them.
 
 _FORMATS = (McapError, struct.error, zlib.error, zstandard.ZstdError, sqlite3.Error)
 _CONTENTS = (LookupError, ValueError, EOFError, OverflowError, MemoryError, RuntimeError)
-#: What a file with wrong bytes in it may raise in the readers.
+#: Errors that readers raise if a file contains wrong bytes.
 DAMAGE = (*_FORMATS, *_CONTENTS, OSError)
-#: What rosbags raises on a file or folder that is not a bag.
+#: Errors that rosbags raises for a file or folder that is not a bag.
 UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, AttributeError)
 
 
 def reason(error: Exception) -> str:
-    """An error's words in one line, or its kind where it has none."""
-    words = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
-    return words or type(error).__name__
+    """Return the message of an error in one line, or its type if it has no message."""
+    text = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
+    return text or type(error).__name__
 
 
 def damaged(bag: Path, error: Exception) -> BagError:
-    """The error of a bag that cannot be read: why it is not a bag, or how to recover it."""
-    if isinstance(error, BagError):  # of a reader that knows
+    """Return the error for a bag that cannot be read.
+
+    The error contains the reason why the path is not a bag, or the command that recovers it.
+    """
+    if isinstance(error, BagError):  # the reader has reported the reason
         return error
-    if what := why_not_a_bag(bag):
-        return BagError(f"{bag}: {what}; {ALLOWED}")
+    if problem := why_not_a_bag(bag):
+        return BagError(f"{bag}: {problem}; {ALLOWED}")
     if isinstance(error, sqlite3.Error) and (files := sqlite_files(bag)):
         return BagError(
             f"{bag}: an SQLite file is damaged or was cut off ({reason(error)}); "
@@ -206,7 +229,10 @@ def sqlite_files(bag: Path) -> list[Path]:
 
 
 def sqlite_remedy(bag: Path, file: Path) -> str:
-    """Return how to copy what is left of a damaged SQLite file, which cam-rig recover cannot."""
+    """Return the instruction to copy the readable content of a damaged SQLite file.
+
+    The command cam-rig recover cannot read such a file.
+    """
     new = bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered{SQLITE}")
     old, copy = shlex.quote(str(file)), shlex.quote(str(new))
     # A dump of a damaged file ends with ROLLBACK, which would undo the copy.
@@ -216,27 +242,30 @@ def sqlite_remedy(bag: Path, file: Path) -> str:
     )
 
 
-# Whether a new bag can be made where it is wanted.
+# Check that a new bag can be created.
 
 
 def require_new_bag(directory: Path, number: int = 0) -> None:
-    """Refuse, before anything is started, a bag that cannot have files up to a number."""
+    """Raise BagError if a new bag with files up to `number` cannot be created.
+
+    The check runs before anything is started.
+    """
     try:
-        there = directory.exists()
-        place = next(path for path in directory.absolute().parents if path.exists())
-        longest = os.pathconf(place, "PC_NAME_MAX"), os.pathconf(place, "PC_PATH_MAX") - 1
+        is_existing = directory.exists()
+        parent = next(path for path in directory.absolute().parents if path.exists())
+        limits = os.pathconf(parent, "PC_NAME_MAX"), os.pathconf(parent, "PC_PATH_MAX") - 1
     except OSError as error:
         raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
-    if there:
+    if is_existing:
         raise BagError(f"{directory}: exists already, not overwriting; name another bag")
-    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
-        raise BagError(f"{directory}: cannot be made, {place} cannot be written")
+    if not (parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)):
+        raise BagError(f"{directory}: cannot be made, {parent} cannot be written")
     file = part_of(bag_file(directory, number))
-    for what, letters, most in zip(("name", "path"), (file.name, str(file)), longest, strict=True):
-        if (over := len(os.fsencode(letters)) - most) > 0:
+    for label, text, size in zip(("name", "path"), (file.name, str(file)), limits, strict=True):
+        if (excess := len(os.fsencode(text)) - size) > 0:
             raise BagError(
-                f"{str(directory)[:80]}...: its {what} is {over} bytes too long; allowed: {most} "
-                f"bytes with {file.name.removeprefix(directory.name)} at its end"
+                f"{str(directory)[:80]}...: its {label} is {excess} bytes too long; "
+                f"allowed: {size} bytes with {file.name.removeprefix(directory.name)} at its end"
             )
     if not file.name.isprintable():
         raise BagError(f"{str(directory)!r}: allowed: a name of letters that can be written")

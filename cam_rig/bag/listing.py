@@ -1,4 +1,4 @@
-"""The files of a bag: which count, in which order, and whether they agree with metadata.yaml."""
+"""Files of a bag: their selection, order, and agreement with metadata.yaml."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from cam_rig.bag.sqlite_file import SqliteFile
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.files import MIB, read_bytes
 
-#: A file of a bag that may be split: the bag's name, the file's number.
+#: File name of a bag that may be split: name of the bag, number, extension.
 NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
-#: Endings of the storage files of rosbag2.
+#: File name extensions of the storages of rosbag2.
 STORAGE = (".mcap", SQLITE)
-#: Largest metadata.yaml that is read, bytes: more than 100 000 files of a bag need.
+#: Largest metadata.yaml in bytes that is read. 100 000 files of a bag need less.
 MAX_METADATA = 64 * MIB
 
 
@@ -42,10 +42,11 @@ class Extent(NamedTuple):
 
 @dataclass(frozen=True)
 class Listing:
-    """The files of a bag in their order, and what metadata.yaml lists of them.
+    """Files of a bag in their order, and the content of metadata.yaml.
 
-    ``extents``: by file name, without files that were not counted yet; ``total``: messages of the
-    bag, None if it is not listed; ``notes``: one sentence per file that is ignored.
+    `extents` is by file name, without files that were not counted yet. `total` is the number of
+    messages of the bag, or None if it is not listed. `notes` contains one sentence per file that is
+    ignored.
     """
 
     files: tuple[Path, ...]
@@ -57,63 +58,67 @@ class Listing:
 def list_files(bag: Path) -> Listing:
     """Return the files of a bag that metadata.yaml lists, in its order.
 
-    Without metadata.yaml they are all files, in the order of the numbers in their names. A file
-    that is named stands alone.
+    Without metadata.yaml the result is all files, in the order of the numbers in their names. If
+    `bag` is a file, the result is that file alone.
     """
     if not bag.is_dir():
         return Listing((bag,), {})
-    there = [file for ending in STORAGE for file in bag.glob(f"*{ending}")]
-    listed = _read_metadata(bag / METADATA)
-    names = [Path(name).name for name in listed.get("relative_file_paths", [])]
+    existing = [file for ending in STORAGE for file in bag.glob(f"*{ending}")]
+    information = _read_metadata(bag / METADATA)
+    names = [Path(name).name for name in information.get("relative_file_paths", [])]
     missing = [name for name in names if not (bag / name).exists()]
-    if missing == names:  # there is none, or all files were renamed
+    if missing == names:  # no metadata.yaml, or all files were renamed
         note = f"{METADATA} lists none of the files: they are read by their numbers."
         notes = (note,) if (bag / METADATA).exists() else ()
-        return Listing(tuple(in_order(there)), {}, _total(listed), notes)
+        return Listing(tuple(in_order(existing)), {}, _total(information), notes)
     if missing:
         raise BagError(
-            f"{bag}: {METADATA} lists {', '.join(missing)}, missing here; put {_them(missing)} "
+            f"{bag}: {METADATA} lists {', '.join(missing)}, missing here; put {_pronoun(missing)} "
             "back, or name one file instead of the folder"
         )
-    extents = dict(_extents(listed.get("files")))
-    others = sorted(file for file in there if file.name not in names)
-    if any(extent.messages == 0 for extent in extents.values()):  # written while it was recorded
+    extents = dict(_extents(information.get("files")))
+    others = sorted(file for file in existing if file.name not in names)
+    # A recorder lists the newest file without messages until it closes the bag.
+    if any(extent.messages == 0 for extent in extents.values()):
         names += [file.name for file in _later(others, names)]
         others = [file for file in others if file.name not in names]
     counted = {name: extent for name, extent in extents.items() if extent.messages}
     return Listing(
         files=tuple(bag / name for name in names),
         extents=counted,
-        total=_total(listed),
+        total=_total(information),
         notes=tuple(f"{file.name} is ignored: {METADATA} does not list it." for file in others),
     )
 
 
-def _total(listed: dict[str, Any]) -> int | None:
-    """Return the number of messages of the bag; None if they were not counted yet."""
-    total = listed.get("message_count")
-    counts = [extent.messages for _, extent in _extents(listed.get("files"))]
+def _total(information: dict[str, Any]) -> int | None:
+    """Return the number of messages of the bag, or None if they were not counted yet."""
+    total = information.get("message_count")
+    counts = [extent.messages for _, extent in _extents(information.get("files"))]
     return total if isinstance(total, int) and total > 0 and 0 not in counts else None
 
 
-def _them(names: list[str]) -> str:
+def _pronoun(names: list[str]) -> str:
     return "it" if len(names) == 1 else "them"
 
 
 def _read_metadata(file: Path) -> dict[str, Any]:
-    """Return what metadata.yaml says of a bag; empty if there is none, or it cannot be read."""
+    """Return the description of a bag in metadata.yaml.
+
+    The result is empty if the file does not exist or cannot be read.
+    """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        read = yaml.load(read_bytes(file, MAX_METADATA), loader)
+        data = yaml.load(read_bytes(file, MAX_METADATA), loader)
     except (FileNotFoundError, ConfigError, yaml.YAMLError, ValueError, RecursionError):
         return {}
-    found = read.get("rosbag2_bagfile_information") if isinstance(read, dict) else None
-    if not isinstance(found, dict):
+    information = data.get("rosbag2_bagfile_information") if isinstance(data, dict) else None
+    if not isinstance(information, dict):
         return {}
-    names = found.get("relative_file_paths")
+    names = information.get("relative_file_paths")
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         return {}
-    return found
+    return information
 
 
 def _extents(files: Any) -> Iterator[tuple[str, Extent]]:
@@ -124,7 +129,7 @@ def _extents(files: Any) -> Iterator[tuple[str, Extent]]:
 
 
 def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
-    """Return the files that a recorder had made since it wrote metadata.yaml."""
+    """Return the files that a recorder has created since it wrote metadata.yaml."""
     last = NUMBERED.fullmatch(names[-1])
     matches = [(file, NUMBERED.fullmatch(file.name)) for file in others]
     return [
@@ -135,69 +140,81 @@ def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
 
 
 def in_order(files: Iterable[Path]) -> list[Path]:
-    """Return the files of a bag by the numbers at the end of their names."""
-    found = sorted(files, key=lambda file: (len(file.name), file.name))
-    numbered = [match for file in found if (match := NUMBERED.fullmatch(file.name))]
+    """Return the files of a bag in the order of the numbers at the end of their names.
+
+    Raises BagError if a number is missing.
+    """
+    ordered = sorted(files, key=lambda file: (len(file.name), file.name))
+    numbered = [match for file in ordered if (match := NUMBERED.fullmatch(file.name))]
     names = {match[1] for match in numbered}
-    if len(numbered) == len(found) and len(names) == 1:
+    if len(numbered) == len(ordered) and len(names) == 1:
         numbers = {int(match[2]) for match in numbered}
         missing = [number for number in range(min(numbers), max(numbers)) if number not in numbers]
         if missing:
             raise BagError(
-                f"{found[0].parent}: {names.pop()}_{missing[0]}{found[0].suffix} is missing, with "
-                f"later files there; put it back, or name one file instead of the folder"
+                f"{ordered[0].parent}: {names.pop()}_{missing[0]}{ordered[0].suffix} is missing, "
+                f"with later files there; put it back, or name one file instead of the folder"
             )
-    return found
+    return ordered
 
 
 def number_of(file: Path) -> int:
-    """Return the number of a file in its bag; 0 for a file that is named otherwise."""
+    """Return the number of a file in its bag, or 0 for a file with another name."""
     match = NUMBERED.fullmatch(file.name)
     return int(match[2]) if match else 0
 
 
 def mcap_files(bag: Path) -> list[Path]:
-    """Return the MCAP files of a bag in their order."""
+    """Return the MCAP files of a bag in their order.
+
+    Raises BagError if the bag has no MCAP file.
+    """
     require_a_bag(bag)
     files = [file for file in list_files(bag).files if file.suffix == ".mcap"]
-    if not files and (other := sqlite_files(bag)):
+    if not files and (sqlite := sqlite_files(bag)):
         raise BagError(
             f"{bag}: has SQLite files only, allowed here: MCAP; of a damaged file, "
-            f"{sqlite_remedy(bag, other[0])}"
+            f"{sqlite_remedy(bag, sqlite[0])}"
         )
     if not files:
         raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
     return files
 
 
-# Whether the files are those that metadata.yaml lists.
+# Comparison of the files with metadata.yaml.
 
 
 def require_agreement(bag: Path, listing: Listing) -> None:
-    """Refuse a bag whose files differ from metadata.yaml in order or number of messages."""
+    """Raise BagError if the files of a bag differ from metadata.yaml.
+
+    The order and the numbers of messages are compared.
+    """
     actual = {file.name: _extent(file) for file in listing.files}
     _require_order(bag, listing, actual)
-    _require_different(bag, actual)
-    known = {name: extent.messages for name, extent in actual.items() if extent is not None}
-    wrong = [
-        f"{name} has {known[name]} messages, listed are {extent.messages}"
+    _require_no_copies(bag, actual)
+    counts = {name: extent.messages for name, extent in actual.items() if extent is not None}
+    problems = [
+        f"{name} has {counts[name]} messages, listed are {extent.messages}"
         for name, extent in listing.extents.items()
-        if name in known and known[name] != extent.messages
+        if name in counts and counts[name] != extent.messages
     ]
-    total = sum(known.values())
-    if not wrong and listing.total is not None and len(known) == len(listing.files):
-        names = ", ".join(known)
-        wrong = [f"{names} have {total} messages, listed are {listing.total}"]
-        wrong = wrong if total != listing.total else []
-    if wrong:
+    total = sum(counts.values())
+    if not problems and listing.total is not None and len(counts) == len(listing.files):
+        names = ", ".join(counts)
+        problems = [f"{names} have {total} messages, listed are {listing.total}"]
+        problems = problems if total != listing.total else []
+    if problems:
         raise BagError(
-            f"{bag}: the files are not those of {METADATA}: {'; '.join(wrong)}; put the right "
+            f"{bag}: the files are not those of {METADATA}: {'; '.join(problems)}; put the right "
             "files there, or name one file instead of the folder"
         )
 
 
 def require_order(bag: Path, listing: Listing) -> None:
-    """Refuse a bag two files of which have each other's name; damaged files are not compared."""
+    """Raise BagError if files of a bag have exchanged names.
+
+    Damaged files are not compared.
+    """
     actual = dict[str, Extent | None]()
     for file in listing.files:
         with suppress(*DAMAGE):
@@ -206,11 +223,11 @@ def require_order(bag: Path, listing: Listing) -> None:
 
 
 def _require_order(bag: Path, listing: Listing, actual: dict[str, Extent | None]) -> None:
-    owners = {extent: name for name, extent in listing.extents.items()}
+    listed_names = {extent: name for name, extent in listing.extents.items()}
     moved = [
-        f"{name} is {owners[extent]}"
+        f"{name} is {listed_names[extent]}"
         for name, extent in actual.items()
-        if extent in owners and name in listing.extents and listing.extents[name] != extent
+        if extent in listed_names and name in listing.extents and listing.extents[name] != extent
     ]
     if moved:
         raise BagError(
@@ -219,7 +236,7 @@ def _require_order(bag: Path, listing: Listing, actual: dict[str, Extent | None]
         )
 
 
-def _require_different(bag: Path, actual: dict[str, Extent | None]) -> None:
+def _require_no_copies(bag: Path, actual: dict[str, Extent | None]) -> None:
     names = dict[Extent, str]()
     for name, extent in actual.items():
         if extent is not None and extent.messages and names.setdefault(extent, name) != name:
@@ -229,7 +246,10 @@ def _require_different(bag: Path, actual: dict[str, Extent | None]) -> None:
 
 
 def _extent(file: Path) -> Extent | None:
-    """Return number and first log time (ns) of a file's messages; None if it does not say."""
+    """Return number and first log time (ns) of the messages of a file.
+
+    Returns None for an MCAP file that is not closed or has no statistics.
+    """
     if file.suffix == SQLITE:
         with SqliteFile(file) as database:
             return Extent(database.message_count, database.start_ns)

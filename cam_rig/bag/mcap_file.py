@@ -1,6 +1,7 @@
-"""Reading a closed MCAP file: its topics, and its messages in the order of their log times.
+"""Reader of a closed MCAP file.
 
-Messages and schemas of any encoding are taken as bytes: what is not requested is never decoded.
+The reader returns the topics, and the messages in the order of their log times. Messages and
+schemas of any encoding are treated as bytes. Topics that are not requested are never decoded.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from rosbags.interfaces import (
 
 from cam_rig.bag.files import FOOTER
 from cam_rig.bag.records import (
+    CONTENT_READERS,
     HEAD,
-    INSIDE,
     MESSAGE_HEAD,
     ChunkHead,
     Record,
@@ -38,50 +39,55 @@ from cam_rig.bag.records import (
     unpack,
 )
 
-#: The encodings of schemas whose text rosbags can parse.
+#: Encodings of schemas whose text rosbags can parse.
 SCHEMA_FORMATS = {
     "ros2msg": MessageDefinitionFormat.MSG,
     "ros2idl": MessageDefinitionFormat.IDL,
     "omgidl": MessageDefinitionFormat.IDL,
 }
-#: Log time (ns), position of the chunk in the file, connection (None: start of a chunk), data.
+#: Log time (ns), position of the chunk in the file, connection (None at the start of a chunk),
+#: data.
 Entry = tuple[int, int, Connection | None, bytes]
 
 
 class Summary(NamedTuple):
-    """The records of the summary at the end of an MCAP file."""
+    """Records of the summary at the end of an MCAP file."""
 
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
-    #: The channels of each chunk, by the position of its content.
+    #: Channels of each chunk. The key is the position of the chunk's content in the file.
     indexed: dict[int, set[int]]
     statistics: Statistics | None
 
 
 def read_summary(stream: BinaryIO) -> Summary:
-    """Read the summary of a closed file; it is empty if the file has none."""
-    found = Summary({}, {}, {}, None)
-    number, size = stream.fileno(), os.fstat(stream.fileno()).st_size
-    footer = os.pread(number, len(FOOTER) + 8, size - len(MCAP0_MAGIC) - 20 - len(FOOTER))
+    """Read the summary of a closed file, or return an empty summary without one."""
+    summary = Summary({}, {}, {}, None)
+    descriptor, size = stream.fileno(), os.fstat(stream.fileno()).st_size
+    footer = os.pread(descriptor, len(FOOTER) + 8, size - len(MCAP0_MAGIC) - 20 - len(FOOTER))
     start = int.from_bytes(footer[len(FOOTER) :], "little")
     if not start:
-        return found
+        return summary
     if not len(MCAP0_MAGIC) <= start < size:
         raise ValueError(f"the summary starts at byte {start}, the file has {size} bytes")
     for record in records_of(stream, start):
         if record.opcode == Opcode.STATISTICS:
             statistics = Statistics.read(fields(content(stream, record)))
-            found = found._replace(statistics=statistics)
+            summary = summary._replace(statistics=statistics)
         elif record.opcode == Opcode.CHUNK_INDEX:
             index = ChunkIndex.read(fields(content(stream, record)))
             channels = set(index.message_index_offsets)
-            found.indexed[index.chunk_start_offset + HEAD.size] = channels
+            summary.indexed[index.chunk_start_offset + HEAD.size] = channels
         elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            _keep(INSIDE[record.opcode](content(stream, record)), found.schemas, found.channels)
-    return found
+            _store(
+                CONTENT_READERS[record.opcode](content(stream, record)),
+                summary.schemas,
+                summary.channels,
+            )
+    return summary
 
 
-def _keep(
+def _store(
     record: Schema | Channel, schemas: dict[int, Schema], channels: dict[int, Channel]
 ) -> None:
     if isinstance(record, Schema):
@@ -91,7 +97,7 @@ def _keep(
 
 
 class McapFile:
-    """A closed MCAP file; a context manager."""
+    """Closed MCAP file, as a context manager."""
 
     def __init__(self, file: Path) -> None:
         self.connections: list[Connection] = []
@@ -129,10 +135,10 @@ class McapFile:
         """Yield connection, log time (ns) and data of the messages of some connections."""
         wanted = {connection.id: connection for connection in connections}
         if not self._chunks:
-            yield from self._unchunked(wanted)
+            yield from self._unchunked_messages(wanted)
             return
         chunks = [
-            self._of_chunk(record, head, wanted)
+            self._chunk_entries(record, head, wanted)
             for record, head in self._chunks
             if not self._indexed.get(record.start) or self._indexed[record.start] & wanted.keys()
         ]
@@ -140,7 +146,9 @@ class McapFile:
             if connection is not None:
                 yield connection, time_ns, data
 
-    def _unchunked(self, wanted: dict[int, Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+    def _unchunked_messages(
+        self, wanted: dict[int, Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
         newest = 0
         for record in records_of(self._stream):
             if record.opcode != Opcode.MESSAGE:
@@ -157,21 +165,24 @@ class McapFile:
             newest = time_ns
             yield wanted[channel], time_ns, data[MESSAGE_HEAD.size :]
 
-    def _of_chunk(
+    def _chunk_entries(
         self, record: Record, head: ChunkHead, wanted: dict[int, Connection]
     ) -> Iterator[Entry]:
-        """Yield the start of a chunk, then its messages; it is unpacked after the first."""
-        yield head.begin, 0, None, b""
-        found = list[Entry]()
-        for opcode, data in _records(self._unpacked(record, head)):
+        """Yield an entry for the start of a chunk, then its messages.
+
+        The chunk is unpacked only after the first entry was taken.
+        """
+        yield head.start, 0, None, b""
+        entries = list[Entry]()
+        for opcode, data in _records(self._unpack_checked(record, head)):
             if opcode == Opcode.MESSAGE:
                 channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data)
                 if channel in wanted:
                     cdr = data[MESSAGE_HEAD.size :]
-                    found.append((time_ns, record.start, wanted[channel], cdr))
-        yield from sorted(found, key=itemgetter(0))
+                    entries.append((time_ns, record.start, wanted[channel], cdr))
+        yield from sorted(entries, key=itemgetter(0))
 
-    def _unpacked(self, record: Record, head: ChunkHead) -> bytes:
+    def _unpack_checked(self, record: Record, head: ChunkHead) -> bytes:
         data = unpack(self._stream, record, head)
         if len(data) != head.unpacked:
             raise ValueError(f"a chunk of {head.unpacked} bytes has {len(data)}")
@@ -180,20 +191,23 @@ class McapFile:
         return data
 
     def _scan(self, schemas: dict[int, Schema], channels: dict[int, Channel]) -> Counter[int]:
-        """Count the messages per channel of a file without statistics, and find its channels."""
+        """Count the messages per channel of a file without statistics.
+
+        The schemas and channels of the file are added to `schemas` and `channels`.
+        """
         counts = Counter[int]()
         for record in records_of(self._stream):
-            if record.opcode in INSIDE:
-                inside = iter([(record.opcode, content(self._stream, record))])
+            if record.opcode in CONTENT_READERS:
+                entries = iter([(record.opcode, content(self._stream, record))])
             elif record.opcode == Opcode.CHUNK:
-                inside = _records(self._unpacked(record, chunk_head(self._stream, record)))
+                entries = _records(self._unpack_checked(record, chunk_head(self._stream, record)))
             else:
                 continue
-            for opcode, data in inside:
+            for opcode, data in entries:
                 if opcode == Opcode.MESSAGE:
                     counts[MESSAGE_HEAD.unpack_from(data)[0]] += 1
-                elif opcode in INSIDE:
-                    _keep(INSIDE[opcode](data), schemas, channels)
+                elif opcode in CONTENT_READERS:
+                    _store(CONTENT_READERS[opcode](data), schemas, channels)
         return counts
 
     def _connection(

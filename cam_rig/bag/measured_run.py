@@ -1,4 +1,4 @@
-"""Measured runs: from recordings of the rig, and from any bag of ROS 2 messages."""
+"""Measured runs, from recordings of the rig and from any bag of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray, duration_words, time_words
 
-#: Duration (s) from which on a gap is called a pause: no lost message, but a stopped recording.
+#: Shortest gap (s) that is reported as a pause: the recording was stopped, and no message was lost.
 MIN_PAUSE_S = 10.0
 
 
@@ -29,8 +29,11 @@ def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
-    """Return the r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
-    return dict(found for _, found in decoded(bag, {topics.PRESSURE: pressure_of}, namespace))
+    """Return the r.m.s. sound pressure (Pa) of each tick.
+
+    The key is the stamp (ns) of the end of the tick.
+    """
+    return dict(pressure for _, pressure in decoded(bag, {topics.PRESSURE: pressure_of}, namespace))
 
 
 def read_measured(
@@ -39,9 +42,13 @@ def read_measured(
     cam: str | None = None,
     namespace: str | None = None,
 ) -> MeasuredRun:
-    """Return the measured run of one cam; ``mapping`` is None for a recording of the rig."""
+    """Return the measured run of one cam.
+
+    `mapping` is None for a recording of the rig. Raises BagError if a signal does not overlap the
+    angle in time.
+    """
     if mapping is None:
-        return _own(bag, cam, own_namespace(bag, namespace))
+        return _read_rig(bag, cam, own_namespace(bag, namespace))
     measured = read_signals(bag, mapping)
     signals, begin_ns = measured.signals, measured.begin_ns
     notes = [*recovered_words(bag), *measured.notes]
@@ -54,7 +61,11 @@ def read_measured(
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:
-    """Return the namespace of the chosen rig; empty for the root."""
+    """Return the namespace of the chosen rig, or empty for the root.
+
+    Raises BagError if the bag does not contain that rig, or if it contains several and `namespace`
+    is None.
+    """
     rigs = rigs_of(bag)
     if not rigs:
         raise BagError(
@@ -67,53 +78,58 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
             f"{bag}: holds several rigs, {', '.join(names)}; choose one with --namespace "
             f"{names[-1]}"
         )
-    wanted = rigs[0] if namespace is None else f"/{namespace.strip('/')}".rstrip("/")
-    if wanted not in rigs:
+    chosen = rigs[0] if namespace is None else f"/{namespace.strip('/')}".rstrip("/")
+    if chosen not in rigs:
         raise BagError(
-            f"{bag}: holds no rig {wanted or '/'}; allowed: {', '.join(names)}"
-            f"{did_you_mean(wanted, names)}"
+            f"{bag}: holds no rig {chosen or '/'}; allowed: {', '.join(names)}"
+            f"{did_you_mean(chosen, names)}"
         )
-    return wanted
+    return chosen
 
 
-def _own(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
-    """Return a run of the rig: angle, lift and force of samples, the level of each tick."""
+def _read_rig(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
+    """Return a run of the rig: angle, lift and force samples, and the level per tick."""
     parts: dict[str, list[FloatArray]] = {}
     ends: dict[str, set[int]] = {}
     for tick in read_ticks(bag, namespace):
         rows = np.stack([tick.time, tick.angle, tick.lift, tick.force])
         parts.setdefault(tick.cam, []).append(rows)
         ends.setdefault(tick.cam, set()).add(tick.interval.stop_ns)
-    chosen = _one_cam(bag, list(parts), cam)
+    chosen = _choose_cam(bag, list(parts), cam)
     time, angle, lift, force = np.hstack(parts[chosen])
     source = f"{namespace}{topics.FOLLOWER_SAMPLES.name}"
-    turned = Signal(time, angle, f"{namespace}{topics.CAM_STATE.name}")
-    lifted, pressed = Signal(time, lift, source), Signal(time, force, source)
-    level, notes = _levels(bag, namespace, ends[chosen]), tuple(_gap_words("samples", lifted))
-    return MeasuredRun(bag, chosen, turned, lifted, pressed, level, notes)
+    angles = Signal(time, angle, f"{namespace}{topics.CAM_STATE.name}")
+    lifts, forces = Signal(time, lift, source), Signal(time, force, source)
+    level, notes = _levels(bag, namespace, ends[chosen]), tuple(_gap_words("samples", lifts))
+    return MeasuredRun(bag, chosen, angles, lifts, forces, level, notes)
 
 
-def _one_cam(bag: Path, there: list[str], cam: str | None) -> str:
-    if not there:
+def _choose_cam(bag: Path, cams: list[str], cam: str | None) -> str:
+    if not cams:
         raise BagError(f"{bag}: holds no samples of a cam that turns; run at least one turn")
-    if cam is None and len(there) > 1:
-        raise BagError(f"{bag}: holds cams {', '.join(there)}; choose one with --cam {there[0]}")
-    chosen = there[0] if cam is None else cam
-    if chosen not in there:
+    if cam is None and len(cams) > 1:
+        raise BagError(f"{bag}: holds cams {', '.join(cams)}; choose one with --cam {cams[0]}")
+    chosen = cams[0] if cam is None else cam
+    if chosen not in cams:
         raise BagError(
-            f"{bag}: holds no samples of cam {cam!r}; allowed: {', '.join(there)}"
-            f"{did_you_mean(chosen, there)}"
+            f"{bag}: holds no samples of cam {cam!r}; allowed: {', '.join(cams)}"
+            f"{did_you_mean(chosen, cams)}"
         )
     return chosen
 
 
 def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
-    """Return the level of each tick of a cam at the tick's end (ns)."""
+    """Return the sound level (dB) of each tick of a cam, at the end of the tick.
+
+    `ends` contains the stamps (ns) of the ends. Returns None without a pressure above 0.
+    """
     pressures = read_pressures(bag, namespace).items()
-    kept = {stamp: pressure for stamp, pressure in pressures if stamp in ends and pressure > 0.0}
-    if not kept:
+    by_stamp = {
+        stamp: pressure for stamp, pressure in pressures if stamp in ends and pressure > 0.0
+    }
+    if not by_stamp:
         return None
-    time, level = np.array(list(kept)) / NS, level_db(np.array(list(kept.values())))
+    time, level = np.array(list(by_stamp)) / NS, level_db(np.array(list(by_stamp.values())))
     return Signal(time, level, f"{namespace}{topics.PRESSURE.name}")
 
 
@@ -121,7 +137,7 @@ def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal, begin_
     if signal.time[0] < angle.time[-1] and angle.time[0] < signal.time[-1]:
         return
     ends = [
-        time_words(float(one.time[place]), begin_ns) for one in (signal, angle) for place in (0, -1)
+        time_words(float(each.time[end]), begin_ns) for each in (signal, angle) for end in (0, -1)
     ]
     raise BagError(
         f"{bag}: {name} of {signal.source} is from {ends[0]} to {ends[1]}, the angle from "
@@ -136,8 +152,8 @@ def _gap_words(name: str, signal: Signal) -> list[str]:
         return []
     longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
     length = float(longest[1] - longest[0])
-    words = f"{duration_words(length)} from {longest[0]:.6g} s on; nothing is put in their place."
+    text = f"{duration_words(length)} from {longest[0]:.6g} s on; nothing is put in their place."
     if len(gaps) == 1 and length >= MIN_PAUSE_S:
-        return [f"{name}: the readings pause for {words}"]
+        return [f"{name}: the readings pause for {text}"]
     count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
-    return [f"{name}: {count} in the readings, the longest of {words}"]
+    return [f"{name}: {count} in the readings, the longest of {text}"]

@@ -1,4 +1,4 @@
-"""Reading a recorded run back: ticks, counts, and the scene that was attached to it."""
+"""Reader of a recorded run: ticks, message counts, and the attached scene."""
 
 from __future__ import annotations
 
@@ -30,16 +30,19 @@ from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
 
-#: The encoding of ROS 2 messages.
+#: Encoding of ROS 2 messages.
 CDR = "cdr"
-#: A reader of one file: both have connections and messages(connections).
+#: Reader of one file. Both types have `connections` and `messages(connections)`.
 BagReader = McapFile | SqliteFile
 
 
 def messages(
     bag: Path, wanted: tuple[Topic, ...], namespace: str | None = None
 ) -> Iterator[tuple[Topic, int, Any]]:
-    """Topic, rig time in ns, and message, in the order of the bag; of several rigs, of one."""
+    """Yield topic, rig time (ns) and message in the order of the bag.
+
+    `namespace` chooses the rig of a bag with several rigs.
+    """
     by_name = {topic.name: topic for topic in wanted}
     types = get_typestore(Stores.ROS2_KILTED)
     for connection, log_time, data in raw_messages(bag, set(by_name), namespace):
@@ -56,32 +59,39 @@ def messages(
 def decoded(
     bag: Path, decoders: Mapping[Topic, Callable[[Any], Any]], namespace: str | None = None
 ) -> Iterator[tuple[Topic, Any]]:
-    """Topic and what its decoder makes of each message, in the order of the bag."""
+    """Yield topic and decoded message in the order of the bag.
+
+    `decoders` contains a function per topic. Raises BagError for a message that a decoder refuses.
+    """
     for topic, _, message in messages(bag, tuple(decoders), namespace):
         try:
-            found = decoders[topic](message)
+            value = decoders[topic](message)
         except RefusedError as error:
             raise BagError(f"{bag}: {error}") from None
-        yield topic, found
+        yield topic, value
 
 
 def pressure_of(message: Any) -> tuple[int, float]:
-    """The stamp (ns) of a tick's end, and the r.m.s. sound pressure (Pa) of the tick."""
+    """Return the stamp (ns) of a tick's end and its r.m.s. sound pressure (Pa)."""
     return stamp_ns(message.header.stamp), float(message.fluid_pressure)
 
 
 def raw_messages(
     bag: Path, names: set[str], chosen: str | None = None
 ) -> Iterator[tuple[Connection, int, bytes]]:
-    """Serialized messages with rig time (ns), in order; ``chosen`` is a rig's namespace."""
+    """Yield connection, rig time (ns) and data of serialized messages, in order.
+
+    `names` are names of topics without namespace, and `chosen` is the namespace of a rig. The topic
+    of a connection is returned without the namespace.
+    """
     try:
         rigs = set[str]()
         for reader in readers(bag):
             namespace = _namespace(bag, reader, rigs) if chosen is None else chosen
-            here = {namespace + name: name for name in names}
-            wanted = [c for c in reader.connections if c.topic in here]
-            for connection, time_ns, data in reader.messages(wanted) if wanted else ():
-                yield connection._replace(topic=here[connection.topic]), time_ns, data
+            topic_names = {namespace + name: name for name in names}
+            connections = [c for c in reader.connections if c.topic in topic_names]
+            for connection, time_ns, data in reader.messages(connections) if connections else ():
+                yield connection._replace(topic=topic_names[connection.topic]), time_ns, data
     except UNREADABLE as error:
         raise damaged(bag, error) from None
 
@@ -89,7 +99,8 @@ def raw_messages(
 def readers(bag: Path) -> Iterator[BagReader]:
     """Yield a reader of each file in turn.
 
-    No reader takes more memory than its file's size warrants.
+    Each file is checked first, so that its reader needs no more memory than the size of the file
+    allows.
     """
     try:
         for file in _sources(bag):
@@ -121,7 +132,7 @@ def _sources(bag: Path) -> tuple[Path, ...]:
 
 
 def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
-    """Return the namespace of the rig in a bag, and add the rigs of this file to ``rigs``."""
+    """Return the namespace of the rig in a bag, and add the rigs of a file to `rigs`."""
     rigs |= _rigs(reader)
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))
@@ -138,28 +149,30 @@ def _rigs(reader: BagReader) -> set[str]:
 
 
 def rigs_of(bag: Path) -> list[str]:
-    """Return the namespaces of the rigs in a bag; "" is the root."""
+    """Return the namespaces of the rigs in a bag. The root namespace is an empty text."""
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
 def topics_of(bag: Path) -> dict[str, Connection]:
     """Return the topics of a bag that have messages, by name."""
-    found = {
+    connections = {
         connection.topic: connection
         for reader in readers(bag)
         for connection in reader.connections
         if connection.msgcount
     }
-    return dict(sorted(found.items()))
+    return dict(sorted(connections.items()))
 
 
 def topic_list(bag: Path) -> str:
-    """Return the topics of a bag with their types, for an error."""
-    there = topics_of(bag).values()
-    return ", ".join(f"{one.topic} [{_kind(one)}]" for one in there) or "no messages"
+    """Return the topics of a bag with their types, for an error message."""
+    connections = topics_of(bag).values()
+    return (
+        ", ".join(f"{topic.topic} [{_type_text(topic)}]" for topic in connections) or "no messages"
+    )
 
 
-def _kind(connection: Connection) -> str:
+def _type_text(connection: Connection) -> str:
     encoding = encoding_of(connection)
     return connection.msgtype if encoding == CDR else f"{connection.msgtype}, {encoding}"
 
@@ -170,7 +183,10 @@ def encoding_of(connection: Connection) -> str:
 
 
 def require_rig(bag: Path) -> None:
-    """Refuse a bag of another program; cam-rig compare can read it."""
+    """Raise BagError for a bag that was not recorded by this package.
+
+    The message names cam-rig compare, which can read such a bag.
+    """
     if not rigs_of(bag) and topics_of(bag):
         raise BagError(
             f"{bag}: is not a recording of cam_rig, and holds {topic_list(bag)}; compare it with a "
@@ -179,31 +195,38 @@ def require_rig(bag: Path) -> None:
 
 
 def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
-    """What a recovery says may be wrong in a bag, and whether it has fewer ticks than its scene."""
+    """Return the notes on the damage of a bag.
+
+    These are the reports of recoveries, and a line if the bag has fewer ticks than its scene.
+    """
     planned = tick_count(loaded.scene)
-    lacks = [f"not complete: {ticks} of {planned} ticks"] if ticks < planned else []
-    return *recovered_words(bag), *lacks
+    notes = [f"not complete: {ticks} of {planned} ticks"] if ticks < planned else []
+    return *recovered_words(bag), *notes
 
 
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:
-    """The follower's samples tick by tick, with the states of the cam between which they lie.
+    """Yield the follower's samples per tick, with the cam states before and after it.
 
-    A tick whose states are missing is left out, as nobody knows its angle. States and samples are
-    held only until they find each other. ``namespace`` is of the rig, for a bag of several.
+    A tick is left out if its states are missing, because the cam angle is unknown then. States and
+    samples are stored only until they are combined. `namespace` chooses the rig of a bag with
+    several rigs.
     """
     states: deque[CamState] = deque()
     waiting: deque[FloatArray] = deque(maxlen=4 * HISTORY_DEPTH)
-    both = {topics.CAM_STATE: cam_state_of, topics.FOLLOWER_SAMPLES: block_of}
-    for topic, found in decoded(bag, both, namespace):
-        (states if topic is topics.CAM_STATE else waiting).append(found)
+    decoders = {topics.CAM_STATE: cam_state_of, topics.FOLLOWER_SAMPLES: block_of}
+    for topic, value in decoded(bag, decoders, namespace):
+        (states if topic is topics.CAM_STATE else waiting).append(value)
         while states and waiting and states[-1].time_ns / NS > waiting[0][0, -1]:
-            joined = _joined(states, waiting.popleft())
-            if joined is not None:
-                yield joined
+            tick = _join_tick(states, waiting.popleft())
+            if tick is not None:
+                yield tick
 
 
-def _joined(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
-    """A tick's samples with the cam under them; earlier states are dropped."""
+def _join_tick(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
+    """Return the samples of a tick with the cam interval, and drop earlier states.
+
+    Returns None if the states before or after the tick are missing.
+    """
     middle = 0.5 * (rows[0, 0] + rows[0, -1])
     while len(states) > 1 and states[1].time_ns / NS <= middle:
         states.popleft()
@@ -213,13 +236,13 @@ def _joined(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
     if not start.turns_until(end):
         return None
     interval = start.until(end)
-    off = interval.angle_at(interval.duration) - interval.angle - end.since(start)
-    # States between them are missing, and the speed was another meanwhile.
-    return None if abs(off) > ANGLE_TOLERANCE else TickSamples(start, interval, rows)
+    deviation = interval.angle_at(interval.duration) - interval.angle - end.since(start)
+    # States between them are missing if the angle does not fit: the speed changed meanwhile.
+    return None if abs(deviation) > ANGLE_TOLERANCE else TickSamples(start, interval, rows)
 
 
 def read_counts(bag: Path) -> dict[str, int]:
-    """Messages a topic, from the bag's own statistics; of every file of a bag that was split."""
+    """Return the number of messages per topic, from the statistics of all files."""
     counts: dict[str, int] = {}
     rigs = set[str]()
     for reader in readers(bag):
@@ -231,20 +254,23 @@ def read_counts(bag: Path) -> dict[str, int]:
 
 
 def scene_of(bag: Path, scene: Path | None = None) -> LoadedScene:
-    """Return the scene of a recording of the rig: a file if given, else the attached scene."""
+    """Return the scene of a recording of the rig.
+
+    `scene` is a file that replaces the attached scene.
+    """
     require_rig(bag)
     return read_scene(bag) if scene is None else open_scene(scene)
 
 
 def read_scene(bag: Path) -> LoadedScene:
-    """Return the scene with its cams, rig and published curves as they were attached."""
+    """Return the attached scene with its cams, rig and published curves."""
     with temporary_folder() as folder:
         scene = unpack(bag, folder)
         try:
             loaded = open_scene(scene)
             for cam in sorted((scene.parent.parent / "cams").glob("*.yaml")):
-                loaded.mount(cam.stem)  # by an operator, while it ran
+                loaded.mount(cam.stem)  # mounted by an operator during the run
             return loaded
         except CamRigError as error:
-            inside = str(error).replace(f"{folder}/config/", "")
-            raise BagError(f"{bag}: its attached files do not fit: {inside}") from None
+            text = str(error).replace(f"{folder}/config/", "")
+            raise BagError(f"{bag}: its attached files do not fit: {text}") from None

@@ -1,4 +1,4 @@
-"""Recorder of a bag without ROS: opens, fills, flushes and closes it."""
+"""Recorder of a bag without ROS."""
 
 from __future__ import annotations
 
@@ -34,13 +34,15 @@ from cam_rig.messages.topics import (
 )
 from cam_rig.simulation.scene import LoadedScene
 
+#: Packages whose versions are attached to a bag.
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 
 
 class BagRecorder:
-    """Records messages into a bag that contains everything needed to analyse it.
+    """Recorder of messages into a bag that contains everything needed to analyse it.
 
-    `points_per_turn` is the number of instants per turn of the derived motion (0: the scene's).
+    `points_per_turn` is the number of instants per turn of the derived motion (0: the number of the
+    scene).
     """
 
     def __init__(
@@ -63,11 +65,11 @@ class BagRecorder:
 
     @property
     def count(self) -> int:
-        """Messages written."""
+        """Number of messages written."""
         return sum(self._writer.counts.values())
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Take one message; see `RecordingSession.take`."""
+        """Take one message. The parameters are those of `RecordingSession.take`."""
         stamps = self._session.take(topic, cdr, source, number)
         if topic is PROFILE:  # possibly of a cam that an operator has mounted
             self._attach()
@@ -78,11 +80,11 @@ class BagRecorder:
         return stamps
 
     def idle(self) -> None:
-        """Flush what is due; to be called a few times a second."""
+        """Flush if due. The method must be called a few times per second."""
         self._writer.flush_if_due()
 
     def discard(self) -> None:
-        """Remove the bag, into which nothing was written."""
+        """Remove the bag, which must not contain messages."""
         self._writer.abandon()
         with suppress(OSError):
             self._writer.file.unlink()
@@ -90,8 +92,8 @@ class BagRecorder:
             self._writer.directory.rmdir()
 
     def close(self) -> None:
-        """Write what is left, and close the bag."""
-        self._writer.split = Split()  # what is not complete stays in one file
+        """Write the remaining messages, and close the bag."""
+        self._writer.split = Split()  # incomplete states stay in one file
         self._session.close()
         self._writer.close()
 
@@ -106,13 +108,13 @@ class BagRecorder:
         for path in self._loaded.files:
             if path not in self._attached:
                 self._attached.add(path)
-                # the other files lie in folders of these names; a scene may lie anywhere
+                # A scene may be in any folder. The folders of the other files have fixed names.
                 folder = "scenes" if path == self._loaded.scene_file else path.parent.name
                 self._writer.attach(f"{folder}/{path.name}", path.read_bytes())
 
 
 def recorded(file: Path) -> Iterator[tuple[Topic, Message]]:
-    """The messages of the rig's topics that a file holds, as far as it can be read."""
+    """Yield topic and message of the rig's topics in a file, as far as it is readable."""
     for record in PartialReader(file).records():
         if isinstance(record, Attachment):
             continue
@@ -121,11 +123,11 @@ def recorded(file: Path) -> Iterator[tuple[Topic, Message]]:
 
 
 def versions() -> bytes:
-    """What the recording was made with, as JSON."""
-    found = {"python": platform.python_version(), "system": platform.platform()}
+    """Return the versions of the software of the recording as JSON."""
+    entries = {"python": platform.python_version(), "system": platform.platform()}
     for package in (*PACKAGES, f"ros-{ros_distribution()}-rclpy"):
         try:
-            found[package] = version(package)
+            entries[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "part of the ROS installation"
-    return json.dumps(found, indent=2).encode()
+            entries[package] = "part of the ROS installation"
+    return json.dumps(entries, indent=2).encode()

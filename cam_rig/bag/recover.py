@@ -1,4 +1,4 @@
-"""Recovering a bag that was not closed, or is damaged, into a valid one."""
+"""Recovery of a bag that is damaged or was not closed."""
 
 from __future__ import annotations
 
@@ -29,33 +29,36 @@ from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.units import DATE_FROM_S, NS, time_words
 
-#: The report on a recording without any message.
+#: Report on a recording without any message.
 NOTHING_RECORDED = "nothing was recorded"
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """Recovered messages by topic, their newest log time (ns), and what is missing."""
+    """Result of a recovery: the messages by topic and what is missing.
+
+    `last_ns` is the newest log time in ns.
+    """
 
     counts: dict[str, int]
     last_ns: int
     readers: tuple[PartialReader, ...]
     loss: Loss
-    #: Time (ns) from which printed times count: 0 for rig time, the start of a bag in wall time.
+    #: Origin (ns) of printed times: 0 for rig time, the start of the bag for wall-clock time.
     origin_ns: int = 0
-    #: Messages of a file that metadata.yaml lists and the file has not, by name.
+    #: Number of messages that metadata.yaml lists but the file does not have, by file name.
     fewer: dict[str, int] = field(default_factory=dict)
-    #: The files that are ignored, a sentence each.
+    #: One sentence per file that is ignored.
     notes: tuple[str, ...] = ()
 
     @property
     def whole(self) -> bool:
-        """Whether the recording was closed."""
+        """True if the recording was closed."""
         return all(reader.whole for reader in self.readers)
 
     @property
     def sound(self) -> bool:
-        """True if everything that was recorded is there."""
+        """True if everything that was recorded is in the bag."""
         damaged = any(reader.damaged for reader in self.readers)
         return self.whole and not (damaged or self.loss.gaps or self.fewer)
 
@@ -69,31 +72,31 @@ class Recovered:
             for name, count in self.fewer.items()
         ]
         for reader in self.readers:
-            found = self._damage(reader)
-            if found and len(self.readers) > 1:
-                found[0] = f"in {reader.file.name}: {found[0]}"
-            parts += found
+            damage = self._damage(reader)
+            if damage and len(self.readers) > 1:
+                damage[0] = f"in {reader.file.name}: {damage[0]}"
+            parts += damage
         parts += [note.rstrip(".") for note in self.notes]
         return "; ".join(part for part in parts if part)
 
     def _time_words(self, time_ns: int) -> str:
         return time_words((time_ns - self.origin_ns) / NS)
 
-    def _damage(self, found: PartialReader) -> list[str]:
-        words = list[str]()
-        if found.cut:
-            words.append(f"{found.cut} of the saved are from a truncated chunk")
-        if found.damaged:
-            words.append(f"damaged records: {found.damaged}, first: {found.why}")
-        if found.doubt is not None:
-            begin, end = found.doubt
-            words.append(
-                f"messages of them, whose numbers may be wrong: {found.doubtful}, from "
-                f"{self._time_words(begin)} to {self._time_words(end)}"
+    def _damage(self, reader: PartialReader) -> list[str]:
+        parts = list[str]()
+        if reader.cut:
+            parts.append(f"{reader.cut} of the saved are from a truncated chunk")
+        if reader.damaged:
+            parts.append(f"damaged records: {reader.damaged}, first: {reader.why}")
+        if reader.doubt is not None:
+            start, end = reader.doubt
+            parts.append(
+                f"messages of them, whose numbers may be wrong: {reader.doubtful}, from "
+                f"{self._time_words(start)} to {self._time_words(end)}"
             )
-        if found.unread:
-            words.append(f"{found.unread} bytes could not be read")
-        return words
+        if reader.unread:
+            parts.append(f"{reader.unread} bytes could not be read")
+        return parts
 
     def _missing(self) -> str:
         gaps = [self.loss.words] if self.loss.gaps else []
@@ -105,64 +108,74 @@ class Recovered:
 
 
 def recover(bag: Path, target: Path) -> Recovered:
-    """Copy everything readable of a bag into a new one of one file; may be killed and repeated."""
-    copying = Recovery(bag)
+    """Copy everything readable of a bag into a new bag with one file.
+
+    The function may be killed and repeated.
+    """
+    recovery = Recovery(bag)
     if not _is_unfinished(target):
         require_new_bag(target)
     with BagWriter(target, rewrite=True) as writer:
-        for file in copying.files:
-            copying.read(file, writer)
-        return copying.result(writer)
+        for file in recovery.files:
+            recovery.read(file, writer)
+        return recovery.result(writer)
 
 
 def recover_in_place(bag: Path) -> Recovered:
-    """Recover those files of a bag that were not closed; may be killed and repeated."""
-    copying = Recovery(bag)
-    wrong = [file for file in copying.files if not is_closed(file)]
-    wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing
+    """Recover those files of a bag that were not closed.
+
+    The function may be killed and repeated.
+    """
+    recovery = Recovery(bag)
+    unclosed = [file for file in recovery.files if not is_closed(file)]
+    unclosed = unclosed or recovery.files[-1:]  # only metadata.yaml is missing
     try:
-        # Files that are not recovered yet are listed without messages: a kill leaves them listed.
-        contents = {file: copying.empty(file) for file in wrong}
-        contents |= {file: copying.read(file) for file in copying.files if file not in wrong}
-        for file in wrong:
+        # Files that are not recovered yet are listed without messages. They stay listed after a
+        # kill.
+        contents = {file: recovery.empty(file) for file in unclosed}
+        contents |= {file: recovery.read(file) for file in recovery.files if file not in unclosed}
+        for file in unclosed:
             others = [content for other, content in contents.items() if other != file]
             with BagWriter(bag, rewrite=True, number=number_of(file), others=others) as writer:
-                contents[file] = copying.read(file, writer)
-                if file is wrong[-1]:
-                    saved = copying.result(writer)
+                contents[file] = recovery.read(file, writer)
+                if file is unclosed[-1]:
+                    saved = recovery.result(writer)
     except BagError as error:
-        why, there = str(error).removeprefix(f"{bag}: "), examine(bag)
+        reason, readable = str(error).removeprefix(f"{bag}: "), examine(bag)
         raise BagError(
-            f"{bag}: cannot be recovered where it is, {why}; left as it is, and readable: "
-            f"{there.words}; recover it with: cam-rig recover {shlex.quote(str(bag))} --output "
+            f"{bag}: cannot be recovered where it is, {reason}; left as it is, and readable: "
+            f"{readable.words}; recover it with: cam-rig recover {shlex.quote(str(bag))} --output "
             "A_FOLDER_WITH_ROOM"
         ) from None
     return saved
 
 
 def examine(bag: Path) -> Recovered:
-    """What a bag holds, and what it lacks; nothing is written."""
-    copying = Recovery(bag)
-    for file in copying.files:
-        copying.read(file)
-    return copying.result()
+    """Return the readable and the missing messages of a bag without writing anything."""
+    recovery = Recovery(bag)
+    for file in recovery.files:
+        recovery.read(file)
+    return recovery.result()
 
 
 def state_words(bag: Path) -> str:
-    """What a failed run has recorded, in words; the bag is recovered where that is needed."""
+    """Return the recorded messages of a failed run as text.
+
+    The bag is recovered if it was not closed.
+    """
     try:
         if not any(file.stat().st_size for file in bag_files(bag)):
             return NOTHING_RECORDED
-        words = recover_in_place(bag).words if is_unclosed(bag) else ""
+        text = recover_in_place(bag).words if is_unclosed(bag) else ""
         count = sum(read_counts(bag).values())
     except (BagError, OSError) as error:
         return str(error).removeprefix(f"{bag}: ")
-    return (words or f"closed, {count} messages") if count else NOTHING_RECORDED
+    return (text or f"closed, {count} messages") if count else NOTHING_RECORDED
 
 
 def _is_unfinished(target: Path) -> bool:
-    """Whether a folder holds nothing but what a killed recovery left."""
-    if not os.path.isdir(target):  # also where no file can have such a name
+    """Return True if a folder contains only files that a killed recovery left."""
+    if not os.path.isdir(target):  # also for a name that is too long
         return False
     part, names = part_of(bag_file(target)).name, {entry.name for entry in target.iterdir()}
     metadata = {METADATA, part_of(target / METADATA).name}
@@ -170,7 +183,7 @@ def _is_unfinished(target: Path) -> bool:
 
 
 class Recovery:
-    """The files of a bag as they are read, each as far as it goes."""
+    """Files of a bag during a recovery, each read as far as possible."""
 
     def __init__(self, bag: Path) -> None:
         self.files = mcap_files(bag)
@@ -181,11 +194,14 @@ class Recovery:
         self._contents: dict[Path, FileContent] = {}
 
     def empty(self, file: Path) -> FileContent:
-        """Return the content of a file of which nothing was read yet."""
+        """Return the content of a file of which no message was read yet."""
         return FileContent(bag_file(self._bag, number_of(file)).name)
 
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:
-        """Copy the messages of a file into a bag, or count them without a writer."""
+        """Copy the messages of a file into a bag, or count them without a writer.
+
+        Raises BagError if the only file of the bag has no readable record.
+        """
         reader = self._readers[file] = PartialReader(file)
         content = self._contents[file] = self.empty(file)
         empty = len(self.files) == 1
@@ -204,14 +220,17 @@ class Recovery:
                 number = message.sequence if reader.ours else 0
                 writer.write(topic, message.log_time, message.data, schema.data, number)
         if empty:
-            why = f" ({reader.why})" if reader.why else ""
+            reason = f" ({reader.why})" if reader.why else ""
             raise BagError(
-                f"{self._bag}: no readable record in {file.name}{why}; nothing to recover"
+                f"{self._bag}: no readable record in {file.name}{reason}; nothing to recover"
             )
         return content
 
     def result(self, writer: BagWriter | None = None) -> Recovered:
-        """Return what was read; attach a report to a bag that lacks messages."""
+        """Return the result of the recovery.
+
+        A report is attached to the new bag if messages are missing.
+        """
         readers = tuple(self._readers[file] for file in self.files)
         whole = all(reader.whole for reader in readers)
         ours = all(self._readers[file].ours for file in self.files if self._contents[file].total)
@@ -220,11 +239,11 @@ class Recovery:
             scene = read_scene(self._bag).scene
         loss = loss_of(self._holdings, scene, whole, ours)
         whole_bag = together(self._contents.values())
-        listed, found = self._listing.extents, self._contents
+        extents, contents = self._listing.extents, self._contents
         fewer = {
-            file.name: listed[file.name].messages - found[file].total
+            file.name: extents[file.name].messages - contents[file].total
             for file in self.files
-            if file.name in listed and listed[file.name].messages > found[file].total
+            if file.name in extents and extents[file.name].messages > contents[file].total
         }
         origin = whole_bag.first if DATE_FROM_S * NS < whole_bag.first < NEVER else 0
         saved = Recovered(

@@ -1,4 +1,4 @@
-"""Two recordings of one run, number by number."""
+"""Comparison of two recordings of one run, number by number."""
 
 from __future__ import annotations
 
@@ -22,13 +22,18 @@ from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
 
-#: What the follower and the microphone publish for each tick; the rest follows from it.
+#: Topics of the follower and the microphone with one message per tick. All other results follow
+#: from them.
 COMPARED = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
 
 
 @dataclass
 class Difference:
-    """The largest difference of one quantity between two recordings, and its largest value."""
+    """Difference of one quantity between two recordings.
+
+    `difference` is the largest difference and `largest` the largest value, both in the unit of the
+    quantity. `count` is the number of values.
+    """
 
     topic: str
     quantity: str
@@ -38,7 +43,7 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """The largest difference over the largest value."""
+        """Largest difference divided by the largest value."""
         if self.difference == 0.0:
             return 0.0
         return self.difference / self.largest if self.largest > 0.0 else float("inf")
@@ -46,7 +51,10 @@ class Difference:
 
 @dataclass(frozen=True, repr=False)
 class ReplayResult(Result):
-    """A bag's recorded numbers against replayed ones; off where one differs beyond a tolerance."""
+    """Differences between the recorded numbers of a bag and the replayed numbers.
+
+    `tolerance` is the largest allowed relative difference.
+    """
 
     schema = "cam_rig.replay.1"
     columns: ClassVar = {
@@ -65,50 +73,58 @@ class ReplayResult(Result):
 
     @property
     def worst(self) -> Difference:
-        """The quantity that is farthest off."""
+        """Quantity with the largest relative difference."""
         return max(self.differences, key=lambda entry: entry.relative)
 
     @property
     def exit_code(self) -> int:  # type: ignore[override]
-        """1 where a number is off."""
+        """1 if a quantity differs by more than the tolerance, else 0."""
         return 0 if self.worst.relative <= self.tolerance else 1
 
     def tables(self) -> list[Records]:
-        """A row a quantity."""
+        """Return a table with one row per quantity."""
         return [self.table("differences", "Recorded against replayed", self.differences)]
 
     def summary(self) -> list[str]:
-        """What is off, if anything."""
+        """Return a line on the worst quantity if it exceeds the tolerance."""
         worst = self.worst
-        words = (
+        text = (
             f"{self.bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
             f"{worst.relative:.3g} of its largest value; allowed: {self.tolerance:g}"
         )
-        return [words] if self.exit_code else []
+        return [text] if self.exit_code else []
 
 
-def compare(one: Path, other: Path) -> list[Difference]:
-    """The differences of all that follower and microphone published in two recordings."""
-    found: dict[tuple[str, str], Difference] = {}
+def compare(first: Path, second: Path) -> list[Difference]:
+    """Return the differences of all messages per tick of two recordings.
+
+    These are the messages of the follower and the microphone. Raises BagError if the bags have
+    different numbers of messages or of values.
+    """
+    differences: dict[tuple[str, str], Difference] = {}
     for topic in COMPARED:
-        pairs = zip_longest(_quantities(one, topic), _quantities(other, topic))
-        for number, (here, there) in enumerate(pairs):
-            if here is None or there is None:
-                short = one if here is None else other
-                raise BagError(f"{short}: {topic.name} has {number} messages, the other bag more")
-            for name, value in here.items():
-                entry = found.setdefault((topic.name, name), Difference(topic.name, name))
-                _note(entry, value, there[name], f"{one}: {topic.name} message {number}")
-    return list(found.values())
+        pairs = zip_longest(_quantities(first, topic), _quantities(second, topic))
+        for number, (values, other_values) in enumerate(pairs):
+            if values is None or other_values is None:
+                shorter = first if values is None else second
+                raise BagError(f"{shorter}: {topic.name} has {number} messages, the other bag more")
+            for name, value in values.items():
+                entry = differences.setdefault((topic.name, name), Difference(topic.name, name))
+                _add_values(
+                    entry, value, other_values[name], f"{first}: {topic.name} message {number}"
+                )
+    return list(differences.values())
 
 
-def _note(entry: Difference, one: FloatArray, other: FloatArray, where: str) -> None:
-    if one.shape != other.shape:
-        raise BagError(f"{where}: has {one.size} numbers, in the other bag {other.size}")
-    entry.count += one.size
-    away = float(np.abs(one - other).max(initial=0.0))
-    entry.difference = max(entry.difference, away) if np.isfinite(away) else float("inf")
-    entry.largest = max(entry.largest, float(np.abs(one).max(initial=0.0)))
+def _add_values(entry: Difference, values: FloatArray, others: FloatArray, label: str) -> None:
+    if values.shape != others.shape:
+        raise BagError(f"{label}: has {values.size} numbers, in the other bag {others.size}")
+    entry.count += values.size
+    difference = float(np.abs(values - others).max(initial=0.0))
+    entry.difference = (
+        max(entry.difference, difference) if np.isfinite(difference) else float("inf")
+    )
+    entry.largest = max(entry.largest, float(np.abs(values).max(initial=0.0)))
 
 
 def _quantities(bag: Path, topic: Topic) -> Iterator[dict[str, FloatArray]]:
@@ -131,19 +147,19 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
         yield "value", message.data
 
 
-# A recorded drive's and law server's messages, to be published again.
+# Messages of a recorded drive and law server, to be published again.
 
-#: In the order in which they go out at one rig time.
+#: Topics in the order in which they are published at one rig time.
 PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
-#: Decoded, not only passed on.
+#: Topics that are decoded. All others are passed on unchanged.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
-#: A level's letter symbol; a bag's maker may have written anything there.
+#: Letter symbol of a sound level. The bag may contain any other text there.
 SYMBOL = re.compile("L[ACZ][FS]")
 
 
 @dataclass(frozen=True)
 class Played:
-    """A state, all serialized messages up to it, and what the microphone read then, if known."""
+    """Cam state, all serialized messages up to it, and the measured quantity if known."""
 
     state: CamState
     messages: tuple[tuple[Topic, bytes], ...]
@@ -151,31 +167,37 @@ class Played:
 
 
 def played(bag: Path) -> Iterator[Played]:
-    """The messages state by state; what a bag holds after its last state is left out."""
+    """Yield the messages of a bag, grouped by cam state.
+
+    Messages after the last state are left out.
+    """
     by_name = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}
-    waiting: list[tuple[Topic, bytes]] = []
-    last: Played | None = None
+    pending: list[tuple[Topic, bytes]] = []
+    group: Played | None = None
     for connection, _, data in raw_messages(bag, set(by_name)):
         topic = by_name[connection.topic]
         message = read_message(topic, bytes(data))[0] if topic in READ else None
         if topic is topics.DIAGNOSTICS:
-            last = last and replace(last, quantity=quantity_of(message) or last.quantity)
+            group = group and replace(group, quantity=quantity_of(message) or group.quantity)
             continue
-        if topic is topics.LAW and last is not None:  # written after its state
-            last = replace(last, messages=(*last.messages, (topic, bytes(data))))
+        if topic is topics.LAW and group is not None:  # recorders write it after its state
+            group = replace(group, messages=(*group.messages, (topic, bytes(data))))
             continue
-        waiting.append((topic, bytes(data)))
+        pending.append((topic, bytes(data)))
         if topic is topics.CAM_STATE:
-            if last is not None:
-                yield last
-            last = Played(cam_state_of(message), tuple(waiting))
-            waiting.clear()
-    if last is not None:
-        yield last
+            if group is not None:
+                yield group
+            group = Played(cam_state_of(message), tuple(pending))
+            pending.clear()
+    if group is not None:
+        yield group
 
 
 def quantity_of(diagnostic: Any) -> str:
-    """What the microphone reads, by its diagnostics; empty by another node's."""
+    """Return the quantity that the microphone measures, by its diagnostics.
+
+    The quantity is a letter symbol such as LAF. The result is empty for another node.
+    """
     for status in diagnostic.status:
         values = {pair.key: pair.value for pair in status.values}
         if status.name == "microphone" and SYMBOL.fullmatch(values.get(topics.QUANTITY, "")):

@@ -1,8 +1,8 @@
-"""The recorder without ROS: the messages of each tick, brought together and in order.
+"""Recorder without ROS: combines the messages of each tick and writes them.
 
-The topics arrive in any order. Each message is assigned to its cam state, and a state is written
-with everything that belongs to it, as soon as nothing is missing and all earlier states are
-written. Therefore two recordings of one run are equal.
+The topics arrive in any order. Each message is assigned to its cam state. A state is written
+together with its messages as soon as they are complete and all earlier states are written. Two
+recordings of one run are therefore equal.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from cam_rig.messages.serialization import cam_of, diagnosed_node, read_message,
 from cam_rig.messages.topics import Publishers, Topic, occasions
 from cam_rig.simulation.schedule import CamState
 
-# Messages that wait for their state or for each other: a bounded number, in a flood too.
+# Messages that wait for their state or their twin. Their number is bounded, also if a publisher
+# floods a topic.
 
-#: Messages kept of states that are not known yet; more than are ever in flight.
+#: Largest number of stored messages without a known state. Fewer are in flight in a run.
 MAX_WAITING = 4 * HISTORY_DEPTH
-#: Messages evicted at once when there are more: a flood must not cost a search for each.
+#: Number of messages that are evicted together, so that a flood does not cost a search per message.
 EVICTED_AT_ONCE = MAX_WAITING // 8
-#: The unstamped topics of each stamped one.
+#: Unstamped topics of each stamped topic.
 TWINS = {
     stamped.name: [topic for topic in topics.RECEIVED if topic.twin == stamped.name]
     for stamped in topics.RECEIVED
@@ -36,77 +37,84 @@ TWINS = {
 Key = TypeVar("Key", bound=Hashable)
 
 
-def make_room(held: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
-    """Evict the oldest of too many that are not awaited; whether there were too many."""
-    if len(held) <= MAX_WAITING:
+def make_room(stored: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
+    """Evict the oldest messages if there are too many, and return True in that case.
+
+    Messages with an awaited key are not evicted.
+    """
+    if len(stored) <= MAX_WAITING:
         return False
-    for key in [key for key in held if not is_awaited(key)][:EVICTED_AT_ONCE]:
-        del held[key]
+    for key in [key for key in stored if not is_awaited(key)][:EVICTED_AT_ONCE]:
+        del stored[key]
     return True
 
 
 class Waiting:
-    """Messages by topic and stamp (ns), each until its state is written.
+    """Messages by topic and stamp (ns), stored until their state is written.
 
-    ``known`` are the stamps of the states that wait to be written: what belongs to one is never
-    dropped. The ``number`` of a message counts those of its topic, which has one publisher.
+    `known` contains the stamps of the states that wait to be written. The messages of such a state
+    are never dropped. The `number` of a message counts the messages of its topic, which has one
+    publisher.
     """
 
     def __init__(self, known: Set[int]) -> None:
         self._known, self._until = known, -1
-        self._held: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECEIVED}
+        self._stored: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECEIVED}
         self._halves: dict[tuple[str, int], int | bytes] = {}
 
     def get(self, topic: Topic, stamp: int) -> bytes | None:
-        """A topic's message of a stamp; None where there is none."""
-        return self._held[topic].get(stamp)
+        """Return a topic's message at a stamp, or None."""
+        return self._stored[topic].get(stamp)
 
     def forget(self, until: int) -> None:
-        """Drop all up to a stamp: those states are written, and the rest belongs to none."""
+        """Drop all messages up to a stamp, because those states are written."""
         self._until = until
-        for held in self._held.values():
-            for stamp in [stamp for stamp in held if stamp <= until]:
-                del held[stamp]
+        for stored in self._stored.values():
+            for stamp in [stamp for stamp in stored if stamp <= until]:
+                del stored[stamp]
 
     def keep_stamped(self, topic: Topic, number: int, cdr: bytes) -> None:
-        """Keep a message by its stamp, which its twin has too."""
+        """Store a message by its stamp. Its unstamped twins have the same stamp."""
         stamp = stamp_of(cdr)
         try:
-            self._keep(topic, stamp, cdr)
-        finally:  # an error in the one must not cost the other
+            self._store(topic, stamp, cdr)
+        finally:  # the twins are stored even if this message is refused
             for twin in TWINS[topic.name]:
                 self.pair(twin, number, stamp)
 
     def pair(self, topic: Topic, number: int, half: int | bytes) -> None:
-        """Bring an unstamped message and the stamp of its twin together, whichever comes first."""
+        """Combine an unstamped message with the stamp of its twin.
+
+        Message and stamp may arrive in any order.
+        """
         key = (topic.name, number)
         other = self._halves.pop(key, None)
         if isinstance(half, int) and isinstance(other, bytes):
-            self._keep(topic, half, other)
+            self._store(topic, half, other)
         elif isinstance(half, bytes) and isinstance(other, int):
-            self._keep(topic, other, half)
+            self._store(topic, other, half)
         else:
             self._halves[key] = half
             make_room(self._halves)
 
-    def _keep(self, topic: Topic, stamp: int, cdr: bytes) -> None:
+    def _store(self, topic: Topic, stamp: int, cdr: bytes) -> None:
         if stamp <= self._until:
             return
-        held = self._held[topic]
-        if held.setdefault(stamp, cdr) != cdr:
+        stored = self._stored[topic]
+        if stored.setdefault(stamp, cdr) != cdr:
             raise RefusedError(f"{topic.name} at {stamp} ns: two messages that differ")
-        if make_room(held, self._known.__contains__) and stamp not in self._known:
+        if make_room(stored, self._known.__contains__) and stamp not in self._known:
             raise RefusedError(f"{topic.name}: more than {MAX_WAITING} messages of no known state")
 
 
-# The /diagnostics of the rig's nodes, each message once, in the order of rig time.
+# Messages on /diagnostics of the rig's nodes, each once, in the order of rig time.
 
-#: What is said on wall time.
-OF_WALL_TIME = (topics.PACE, topics.SHOWN_MOTION)
+#: Diagnostics with a wall-clock time.
+WALL_TIME_DIAGNOSTICS = (topics.PACE, topics.SHOWN_MOTION)
 
 
 class Diagnostic(NamedTuple):
-    """Rig time (ns), the node it is of, and the serialized message."""
+    """Rig time (ns), name of the node, and serialized message."""
 
     stamp: int
     node: str
@@ -114,7 +122,10 @@ class Diagnostic(NamedTuple):
 
 
 class PendingDiagnostics:
-    """Messages that wait until rig time comes to their stamps: one of the wall clock never does."""
+    """Diagnostic messages that wait until rig time reaches their stamps.
+
+    Messages stamped with wall-clock time are never written.
+    """
 
     def __init__(self) -> None:
         self._waiting: dict[Diagnostic, None] = {}
@@ -122,44 +133,45 @@ class PendingDiagnostics:
         self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
-        """Keep a message of the rig's nodes."""
-        if node in OF_WALL_TIME or node.endswith(topics.HEARTBEAT):
+        """Store a message of the rig's nodes."""
+        if node in WALL_TIME_DIAGNOSTICS or node.endswith(topics.HEARTBEAT):
             return
         if node not in topics.DIAGNOSED_NODES:
             raise RefusedError(
                 f"{topics.DIAGNOSTICS.name}: of {node[:80]!r}; recorded: "
                 f"{', '.join(topics.DIAGNOSED_NODES)}"
             )
-        found = Diagnostic(stamp, node, cdr)
-        if found in self._written or found in self._waiting:
+        diagnostic = Diagnostic(stamp, node, cdr)
+        if diagnostic in self._written or diagnostic in self._waiting:
             return
-        self._waiting[found] = None
+        self._waiting[diagnostic] = None
         if make_room(self._waiting):
             raise RefusedError(
                 f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} of no known time"
             )
 
     def due(self, until: int) -> Iterator[tuple[int, bytes]]:
-        """Log time (ns) and message of all up to a rig time."""
-        for found in sorted(one for one in self._waiting if one.stamp <= until):
-            del self._waiting[found]
-            self._written.append(found)
-            # A few ns late, by node: the order among others of its time is not left to scheduling
-            yield found.stamp + 1 + topics.DIAGNOSED_NODES.index(found.node), found.cdr
+        """Yield log time (ns) and message of all diagnostics up to a rig time (ns)."""
+        for message in sorted(pending for pending in self._waiting if pending.stamp <= until):
+            del self._waiting[message]
+            self._written.append(message)
+            # The offset of a few ns per node makes the order independent of scheduling.
+            yield (message.stamp + 1 + topics.DIAGNOSED_NODES.index(message.node), message.cdr)
 
 
-#: A state begins with its stamp; the clock's message is that and no more.
+#: Number of bytes of a state that are its stamp. The clock message consists of them.
 CLOCK_BYTES = 12
-#: By stamp: those of a tick, and the law of a new speed.
+#: Topics with a stamp: those of a tick, and the law of a new speed.
 STAMPED = tuple(topic for topic in topics.RECEIVED if topic.per in ("speed", "tick"))
+#: Topics with one message per cam.
 CAM_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "cam")
 
 
 class RecordingSession:
-    """Writes serialized messages in the order of rig time, each once.
+    """Writer of serialized messages in the order of rig time, each message once.
 
-    ``check`` refuses a law or a contour (topic, message) that is not the cam's own; ``motion``
-    makes the derived messages.
+    `check` raises RefusedError for a law or contour (topic, message) that differs from the cam's
+    law or contour. `motion` creates the derived messages.
     """
 
     def __init__(
@@ -183,7 +195,11 @@ class RecordingSession:
         self._newest = -1
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Take message ``number`` of a process; stamps of the states written with it."""
+        """Take message `number` of a process.
+
+        Returns the stamps (ns) of the states that were written with it. Raises RefusedError for a
+        message that is not recorded.
+        """
         if topic.derived:
             raise RefusedError(f"{topic.name}: a recorder makes these messages itself")
         if topic.owner:
@@ -208,13 +224,13 @@ class RecordingSession:
         else:
             self._waiting.keep_stamped(topic, number, cdr)
         stamps = []
-        while self._states and self._complete():
+        while self._states and self._is_complete():
             stamps.append(self._write_state())
         self._write_diagnostics(self.written)
         return stamps
 
     def close(self) -> None:
-        """Write what was received of the states that are not complete."""
+        """Write the received messages of the states that are incomplete."""
         while self._states:
             self._write_state()
         self._write_diagnostics(self._newest)
@@ -232,48 +248,54 @@ class RecordingSession:
         self._newest = max(self._newest, state.time_ns)
 
     def _write_diagnostics(self, until: int) -> None:
-        """Those of states that are written, so that no file of the bag holds what comes later."""
+        """Write the diagnostics up to a rig time (ns), the time of a written state.
+
+        No file of the bag therefore contains later messages than its states.
+        """
         for time_ns, diagnostic in self._diagnostics.due(until):
             self._writer.write(topics.DIAGNOSTICS, time_ns, diagnostic)
 
-    def _complete(self) -> bool:
+    def _is_complete(self) -> bool:
         state = self._states[0][0]
-        there = occasions(self._before, state)
-        stamped = (topic for topic in STAMPED if topic.per in there)
+        current = occasions(self._before, state)
+        stamped = (topic for topic in STAMPED if topic.per in current)
         return all(self._waiting.get(topic, state.time_ns) for topic in stamped) and (
-            "cam" not in there or all(state.cam in known for known in self._cams.values())
+            "cam" not in current or all(state.cam in messages for messages in self._cams.values())
         )
 
     def _write_state(self) -> int:
         state, cdr = self._states.popleft()
-        stamp, put = state.time_ns, self._writer.write
-        there = occasions(self._before, state)
+        stamp, write = state.time_ns, self._writer.write
+        current = occasions(self._before, state)
         self._writer.begin_state(stamp)
-        for derived in self._moved(state):
-            put(*derived)
-        for topic, known in self._cams.items():
-            if "cam" in there and state.cam in known:
-                put(topic, stamp, known[state.cam])
-        put(topics.CLOCK, stamp, cdr[:CLOCK_BYTES])
-        put(topics.CAM_STATE, stamp, cdr)
+        for derived in self._derived_messages(state):
+            write(*derived)
+        for topic, messages in self._cams.items():
+            if "cam" in current and state.cam in messages:
+                write(topic, stamp, messages[state.cam])
+        write(topics.CLOCK, stamp, cdr[:CLOCK_BYTES])
+        write(topics.CAM_STATE, stamp, cdr)
         for topic in STAMPED:
-            if topic.per in there and (message := self._waiting.get(topic, stamp)):
-                put(topic, stamp, message)
-        if self._motion is not None and "cam" in there:
+            if topic.per in current and (message := self._waiting.get(topic, stamp)):
+                write(topic, stamp, message)
+        if self._motion is not None and "cam" in current:
             for derived in self._motion.mounted(state.cam, stamp):
-                put(*derived)
+                write(*derived)
         self._before, self.written = state, stamp
         self._known.discard(stamp)
         self._waiting.forget(stamp)
         return stamp
 
-    def _moved(self, state: CamState) -> list[DerivedMessage]:
-        """The derived messages of the tick that ends at a state; none without its samples."""
+    def _derived_messages(self, state: CamState) -> list[DerivedMessage]:
+        """Return the derived messages of the tick that ends at a state.
+
+        The result is empty if the samples of the tick are missing.
+        """
         before, samples = self._before, self._waiting.get(topics.FOLLOWER_SAMPLES, state.time_ns)
         if self._motion is None or before is None or samples is None:
             return []
         message, _ = read_message(topics.FOLLOWER_SAMPLES, samples)
         try:
             return self._motion.moved(before, state, block_of(message))
-        except RefusedError:  # as the microphone says, which refuses it too
+        except RefusedError:  # the microphone refuses it too and reports it
             return []

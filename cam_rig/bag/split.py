@@ -1,4 +1,4 @@
-"""When a recording goes on in a new file of its bag."""
+"""Limits of size and duration at which a recording continues in a new file."""
 
 from __future__ import annotations
 
@@ -8,24 +8,28 @@ from dataclasses import dataclass
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
 
-#: Least size (bytes) and duration (s) of a file: every file repeats the scene and its cams.
-MIN_FILE_BYTES, MIN_FILE_S = 1_000_000, 1.0
-#: Files of a bag whose names are sure to have room.
+#: Smallest limit of the size of a file, in bytes. Every file repeats the scene and its cams.
+MIN_FILE_BYTES = 1_000_000
+#: Smallest limit of the duration of a file, in s of rig time.
+MIN_FILE_S = 1.0
+#: Largest number of a file for which room in the name is checked before a run.
 MAX_NUMBER = 99_999
-#: Greatest duration of a file, s: ten years.
+#: Largest limit of the duration of a file, in s (ten years).
 MAX_FILE_S = 3.2e8
-#: Factors of the units in which a file's size or duration may be given.
+#: Units of a size, with their factors to bytes.
 SIZES = {"MB": 1e6, "GB": 1e9, "MiB": 2.0**20, "GiB": 2.0**30}
+#: Units of a duration, with their factors to s.
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
+#: Number and unit of a limit.
 AMOUNT = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s*([A-Za-z]+)\s*")
 
 
 @dataclass(frozen=True)
 class Split:
-    """The limits of each file of a bag, as `ros2 bag record` has them; 0 is none.
+    """Limits of each file of a bag, as in `ros2 bag record`. The value 0 is no limit.
 
-    ``size`` is bytes of messages, without what is attached to each file; ``duration`` rig time, s.
-    A file ends with the tick in which it comes to a limit: the next state of the cam begins the
+    `size` is the number of bytes of messages, without the files that are attached. `duration` is
+    rig time in s. A file ends with the tick that reaches a limit. The next cam state starts the
     next file, so that a tick is never divided.
     """
 
@@ -34,58 +38,64 @@ class Split:
 
     @property
     def last_number(self) -> int:
-        """The greatest number that a file's name must have room for."""
+        """Largest number for which the name of a file must have room."""
         return MAX_NUMBER if self.size or self.duration else 0
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The recorder's parameters, by the names that rosbag2 has for them."""
+        """Parameters of the recorder, by their names in rosbag2."""
         return {"max_bagfile_size": self.size, "max_bagfile_duration": self.duration}
 
-    def is_due(self, size: int, begin: int, now: int) -> bool:
-        """Whether a file of some size that begins at a log time (ns) is to end before ``now``."""
+    def is_due(self, size: int, start: int, now: int) -> bool:
+        """Return True if a file has to end before the time `now` (ns).
+
+        `size` is the number of bytes of the file, and `start` its first log time (ns).
+        """
         by_size = self.size > 0 and size >= self.size
-        return by_size or (self.duration > 0.0 and now - begin > self.duration * NS)
+        return by_size or (self.duration > 0.0 and now - start > self.duration * NS)
 
     @classmethod
     def parsed(cls, text: str) -> Split:
-        """The limits by words: ``100MB``, ``1.5 GiB``, ``60s``, ``10min``."""
-        found = AMOUNT.fullmatch(text)
+        """Parse limits such as ``100MB``, ``1.5 GiB``, ``60s`` or ``10min``.
+
+        Raises ConfigError for another text, or an amount that is out of range.
+        """
+        match = AMOUNT.fullmatch(text)
         units = ", ".join((*SIZES, *TIMES))
-        if found is None or found[2] not in SIZES | TIMES:
+        if match is None or match[2] not in SIZES | TIMES:
             raise ConfigError(
                 f"split: is {text[:40]!r}; allowed: a number and one of {units}, as 100MB or 60s"
             )
-        amount, what = float(found[1]), f"split: is {text.strip()}"
-        if found[2] in SIZES:
-            return cls(size=_checked_size(round(amount * SIZES[found[2]]), what))
-        return cls(duration=_checked_duration(amount * TIMES[found[2]], what))
+        amount, label = float(match[1]), f"split: is {text.strip()}"
+        if match[2] in SIZES:
+            return cls(size=_checked_size(round(amount * SIZES[match[2]]), label))
+        return cls(duration=_checked_duration(amount * TIMES[match[2]], label))
 
 
-def _checked_size(size: int, what: str) -> int:
+def _checked_size(size: int, label: str) -> int:
     if not MIN_FILE_BYTES <= size < 2**63:
         raise ConfigError(
-            f"{what}; allowed: a file of {MIN_FILE_BYTES} bytes ({MIN_FILE_BYTES / 1e6:g} MB) or "
+            f"{label}; allowed: a file of {MIN_FILE_BYTES} bytes ({MIN_FILE_BYTES / 1e6:g} MB) or "
             "more, as it repeats the scene and its cams"
         )
     return size
 
 
-def _checked_duration(duration: float, what: str) -> float:
+def _checked_duration(duration: float, label: str) -> float:
     if not MIN_FILE_S <= duration <= MAX_FILE_S:
         raise ConfigError(
-            f"{what}; allowed: a file of {MIN_FILE_S:g} to {MAX_FILE_S:g} s of rig time"
+            f"{label}; allowed: a file of {MIN_FILE_S:g} to {MAX_FILE_S:g} s of rig time"
         )
     return duration
 
 
 def check_parameter_size(size: int) -> None:
-    """Refuse a value of the parameter max_bagfile_size; 0 is no limit."""
+    """Check a value of the parameter max_bagfile_size. The value 0 is no limit."""
     if size != 0:
         _checked_size(size, f"max_bagfile_size: is {size}")
 
 
 def check_parameter_duration(duration: float) -> None:
-    """Refuse a value of the parameter max_bagfile_duration; 0 is no limit."""
+    """Check a value of the parameter max_bagfile_duration. The value 0 is no limit."""
     if duration != 0.0:
         _checked_duration(duration, f"max_bagfile_duration: is {duration:g}")

@@ -1,4 +1,7 @@
-"""Reading an SQLite file of a bag: its topics, and its messages in the order of their log times."""
+"""Reader of an SQLite file of a bag.
+
+The reader returns the topics, and the messages in the order of their log times.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from rosbags.interfaces import (
     MessageDefinitionFormat,
 )
 
-#: The encodings of message definitions that rosbags can parse.
+#: Encodings of message definitions that rosbags can parse.
 DEFINITION_FORMATS = {
     "ros2msg": MessageDefinitionFormat.MSG,
     "ros2idl": MessageDefinitionFormat.IDL,
@@ -21,9 +24,9 @@ DEFINITION_FORMATS = {
 
 
 class SqliteFile:
-    """An SQLite file; a context manager with the interface of `McapFile`.
+    """SQLite file, as a context manager with the interface of `McapFile`.
 
-    It is opened as immutable, so that no file is written next to it.
+    The file is opened as immutable, so that no other file is written next to it.
     """
 
     def __init__(self, file: Path) -> None:

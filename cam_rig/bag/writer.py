@@ -1,4 +1,4 @@
-"""Writing a rosbag2 directory: MCAP files and metadata.yaml."""
+"""Writer of a rosbag2 directory with MCAP files and metadata.yaml."""
 
 from __future__ import annotations
 
@@ -15,13 +15,18 @@ from cam_rig.messages.topics import RECORDING, Topic
 
 
 class BagWriter:
-    """A rosbag2 bag being written; a context manager. Its directory must not exist yet.
+    """Rosbag2 bag that is being written, as a context manager.
 
-    From the start it has a metadata.yaml that other readers take, though it counts nothing yet.
-    A file that comes to a limit of ``split`` is followed by another: it repeats the schemas, the
-    channels and the attachments, so that it can be read alone. At every moment the newest file is
-    not closed. ``rewrite``: instead, what is written replaces the bag's file of a ``number``, as
-    `FileWriter` says; it is never split. ``others`` is what the bag's other files hold.
+    Its directory must not exist yet. From the start it contains a metadata.yaml that other readers
+    accept, with message counts of 0.
+
+    A file that reaches a limit of `split` is followed by another file. That file repeats the
+    schemas, the channels and the attachments, so that it can be read alone. The newest file is
+    always unclosed.
+
+    If `rewrite` is True, the directory may exist, and the messages replace its file number
+    `number`, as in `FileWriter`. That file is never split. `others` is the content of the other
+    files of the bag.
     """
 
     def __init__(
@@ -39,17 +44,17 @@ class BagWriter:
         self._number, self._others = number, list(others)
         self._topics: dict[str, tuple[Topic, bytes | None]] = {}
         self._attached: dict[str, bytes] = {}
-        #: Stamp (ns) of the first state of the file that is written now.
-        self._begin: int | None = None
+        #: Stamp (ns) of the first state of the current file.
+        self._file_start: int | None = None
         self._failed: BagError | None = None
-        with self._making(directory):
+        with self._creation_errors(directory):
             directory.mkdir(parents=True, exist_ok=rewrite)
             files.sync_folder(directory.parent)
         file = bag_file(directory, number)
-        with self._making(file):
+        with self._creation_errors(file):
             self._file = FileWriter(file, rewrite, namespace)
         try:
-            with self._making(directory / METADATA):
+            with self._creation_errors(directory / METADATA):
                 self._file.start(self._others)
                 if not rewrite:
                     self._write_metadata(RECORDING)
@@ -59,7 +64,7 @@ class BagWriter:
 
     @property
     def file(self) -> Path:
-        """The MCAP file that is written now."""
+        """MCAP file that is being written."""
         return self._file.path
 
     def __enter__(self) -> BagWriter:
@@ -76,8 +81,11 @@ class BagWriter:
             raise
 
     def attach(self, name: str, data: bytes) -> None:
-        """Put a file into the bag, so that it can be analysed alone; later files repeat it."""
-        with self._writing():
+        """Attach a file to the bag, so that the bag can be analysed alone.
+
+        Later files of the bag repeat it.
+        """
+        with self._write_errors():
             self._file.attach(name, data)
             self._attached[name] = data
 
@@ -89,10 +97,10 @@ class BagWriter:
         definition: bytes | None = None,
         number: int = 0,
     ) -> None:
-        """Write one serialized message at a rig time in ns.
+        """Write one serialized message at a rig time `log_time` (ns).
 
-        ``definition`` is of its type, by default what rosbags knows of it; ``number`` its place
-        among all of its topic, by default the next.
+        `definition` is the definition of its type (default: the definition that rosbags has).
+        `number` is its number within its topic (default: the next).
         """
         if self._failed is not None:
             raise self._failed
@@ -105,37 +113,49 @@ class BagWriter:
             self._file.write(topic, log_time, cdr, number or count)
             self.counts[name] = count
         except OSError as error:
-            raise self._lost(error) from None
+            raise self._write_error(error) from None
 
     def begin_state(self, stamp: int) -> None:
-        """Go on in a new file before a state (ns), where this one has come to a limit."""
-        begin = stamp if self._begin is None else self._begin
-        if self._file.part is None and self.split.is_due(self._file.size, begin, stamp):
-            self._begin_file()
-            begin = stamp
-        self._begin = begin
+        """Continue in a new file if the current file has reached a limit.
+
+        The method is called before the messages of the state at `stamp` (ns) are written.
+        """
+        start = stamp if self._file_start is None else self._file_start
+        if self._file.part is None and self.split.is_due(self._file.size, start, stamp):
+            self._start_next_file()
+            start = stamp
+        self._file_start = start
 
     def flush_if_due(self) -> None:
-        """Flush what was written a while ago; to be called a few times a second."""
-        with self._writing():
+        """Flush the file if `FLUSH_PERIOD_S` has passed.
+
+        The method must be called a few times per second.
+        """
+        with self._write_errors():
             self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Write everything to the file, where a killed process cannot lose it."""
-        with self._writing():
+        """Flush the file, so that its messages survive the end of the process."""
+        with self._write_errors():
             self._file.flush()
 
     def close(self) -> None:
-        """Finish the bag: metadata.yaml, then the file's end, by which it counts as closed."""
+        """Write metadata.yaml, then the end of the file.
+
+        After the end is written the bag counts as closed.
+        """
         if self._file.closed:
             return
-        with self._writing():
+        with self._write_errors():
             self._file.flush()
             self._write_metadata()
             self._file.finish(self._contents())
 
     def abandon(self) -> None:
-        """Leave the bag as it is, not closed; a file that was to replace its file is removed."""
+        """Leave the bag as it is, not closed.
+
+        A file that should have replaced a file of the bag is removed.
+        """
         rewriting = self._file.part is not None
         self._file.abandon()
         if rewriting and not files.bag_files(self.directory):
@@ -144,17 +164,20 @@ class BagWriter:
                 self.directory.rmdir()
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """What is done inside may find the disk full; `write` does the same without this cost."""
+    def _write_errors(self) -> Iterator[None]:
+        """Convert an OSError within the block into a BagError.
+
+        `write` does the same without the cost of a context manager.
+        """
         if self._failed is not None:
             raise self._failed
         try:
             yield
         except OSError as error:
-            raise self._lost(error) from None
+            raise self._write_error(error) from None
 
-    def _lost(self, error: OSError) -> BagError:
-        """The error of a full disk; nothing is written there any longer."""
+    def _write_error(self, error: OSError) -> BagError:
+        """Close the stream and return the error for a bag that cannot be written."""
         self._file.close_stream()
         written = sum(self.counts.values())
         self._failed = BagError(
@@ -163,9 +186,12 @@ class BagWriter:
         )
         return self._failed
 
-    def _begin_file(self) -> None:
-        """Begin the next file, then close this one: a kill between leaves one not closed."""
-        with self._writing():
+    def _start_next_file(self) -> None:
+        """Start the next file, then close the current file.
+
+        If the process is killed in between, one file is unclosed.
+        """
+        with self._write_errors():
             old = self._file
             old.flush(to_disk=True)
             self._number += 1
@@ -187,12 +213,12 @@ class BagWriter:
             self._write_metadata(RECORDING)
 
     def _contents(self) -> list[FileContent]:
-        found = {content.name: content for content in (*self._others, self._file.content)}
-        return sorted(found.values(), key=lambda content: (len(content.name), content.name))
+        contents = {content.name: content for content in (*self._others, self._file.content)}
+        return sorted(contents.values(), key=lambda content: (len(content.name), content.name))
 
     @contextmanager
-    def _making(self, path: Path) -> Iterator[None]:
-        """What is done inside may find that a path cannot be made."""
+    def _creation_errors(self, path: Path) -> Iterator[None]:
+        """Convert an OSError within the block into a BagError for a path."""
         try:
             yield
         except BlockingIOError:

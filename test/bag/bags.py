@@ -1,4 +1,4 @@
-"""Recordings of the golden run, whole and cut off, and files in whose writing something happens."""
+"""Recordings of the golden run, and files that fail during writing."""
 
 import io
 import os
@@ -21,12 +21,12 @@ from cam_rig.simulation.scene import open_scene
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 BY_NAME = {topic.name: topic for topic in RECORDING}
 QUICK = config_root() / "scenes" / "quick.yaml"
-#: The scene of the golden bag.
+#: Scene of the golden bag.
 LOADED = open_scene(QUICK)
 
 
 def record(bag, golden, **how):
-    """A recorder that has taken all, not closed."""
+    """Return a recorder that has taken all messages and is not closed."""
     recorder = BagRecorder(bag, LOADED, **how)
     for topic, number, cdr in golden:
         recorder.take(topic, cdr, b"live", number)
@@ -34,7 +34,10 @@ def record(bag, golden, **how):
 
 
 def payloads(bag):
-    """Every message by topic, in its order; diagnoses may be in the file after theirs."""
+    """Return every message by topic in its order.
+
+    Diagnostics are sorted, because they may be later in the file than their time.
+    """
     found = {}
     for connection, at, data in raw_messages(bag, set(BY_NAME)):
         found.setdefault(connection.topic, []).append((at, bytes(data)))
@@ -44,7 +47,10 @@ def payloads(bag):
 
 
 def cut_off(bag, size, source=GOLDEN):
-    """A bag of which so many bytes were written, or such a part of them."""
+    """Return a bag that was cut off.
+
+    `size` is the number of bytes that were written, or their fraction if it is less than 1.
+    """
     data = bag_file(source).read_bytes()
     bag.mkdir()
     (bag / f"{bag.name}_0.mcap").write_bytes(data[: int(size * len(data)) if size < 1 else size])
@@ -52,7 +58,7 @@ def cut_off(bag, size, source=GOLDEN):
 
 
 class WrappedFile(io.FileIO):
-    """The same open file, unbuffered; what is written is for a subclass to say."""
+    """The same open file, unbuffered. A subclass defines the writing."""
 
     def __init__(self, raw):
         super().__init__(os.dup(raw.fileno()), "w")
@@ -60,7 +66,7 @@ class WrappedFile(io.FileIO):
 
 
 class Dying(WrappedFile):
-    """A file in whose writing a process may be killed: before, halfway, after."""
+    """File that calls `step` before, halfway through and after each write."""
 
     def __init__(self, raw, step):
         super().__init__(raw)
@@ -79,7 +85,7 @@ class Dying(WrappedFile):
 
 
 def _arm(step):
-    """From now on this process takes a step at each of its doings with files."""
+    """Call `step` before and after each file operation of this process."""
 
     def around(function):
         def stepped(*arguments, **named):
@@ -97,7 +103,7 @@ def _arm(step):
 
 
 def _forked(action, step):
-    """Do something in a process of its own, with its steps on files; how that ended."""
+    """Run an action in a forked process with its file steps, and return its status."""
     child = os.fork()
     if child == 0:
         code = 3
@@ -115,7 +121,10 @@ def _forked(action, step):
 
 
 def killed_bags(prepare, some):
-    """What is left of what ``prepare(name)`` gives, killed at ``some`` of its steps; 0: at each."""
+    """Yield the bags of an action that was killed at some of its steps.
+
+    `prepare(name)` returns a bag and an action. `some` is the number of steps (0: all).
+    """
     seen, steps = os.pipe(), count()
     _forked(prepare("rehearsal")[1], lambda: os.write(seen[1], b"."))
     last = len(os.read(seen[0], 1 << 16)) - 1
@@ -130,12 +139,12 @@ def killed_bags(prepare, some):
         bag, action = prepare(str(moment))
         if os.WIFSIGNALED(_forked(action, lambda at=moment: die_at(at))):
             yield bag
-        else:  # a flush by the clock more or less
+        else:  # the number of timed flushes varies
             assert moment > 0.8 * last
 
 
 class Frugal:
-    """What is done inside takes no more than 500 MB and 10 s of the processor."""
+    """Context manager that fails beyond 500 MB of memory or 10 s of processor time."""
 
     def __enter__(self):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # resets the peak

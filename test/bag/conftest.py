@@ -1,4 +1,4 @@
-"""The messages of the golden bag, as a recorder would take them, and what is recorded of them."""
+"""Messages of the golden bag, and recordings of them."""
 
 import pytest
 from mcap.reader import make_reader
@@ -12,7 +12,7 @@ from .bags import BY_NAME, GOLDEN, Frugal, record
 
 @pytest.fixture(scope="session")
 def golden():
-    """(topic, number of the message in its topic, bytes) in the order of the bag; received ones."""
+    """Topic, number within the topic, and bytes of the received messages."""
     found, numbers = [], dict.fromkeys(BY_NAME, 0)
     with bag_file(GOLDEN).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
@@ -25,7 +25,7 @@ def golden():
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory, golden):
-    """The golden run in one file, of few instants a turn."""
+    """The golden run in one file, with two instants per turn."""
     bag = tmp_path_factory.mktemp("whole") / "bag"
     record(bag, golden, points_per_turn=2).close()
     return bag
@@ -33,7 +33,7 @@ def whole(tmp_path_factory, golden):
 
 @pytest.fixture(scope="session")
 def split(tmp_path_factory, golden):
-    """The golden run in files of half a second: it has 16 ticks in 2.5 s."""
+    """The golden run in files of 0.5 s. It has 16 ticks in 2.5 s."""
     bag = tmp_path_factory.mktemp("split") / "bag"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DISTRO", "kilted")
@@ -43,7 +43,7 @@ def split(tmp_path_factory, golden):
 
 
 class Kept:
-    """Stands in for the bag: keeps what was written."""
+    """Stand-in for the bag that stores the written messages."""
 
     def __init__(self):
         self.messages = []
@@ -62,6 +62,6 @@ def kept():
 
 @pytest.fixture
 def frugal():
-    """The whole test is bounded in memory and time."""
+    """Limit memory and time of the whole test."""
     with Frugal():
         yield

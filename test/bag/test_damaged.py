@@ -1,4 +1,4 @@
-"""Damaged bags, by fixed seeds: each is read, or refused in one line; none takes long or much."""
+"""Damaged bags by fixed seeds are read or refused with bounded time and memory."""
 
 import math
 import random
@@ -35,7 +35,7 @@ LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64
 
 
 def compressed(path, kind):
-    """The golden bag as another writer compresses it."""
+    """Write the golden bag with the compression of another writer."""
     with bag_file(GOLDEN).open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target, compression=kind, chunk_size=20_000)
         writer.start("ros2", "other")
@@ -56,7 +56,7 @@ def compressed(path, kind):
 
 @pytest.fixture(scope="module")
 def originals(tmp_path_factory):
-    """Bytes, and where a record's length stands, of one bag three ways."""
+    """Bytes of one bag in three compressions, and the positions of record lengths."""
     folder, found = tmp_path_factory.mktemp("originals"), []
     files = [bag_file(GOLDEN)]
     files += [
@@ -121,7 +121,10 @@ CASES = range(8 * 50)
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", CASES)
 def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
-    """Every reader and every recovery: a result or one line, within a gigabyte and ten seconds."""
+    """Every reader and recovery returns a result or raises one error in one line.
+
+    It takes less than a gigabyte and ten seconds.
+    """
     chance = random.Random(seed)
     original, heads = originals[seed // len(WAYS) % 3]
     data = bytearray(original)
@@ -159,8 +162,8 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", CASES)
-def test_what_is_saved_was_recorded(tmp_path, originals, seed):
-    """A cut or a blanked part: what comes back is byte by byte what was written, in its order."""
+def test_saved_messages_equal_the_recorded_messages(tmp_path, originals, seed):
+    """After a cut or a blanked part, the messages are equal and in order."""
     chance = random.Random(seed)
     original, heads = originals[seed % 3]
     data = bytearray(original)
@@ -178,7 +181,7 @@ def test_what_is_saved_was_recorded(tmp_path, originals, seed):
     for topic, part in found.items():
         true = [one for one in part if one in whole[topic]]
         rest = iter(whole[topic])
-        assert all(any(one == other for other in rest) for one in true)  # in its order
+        assert all(any(one == other for other in rest) for one in true)  # in the same order
         wrong += len(part) - len(true)
     assert wrong <= saved.readers[0].doubtful
 
@@ -191,7 +194,7 @@ def contents(file):
     return found
 
 
-# -- whatever is in a message, it is read, or refused by one error; nothing else --------------
+# -- any message is read, or refused by RefusedError ------------------------------------------
 
 
 NUMBERS = st.floats() | st.sampled_from([0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan])
@@ -211,7 +214,7 @@ def message(dimensions, data):
 
 @st.composite
 def laws(draw):
-    """Something that has at least the shape of a law."""
+    """Generate an array with the shape of a law."""
     pieces, ordinates = draw(st.integers(1, 4)), draw(st.integers(1, 6))
     data = draw(
         st.lists(NUMBERS, min_size=pieces * (ordinates + 1), max_size=pieces * (ordinates + 1))
@@ -241,8 +244,8 @@ STATES = st.builds(
 
 
 @given(st.lists(STATES | laws(), max_size=8))
-def test_a_follower_stays_finite_whatever_is_published(received):
-    """What it refuses is refused by name; what it publishes of the rest is finite."""
+def test_a_follower_stays_finite_for_any_message(received):
+    """It raises RefusedError, or publishes finite numbers."""
     bench = FollowerSimulator.of(LOADED)
     follower = FollowerQueue(bench, LOADED.scene)
     for one in received:
@@ -259,7 +262,7 @@ def test_a_follower_stays_finite_whatever_is_published(received):
 
 @given(DIMENSIONS, st.lists(NUMBERS, max_size=40))
 def test_any_array_is_decoded_or_refused(dimensions, data):
-    """As a law and as a block."""
+    """The array is decoded as a law and as a block."""
     for decode in (decode_law, decode_block):
         try:
             decode(*array_of(message(dimensions, data)))
@@ -269,7 +272,7 @@ def test_any_array_is_decoded_or_refused(dimensions, data):
 
 @given(st.lists(NUMBERS, min_size=1, max_size=8), st.floats(1e-3, 1e4))
 def test_a_microphone_stays_finite(forces, speed):
-    """Every block that passes gives a level."""
+    """Every accepted block gives a finite level."""
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
     dimensions, data = codec.encode_block(rows)
@@ -282,8 +285,8 @@ def test_a_microphone_stays_finite(forces, speed):
 
 
 @given(st.lists(st.tuples(st.sampled_from(topics.RECORDING), st.binary(max_size=80)), max_size=10))
-def test_a_recorder_goes_on_whatever_is_published(kept, received):
-    """Raw bytes are a message, or refused."""
+def test_a_recorder_continues_after_any_message(kept, received):
+    """Any bytes are a message or are refused."""
     session = RecordingSession(kept, StateValidator(1000.0))
     for topic, cdr in received:
         try:

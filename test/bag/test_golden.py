@@ -1,4 +1,4 @@
-"""The golden bag: small, whole, and read by standards alone; test/report: reproduced to 1e-9 dB."""
+"""The golden bag is small, complete, and readable without this package."""
 
 from xml.etree import ElementTree
 
@@ -21,7 +21,7 @@ from .bags import GOLDEN, LOADED
 
 
 def test_the_golden_bag_is_small_and_complete():
-    """Under 2 MB, with every tick of its scene by count."""
+    """It has less than 2 MB, and every tick of its scene."""
     assert sum(f.stat().st_size for f in GOLDEN.iterdir()) < 2_000_000
     recording = read_recording(GOLDEN)
     counts = require_complete(GOLDEN, recording.loaded.scene)
@@ -30,7 +30,7 @@ def test_the_golden_bag_is_small_and_complete():
 
 @pytest.fixture(scope="module")
 def everything():
-    """Topic, log time and message of all, in the order of the file."""
+    """Topic, log time and message of all messages in the order of the file."""
     with AnyReader([GOLDEN]) as reader:
         return [
             (connection.topic, time, reader.deserialize(raw, connection.msgtype))
@@ -39,7 +39,7 @@ def everything():
 
 
 def headers(message):
-    """Every header of a message, nested ones too."""
+    """Yield every header of a message, also nested headers."""
     if hasattr(message, "frame_id"):
         return [message]
     if isinstance(message, list):
@@ -49,7 +49,7 @@ def headers(message):
 
 
 def test_every_frame_is_a_link_of_the_robot(everything):
-    """Empty alone in /diagnostics, and in the picture that no marker has."""
+    """A frame is empty only in /diagnostics and in the texture of a marker."""
     descriptions = [m.data for topic, _, m in everything if topic == "/robot_description"]
     links = {
         link.get("name")
@@ -62,7 +62,7 @@ def test_every_frame_is_a_link_of_the_robot(everything):
             if topic == "/diagnostics":
                 assert header.frame_id == ""
             elif topic.endswith("/markers") and header.frame_id == "":
-                continue  # of its texture
+                continue  # the image of a texture
             else:
                 assert header.frame_id in links, (topic, header.frame_id)
                 seen.add(topic)
@@ -71,7 +71,7 @@ def test_every_frame_is_a_link_of_the_robot(everything):
 
 
 def test_transforms_form_one_tree_at_every_instant(everything):
-    """Each link has one parent, /tf_static and /tf together; base_link has none."""
+    """Each link has one parent in /tf_static and /tf. base_link has no parent."""
     parents = {}
     for topic, _, message in everything:
         if topic in ("/tf", "/tf_static"):
@@ -81,8 +81,8 @@ def test_transforms_form_one_tree_at_every_instant(everything):
     assert set(parents.values()) - set(parents) == {"base_link"}
 
 
-def test_tf_is_made_of_the_joints_beside_it(everything):
-    """The cam turned by θ, the follower raised by its lift; the contact is on the cam's contour."""
+def test_tf_agrees_with_the_joint_states(everything):
+    """The cam is at θ, the follower at its lift, the contact on the contour."""
     of = {
         name: {time: m for topic, time, m in everything if topic == name}
         for name in ("/joint_states", "/tf", "/follower/markers")
@@ -117,7 +117,7 @@ WANTED = ("/joint_states", "/follower/contact", "/cam/state")
 
 
 def test_two_readers_find_the_motion_of_the_samples(everything):
-    """By rosbags' own types, by those in the file: the samples' peaks, the shaft's power."""
+    """Both type definitions give the peaks of the samples and the shaft power."""
     found = {topic: [] for topic in WANTED}
     for topic, log_time, message in everything:
         if topic in WANTED:

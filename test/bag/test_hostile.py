@@ -1,4 +1,4 @@
-"""Hostile bags: refused by what they claim, in one line, before memory or time is spent."""
+"""Hostile bags are refused in one line before they use memory or time."""
 
 import io
 import os
@@ -28,7 +28,7 @@ GIB = 2**30
 
 
 def packed_zeros(size, compression):
-    """Zeros of some length, compressed piece by piece."""
+    """Return `size` compressed zeros, compressed in steps."""
     out, zeros = io.BytesIO(), bytes(2**20)
     if compression == "zstd":
         packed = zstandard.ZstdCompressor().stream_writer(out, closefd=False)
@@ -41,7 +41,7 @@ def packed_zeros(size, compression):
 
 
 def file_of(path, *records, summary=()):
-    """An MCAP file of records, closed; the summary is what a reader is led by."""
+    """Write a closed MCAP file of records. Readers follow its summary."""
     out = RecordBuilder()
     Header("ros2", "other").write(out)
     for record in (*records, DataEnd(0)):
@@ -55,7 +55,7 @@ def file_of(path, *records, summary=()):
 
 
 def index_of(chunk, offset, **changes):
-    """The chunk index of the summary."""
+    """Return the chunk index of the summary."""
     claims = {
         "chunk_length": 9 + 40 + len(chunk.compression) + len(chunk.data),
         "chunk_start_offset": offset,
@@ -70,7 +70,7 @@ def index_of(chunk, offset, **changes):
     return ChunkIndex(**{**claims, **changes})
 
 
-FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # where the first record after the header begins
+FIRST = len(MCAP0_MAGIC) + 9 + 4 + 4 + 4 + 5  # position of the first record after the header
 
 
 def chunk(data, compression, claimed, begin=0, end=10):
@@ -78,7 +78,7 @@ def chunk(data, compression, claimed, begin=0, end=10):
 
 
 def read_all(file):
-    """Every reader on it: the errors of those that refuse."""
+    """Open a file with every reader, and return the errors."""
     errors = []
     for read in (
         read_counts,
@@ -103,7 +103,7 @@ PACKED = [("zstd", True), ("lz4", True), ("zstd", False), ("lz4", False)]
 @pytest.mark.variants(2)
 @pytest.mark.parametrize(("compression", "honest"), PACKED)
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
-    """Whether the chunk claims so or not: neither a reader nor a recovery unpacks it."""
+    """No reader or recovery unpacks them, whether the claimed size is true or not."""
     data = packed_zeros(GIB, compression)
     one = chunk(data, compression, GIB if honest else 1000)
     file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST)])
@@ -112,8 +112,8 @@ def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, com
         assert ("allowed: 67108864" if honest else "1000 bytes unpacked") in words
 
 
-def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
-    """Their sum is bounded by the file's size."""
+def test_many_small_chunks_are_refused_by_their_sum(tmp_path, frugal):
+    """The sum is limited by the size of the file."""
     one = chunk(packed_zeros(2**20, "zstd"), "zstd", 2**20)
     length = 9 + 40 + 4 + len(one.data)
     index = [index_of(one, FIRST + i * length) for i in range(400)]
@@ -121,8 +121,8 @@ def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
     assert "that unpack to" in errors[0] and "100 times" in errors[0]
 
 
-def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path):
-    """The summary's index of a chunk agrees with the chunk, or the bag is refused."""
+def test_a_chunk_index_that_differs_from_its_chunk_is_refused(tmp_path):
+    """Position, sizes and times are compared."""
     one = chunk(packed_zeros(2**20, "zstd"), "", 0)
     one.uncompressed_size = len(one.data)
     for changes in (
@@ -141,8 +141,8 @@ def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path):
         read_counts(file_of(tmp_path / "b.mcap", one, summary=twice))
 
 
-def test_what_cannot_be_unpacked_is_refused(tmp_path):
-    """Garbage, nothing, an unknown compression, and an SQLite file that is none."""
+def test_data_that_cannot_be_unpacked_are_refused(tmp_path):
+    """The data are garbage, empty, of an unknown compression, or not SQLite."""
     for compression in ("zstd", "lz4", "x"):
         for data in (b"", b"garbage", zstandard.compress(b"")[:5]):
             file = file_of(tmp_path / "a.mcap", chunk(data, compression, 100))
@@ -157,7 +157,7 @@ def test_what_cannot_be_unpacked_is_refused(tmp_path):
 @pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
-    """What a record claims is compared with what is there."""
+    """The claimed length is compared with the size of the file."""
     file = bag_file(GOLDEN)
     data = file.read_bytes()
     made = tmp_path / "a.mcap"
@@ -170,7 +170,7 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
 def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
-    """Of its name, its kind, its data."""
+    """The lengths are those of its name, its media type and its data."""
     data = bytearray(bag_file(GOLDEN).read_bytes())
     at = data.index(b"scenes/") - 4 + field
     data[at : at + 4] = b"\xff\xff\xff\x7f"
@@ -188,7 +188,7 @@ def attached(path, *names, data=b"x: 1"):
 
 
 def test_the_name_of_an_attachment_is_checked(tmp_path):
-    """It is a file's path below its folder, one that a disk can have, and no other's folder."""
+    """It must be a valid path below the folder, and not the folder of another file."""
     names = {
         "scenes/" + 300 * "a" + ".yaml": "has a name of 305 bytes; allowed: 1 to 255",
         "scenes/" + 200 * "ä" + ".yaml": "has a name of 405 bytes",
@@ -210,8 +210,8 @@ def test_the_name_of_an_attachment_is_checked(tmp_path):
             read_scene(attached(tmp_path / f"two{number}", *two))
 
 
-def test_attachments_are_few_and_small(tmp_path, frugal):
-    """Nobody makes a million files of a bag."""
+def test_the_number_of_attachments_is_limited(tmp_path, frugal):
+    """A bag cannot create a million files."""
     names = [f"cams/c{i}.yaml" for i in range(MAX_ATTACHED + 1)]
     with pytest.raises(BagError, match=f"{MAX_ATTACHED + 1} attachments .* allowed: 1000"):
         read_scene(attached(tmp_path / "many", *names))
@@ -220,7 +220,7 @@ def test_attachments_are_few_and_small(tmp_path, frugal):
 
 
 def test_an_attachment_that_was_changed_is_not_read(tmp_path):
-    """A flipped bit in the rig's numbers would make every level wrong, in silence."""
+    """A flipped bit in the rig's numbers would change every level."""
     data = bytearray(bag_file(GOLDEN).read_bytes())
     data[data.index(b"mass")] ^= 1
     (tmp_path / "a.mcap").write_bytes(data)
@@ -229,8 +229,8 @@ def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     assert recover(tmp_path / "a.mcap", tmp_path / "recovered").readers[0].damaged == 1
 
 
-def test_a_type_that_is_another_is_refused(tmp_path):
-    """A topic of ours with a message of another type is not read as if it were."""
+def test_a_topic_of_another_type_is_refused(tmp_path):
+    """The message is not decoded with the expected type."""
     with BagWriter(tmp_path / "bag") as bag:
         bag.write(
             topics.Topic("/microphone/level", topics.CAM_RPM.type[:-2] + "32", "any"), 0, b"x"
@@ -239,8 +239,8 @@ def test_a_type_that_is_another_is_refused(tmp_path):
         list(messages(tmp_path / "bag", (topics.LEVEL,)))
 
 
-def test_two_thousand_topics_are_bounded(tmp_path, frugal):
-    """A recovery writes what a rig may have, and reports that there was more."""
+def test_the_number_of_topics_is_limited(tmp_path, frugal):
+    """A recovery writes 1000 topics, and reports that there were more."""
     records = [Schema(1, b"", "ros2msg", "a/msg/B")]
     records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(2_000)]
     out = RecordBuilder()
@@ -253,8 +253,8 @@ def test_two_thousand_topics_are_bounded(tmp_path, frugal):
 
 
 @pytest.mark.parametrize("kind", [CompressionType.ZSTD, CompressionType.LZ4], ids=lambda k: k.name)
-def test_an_honest_compressed_bag_is_read(tmp_path, kind):
-    """As rosbag2 writes them; cut off, it is read as far as it can be unpacked."""
+def test_a_valid_compressed_bag_is_read(tmp_path, kind):
+    """A bag that was cut off is read as far as it can be unpacked."""
     bag = tmp_path / "a.mcap"
     noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(10_000)]
     with bag.open("wb") as stream:
@@ -276,7 +276,7 @@ def test_an_honest_compressed_bag_is_read(tmp_path, kind):
 
 
 def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
-    """Nothing bounds what each of them unpacks to; the way out is named."""
+    """The unpacked size of its messages has no bound. The error names the remedy."""
     bag = attached(tmp_path / "bag")
     file = bag / "metadata.yaml"
     text = file.read_text(encoding="utf-8")
@@ -286,8 +286,8 @@ def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
             read_counts(bag)
 
 
-def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path):
-    """By the bytes that the disk allows; so is one that no terminal can show."""
+def test_an_unusable_bag_name_is_refused_before_recording(tmp_path):
+    """The name is too long for the disk, or is not printable."""
     for letters in ("a", "ä", "日"):
         size = len(letters.encode())
         most = (255 - len("_0.mcap.part")) // size
@@ -308,8 +308,8 @@ def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path):
             require_new_bag(tmp_path / name)
 
 
-def test_an_unsound_crc_is_not_hidden(tmp_path):
-    """A chunk whose checksum is wrong is refused by the readers, and read by a recovery."""
+def test_a_wrong_checksum_is_reported(tmp_path):
+    """Readers refuse the chunk, and a recovery reads it."""
     body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
     wrong = Chunk("", body, 5, 5, zlib.crc32(body) ^ 1, len(body))
     records = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]

@@ -1,4 +1,4 @@
-"""Killed before, halfway in and after a write, fsync or rename, and done again: nothing is lost."""
+"""A recorder or recovery that is killed at any file operation loses no message."""
 
 import shutil
 from functools import cache
@@ -22,11 +22,11 @@ from cam_rig.studies.simulate.recorded import read_recording
 from .bags import GOLDEN, LOADED, cut_off, killed_bags, payloads, record
 
 SPLIT = Split(duration=0.7)
-#: At how many steps a process is killed; 0: at each.
+#: Number of steps at which a process is killed (0: all).
 SOME = pytest.mark.parametrize("some", [3, pytest.param(0, marks=pytest.mark.long)])
 
 
-#: Of a bag that does not change.
+#: Result for a bag that does not change.
 once = cache(payloads)
 
 
@@ -37,7 +37,10 @@ def names(bag):
 @SOME
 @pytest.mark.parametrize("in_place", [True, False])
 def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
-    """In place or into a new folder: the same again gives every message; no reader takes a part."""
+    """The recovery in place or into a new folder is repeated and gives every message.
+
+    No reader accepts an incomplete bag in between.
+    """
     torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
     expected = payloads(tmp_path / "all")
@@ -61,7 +64,7 @@ def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
 
 @SOME
 def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some):
-    """All was flushed: recovered, it is the bag that would have been closed."""
+    """All messages were flushed. The recovered bag equals the closed bag."""
 
     def prepare(name):
         recorder = record(tmp_path / f"bag{name}", golden, points_per_turn=2)
@@ -77,11 +80,11 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
 
 
 @SOME
-def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, some):
-    """Recovered, it holds every flushed message."""
+def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, golden, some):
+    """The recovered bag contains every flushed message."""
 
     def noting(bag):
-        """A recorder that notes in a file how many messages it has flushed."""
+        """Return a recorder that writes its number of flushed messages to a file."""
         recorder = BagRecorder(bag, LOADED, split=SPLIT, points_per_turn=2)
         for topic, number, cdr in golden[: len(golden) // 2]:
             recorder.take(topic, cdr, b"live", number)
@@ -110,7 +113,7 @@ def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, some):
 
 @SOME
 def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some):
-    """Two files that were not closed, as a kill between them leaves: each becomes whole."""
+    """A kill between two files leaves both unclosed. Both are recovered."""
 
     def prepare(name):
         bag = tmp_path / name / "bag"
@@ -126,8 +129,8 @@ def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, split, some
         assert set(names(bag)) == {".mcap", ".yaml"}
 
 
-def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
-    """Before the file was there, before its first byte, before its first message."""
+def test_a_recorder_killed_at_its_start_has_recorded_no_message(tmp_path):
+    """It is killed before the file exists, before its first byte or first message."""
     bag = tmp_path / "bag"
     bag.mkdir()
     assert state_words(bag) == NOTHING_RECORDED
@@ -139,7 +142,7 @@ def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
 
 
 def test_two_recoveries_at_once_are_refused(tmp_path):
-    """The second one would write into the first one's file."""
+    """The second recovery would write into the file of the first."""
     torn = cut_off(tmp_path / "torn", 60_000)
     with (
         BagWriter(torn, rewrite=True),
@@ -148,11 +151,11 @@ def test_two_recoveries_at_once_are_refused(tmp_path):
         recover_in_place(torn)
 
 
-# -- a recording that was cut off: what is left of it becomes a valid bag, and the loss is named
+# -- a recording that was cut off: the readable messages become a valid bag --------------------
 
 
 def write(bag, every):
-    """A bag of 60 levels in chunks of ``every``."""
+    """Write a bag of 60 levels in chunks of `every` messages."""
     with BagWriter(bag) as writer:
         for time in range(60):
             writer.write(LEVEL, time, b"\0\1\0\0" + bytes(8))
@@ -162,7 +165,7 @@ def write(bag, every):
 
 @pytest.mark.parametrize("part", [0.3, 0.4, 0.5])
 def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
-    """Every message that is whole comes back, and the result is an ordinary bag."""
+    """Every complete message is saved, and the result is an ordinary bag."""
     write(tmp_path / "whole", 10)
     torn = cut_off(tmp_path / "torn", part, tmp_path / "whole")
     with pytest.raises(BagError, match="recover it with: cam-rig recover"):
@@ -176,8 +179,8 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
     assert times == list(range(count))
 
 
-def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
-    """A flipped byte costs one message at most, and all of its chunk are reported as doubtful."""
+def test_a_damaged_chunk_is_read_as_far_as_possible(tmp_path):
+    """A flipped byte costs one message at most. All of its chunk count as doubtful."""
     write(tmp_path / "bag", 10)
     file = bag_file(tmp_path / "bag")
     data = bytearray(file.read_bytes())
@@ -190,8 +193,8 @@ def test_a_damaged_chunk_is_read_as_far_as_it_goes(tmp_path):
     assert 9 <= saved.readers[0].doubtful <= 10 and "whose numbers may be wrong: " in saved.words
 
 
-def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
-    """An existing target and a file without records are refused by name."""
+def test_an_existing_target_and_an_empty_source_are_refused(tmp_path):
+    """The error names the bag."""
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "mine").touch()
     with pytest.raises(BagError, match="exists already, not overwriting"):
@@ -204,9 +207,9 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
 
 
 def assert_same_numbers(made, expected):
-    """Serialized messages are equal but for the rounding of another processor's sine, 1e-12."""
+    """Check that serialized messages are equal to 1e-12, for another processor's sine."""
     assert len(made) == len(expected)
-    count = (len(made) - 4) // 8  # doubles are aligned after the header of 4 bytes
+    count = (len(made) - 4) // 8  # doubles are aligned after the 4-byte header
     one, other = (
         np.frombuffer(data, dtype="<f8", offset=4, count=count) for data in (made, expected)
     )
@@ -214,8 +217,8 @@ def assert_same_numbers(made, expected):
     assert made[4 + 8 * count :] == expected[4 + 8 * count :]
 
 
-def test_the_motion_in_a_bag_is_made_from_its_samples(tmp_path, golden):
-    """As often as is asked for, by the scene where nothing is; the rest is the same."""
+def test_derived_motion_has_the_requested_points_per_turn(tmp_path, golden):
+    """The default is the number of the scene. All other messages are equal."""
     record(tmp_path / "unkilled", golden).close()
     unkilled = payloads(tmp_path / "unkilled")
     derived = {topic.name for topic in RECORDING if topic.derived}

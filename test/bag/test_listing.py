@@ -1,4 +1,4 @@
-"""The files of a bag agree with metadata.yaml, or the difference is an error that names them."""
+"""Files of a bag that do not agree with metadata.yaml are named in an error."""
 
 import random
 import shutil
@@ -24,7 +24,7 @@ def bag(tmp_path, split):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_missing_file_is_named(bag, seed):
-    """Any file, the first and the last too; recover does not report that nothing is lost."""
+    """Every command names the missing file, also the first and the last."""
     chosen = random.Random(seed).choice(mcap_files(bag)) if seed > 1 else mcap_files(bag)[-seed]
     chosen.unlink()
     for command in (read_counts, read_recording, examine):
@@ -34,7 +34,7 @@ def test_a_missing_file_is_named(bag, seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_two_exchanged_files_are_named(bag, seed):
-    """By the messages and the start that metadata.yaml lists for each."""
+    """They are identified by the number and the first time of their messages."""
     one, other = random.Random(seed).sample(mcap_files(bag), 2)
     aside = one.rename(bag / "aside")
     other.rename(one)
@@ -47,7 +47,7 @@ def test_two_exchanged_files_are_named(bag, seed):
 
 @pytest.mark.parametrize("name", ["bag_0 (copy).mcap", "bag_99.mcap", "other.mcap", "a_0.db3"])
 def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, name):
-    """The turns count once; analysis and recovery name the file."""
+    """Its messages do not count, and analysis and recovery name it."""
     shutil.copy(mcap_files(bag)[0], bag / name)
     assert read_counts(bag) == read_counts(split)
     note = f"{name} is ignored: metadata.yaml does not list it"
@@ -57,7 +57,7 @@ def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, na
 
 
 def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
-    """Else its turns would count twice."""
+    """Otherwise its turns would count twice."""
     (bag / "metadata.yaml").unlink()
     shutil.copy(mcap_files(bag)[0], bag / "bag_0 (copy).mcap")
     with pytest.raises(BagError, match=r"bag_0.mcap and bag_0 \(copy\).mcap have the same"):
@@ -66,7 +66,7 @@ def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
 
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_a_file_with_other_messages_is_refused(tmp_path, ending):
-    """A file of the right name with 40 of the 50 messages that are listed."""
+    """A file with the right name has 40 of the 50 listed messages."""
     from rosbags.rosbag2 import StoragePlugin
 
     plugin = StoragePlugin.MCAP if ending == "mcap" else StoragePlugin.SQLITE3
@@ -79,8 +79,8 @@ def test_a_file_with_other_messages_is_refused(tmp_path, ending):
         read_counts(tmp_path / "one" / "bag")
 
 
-def test_recover_counts_the_messages_that_a_listed_file_has_not(bag, tmp_path):
-    """A file that was cut off before its last messages."""
+def test_recover_counts_the_missing_messages_of_a_listed_file(bag, tmp_path):
+    """The file was cut off before its last messages."""
     file = mcap_files(bag)[1]
     listed = list_files(bag).extents[file.name].messages
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
@@ -90,8 +90,8 @@ def test_recover_counts_the_messages_that_a_listed_file_has_not(bag, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "not: [yaml", "a list", "rosbag2_bagfile_information: 3"])
-def test_without_a_readable_list_files_are_read_by_their_numbers(bag, split, text):
-    """A torn metadata.yaml hides no message."""
+def test_without_readable_metadata_files_are_read_by_their_numbers(bag, split, text):
+    """A damaged metadata.yaml does not hide messages."""
     (bag / "metadata.yaml").write_text(text)
     assert read_counts(bag) == read_counts(split)
     assert list_files(bag).notes == (
@@ -99,8 +99,8 @@ def test_without_a_readable_list_files_are_read_by_their_numbers(bag, split, tex
     )
 
 
-def test_a_total_is_compared_if_files_are_not_counted_one_by_one(bag):
-    """Bags of before version 5 list no counts per file."""
+def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
+    """This is the case before version 5 of the metadata."""
     file = bag / "metadata.yaml"
     about = yaml.safe_load(file.read_text())
     information = about["rosbag2_bagfile_information"]

@@ -1,4 +1,4 @@
-"""What is missing is reported in numbers, and no half of a message contradicts the other."""
+"""Missing messages are counted, and the report agrees with the bag."""
 
 import errno
 import io
@@ -36,7 +36,7 @@ RECORDS = [
 
 
 def held(keep=lambda topic, message: True):
-    """What the golden bag holds, of the messages that are kept."""
+    """Return the holdings of the golden bag for the messages that `keep` selects."""
     found = Holdings()
     for channel, message in RECORDS:
         if keep(channel.topic, message):
@@ -45,17 +45,17 @@ def held(keep=lambda topic, message: True):
 
 
 TIMES = [state.time_ns for state in cam_states(SCENE)]
-#: Whose messages have times of their own, so that their numbers tell what is gone.
+#: Topics whose messages have other times than states, so that sequence numbers show the loss.
 NUMBERED = {topic.name for topic in RECORDING if topic.per in ("instant", "any")}
 
 
 def instants_until(time_ns):
-    """How many messages /joint_states has in the golden bag before a time."""
+    """Return the number of /joint_states messages in the golden bag before a time."""
     return sum(t < time_ns for _, t, _ in messages(GOLDEN, (JOINT_STATES,)))
 
 
-def test_every_tick_of_the_golden_bag_is_there():
-    """By its scene, and by its own states and numbers alone."""
+def test_no_tick_of_the_golden_bag_is_missing():
+    """The scene shows it, and so do its states and sequence numbers alone."""
     for scene in (SCENE, None):
         loss = loss_of(held(), scene, whole=True, ours=True)
         assert loss.gaps == () and loss.messages == 0 and not loss.open_end and not loss.ends
@@ -63,8 +63,8 @@ def test_every_tick_of_the_golden_bag_is_there():
 
 
 @pytest.mark.parametrize(("first", "last"), [(3, 5), (1, 4), (7, 7), (9, 16), (1, 16)])
-def test_ticks_that_are_gone_are_numbered(first, last):
-    """Each tick by its place in the scene, whichever part of the file is gone."""
+def test_missing_ticks_are_numbered(first, last):
+    """Each tick has its number in the scene, wherever the gap is."""
     gone = set(TIMES[first : last + 1])
     kept = held(lambda topic, m: topic in NUMBERED or m.log_time not in gone)
     loss = loss_of(kept, SCENE, False, True)
@@ -74,8 +74,8 @@ def test_ticks_that_are_gone_are_numbered(first, last):
     assert loss.messages == sum(len(topics) for topics in expected)
 
 
-def test_diagnoses_behind_the_end_are_not_counted_but_named():
-    """Nobody knows how many there were after the place where the file was cut off."""
+def test_diagnostics_after_the_end_are_named_but_not_counted():
+    """Their number after the end of the file is unknown."""
     half = TIMES[8]
     loss = loss_of(held(lambda _topic, m: m.log_time <= half), SCENE, False, True)
     assert loss.gaps[0] == "ticks 9 to 16 of 16"
@@ -89,8 +89,8 @@ def moves():
 
 
 @pytest.mark.parametrize("topic", [t.name for t in RECORDING if t.per == "tick"])
-def test_what_is_gone_of_a_tick_is_named(topic):
-    """One topic, at one tick or at several."""
+def test_the_missing_topic_of_a_tick_is_named(topic):
+    """One topic is missing at one tick or at several."""
     for first, last in ((4, 4), (11, 13)):
         gone = set(TIMES[first : last + 1])
         kept = held(lambda name, m, gone=gone: name != topic or m.log_time not in gone)
@@ -99,8 +99,8 @@ def test_what_is_gone_of_a_tick_is_named(topic):
         assert loss.gaps == (f"{topic} of {ticks} of 16",) and loss.messages == last - first + 1
 
 
-def test_without_its_scene_the_numbers_of_the_messages_tell():
-    """Under operator commands: gaps between messages are counted; its end is not known."""
+def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
+    """An operator changed the run, so that its end is not known."""
     gone = set(TIMES[5:9])
     kept = held(lambda topic, m: topic in NUMBERED - {"/diagnostics"} or m.log_time not in gone)
     loss = loss_of(kept, None, False, True)
@@ -108,14 +108,16 @@ def test_without_its_scene_the_numbers_of_the_messages_tell():
     assert "messages 5 to 8 of /follower/samples" in loss.gaps
     assert loss.open_end and not any("tick" in gap for gap in loss.gaps)
     all_gone = [topic for move in moves()[5:9] for topic in (CLOCK, *belonging(*move))]
-    last_of_theirs = [topic for topic in all_gone if topic.per == "cam"]  # no number follows them
+    last_of_theirs = [
+        topic for topic in all_gone if topic.per == "cam"
+    ]  # their last message has no successor
     assert loss.messages == len(all_gone) - len(last_of_theirs)
     of_others = loss_of(kept, None, True, ours=False)
     assert of_others.gaps == () and not of_others.open_end
 
 
-def test_instants_and_diagnoses_that_are_gone_are_counted():
-    """How many there are is not in the scene alone; their numbers tell which are missing."""
+def test_missing_instants_and_diagnostics_are_counted():
+    """Their sequence numbers identify them, because the scene does not."""
     gone = range(TIMES[3], TIMES[4])
     kept = held(lambda t, m: t != "/joint_states" or m.log_time not in gone)
     first, last = instants_until(TIMES[3]) + 1, instants_until(TIMES[4])
@@ -126,8 +128,8 @@ def test_instants_and_diagnoses_that_are_gone_are_counted():
     assert loss.words == "messages 2 to 3 of /diagnostics (2 messages)"
 
 
-def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path, golden):
-    """Closed after tick 6 of 16: what was never recorded is not lost."""
+def test_an_interrupted_run_has_no_loss(tmp_path, golden):
+    """It was closed after tick 6 of 16. Ticks that were not recorded are not lost."""
     bag, last = tmp_path / "bag", max(i for i, m in enumerate(golden) if m[0].per == "tick")
     recorder = BagRecorder(bag, LOADED, points_per_turn=2)
     for topic, number, cdr in golden[: last + 1]:
@@ -142,12 +144,12 @@ def test_a_run_that_was_interrupted_has_lost_nothing(tmp_path, golden):
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("part", range(5, 100, 9))
-def test_the_words_agree_with_the_bag(tmp_path, part):
-    """Whatever was cut off: the ticks that are named are those not in the recovered bag."""
+def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
+    """The reported ticks are those that the recovered bag does not contain."""
     bag = cut_off(tmp_path / "bag", part / 100)
     words = recover(bag, tmp_path / "recovered").words
     assert "flushed" not in words
-    # The last that is written of a tick.
+    # The last message of a tick.
     ticks = read_counts(tmp_path / "recovered").get("/microphone/pressure", 0)
     if ticks == 16:
         assert "no tick is missing" in words or "nothing lost" in words
@@ -161,7 +163,7 @@ def test_the_words_agree_with_the_bag(tmp_path, part):
 
 
 def full_after(monkeypatch, size):
-    """A disk that takes so many bytes and no more."""
+    """Simulate a disk with room for `size` bytes."""
     left = [size]
 
     class Full(WrappedFile):
@@ -180,8 +182,8 @@ def full_after(monkeypatch, size):
 
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("room", [0, 5_000, 100_000, 199_000])
-def test_on_a_full_disk_an_unclosed_bag_stays_as_it_is(tmp_path, monkeypatch, room):
-    """It cannot be recovered beside itself; what it holds and lacks is reported, and the remedy."""
+def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch, room):
+    """The error contains its content, its loss and the remedy."""
     bag = cut_off(tmp_path / "my bag", 200_000)
     file = bag / "my bag_0.mcap"
     data = file.read_bytes()
@@ -198,8 +200,8 @@ def test_on_a_full_disk_an_unclosed_bag_stays_as_it_is(tmp_path, monkeypatch, ro
     assert "saved" in state_words(bag) and not is_unclosed(bag)
 
 
-def test_a_copy_that_finds_no_room_leaves_nothing(tmp_path, monkeypatch):
-    """The folder that was made for it goes as well, so that the command can be given again."""
+def test_a_failed_copy_removes_its_folder(tmp_path, monkeypatch):
+    """The command can therefore be repeated."""
     with monkeypatch.context() as patch:
         full_after(patch, 100_000)
         with pytest.raises(BagError, match=r"cannot be written \(No space left on device\)"):
@@ -211,10 +213,10 @@ def test_a_copy_that_finds_no_room_leaves_nothing(tmp_path, monkeypatch):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("split", [Split(), Split(duration=0.5)], ids=["one file", "split"])
 @pytest.mark.parametrize("room", [40_000, 150_000, 170_000, 215_000])
-def test_a_recorder_on_a_full_disk_keeps_what_was_written(
+def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
     tmp_path, monkeypatch, golden, room, split
 ):
-    """It fails once and for all, writes no more, and every byte that found room counts."""
+    """It fails once, stops writing, and all bytes on the disk are readable."""
     bag = tmp_path / "bag"
     with monkeypatch.context() as patch:
         full_after(patch, room)
@@ -234,8 +236,8 @@ def test_a_recorder_on_a_full_disk_keeps_what_was_written(
     assert read_counts(bag) == dict(sorted(saved.counts.items()))
 
 
-def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
-    """Behind a record whose length is wrong, the next chunk is found by what it looks like."""
+def test_a_damaged_length_loses_only_its_chunk(tmp_path):
+    """The next chunk is found by the pattern of its head."""
     file = bag_file(GOLDEN)
     with file.open("rb") as stream:
         chunks = [record for record in records_of(stream) if record.opcode == 6]
@@ -255,8 +257,8 @@ def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
     assert saved.counts["/microphone/level"] == 16 - last
 
 
-def test_the_rest_of_an_endless_scene_is_not_counted_tick_by_tick():
-    """Of a bench's 100 000 turns it only says that it ends early; closed, after which tick."""
+def test_the_missing_end_of_a_long_scene_is_not_counted():
+    """The report of 100 000 turns states the early end, or the last tick if closed."""
     program = SCENE.program.model_copy(
         update={"turns": SCENE.program.turns.model_copy(update={"assumed": 1e5, "given": None})}
     )

@@ -1,4 +1,4 @@
-"""MCAP files of any writer: other encodings, without chunks, without a summary; checksums."""
+"""MCAP files of any writer: encodings, files without chunks or summary, checksums."""
 
 import json
 
@@ -11,12 +11,12 @@ from cam_rig.bag.reader import raw_messages, read_counts
 from cam_rig.bag.recover import examine
 from cam_rig.errors import BagError
 
-#: A schema that is not text, as that of protobuf.
+#: Schema that is not text, such as that of protobuf.
 BINARY = bytes(range(256))
 
 
 def write(path, times, seed=0, **how):
-    """A file with a CDR topic, a JSON topic and a protobuf topic at the same log times."""
+    """Write a file with a CDR, a JSON and a protobuf topic at the same log times."""
     rng = np.random.default_rng(seed)
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.NONE, **how)
@@ -55,7 +55,10 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_topics_of_every_encoding_are_listed_and_messages_come_in_time_order(tmp_path, way):
-    """Chunks that overlap in time are merged; equal times keep the order of the file."""
+    """Overlapping chunks are merged.
+
+    Messages of equal time keep the order of the file.
+    """
     rng = np.random.default_rng(3)
     times = 1000 * rng.integers(0, 400, 300)
     times = np.sort(times) if way == "no chunks" else times
@@ -85,7 +88,7 @@ def test_messages_without_chunks_that_go_back_in_time_are_refused(tmp_path):
 @pytest.mark.parametrize("chunked", [False, True])
 @pytest.mark.parametrize("seed", range(10))
 def test_a_changed_byte_of_a_message_is_an_error(tmp_path, chunked, seed):
-    """By the data section's checksum or the chunk's; recover reports the damage."""
+    """The checksum of the data section or of the chunk shows it. recover reports it."""
     times = 1000 * np.arange(100)
     path = write(
         tmp_path / "file.mcap", times, seed, use_chunking=chunked, enable_data_crcs=not chunked

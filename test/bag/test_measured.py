@@ -1,4 +1,4 @@
-"""What instruments recorded is read as it was, from any bag; what was odd in it is said."""
+"""Readings of any bag are returned in SI, with a note on each irregularity."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ LINE = "angle=/encoder.position[0] lift=/lvdt.data:mm force=-/cell.wrench.force.
 
 
 def bench(path, plugin=StoragePlugin.MCAP, **changes):
-    """A bag of an encoder within its turn, an inductive gauge in mm, and a load cell in tension."""
+    """Write a bag of an encoder, an inductive gauge in mm, and a load cell in tension."""
     topics = {
         "/encoder": (joint, TIME, np.remainder(ANGLE, TURN)),
         "/lvdt": (number, TIME, LIFT),
@@ -33,14 +33,14 @@ def bench(path, plugin=StoragePlugin.MCAP, **changes):
 
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
 def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
-    """MCAP or SQLite: turns counted, mm and the cell's sign turned to SI, each number the same."""
+    """MCAP and SQLite give equal numbers, with counted turns and converted units."""
     run = read_measured(bench(tmp_path, plugin), parse_topics(LINE), cam="own")
     np.testing.assert_allclose(run.angle.value, ANGLE, rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.lift.value, 1e-3 * LIFT, rtol=1e-15)
     np.testing.assert_array_equal(run.force.value, FORCE)
     assert (run.cam, run.level, run.begin_ns) == ("own", None, BEGIN)
     np.testing.assert_allclose(run.angle.time, TIME, rtol=0, atol=1e-9)
-    # A Float64 has no header: its time is the bag's, half a millisecond later.
+    # A Float64 has no header: its time is the log time, half a millisecond later.
     np.testing.assert_allclose(run.lift.time, TIME + 5e-4, rtol=0, atol=1e-9)
     said = " ".join(run.notes)
     assert "lift: /lvdt.data, 400 readings, the time is that of the bag." in said
@@ -48,8 +48,8 @@ def test_a_bag_of_standard_messages_is_read_in_si(tmp_path, plugin):
     assert "turns were counted" in said and "gap" not in said
 
 
-def test_a_field_may_be_left_out_named_by_its_joint_or_put_on_the_bag_s_clock(tmp_path):
-    """Three spellings of one reading."""
+def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path):
+    """All three spellings give the same reading."""
     bag = bench(tmp_path)
     for line in (
         "angle=/encoder.position[encoder]@bag lift=/lvdt:mm",
@@ -63,7 +63,7 @@ def test_a_field_may_be_left_out_named_by_its_joint_or_put_on_the_bag_s_clock(tm
 
 
 def test_counts_of_an_encoder_are_an_angle(tmp_path):
-    """4096 a turn, as an integer counts them on over all turns."""
+    """The integer counts 4096 per turn over all turns."""
     bag = bench(tmp_path, encoder=(number, TIME, np.floor(ANGLE * 4096 / TURN)))
     line = "angle=/encoder.data:turn/4096 lift=/lvdt.data:mm"
     run = read_measured(bag, parse_topics(line))
@@ -72,8 +72,8 @@ def test_counts_of_an_encoder_are_an_angle(tmp_path):
 
 
 @pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
-def test_a_cam_that_turns_the_other_way_is_turned_over_and_said(tmp_path, whole):
-    """An angle that falls becomes one that rises by as much."""
+def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
+    """The angle rises by the same amount."""
     angle = -ANGLE if whole else np.remainder(-ANGLE, TURN)
     bag = bench(tmp_path, encoder=(joint, TIME, np.degrees(angle)))
     run = read_measured(bag, parse_topics(LINE.replace("[0]", "[0]:deg")))
@@ -81,8 +81,8 @@ def test_a_cam_that_turns_the_other_way_is_turned_over_and_said(tmp_path, whole)
     assert any("turned over" in note for note in run.notes)
 
 
-def test_disorder_is_put_in_order_and_what_is_no_number_is_dropped(tmp_path):
-    """Two stamps exchanged, one doubled, one value NaN: all said, the rest is as it was."""
+def test_readings_are_sorted_and_invalid_numbers_are_dropped(tmp_path):
+    """Exchanged stamps, a repeated stamp and a NaN are reported."""
     time, lift = TIME.copy(), np.radians(LIFT)
     time[[10, 11]], time[50] = time[[11, 10]], time[49]
     lift[[10, 11]], lift[70] = lift[[11, 10]], np.nan
@@ -98,8 +98,8 @@ def test_disorder_is_put_in_order_and_what_is_no_number_is_dropped(tmp_path):
     assert "1 of the stamps are doubled" in said
 
 
-def test_lost_messages_are_a_gap_and_nothing_is_put_there(tmp_path):
-    """One message of a steady rate, and a run of them; jitter within the usual is no gap."""
+def test_lost_messages_are_a_gap_that_is_not_filled(tmp_path):
+    """One lost message or several are a gap, usual jitter is not."""
     jitter = TIME + 2e-5 * np.random.default_rng(5).normal(size=TIME.size)
     kept = np.delete(np.arange(400), [20, *range(100, 140)])
     bag = bench(tmp_path, cell=(wrench, jitter[kept], FORCE[kept]))
@@ -113,8 +113,8 @@ def test_lost_messages_are_a_gap_and_nothing_is_put_there(tmp_path):
     )
 
 
-def test_the_rig_s_own_bag_needs_no_mapping():
-    """Every sample of the cam with its exact angle, and the level of each of its ticks."""
+def test_a_bag_of_the_rig_needs_no_mapping():
+    """It has every sample of the cam with its exact angle, and the level per tick."""
     run = read_measured(GOLDEN, cam="tm21")
     ticks = [tick for tick in read_ticks(GOLDEN) if tick.cam == "tm21"]
     np.testing.assert_array_equal(run.angle.value, np.hstack([tick.angle for tick in ticks]))
@@ -129,7 +129,7 @@ def test_the_rig_s_own_bag_needs_no_mapping():
 
 
 def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
-    """Which one is meant is not guessed; named, it is read as if it were alone."""
+    """Without a namespace the bag is refused."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     expected = read_measured(GOLDEN, cam="tm21")
     for namespace in ("/", "rig2"):
@@ -156,8 +156,8 @@ def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
         ("angle=/encoder.position[0] lift=/late.data", "late.data is from 50.* of one time"),
     ],
 )
-def test_what_is_not_there_is_named_beside_what_is(tmp_path, line, error):
-    """Bag, quantity, topic, field; what is there; the likeliest spelling."""
+def test_an_error_names_the_missing_and_the_existing_names(tmp_path, line, error):
+    """It contains bag, quantity, topic, field, existing names, and a suggestion."""
     bag = bench(
         tmp_path,
         still=(number, TIME, np.sin(ANGLE)),
@@ -169,8 +169,8 @@ def test_what_is_not_there_is_named_beside_what_is(tmp_path, line, error):
     assert str(bag) in str(raised.value)
 
 
-def test_a_bag_of_others_without_a_mapping_is_told_its_topics(tmp_path):
-    """What it holds is what --topics may name."""
+def test_a_foreign_bag_without_a_mapping_is_refused_with_its_topics(tmp_path):
+    """The error lists the topics that --topics may name."""
     with pytest.raises(BagError, match=r"--topics .*/cell \[geometry_msgs/msg/WrenchStamped\]"):
         read_measured(bench(tmp_path))
 
@@ -187,7 +187,7 @@ def test_a_bag_of_others_without_a_mapping_is_told_its_topics(tmp_path):
         ("angle=encoder lift=/b", "'angle=encoder' is not QUANTITY=/TOPIC.FIELD:UNIT"),
     ],
 )
-def test_a_line_that_cannot_be_right_is_refused(line, error):
-    """Item, what is allowed, an example."""
+def test_an_invalid_topics_line_is_refused(line, error):
+    """The error contains the item, the allowed values and an example."""
     with pytest.raises(ConfigError, match=error):
         parse_topics(line)

@@ -1,4 +1,4 @@
-"""The recorder's bookkeeping: every message finds its state, and one run gives one bag."""
+"""The recording session assigns messages to states. Equal runs give equal bags."""
 
 import random
 import struct
@@ -21,7 +21,7 @@ LIVE, AGAIN = b"first process", b"second process"
 
 
 def shuffled(messages, seed):
-    """Another order of the topics; each topic keeps its own."""
+    """Return messages in another order of the topics. Each topic keeps its order."""
     queues, chance, order = {}, random.Random(seed), []
     for message in messages:
         queues.setdefault(message[0], []).append(message)
@@ -43,7 +43,7 @@ def record(messages, kept):
 
 
 def by_topic(kept):
-    """In the order of log times, as bags are read."""
+    """Return the messages by topic in the order of log times, as bags are read."""
     found = {}
     for topic, time, cdr in sorted(kept.messages, key=lambda message: message[1]):
         found.setdefault(topic, []).append((time, cdr))
@@ -61,7 +61,10 @@ def states(golden):
 
 
 def test_every_message_is_written_once_with_its_states_time(golden, kept, states):
-    """In rising log times but for diagnoses; unstamped ones by their twins, a clock a state."""
+    """Log times rise except for diagnostics.
+
+    Unstamped messages have the time of their twins, and each state has a clock message.
+    """
     written = record(golden, kept)
     assert written == states and len(kept.messages) == len(golden) + len(states)
     found = by_topic(kept)
@@ -77,8 +80,8 @@ def test_every_message_is_written_once_with_its_states_time(golden, kept, states
 
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", range(8))
-def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
-    """DDS keeps the order of a topic, not between topics: the bag is the same for all orders."""
+def test_any_order_of_topics_gives_the_same_bag(golden, kept, seed):
+    """DDS keeps the order within a topic only."""
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
     record(shuffled(golden, seed), kept)
@@ -88,24 +91,27 @@ def test_any_order_of_topics_gives_one_bag(golden, kept, seed):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("missing", [t for t in topics.RECEIVED if t.per in ("tick", "state")])
 def test_a_state_waits_for_every_message_of_its_tick(golden, kept, states, missing):
-    """A state is not acknowledged while a message is missing; the rest is written at the end."""
+    """A state is not acknowledged while a message is missing.
+
+    The remaining messages are written at the end.
+    """
     last = max(n for topic, n, _ in golden if topic is missing)
     written = record([m for m in golden if m[:2] != (missing, last)], kept)
     assert written == states[:-1] and len(by_topic(kept)[missing.name]) == last - 1
-    if missing is not topics.CAM_STATE:  # a message without its stamped twin belongs to no tick
+    if missing is not topics.CAM_STATE:  # an unstamped message needs its twin
         twins = sum(topic.twin == missing.name for topic in topics.RECEIVED)
         assert len(kept.messages) == len(golden) + len(states) - 1 - twins
 
 
 def test_a_step_waits_for_its_law(golden, kept, states):
-    """The sampled law of each speed is in the bag before the states that turn with it."""
+    """The sampled law of each speed is in the bag before the states at that speed."""
     laws = [stamp_of(cdr) for topic, _, cdr in golden if topic is topics.LAW]
     written = record([m for m in golden if m[:2] != (topics.LAW, 2)], kept)
     assert written == [stamp for stamp in states if stamp < laws[1]]
 
 
-def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states, session):
-    """A second run into the same bag, its rig time from zero: named; the first one stays whole."""
+def test_a_clock_that_jumps_back_is_refused(golden, kept, states, session):
+    """A second run in the same bag is refused, and the first run is complete."""
     for topic, number, cdr in golden:
         session.take(topic, cdr, LIVE, number)
     whole = by_topic(kept)
@@ -117,8 +123,8 @@ def test_a_clock_that_jumps_back_is_refused_in_words(golden, kept, states, sessi
     assert by_topic(kept) == whole
 
 
-def test_what_is_known_is_not_contradicted(golden, kept):
-    """A second message of the same stamp that differs is rejected; the first one stays."""
+def test_a_different_second_message_of_a_stamp_is_refused(golden, kept):
+    """The first message is kept."""
     session = RecordingSession(kept, StateValidator(RATE), Publishers())
     state, pressure = (
         next(m for m in golden if m[0] is topic) for topic in (topics.CAM_STATE, topics.PRESSURE)
@@ -137,8 +143,8 @@ OWNED = [topic for topic in topics.RECEIVED if topic.owner]
 @pytest.mark.variants(6)
 @pytest.mark.parametrize("topic", OWNED, ids=lambda t: t.name)
 @pytest.mark.parametrize("forged_first", [False, True])
-def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
-    """Whoever comes first, and equal bytes or not: two publish for one node; the other is named."""
+def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_first):
+    """The error names it, in any order of the two and also for equal bytes."""
     name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
     publishers = Publishers(find_publishers=lambda _topic: name)
     session = RecordingSession(kept, StateValidator(RATE), publishers)
@@ -156,7 +162,7 @@ def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
 
 
 def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept, states):
-    """Record a run of an RMW such as rmw_zenoh, whose gids are random, also those of one node."""
+    """The gids of an RMW such as rmw_zenoh are random, also those of one node."""
     chance = random.Random(1)
     gids = {topic: chance.randbytes(16) for topic in topics.RECEIVED}
     assert record([(*message, gids[message[0]]) for message in golden], kept) == states
@@ -171,7 +177,7 @@ def test_each_topic_of_a_node_may_have_a_gid_without_a_common_part(golden, kept,
     ],
 )
 def test_a_second_publisher_is_named_by_the_graph(names, words):
-    """Name it also where the gids of messages are not those of the graph (rmw_cyclonedds)."""
+    """Its gid in messages may differ from that of the graph (rmw_cyclonedds)."""
     publishers = Publishers(lambda _topic: names)
     publishers.require("follower", topics.FOLLOWER_STATE, b"first")
     publishers.require("follower", topics.FOLLOWER_STATE, b"first")
@@ -180,15 +186,15 @@ def test_a_second_publisher_is_named_by_the_graph(names, words):
 
 
 def test_gids_are_compared_as_a_whole():
-    """Two publishers of one RTPS participant, whose gids share twelve bytes, are two."""
+    """The gids of two publishers of one RTPS participant share twelve bytes."""
     publishers = Publishers()
     publishers.require("follower", topics.FOLLOWER_STATE, bytes(16))
     with pytest.raises(RunError, match="second publisher"):
         publishers.require("follower", topics.FOLLOWER_STATE, bytes(12) + b"\0\0\1\3")
 
 
-def test_a_forged_diagnosis_ends_a_recording(golden, session):
-    """The microphone's diagnostics from another process than its levels are refused."""
+def test_a_forged_diagnostic_is_refused(golden, session):
+    """Diagnostics of the microphone must be from the process of its levels."""
     level = next(m[2] for m in golden if m[0] is topics.LEVEL)
     session.take(topics.LEVEL, level, LIVE, 1)
     session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
@@ -196,8 +202,8 @@ def test_a_forged_diagnosis_ends_a_recording(golden, session):
         session.take(topics.DIAGNOSTICS, of_speaker("microphone", 1), b"forger", 1)
 
 
-def test_a_law_that_is_not_the_files_is_refused(golden, kept):
-    """A law or a contour that the check refuses is left out; the other messages are taken."""
+def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
+    """A law or contour that the check refuses is left out. Other messages are written."""
     held = []
 
     def check(topic, message):
@@ -218,7 +224,7 @@ def test_a_law_that_is_not_the_files_is_refused(golden, kept):
     assert topics.LAW_COEFFICIENTS.name not in by_topic(kept)
 
 
-def test_messages_of_no_known_state_are_bounded(golden, session):
+def test_messages_without_a_known_state_are_bounded(golden, session):
     """A flood of unknown stamps does not fill the memory."""
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
     with pytest.raises(RefusedError, match="of no known state"):
@@ -227,17 +233,19 @@ def test_messages_of_no_known_state_are_bounded(golden, session):
 
 
 def stamped(cdr, stamp):
-    """A message with another stamp."""
+    """Return a message with another stamp."""
     return cdr[:4] + struct.pack("<iI", stamp // 10**9, stamp % 10**9) + cdr[12:]
 
 
-def test_what_states_have_overtaken_is_let_go(golden, kept):
-    """Stray stamps between two states take no room once the second is written."""
+def test_messages_before_a_written_state_are_dropped(golden, kept):
+    """Stray stamps between two states are dropped after the second is written."""
     law = next(cdr for topic, _, cdr in golden if topic is topics.LAW)
     session, number = RecordingSession(kept, StateValidator(RATE)), 0
     for topic, n, cdr in golden:
         session.take(topic, cdr, LIVE, n)
-        for i in range(9 if topic is topics.CAM_STATE else 0):  # 17 x 9 in all, more than are kept
+        for i in range(
+            9 if topic is topics.CAM_STATE else 0
+        ):  # 17 x 9 stamps are more than are stored
             number += 1
             junk = stamped(law, stamp_of(cdr) + 1 + i)
             session.take(topics.LAW, junk, LIVE, number)
@@ -253,8 +261,8 @@ def of_speaker(node, stamp):
     return serialize(diagnosis(node, "all is well", stamp))
 
 
-def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
-    """Another robot's node on /diagnostics is refused; a stamp of the wall clock is no rig time."""
+def test_only_diagnostics_of_the_rig_in_rig_time_are_written(golden, kept):
+    """A node of another robot is refused. Stamps of the wall clock are not written."""
     record(golden, kept)
     straight, kept.messages = by_topic(kept), []
     wall = 1_767_225_600 * 10**9
@@ -273,15 +281,15 @@ def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
     assert by_topic(kept) == straight
 
 
-def test_what_a_recorder_makes_itself_is_not_taken(session):
-    """Whoever publishes it: the derived messages of a bag follow from its samples."""
+def test_derived_messages_are_refused(session):
+    """The derived messages of a bag follow from its samples."""
     for topic in set(topics.RECORDING) - set(topics.RECEIVED):
         with pytest.raises(RefusedError, match=f"{topic.name}: a recorder makes these"):
             session.take(topic, b"", LIVE, 1)
 
 
-def test_bytes_of_no_message_are_refused(golden, kept):
-    """Raw subscriptions check nothing, so this does; a flipped byte is taken or refused."""
+def test_invalid_bytes_are_refused(golden, kept):
+    """Raw subscriptions do not check messages. A flipped byte may be valid."""
     for topic in topics.RECEIVED:
         for cdr in (b"", b"\0\1\0\0", b"\xff" * 40):
             with pytest.raises(RefusedError):
@@ -294,25 +302,27 @@ def test_bytes_of_no_message_are_refused(golden, kept):
             RecordingSession(kept, StateValidator(RATE)).take(topics.CAM_STATE, bytes(cdr))
 
 
-def test_the_gaps_of_the_alignment_are_zero(golden):
-    """What the middleware leaves in the gaps of a message would differ from run to run."""
-    cdr = next(m[2] for m in golden if m[0] is topics.CAM_STATE)  # "tm21\0": a gap of 3 bytes
+def test_padding_bytes_are_zero(golden):
+    """The middleware leaves bytes there that differ from run to run."""
+    cdr = next(
+        m[2] for m in golden if m[0] is topics.CAM_STATE
+    )  # "tm21\0" is followed by 3 padding bytes
     gap = 4 + 8 + 4 + 5
     assert cdr[gap : gap + 3] == b"\0\0\0"
     dirty = cdr[:gap] + b"abc" + cdr[gap + 3 :]
     assert read_message(topics.CAM_STATE, dirty)[1] == cdr
 
 
-# -- what the microphone read in a recording, as a replay sets it again -----------------------
+# -- the quantity of the microphone in a recording, which a replay sets ------------------------
 
 
-def test_a_recording_says_what_its_microphone_read():
-    """At each second of rig time, and nothing else in between."""
+def test_a_recording_contains_the_quantity_of_its_microphone():
+    """It is known at each second of rig time."""
     assert {one.quantity for one in played(GOLDEN)} == {"", "LZF"}
 
 
 def test_a_quantity_is_a_value_of_the_microphone():
-    """Read a level that meters have, of the microphone alone, whatever the words of the status."""
+    """It is the symbol of a level, and only in diagnostics of the microphone."""
     wrong = [("microphone", value) for value in ("", "L", "LBF", "LAFx", "laf")]
     for words in ("hears LAF", ""):
         assert quantity_of(diagnosis("microphone", words, **{QUANTITY: "LCS"})) == "LCS"

@@ -1,4 +1,4 @@
-"""A recording that is split into files: each can be read alone, and all of them as one bag."""
+"""A recording that is split can be read file by file, and as one bag."""
 
 from collections import Counter
 from itertools import pairwise
@@ -32,8 +32,8 @@ def summary(file):
         return make_reader(stream).get_summary()
 
 
-def test_the_files_read_as_one(whole, split):
-    """Analysis, replay and comparison find what they find in one file."""
+def test_a_split_bag_reads_like_one_file(whole, split):
+    """Analysis, replay and comparison return the same results."""
     names = [file.name for file in mcap_files(split)]
     assert names == [f"bag_{number}.mcap" for number in range(len(names))]
     assert not is_unclosed(split)
@@ -49,8 +49,8 @@ def listed(bag):
     return yaml.load((bag / "metadata.yaml").read_bytes(), FAST)["rosbag2_bagfile_information"]
 
 
-def test_metadata_lists_every_file_with_its_own_times_and_counts(split):
-    """What rosbag2 reads: names in order, starts, durations, counts; the sums of all of them."""
+def test_metadata_lists_times_and_counts_of_every_file(split):
+    """rosbag2 reads names in order, starts, durations, counts and their sums."""
     about, files = listed(split), mcap_files(split)
     assert about["relative_file_paths"] == [file.name for file in files]
     for entry, file in zip(about["files"], files, strict=True):
@@ -68,8 +68,7 @@ def test_metadata_lists_every_file_with_its_own_times_and_counts(split):
         assert Counter(c.topic for c, _, _ in reader.messages()) == read_counts(split)
 
 
-#: The keys of BagMetadata in rosbag2_storage/yaml.hpp, in its order, of each of its files, and of
-#: each topic.
+#: Keys of BagMetadata in rosbag2_storage/yaml.hpp in its order, of each file, and of each topic.
 KEYS = [
     *("version", "storage_identifier", "duration", "starting_time", "message_count"),
     *("topics_with_message_count", "compression_format", "compression_mode"),
@@ -83,7 +82,7 @@ TOPIC_KEYS = [
 
 
 def records(bag):
-    """What rosbag2 reads a file without its folder by: of each file, its records in order."""
+    """Return the metadata records of each file in order, as rosbag2 reads them."""
     for file in mcap_files(bag):
         with file.open("rb") as stream:
             found = list(make_reader(stream).iter_metadata())
@@ -92,8 +91,11 @@ def records(bag):
         yield file, *(yaml.load(record.metadata["serialized_metadata"], FAST) for record in found)
 
 
-def test_each_file_describes_the_bag_at_its_begin_and_at_its_end(split):
-    """As rosbag2 does: nothing at the begin, the bag so far at the end, all of it at the last."""
+def test_each_file_describes_the_bag_at_its_start_and_end(split):
+    """The description is empty at the start of the first file, as in rosbag2.
+
+    At the end of a file it describes the bag up to there.
+    """
     names, total = [], 0
     for file, begin, about in records(split):
         for found in (begin, about):
@@ -111,7 +113,7 @@ def test_each_file_describes_the_bag_at_its_begin_and_at_its_end(split):
             total += reader.message_count
         names.append(file.name)
         assert about["relative_file_paths"] == names and about["message_count"] == total
-        if len(names) == 1:  # a time that never comes, no message, no topic
+        if len(names) == 1:  # the start time NEVER, no message, no topic
             assert begin["starting_time"] == {"nanoseconds_since_epoch": NEVER}
             assert begin["duration"] == {"nanoseconds": 0}
             assert begin["relative_file_paths"] == names
@@ -124,10 +126,11 @@ def test_each_file_describes_the_bag_at_its_begin_and_at_its_end(split):
     assert counted == read_counts(split)
 
 
-def test_a_file_stands_alone(split):
-    """Schemas, channels, versions and the scene are in each; its own ticks can be analysed.
+def test_each_file_can_be_read_alone(split):
+    """Each file has schemas, channels, versions and the scene.
 
-    What is published once for each cam is in the file of its time, as `ros2 bag record` has it.
+    Messages that are published once per cam are in the file of their time, as with `ros2 bag
+    record`.
     """
     ticks, topics = 0, {c.topic for c in summary(mcap_files(split)[0]).channels.values()}
     for file in mcap_files(split):
@@ -138,12 +141,12 @@ def test_a_file_stands_alone(split):
         alone = read_recording(file)
         assert alone.loaded.scene.name == "quick"
         ticks += len(alone.ticks)
-    borders = len(mcap_files(split)) - 1  # a tick that ends in the next file begins in this one
+    borders = len(mcap_files(split)) - 1  # ticks that start in one file and end in the next
     assert 16 - borders <= ticks < 16
 
 
 def test_no_tick_is_divided(split):
-    """All messages of a state are in one file; only diagnoses may come later."""
+    """All messages of a state are in one file. Only diagnostics may be later."""
     stamps = []
     for file in mcap_files(split):
         with Reader(file) as reader:
@@ -152,12 +155,12 @@ def test_no_tick_is_divided(split):
         own = max(time for topic, time in found if topic == CAM_STATE.name)
         assert max(time for _, time in found) < own + 100
     for one, later in pairwise(stamps):
-        assert max(one) <= min(later)  # where a tick begins, its first instant is
+        assert max(one) <= min(later)  # the first instant of a tick has the time of its start
 
 
 @pytest.mark.parametrize("limit", [Split(duration=0.7), Split(size=60_000)], ids=["s", "bytes"])
 def test_the_limits_are_kept(tmp_path, golden, limit):
-    """A file ends with the first tick that comes to a limit; one has about 20 kB."""
+    """A file ends with the first tick that reaches a limit. A tick has about 20 kB."""
     record(tmp_path / "bag", golden, split=limit, points_per_turn=12).close()
     files = mcap_files(tmp_path / "bag")
     assert len(files) > 2
@@ -167,13 +170,13 @@ def test_the_limits_are_kept(tmp_path, golden, limit):
         times = [time for topic, time, _ in found if topic == CAM_STATE.name]
         if limit.duration:
             assert times[-1] - times[0] <= 0.7e9
-        else:  # all but the last tick together have less
+        else:  # all ticks except the last have fewer bytes
             before = max(times[:-1], default=-1)
             assert sum(size for _, time, size in found if time <= before) < limit.size
 
 
 def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
-    """A copy holds everything, with the numbers of the messages as they were, and the scene."""
+    """The copy contains all messages with their sequence numbers, and the scene."""
     saved = recover(split, tmp_path / "copy")
     assert saved.whole and "nothing lost" in saved.words
     assert len(mcap_files(tmp_path / "copy")) == 1
@@ -181,8 +184,8 @@ def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
     assert len(read_recording(tmp_path / "copy").ticks) == 16
 
 
-def test_a_file_that_is_missing_is_named(split, tmp_path):
-    """Between others: nothing is read as if it were whole, and the others are read by name."""
+def test_a_missing_middle_file_is_named(split, tmp_path):
+    """The bag cannot be read or recovered, but the other files can be read by name."""
     bag = tmp_path / "bag"
     bag.mkdir()
     for file in mcap_files(split):
@@ -195,7 +198,7 @@ def test_a_file_that_is_missing_is_named(split, tmp_path):
     assert read_counts(bag / "bag_2.mcap")
 
 
-def test_a_limit_by_words_or_a_refusal_in_words():
+def test_a_limit_is_parsed_or_refused_with_the_allowed_values():
     for text, expected in {
         "100MB": Split(size=100_000_000),
         "1.5 GiB": Split(size=1_610_612_736),

@@ -1,4 +1,4 @@
-"""A bag is a rosbag2 directory that others can read, and never overwrites."""
+"""A bag is a rosbag2 directory that is never overwritten."""
 
 import json
 import os
@@ -28,8 +28,8 @@ def level(value):
     return serialize(new("std_msgs/Float64", value))
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    """A recording is never replaced by another, and a bag under a file is no place for a bag."""
+def test_a_path_that_cannot_be_written_is_named(tmp_path):
+    """A recording is never replaced, and a bag cannot be created below a file."""
     (tmp_path / "bag").mkdir()
     with pytest.raises(BagError, match="exists already, not overwriting"):
         BagWriter(tmp_path / "bag")
@@ -40,7 +40,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
 
 
 def test_a_bag_has_its_metadata_from_the_start(tmp_path):
-    """Others find its topics though nothing is counted yet; closed, rosbags reads its messages."""
+    """Its topics are listed before it is closed, and rosbags reads it afterwards."""
     with BagWriter(tmp_path / "bag") as bag:
         bag.write(topics.LEVEL, 7, level(70.0))
         about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_bytes())
@@ -60,8 +60,8 @@ def test_a_bag_has_its_metadata_from_the_start(tmp_path):
     assert read_counts(tmp_path / "bag") == {"/microphone/level": 1}
 
 
-def test_what_counts_as_closed_is_written_last(tmp_path, monkeypatch):
-    """Order on the disk: the messages, metadata.yaml, the file's end; each is waited for."""
+def test_the_end_of_the_file_is_written_last(tmp_path, monkeypatch):
+    """The order on the disk is messages, metadata.yaml, end of the file."""
     steps = []
     bag = BagWriter(tmp_path / "bag")
     bag.write(topics.LEVEL, 7, level(70.0))
@@ -77,8 +77,8 @@ def test_what_counts_as_closed_is_written_last(tmp_path, monkeypatch):
     assert steps == [("metadata.yaml.part", False), ("bag", False), ("bag_0.mcap", True)]
 
 
-def test_what_is_flushed_is_put_onto_the_disk_within_half_a_second(tmp_path, monkeypatch):
-    """At once after a quiet time; else by the next look, though nothing more is written."""
+def test_flushed_messages_are_on_the_disk_within_half_a_second(tmp_path, monkeypatch):
+    """The fsync runs at once after a pause, else at the next timer call."""
     synced, now = [], [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
     bag = BagWriter(tmp_path / "bag")
@@ -92,14 +92,14 @@ def test_what_is_flushed_is_put_onto_the_disk_within_half_a_second(tmp_path, mon
     assert len(synced) == 1
     now[0] += 0.6
     bag.flush_if_due()
-    assert len(synced) == 1  # nothing new
+    assert len(synced) == 1  # no new message
     bag.write(topics.LEVEL, 2, level(70.0))
     bag.flush()
     assert len(synced) == 2
 
 
-def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
-    """A diagnosis while the rig stands: half a second later a killed recorder cannot lose it."""
+def test_a_single_message_is_flushed(tmp_path, monkeypatch):
+    """A diagnostic of a stopped rig survives a kill half a second later."""
     now = [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
     recorder = BagRecorder(tmp_path / "bag", LOADED)
@@ -113,7 +113,7 @@ def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
 
 
 def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
-    """Named by its path from here, or from the root: cams and rig come from the shipped ones."""
+    """The scene is given by a relative or absolute path, with shipped cams and rig."""
     monkeypatch.chdir(tmp_path)
     scene = open_scene(QUICK).scene
     for number, place in enumerate(("", "mine", "cams", "scenes", "lab/rigs")):
@@ -126,15 +126,15 @@ def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
         assert read.scene == scene and read.scene_file.name == "own.yaml"
 
 
-def test_the_distribution_is_the_sourced_one_else_the_wheels(monkeypatch):
-    """Or unknown: a bag can be recovered where no ROS is."""
+def test_the_distribution_is_that_of_the_environment_else_the_wheels(monkeypatch):
+    """It is unknown without ROS, so that a bag can be recovered there."""
     wheels = ["numpy", "ros-jazzy-std-msgs", "ros_jazzy_rclpy"]
     there = [SimpleNamespace(name=name) for name in wheels]
     monkeypatch.setattr(file_writer, "distributions", lambda: there)
 
     def said():
-        """In metadata.yaml, and the key of rclpy in versions.json."""
-        file_writer._of_wheels.cache_clear()
+        """Return the name in metadata.yaml, and the key of rclpy in versions.json."""
+        file_writer._wheel_distribution.cache_clear()
         content = file_writer.FileContent("bag_0.mcap", first=7, last=9)
         about = yaml.safe_load(file_writer.metadata([content]))["rosbag2_bagfile_information"]
         (rclpy,) = (key for key in json.loads(versions()) if key.endswith("-rclpy"))
@@ -146,4 +146,4 @@ def test_the_distribution_is_the_sourced_one_else_the_wheels(monkeypatch):
     assert said() == ("jazzy", "ros-jazzy-rclpy")
     there.pop()
     assert said() == ("unknown", "ros-unknown-rclpy")
-    file_writer._of_wheels.cache_clear()
+    file_writer._wheel_distribution.cache_clear()

@@ -24,7 +24,7 @@ REFUSED = [
     ("campaign tolerance_poly345 --dask nowhere", 2, "allowed: an address"),
     ("campaign tolerance_poly345 --dask tcp://127.0.0.1:1 --jobs 2", 2, "allowed: one of them"),
     (f"{COMPARE} --offset 3", 2, "offset 3°: the rig's bags have exact angles"),
-    (f"{COMPARE} --topics angle=/a&lift=/b", 2, "has cams tm21, bezier15; say with --cam"),
+    (f"{COMPARE} --topics angle=/a&lift=/b", 2, "has cams tm21, bezier15; choose one with --cam"),
     (f"{COMPARE} --topics angle=/a&lift=/b --namespace x", 2, "names whole topics"),
     (f"{COMPARE} --topics angle=/a", 2, "names angle; allowed: the angle and at least one"),
     (f"{COMPARE} --cam tm12", 2, "has no cam 'tm12'; allowed: tm21, bezier15"),

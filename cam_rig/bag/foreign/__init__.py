@@ -1,1 +1,1 @@
-"""Bags of other programs: quantities from the fields of any topic."""
+"""Bags of other programs: readings of quantities from the fields of any topic."""

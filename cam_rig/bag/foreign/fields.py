@@ -1,4 +1,4 @@
-"""Numbers of a message by the path of their field: ``wrench.force.z``, ``position[0]``."""
+"""Numbers of a message by the path of their field, such as ``position[0]``."""
 
 from __future__ import annotations
 
@@ -10,17 +10,21 @@ import numpy as np
 
 from cam_rig.errors import did_you_mean
 
-#: Fields that are named in an error, at most.
+#: Largest number of fields in an error message.
 MAX_NAMED = 24
+#: Part of a path: name of a field, and index or name of a joint.
 PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>[\w/-]+)\])?")
 
 
 def number_at(message: Any, path: str) -> float:
-    """Return the number at a path; an entry may be named by its joint."""
+    """Return the number at a path, such as ``wrench.force.z`` or ``position[0]``.
+
+    The index of an array may be the name of a joint. Raises ValueError if the path is not a number.
+    """
     value = message
     for part in path.split("."):
-        match, there = PART.fullmatch(part), getattr(value, "__dataclass_fields__", {})
-        if match is None or match["name"] not in there or match["name"].startswith("_"):
+        match, fields = PART.fullmatch(part), getattr(value, "__dataclass_fields__", {})
+        if match is None or match["name"] not in fields or match["name"].startswith("_"):
             raise ValueError(_unknown(message, path))
         owner, value = value, getattr(value, match["name"])
         if match["index"] is not None:
@@ -51,7 +55,10 @@ def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
 
 
 def numeric_fields(message: Any, before: str = "") -> Iterator[str]:
-    """Yield the paths of all numbers of a message, without those of its header or stamp."""
+    """Yield the paths of all numbers of a message, without its header or stamp.
+
+    At most `MAX_NAMED` entries of an array are yielded.
+    """
     for name in getattr(message, "__dataclass_fields__", {}):
         value, path = getattr(message, name), f"{before}{name}"
         if name.startswith("_") or path in ("header", "stamp"):
@@ -65,21 +72,24 @@ def numeric_fields(message: Any, before: str = "") -> Iterator[str]:
 
 
 def only_field(message: Any) -> str:
-    """Return the path of the only number of a message, or of its measured value."""
-    found = list(numeric_fields(message))
-    if len(found) == 1:
-        return found[0]
-    for usual in ("range", "fluid_pressure", "temperature"):  # next to limits and variances
-        if usual in found:
-            return usual
-    raise ValueError(f"no field is named, and there are {_named(found)}")
+    """Return the path of the only number of a message, or of its measured value.
+
+    Raises ValueError if there are several numbers and no measured value.
+    """
+    paths = list(numeric_fields(message))
+    if len(paths) == 1:
+        return paths[0]
+    for name in ("range", "fluid_pressure", "temperature"):  # next to limits and variances
+        if name in paths:
+            return name
+    raise ValueError(f"no field is named, and there are {_named(paths)}")
 
 
 def _unknown(message: Any, path: str) -> str:
-    found = list(numeric_fields(message))
-    return f"no number {path!r}; allowed: {_named(found)}{did_you_mean(path, found)}"
+    paths = list(numeric_fields(message))
+    return f"no number {path!r}; allowed: {_named(paths)}{did_you_mean(path, paths)}"
 
 
-def _named(found: list[str]) -> str:
-    more = len(found) - MAX_NAMED
-    return ", ".join(found[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "") or "none"
+def _named(paths: list[str]) -> str:
+    more = len(paths) - MAX_NAMED
+    return ", ".join(paths[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "") or "none"

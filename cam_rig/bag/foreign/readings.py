@@ -24,7 +24,7 @@ from cam_rig.errors import BagError, did_you_mean
 from cam_rig.simulation.instruments import ReadingCount, Signal
 from cam_rig.units import NS, FloatArray
 
-#: Readings of one quantity, at most: each takes 24 bytes.
+#: Largest number of readings of one quantity. Each takes 24 bytes.
 MAX_READINGS = 20_000_000
 
 
@@ -35,19 +35,22 @@ class _Readings:
     bag: Path
     source: MappedField
     values: array[float] = field(default_factory=lambda: array("d"))
-    #: Stamps of the messages' headers, 0 without one, and log times, ns.
+    #: Stamps of the messages' headers (0 without a stamp) and log times, in ns.
     stamps: array[int] = field(default_factory=lambda: array("q"))
     log_times: array[int] = field(default_factory=lambda: array("q"))
     messages: int = 0
     #: True if the header of any message of the topic has a time.
     has_stamps: bool = False
-    #: Values of the integer type of the field; None if it is another type.
+    #: Number of values of the field's integer type, or None for another type.
     values_of_type: int | None = None
-    #: Why the first message without the number has none.
+    #: Error of the first message without the number.
     first_error: str = ""
 
     def take(self, message: Any, log_time: int, types: Typestore) -> None:
-        """Note the number of a message; without the joint or the field it is no reading."""
+        """Store the number of a message.
+
+        A message without the joint or the field is only counted.
+        """
         ns = _stamp_ns(message)
         self.messages += 1
         self.has_stamps |= ns > 0
@@ -76,17 +79,20 @@ class _Readings:
 
     @property
     def counter(self) -> Counter | None:
-        """The integers in which the quantity comes; None for other numbers."""
+        """Counter of an integer quantity, or None for other numbers."""
         if self.values_of_type is None:
             return None
         return Counter(abs(self.source.factor), self.values_of_type)
 
     def selected(self) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
-        """Return times (ns) and values in SI in the order of time, each time once; and notes."""
-        what, notes = self.source.quantity, []
-        if without := self.messages - len(self.values):
-            name = self.source.field or "number"
-            notes.append(f"{what}: {without} of {self.messages} messages have no {name}: skipped.")
+        """Return times (ns), values in SI, and notes.
+
+        The readings are in the order of time, and each time occurs once.
+        """
+        name, notes = self.source.quantity, []
+        if skipped := self.messages - len(self.values):
+            path = self.source.field or "number"
+            notes.append(f"{name}: {skipped} of {self.messages} messages have no {path}: skipped.")
         times = np.frombuffer(self.stamps if self.headed else self.log_times, dtype=np.int64)
         values = np.frombuffer(self.values, dtype=np.float64) * self.source.factor
         if self.source.unit == "Pa":
@@ -95,25 +101,28 @@ class _Readings:
         timed = times > 0 if self.headed else np.ones(times.size, dtype=np.bool_)
         if untimed := int(np.count_nonzero(~timed)):
             notes.append(
-                f"{what}: {untimed} of {times.size} readings have the stamp 0, which is no time: "
+                f"{name}: {untimed} of {times.size} readings have the stamp 0, which is no time: "
                 "dropped."
             )
         finite = np.isfinite(values)
         if lost := int(np.count_nonzero(~finite)):
-            notes.append(f"{what}: {lost} of {values.size} readings are not numbers: dropped.")
+            notes.append(f"{name}: {lost} of {values.size} readings are not numbers: dropped.")
         times, values = times[timed & finite], values[timed & finite]
         if disordered := int(np.count_nonzero(np.diff(times) < 0)):
-            notes.append(f"{what}: {disordered} stamps are before the last one: sorted.")
+            notes.append(f"{name}: {disordered} stamps are before the last one: sorted.")
         order = np.argsort(times, kind="stable")
         times, values = times[order], values[order]
         first = np.append(True, np.diff(times) > 0)[: times.size]
-        if doubled := int(np.count_nonzero(~first)):
-            notes.append(f"{what}: {doubled} of the stamps are doubled: the first is kept.")
+        if repeated := int(np.count_nonzero(~first)):
+            notes.append(f"{name}: {repeated} of the stamps are doubled: the first is kept.")
         return times[first], values[first], notes
 
 
 def _stamp_ns(message: Any) -> int:
-    """Return the time (ns) of a message by its header, or by its field stamp; 0 without one."""
+    """Return the time (ns) of a message by its header or its field stamp.
+
+    Returns 0 without a stamp.
+    """
     stamp = getattr(getattr(message, "header", message), "stamp", None)
     if stamp is None or not hasattr(stamp, "sec"):
         return 0
@@ -122,7 +131,11 @@ def _stamp_ns(message: Any) -> int:
 
 @dataclass(frozen=True, eq=False)
 class ForeignSignals:
-    """Signals by quantity, the time (ns) from which theirs count, and what was done."""
+    """Signals by quantity.
+
+    `begin_ns` is the time (ns) from which their times count. `counts` contains the number of
+    readings per quantity, and `notes` one sentence per change.
+    """
 
     signals: dict[str, Signal]
     begin_ns: int
@@ -131,99 +144,105 @@ class ForeignSignals:
 
 
 def read_signals(bag: Path, mapping: dict[str, MappedField]) -> ForeignSignals:
-    """Return the signals of a bag; the angle has all its turns and rises."""
-    return _signals(bag, _read(bag, mapping))
+    """Return the signals of a bag.
+
+    The angle has all its turns and rises. Raises BagError for a quantity with fewer than two
+    readings.
+    """
+    return _signals(bag, _read_topics(bag, mapping))
 
 
-def _read(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
-    there = topics_of(bag)
+def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
+    topics = topics_of(bag)
     by_topic: dict[str, list[_Readings]] = {}
-    for one in mapping.values():
-        located = _located(bag, one, there)
+    for mapped in mapping.values():
+        located = _located(bag, mapped, topics)
         by_topic.setdefault(located.topic, []).append(_Readings(bag, located))
-    known: dict[Any, Typestore] = {}
+    types: dict[Any, Typestore] = {}
     try:
         for reader in readers(bag):
-            wanted = [c for c in reader.connections if c.topic in by_topic and c.msgcount]
-            for connection in wanted:
+            connections = [c for c in reader.connections if c.topic in by_topic and c.msgcount]
+            for connection in connections:
                 _require_cdr(bag, by_topic[connection.topic][0].source, connection)
-            for connection, log_time, data in reader.messages(wanted) if wanted else ():
+            for connection, log_time, data in reader.messages(connections) if connections else ():
                 key = connection.msgtype, connection.msgdef
-                if key not in known:
-                    known[key] = types_of(bag, connection)
-                message = known[key].deserialize_cdr(data, connection.msgtype)
+                if key not in types:
+                    types[key] = types_of(bag, connection)
+                message = types[key].deserialize_cdr(data, connection.msgtype)
                 for readings in by_topic[connection.topic]:
-                    readings.take(message, log_time, known[key])
+                    readings.take(message, log_time, types[key])
     except UNREADABLE as error:
         raise damaged(bag, error) from None
-    return [one for found in by_topic.values() for one in found]
+    return [readings for group in by_topic.values() for readings in group]
 
 
-def _signals(bag: Path, found: list[_Readings]) -> ForeignSignals:
-    selected = {one.source.quantity: one.selected() for one in found}
-    for one in found:
-        times, _, lines = selected[one.source.quantity]
-        where = f"{bag}: {one.source.quantity}: {one.source.topic}"
-        if one.first_error and not one.values:
-            raise BagError(f"{where} {one.first_error}")
+def _signals(bag: Path, readings: list[_Readings]) -> ForeignSignals:
+    selected = {each.source.quantity: each.selected() for each in readings}
+    for each in readings:
+        times, _, quantity_notes = selected[each.source.quantity]
+        where = f"{bag}: {each.source.quantity}: {each.source.topic}"
+        if each.first_error and not each.values:
+            raise BagError(f"{where} {each.first_error}")
         if times.size < 2:
             raise BagError(
                 f"{where} has {times.size} readings; allowed: two or more, at different times"
-                + (f" ({' '.join(lines)})" if lines else "")
+                + (f" ({' '.join(quantity_notes)})" if quantity_notes else "")
             )
     begin_ns = min(int(times[0]) for times, _, _ in selected.values())
     signals = {
-        one.source.quantity: Signal(
-            (selected[one.source.quantity][0] - begin_ns) / NS,
-            selected[one.source.quantity][1],
-            one.source.source,
+        each.source.quantity: Signal(
+            (selected[each.source.quantity][0] - begin_ns) / NS,
+            selected[each.source.quantity][1],
+            each.source.source,
         )
-        for one in found
+        for each in readings
     }
-    notes = {one.source.quantity: selected[one.source.quantity][2] for one in found}
-    angle = next(one for one in found if one.source.quantity == "angle")
+    notes = {each.source.quantity: selected[each.source.quantity][2] for each in readings}
+    angle = next(each for each in readings if each.source.quantity == "angle")
     counted = count_turns(signals["angle"], f"{bag}: {angle.source.source}", angle.counter)
     wrong = signals["angle"].time[counted.wrong]
     signals["angle"] = counted.signal
-    for one in found:
-        what = one.source.quantity
-        same = one.source.topic == angle.source.topic and one.headed == angle.headed
-        if same and what != "angle" and wrong.size:
-            kept = ~np.isin(signals[what].time, wrong)
-            if dropped := int(np.count_nonzero(~kept)):
-                notes[what].append(
-                    f"{what}: {dropped} readings are of messages with a wrong angle: dropped."
+    for each in readings:
+        name = each.source.quantity
+        is_same_message = each.source.topic == angle.source.topic and each.headed == angle.headed
+        if is_same_message and name != "angle" and wrong.size:
+            is_kept = ~np.isin(signals[name].time, wrong)
+            if dropped := int(np.count_nonzero(~is_kept)):
+                notes[name].append(
+                    f"{name}: {dropped} readings are of messages with a wrong angle: dropped."
                 )
-            signal = signals[what]
-            signals[what] = replace(signal, time=signal.time[kept], value=signal.value[kept])
+            signal = signals[name]
+            signals[name] = replace(signal, time=signal.time[is_kept], value=signal.value[is_kept])
     return ForeignSignals(
         signals,
         begin_ns,
-        tuple(_count(one, signals[one.source.quantity]) for one in found),
-        tuple(_sentences(found, signals, notes, counted.notes)),
+        tuple(_count(each, signals[each.source.quantity]) for each in readings),
+        tuple(_notes(readings, signals, notes, counted.notes)),
     )
 
 
-def _count(one: _Readings, signal: Signal) -> ReadingCount:
-    return ReadingCount(one.source.quantity, one.source.source, signal.time.size, one.messages)
+def _count(readings: _Readings, signal: Signal) -> ReadingCount:
+    return ReadingCount(
+        readings.source.quantity, readings.source.source, signal.time.size, readings.messages
+    )
 
 
-def _sentences(
-    found: Iterable[_Readings],
+def _notes(
+    readings: Iterable[_Readings],
     signals: dict[str, Signal],
     notes: dict[str, list[str]],
-    turning: Iterable[str],
+    angle_notes: Iterable[str],
 ) -> list[str]:
     lines = []
-    for one in found:
-        what = one.source.quantity
-        clock = "of the message's header" if one.headed else "of the bag"
-        lines += notes[what]
+    for each in readings:
+        name = each.source.quantity
+        clock = "of the message's header" if each.headed else "of the bag"
+        lines += notes[name]
         lines.append(
-            f"{what}: {one.source.source}, {signals[what].time.size} readings, the time is that "
+            f"{name}: {each.source.source}, {signals[name].time.size} readings, the time is that "
             f"{clock}."
         )
-    return [*lines, *turning]
+    return [*lines, *angle_notes]
 
 
 def _require_cdr(bag: Path, source: MappedField, connection: Connection) -> None:
@@ -234,14 +253,17 @@ def _require_cdr(bag: Path, source: MappedField, connection: Connection) -> None
         )
 
 
-def _located(bag: Path, one: MappedField, there: dict[str, Connection]) -> MappedField:
-    """Return the field with its topic's name: ``/lvdt/data`` may be the field data of /lvdt."""
-    if one.topic in there:
-        return one
-    topic, _, last = one.topic.rpartition("/")
-    if topic in there and not one.field:
-        return replace(one, topic=topic, field=last)
+def _located(bag: Path, mapped: MappedField, topics: dict[str, Connection]) -> MappedField:
+    """Return the field with the name of an existing topic.
+
+    If the bag has no topic ``/lvdt/data``, it may be the field data of the topic /lvdt.
+    """
+    if mapped.topic in topics:
+        return mapped
+    topic, _, last = mapped.topic.rpartition("/")
+    if topic in topics and not mapped.field:
+        return replace(mapped, topic=topic, field=last)
     raise BagError(
-        f"{bag}: {one.quantity}: no topic {one.topic}; allowed: {topic_list(bag)}"
-        f"{did_you_mean(one.topic, there)}"
+        f"{bag}: {mapped.quantity}: no topic {mapped.topic}; allowed: {topic_list(bag)}"
+        f"{did_you_mean(mapped.topic, topics)}"
     )

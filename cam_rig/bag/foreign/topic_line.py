@@ -1,4 +1,4 @@
-"""The line of --topics: which field of which topic is the cam angle, lift, force or level."""
+"""Text of --topics: the topic fields of cam angle, lift, force and level."""
 
 from __future__ import annotations
 
@@ -9,31 +9,33 @@ from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import TURN
 
-#: The quantities, each with its units and their factors to SI; the first is the default. An angle
-#: may be in counts too, "turn/1024"; an r.m.s. sound pressure in Pa is taken as a level.
+#: Units of each quantity, with their factors to SI. The first unit is the default. An angle may
+#: also be in counts (turn/1024). An r.m.s. sound pressure in Pa is converted to a level.
 QUANTITIES: dict[str, dict[str, float]] = {
     "angle": UNITS["angle"],
     "lift": {**UNITS["length"], "um": 1e-6},
     "force": {**UNITS["force"], "kN": 1e3},
     "level": {**UNITS["level"], "Pa": 1.0},
 }
-#: A unit of an angle: counts per turn.
+#: Unit of an angle in counts per turn.
 COUNTS = re.compile(r"turn/([1-9]\d{0,8})")
-#: An item: quantity, sign, topic and field, unit, clock.
+#: Item of the text: quantity, sign, topic and field, unit, clock.
 ITEM = re.compile(
     r"(?P<quantity>\w+)=(?P<sign>-?)(?P<topic>/[\w/]+)(?:\.(?P<field>[\w.\[\]/-]+))?"
     r"(?::(?P<unit>[^@\s]+))?(?P<time>@bag)?"
 )
+#: Example for error messages.
 EXAMPLE = "angle=/encoder.position[0]:deg lift=/lvdt.data:mm"
 
 
 @dataclass(frozen=True)
 class MappedField:
-    """The field of a topic in which a quantity is read.
+    """Field of a topic in which a quantity is read.
 
-    ``field``: dotted names, empty for the only number of the message. ``unit``: one of
-    `QUANTITIES`, or counts per turn. ``sign``: -1 for a sensor that counts the other way.
-    ``bag_time``: the time is that of the bag, not of the message's header.
+    `field` contains dotted names. It is empty for the only number of the message. `unit` is a key
+    of `QUANTITIES`, or counts per turn. `sign` is -1 for a sensor with the opposite direction.
+    `bag_time` is True if the time is the log time of the bag instead of the time in the message's
+    header.
     """
 
     quantity: str
@@ -50,27 +52,30 @@ class MappedField:
 
     @property
     def factor(self) -> float:
-        """Factor from the numbers of the message to SI."""
+        """Factor from the numbers of the message to SI, with the sign."""
         if counts := COUNTS.fullmatch(self.unit):
             return self.sign * TURN / int(counts[1])
         return self.sign * QUANTITIES[self.quantity][self.unit]
 
 
 def parse_topics(line: str) -> dict[str, MappedField]:
-    """Return the fields of a line of ``quantity=topic.field:unit``, by quantity."""
-    found: dict[str, MappedField] = {}
+    """Return the fields of a text of ``quantity=topic.field:unit`` items, by quantity.
+
+    Raises ConfigError if the angle or all other quantities are missing.
+    """
+    fields: dict[str, MappedField] = {}
     for item in line.split():
-        one = _parsed(item)
-        if one.quantity in found:
-            raise ConfigError(f"--topics: {one.quantity} is named twice; allowed: once")
-        found[one.quantity] = one
-    if "angle" not in found or len(found) == 1:
-        named = ", ".join(found) or "nothing"
+        mapped = _parsed(item)
+        if mapped.quantity in fields:
+            raise ConfigError(f"--topics: {mapped.quantity} is named twice; allowed: once")
+        fields[mapped.quantity] = mapped
+    if "angle" not in fields or len(fields) == 1:
+        named = ", ".join(fields) or "nothing"
         raise ConfigError(
             f"--topics: names {named}; allowed: the angle and at least one of "
             f"{', '.join(list(QUANTITIES)[1:])}, as in '{EXAMPLE}'"
         )
-    return found
+    return fields
 
 
 def _parsed(item: str) -> MappedField:

@@ -1,4 +1,4 @@
-"""Message types of a bag: by the definitions in its files, else the standard ones of ROS 2."""
+"""Message types of a bag: the definitions in its files, else the types of ROS 2."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from rosbags.typesys.store import Typestore
 
 from cam_rig.errors import BagError
 
-#: The line between two definitions in the text of one schema.
+#: Line between two definitions in the text of one schema.
 NEXT_IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
-#: Values that an integer type can have, by its name in a message definition.
+#: Number of values of an integer type, by its name in a message definition.
 SPANS = {f"{sign}int{bits}": 2**bits for sign in ("", "u") for bits in (8, 16, 32, 64)}
 SPANS |= {"byte": 2**8, "char": 2**8, "octet": 2**8}
 
 
 def types_of(bag: Path, connection: Connection) -> Typestore:
-    """Return the types by which messages of a topic are read.
+    """Return the types with which the messages of a topic are read.
 
-    The definition in the file counts, because a standard type differs between ROS distributions.
+    The definition in the file has priority, because a standard type differs between ROS
+    distributions. Raises BagError for a type without a readable definition.
     """
     store, kind = get_typestore(Stores.ROS2_KILTED), connection.msgtype
     if connection.msgdef.format is MessageDefinitionFormat.NONE:
@@ -34,37 +35,40 @@ def types_of(bag: Path, connection: Connection) -> Typestore:
             "has no definition in the file; record it with storage mcap, which stores definitions"
         )
     try:
-        found = _parsed(connection)
+        definitions = _parsed(connection)
     except TypesysError as error:
         if kind in store.fielddefs:
             return store
-        why = str(error).splitlines()[0]
+        reason = str(error).splitlines()[0]
         raise BagError(
             f"{bag}: {connection.topic}: the definition of type {kind} in the file cannot be "
-            f"read ({why}); allowed: a definition as of rosbag2"
+            f"read ({reason}); allowed: a definition as of rosbag2"
         ) from None
     try:
-        store.register(found)
-    except TypesysError:  # a standard type as another distribution has it
+        store.register(definitions)
+    except TypesysError:  # a standard type of another distribution
         standard = store.fielddefs
         store = get_typestore(Stores.EMPTY)
-        others = {name: standard[name] for name in standard if name not in found}
-        store.register({**others, **found})
+        others = {name: standard[name] for name in standard if name not in definitions}
+        store.register({**others, **definitions})
     return store
 
 
 def _parsed(connection: Connection) -> dict[str, Any]:
     if connection.msgdef.format is MessageDefinitionFormat.MSG:
         return get_types_from_msg(connection.msgdef.data, connection.msgtype)
-    found: dict[str, Any] = {}
+    definitions: dict[str, Any] = {}
     for text in NEXT_IDL.split(connection.msgdef.data):
         if text.strip():
-            found.update(get_types_from_idl(text))
-    return found
+            definitions.update(get_types_from_idl(text))
+    return definitions
 
 
 def integer_span(types: Typestore, kind: str, path: str) -> int | None:
-    """Return the number of values of the integer type at a path, None for another type."""
+    """Return the number of values of the integer type at a path.
+
+    Returns None for another type.
+    """
     node: Any = (Nodetype.NAME, kind)
     for part in path.split("."):
         name, _, index = part.partition("[")

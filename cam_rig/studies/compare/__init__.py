@@ -1,3 +1,3 @@
-"""A recorded run beside the model that was driven with the run's own cam angle."""
+"""Comparison of a recorded run with the model, driven with the recorded cam angle."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The encoder's zero and the sensors' clock, found from the measured lift by least squares."""
+"""Least-squares identification of the encoder's zero and the sensors' clock."""
 
 from __future__ import annotations
 
@@ -13,37 +13,60 @@ from cam_rig.simulation.instruments import Signal
 from cam_rig.studies.compare.model_run import ModelRun, SteadyStretch
 from cam_rig.units import TURN, FloatArray, correlation_length, rms
 
-#: Orders of the cam that a turn's readings are compared by, and readings it needs for that.
-ORDERS, LEAST_READINGS = 24, 12
-#: Angles a turn at which the first offset is looked for.
-ANGLES = 2048
-#: A clock's error shows where it is so many standard errors, and moves the lift by so much (rad),
-#: and by so many counts of the encoder: where the cam speeds up in a stretch, its motion is known
-#: to no more.
-SHOWS, LEAST_SHIFT, LEAST_COUNTS = 5.0, 1e-3, 0.5
-#: Standard deviations within which nine of ten readings are; a spread that is none, of the lift.
-NINETY, FINEST = 1.645, 1e-6
-#: Readings farther off than so many standard deviations (landings) do not count.
-CLIP = 4.0
-#: Slower than this part of the fastest, the follower does not say which way it goes.
-MOVES = 0.05
-#: All speeds are taken where they leave no more than this times what the others do.
-AS_GOOD = 1.2
-#: Steps at most, and a step (rad) that is none.
-MAX_STEPS, SETTLED = 4, 1e-6
+#: Number of orders of the cam by which the readings of a turn are compared.
+ORDERS = 24
+#: Smallest number of readings of a turn for that.
+MIN_READINGS = 12
+#: Number of angles per turn among which the first offset is searched for.
+SEARCH_ANGLES = 2048
+#: Smallest ratio of a significant number to its standard error.
+MIN_SIGNIFICANCE = 5.0
+#: Smallest shift of the cam angle (rad) by an identified clock error.
+MIN_CLOCK_SHIFT = 1e-3
+#: Smallest such shift in counts of the encoder, the accuracy of the motion at a varying speed.
+MIN_CLOCK_COUNTS = 0.5
+#: Number of standard deviations within which nine of ten readings are.
+SIGMAS_OF_90_PERCENT = 1.645
+#: Smallest spread of the residuals, as a fraction of the lift range.
+MIN_SPREAD = 1e-6
+#: Largest residual that is used, in standard deviations. Landings exceed it.
+CLIP_SIGMAS = 4.0
+#: Velocity of the follower, relative to the largest, below which its direction is undetermined.
+MIN_VELOCITY_RATIO = 0.05
+#: Largest scatter of all speeds, relative to that of the speeds without flights, at which all
+#: speeds are used.
+MAX_SCATTER_RATIO = 1.2
+#: Largest number of Gauss-Newton steps.
+MAX_STEPS = 4
+#: Change of the cam angle (rad) below which the iteration has converged.
+STEP_ATOL = 1e-6
+#: Names of the fitted numbers.
 NAMES = ("offset", "zero", "lag", "delay", "drift")
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How the sensors' readings lie on the cam's angle.
+    """Relation between the sensors' readings and the cam angle.
 
-    ``offset``: rad, the cam's angle less the encoder's; ``delay``: s, what the sensors' stamps are
-    late by is below 0; ``drift``: s a second, by how much the sensors' clock is slow; ``zero``: m,
-    what the gauge shows at no lift; ``lag``: m, half the width of the lift's hysteresis; below 0
-    the gauge lags, as with backlash; ``scatter``: m, r.m.s. of what is left of the lift;
-    ``errors``: standard errors of these five, in the same order as `NAMES`; 0 of what was not
-    fitted.
+    Attributes
+    ----------
+    offset
+        Cam angle minus encoder angle, rad.
+    delay
+        Time of the cam angle minus the sensors' stamp, s. It is negative if the stamps are late.
+    drift
+        Rate of the cam angle's clock minus that of the sensors' clock, s/s. It is positive if the
+        sensors' clock is slow.
+    zero
+        Reading of the gauge at no lift, m.
+    lag
+        Half of the width of the lift's hysteresis, m. It is negative if the gauge lags, as with
+        backlash.
+    scatter
+        R.m.s. residual of the lift, m.
+    errors
+        Standard errors of the numbers in the order of `NAMES`. They are 0 for numbers that were not
+        fitted.
     """
 
     offset: float = 0.0
@@ -55,16 +78,16 @@ class Alignment:
     errors: tuple[float, ...] = (0.0,) * len(NAMES)
 
     def on_cam_clock(self, time: FloatArray) -> FloatArray:
-        """Times of the cam angle's clock at a sensor's times (s)."""
+        """Return the times (s) of the cam angle's clock at a sensor's times (s)."""
         return time + self.delay + self.drift * time
 
-    def shows(self, name: str) -> bool:
-        """Whether a number is more than its error would make it."""
+    def is_significant(self, name: str) -> bool:
+        """Return True if a number exceeds its standard error significantly."""
         error = self.errors[NAMES.index(name)]
-        return error > 0.0 and abs(float(getattr(self, name))) > SHOWS * error
+        return error > 0.0 and abs(float(getattr(self, name))) > MIN_SIGNIFICANCE * error
 
 
-#: The model over a stretch, at an offset (rad) of the cam's angle.
+#: Function that returns the model over a stretch at an offset (rad) of the cam angle.
 Drive = Callable[[SteadyStretch, float], ModelRun]
 
 
@@ -75,89 +98,105 @@ def find_alignment(
     offset: float | None,
     count: float,
 ) -> Alignment:
-    """The offset of the angle, the zero of the gauge, and the error of the clock where it shows.
+    """Identify the offset of the angle, the zero of the gauge, and clock errors.
 
-    Speeds at which the model never leaves the cam are taken, if there are any: a flight has the
-    follower's errors in it. A lag between rise and return is estimated too, since it would pass
-    for an offset; it is not taken off. ``offset``: rad, where it is known; ``count``: rad, of the
-    encoder, 0 for one without steps.
+    Delay and drift of the clock are identified only if they are significant. Speeds at which the
+    model never leaves the cam are used if there are any, because a flight contains the errors of
+    the follower. A lag between rise and return is estimated too, because it would otherwise change
+    the offset. The lag is not subtracted from the readings.
+
+    Parameters
+    ----------
+    stretches : the steady turns
+    lift : the measured lift
+    drive : the function that drives the model
+    offset : cam angle minus encoder angle in rad, or None if it is unknown
+    count : resolution of the encoder in rad, 0 without steps
     """
     runs = [drive(stretch, offset or 0.0) for stretch in stretches]
-    calm = [run for run in runs if not run.flies] or runs
-    found = _first(calm, offset or 0.0, lift)
-    if found is None:
+    contact_runs = [run for run in runs if not run.loses_contact] or runs
+    alignment = _estimate(contact_runs, offset or 0.0, lift)
+    if alignment is None:
         return Alignment(offset or 0.0)
-    fixed = offset is not None
-    found = found if offset is None else replace(found, offset=offset)
-    least = max(LEAST_SHIFT, LEAST_COUNTS * count)
-    found = _fitted(found, [run.stretch for run in calm], lift, drive, fixed, least)
-    if len(calm) == len(runs):
-        return found
-    every = _fitted(found, stretches, lift, drive, fixed, least)
-    return every if every.scatter <= AS_GOOD * found.scatter else found
+    is_fixed = offset is not None
+    alignment = alignment if offset is None else replace(alignment, offset=offset)
+    min_shift = max(MIN_CLOCK_SHIFT, MIN_CLOCK_COUNTS * count)
+    alignment = _fit(
+        alignment, [run.stretch for run in contact_runs], lift, drive, is_fixed, min_shift
+    )
+    if len(contact_runs) == len(runs):
+        return alignment
+    all_speeds = _fit(alignment, stretches, lift, drive, is_fixed, min_shift)
+    return all_speeds if all_speeds.scatter <= MAX_SCATTER_RATIO * alignment.scatter else alignment
 
 
-def _speeds(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
-    """The highest speed (rad/s), and whether there are several."""
+def _max_speed(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
+    """Return the highest speed (rad/s), and True if there are several speeds."""
     speeds = [stretch.mean_speed for stretch in stretches]
     return max(speeds), max(speeds) > 1.05 * min(speeds)
 
 
-def _fitted(
-    found: Alignment,
+def _fit(
+    alignment: Alignment,
     stretches: Sequence[SteadyStretch],
     lift: Signal,
     drive: Drive,
-    fixed: bool,
-    least: float,
+    is_fixed: bool,
+    min_shift: float,
 ) -> Alignment:
-    """All numbers; then again without a delay or drift that does not show, ``least`` (rad)."""
-    fastest, several = _speeds(stretches)
-    names = {"zero", "lag", "drift"} | (set() if fixed else {"offset"})
-    names |= {"delay"} if several or fixed else set()
-    found = _iterated(found, stretches, lift, drive, names)
+    """Fit all numbers, then fit again without an insignificant delay or drift.
+
+    `min_shift` (rad) is the smallest shift of the cam angle by which a delay or drift is kept.
+    """
+    fastest, several = _max_speed(stretches)
+    names = {"zero", "lag", "drift"} | (set() if is_fixed else {"offset"})
+    names |= {"delay"} if several or is_fixed else set()
+    alignment = _iterate(alignment, stretches, lift, drive, names)
     span = max(stretch.knots[-1] for stretch in stretches)
-    moved = {"delay": abs(found.delay), "drift": abs(found.drift) * span}
+    time_errors = {"delay": abs(alignment.delay), "drift": abs(alignment.drift) * span}
     hidden = {
         name
-        for name, seconds in moved.items()
-        if not (found.shows(name) and seconds * fastest > least)
+        for name, seconds in time_errors.items()
+        if not (alignment.is_significant(name) and seconds * fastest > min_shift)
     }
     if not hidden & names:
-        return found
-    none: dict[str, Any] = dict.fromkeys(hidden, 0.0)
-    return _iterated(replace(found, **none), stretches, lift, drive, names - hidden)
+        return alignment
+    zeros: dict[str, Any] = dict.fromkeys(hidden, 0.0)
+    return _iterate(replace(alignment, **zeros), stretches, lift, drive, names - hidden)
 
 
-def _first(runs: Sequence[ModelRun], given: float, lift: Signal) -> Alignment | None:
-    """Offset, delay and drift from the shift of each turn; None where the readings are too few."""
+def _estimate(runs: Sequence[ModelRun], offset_guess: float, lift: Signal) -> Alignment | None:
+    """Estimate offset, delay and drift from the shift of each turn.
+
+    Returns None if there are too few readings.
+    """
     orders = np.arange(1.0, ORDERS + 1.0)
-    _, several = _speeds([run.stretch for run in runs])
+    _, several = _max_speed([run.stretch for run in runs])
     rows = []
     for run in runs:
         stretch = run.stretch
-        modelled = stretch.at(run.rows[0])
+        modelled = stretch.angle_at(run.rows[0])
         last = modelled > modelled[-1] - TURN  # Fourier coefficients of the last whole turn
-        wave = np.exp(1j * orders[:, None] * (modelled[last] + given))
-        wanted = wave @ run.rows[1, last] / np.count_nonzero(last)
-        near = (lift.time >= run.begin) & (lift.time <= stretch.knots[-1])
-        time, value = lift.time[near], lift.value[near]
-        angle = stretch.at(time)
-        if time.size < LEAST_READINGS:
+        wave = np.exp(1j * orders[:, None] * (modelled[last] + offset_guess))
+        expected = wave @ run.rows[1, last] / np.count_nonzero(last)
+        inside = (lift.time >= run.start) & (lift.time <= stretch.knots[-1])
+        time, value = lift.time[inside], lift.value[inside]
+        angle = stretch.angle_at(time)
+        if time.size < MIN_READINGS:
             continue
-        together = max(1, math.ceil(2 * LEAST_READINGS * (np.ptp(angle) / TURN) / time.size))
-        turns = np.floor((angle - angle[0]) / (together * TURN))
-        for number in np.unique(turns):
-            here = turns == number
-            count = int(np.count_nonzero(here))
-            if count < LEAST_READINGS or np.ptp(angle[here]) < 0.8 * TURN:
+        turns_per_group = max(1, math.ceil(2 * MIN_READINGS * (np.ptp(angle) / TURN) / time.size))
+        groups = np.floor((angle - angle[0]) / (turns_per_group * TURN))
+        for number in np.unique(groups):
+            in_group = groups == number
+            count = int(np.count_nonzero(in_group))
+            if count < MIN_READINGS or np.ptp(angle[in_group]) < 0.8 * TURN:
                 continue
-            centred = value[here] - value[here].mean()
-            seen = np.exp(-1j * orders[:, None] * angle[here]) @ centred / count
-            products = np.zeros(ANGLES, dtype=np.complex128)
-            products[1 : ORDERS + 1] = np.where(orders <= count / 3, seen * wanted, 0.0)
-            best = float(np.argmax(np.fft.fft(products).real)) * (TURN / ANGLES)
-            rows.append((best, stretch.mean_speed, float(time[here].mean())))
+            centred = value[in_group] - value[in_group].mean()
+            measured = np.exp(-1j * orders[:, None] * angle[in_group]) @ centred / count
+            products = np.zeros(SEARCH_ANGLES, dtype=np.complex128)
+            products[1 : ORDERS + 1] = np.where(orders <= count / 3, measured * expected, 0.0)
+            best = float(np.argmax(np.fft.fft(products).real)) * (TURN / SEARCH_ANGLES)
+            rows.append((best, stretch.mean_speed, float(time[in_group].mean())))
     if not rows:
         return None
     shifts, speeds, times = np.array(rows).T
@@ -171,70 +210,76 @@ def _first(runs: Sequence[ModelRun], given: float, lift: Signal) -> Alignment | 
     return Alignment(offset, float(delay), float(drift))
 
 
-def _iterated(
-    found: Alignment,
+def _iterate(
+    alignment: Alignment,
     stretches: Sequence[SteadyStretch],
     lift: Signal,
     drive: Drive,
     names: set[str],
 ) -> Alignment:
-    """Steps of Gauss and Newton until none moves the cam's angle."""
+    """Repeat Gauss-Newton steps until the cam angle changes no more."""
     for _ in range(MAX_STEPS):
-        before = found
-        runs = [drive(stretch, found.offset) for stretch in stretches]
-        found = _improved(found, runs, lift, names)
+        before = alignment
+        runs = [drive(stretch, alignment.offset) for stretch in stretches]
+        alignment = _gauss_newton_step(alignment, runs, lift, names)
         time = max(stretch.knots[-1] for stretch in stretches)
-        late = abs(found.delay - before.delay) + time * abs(found.drift - before.drift)
-        speed, _ = _speeds(stretches)
-        if abs(found.offset - before.offset) + speed * late < SETTLED:
+        shift = abs(alignment.delay - before.delay) + time * abs(alignment.drift - before.drift)
+        speed, _ = _max_speed(stretches)
+        if abs(alignment.offset - before.offset) + speed * shift < STEP_ATOL:
             break
-    return found
+    return alignment
 
 
-def _improved(
-    found: Alignment, runs: Sequence[ModelRun], lift: Signal, names: set[str]
+def _gauss_newton_step(
+    alignment: Alignment, runs: Sequence[ModelRun], lift: Signal, names: set[str]
 ) -> Alignment:
-    """One step of Gauss and Newton on the lift less the model's, landings left out."""
-    time = found.on_cam_clock(lift.time)
+    """Perform one Gauss-Newton step on the lift residual.
+
+    Readings beyond `CLIP_SIGMAS` standard deviations, such as landings, are left out.
+    """
+    time = alignment.on_cam_clock(lift.time)
     modelled, velocity, speed = (np.full_like(time, np.nan) for _ in range(3))
     for run in runs:
-        inside = (time >= run.begin) & (time <= run.rows[0, -1])
+        inside = (time >= run.start) & (time <= run.rows[0, -1])
         modelled[inside] = np.interp(time[inside], run.rows[0], run.rows[1])
         velocity[inside] = np.interp(time[inside], run.rows[0], run.rows[2])
         speed[inside] = run.stretch.mean_speed
-    there = np.isfinite(modelled)
-    if np.count_nonzero(there) < LEAST_READINGS:
-        return found
-    rest, velocity = (lift.value - modelled)[there], velocity[there]
-    sign = np.sign(velocity) * (np.abs(velocity) > MOVES * np.abs(velocity).max())
+    has_model = np.isfinite(modelled)
+    if np.count_nonzero(has_model) < MIN_READINGS:
+        return alignment
+    difference, velocity = (lift.value - modelled)[has_model], velocity[has_model]
+    sign = np.sign(velocity) * (np.abs(velocity) > MIN_VELOCITY_RATIO * np.abs(velocity).max())
     by_name = {
-        "offset": velocity / speed[there],
+        "offset": velocity / speed[has_model],
         "zero": np.ones_like(velocity),
         "lag": sign,
         "delay": velocity,
-        "drift": velocity * lift.time[there],
+        "drift": velocity * lift.time[has_model],
     }
     chosen = [name for name in NAMES if name in names]
     matrix = np.column_stack([by_name[name] for name in chosen])
-    off = rest - found.zero - found.lag * sign
-    apart = np.abs(off - np.median(off))  # on a long dwell most readings say nothing of the angle
-    least = FINEST * float(np.ptp(modelled[there]))
-    near = apart <= CLIP * max(float(np.percentile(apart, 90.0)) / NINETY, least)
+    residual = difference - alignment.zero - alignment.lag * sign
+    # On a long dwell most readings do not depend on the angle.
+    deviation = np.abs(residual - np.median(residual))
+    spread = float(np.percentile(deviation, 90.0)) / SIGMAS_OF_90_PERCENT
+    spread = max(spread, MIN_SPREAD * float(np.ptp(modelled[has_model])))
+    is_used = deviation <= CLIP_SIGMAS * spread
     scale = np.abs(matrix).max(axis=0)
-    scaled = matrix[near] / scale
-    step, _, rank, _ = np.linalg.lstsq(scaled, rest[near], rcond=None)
+    scaled = matrix[is_used] / scale
+    step, _, rank, _ = np.linalg.lstsq(scaled, difference[is_used], rcond=None)
     if rank < len(chosen):
-        return found
-    left = rest[near] - scaled @ step
-    # correlated residuals count as fewer, else a clock's error would show in any of them
-    variance = correlation_length(left) * float(left @ left) / max(left.size - len(chosen), 1)
+        return alignment
+    error = difference[is_used] - scaled @ step
+    # Correlated residuals count as fewer, otherwise a clock error would be significant in any of
+    # them.
+    variance = correlation_length(error) * float(error @ error) / max(error.size - len(chosen), 1)
     inverse = np.linalg.inv(scaled.T @ scaled)
     errors = dict(zip(chosen, np.sqrt(variance * np.diag(inverse)) / scale, strict=True))
     change = dict(zip(chosen, (step / scale).tolist(), strict=True))
     values = {
-        name: change[name] + (0.0 if name in ("zero", "lag") else getattr(found, name))
+        name: change[name] + (0.0 if name in ("zero", "lag") else getattr(alignment, name))
         for name in chosen
     }
-    every = rest - matrix / scale @ step
+    all_residuals = difference - matrix / scale @ step
     all_errors = tuple(float(errors.get(name, 0.0)) for name in NAMES)
-    return replace(found, **values, scatter=rms(every), errors=all_errors)
+    return replace(alignment, **values, scatter=rms(all_residuals), errors=all_errors)

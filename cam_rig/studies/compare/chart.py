@@ -1,4 +1,4 @@
-"""A run and its model as a Rerun recording: side by side over the cam angle, speed by speed."""
+"""Run and model as a Rerun recording over the cam angle, one time step per speed."""
 
 from __future__ import annotations
 
@@ -12,89 +12,104 @@ import rerun.blueprint as rrb
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
-from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, by_cam
+from cam_rig.studies.compare.comparison import QUANTITIES, SpeedDeparture, group_by_cam
 from cam_rig.studies.compare.study import RunComparison
 
-#: Each is drawn as measured, of the model, and their difference.
+#: Charts per quantity.
 CHARTS = ("measured", "model", "difference")
-#: Radius on the screen of a curve, size of a chart's plane, and how words stand beside it.
-STROKE, WIDTH, HEIGHT, RAISED = -1.4, 160.0, 120.0, 0.06
-#: Marks of the cam angle, °; room for half of the last one, and for those below, as shares.
-DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
-RIGHT, BELOW = 0.1, 0.16
+#: Radius of a curve in screen points, negative as in Rerun.
+STROKE = -1.4
+#: Width of a chart in scene units.
+WIDTH = 160.0
+#: Height of a chart in scene units.
+HEIGHT = 120.0
+#: Height of the labels above their mark, as a fraction of the chart.
+RAISED = 0.06
+#: Marks of the cam angle in degrees.
+DEGREES = {float(angle): f"{angle}°" for angle in range(0, 361, 90)}
+#: Room right of a chart for half of the last mark, as a fraction of its width.
+RIGHT = 0.1
+#: Room below a chart for its marks, as a fraction of its height.
+BELOW = 0.16
 
 
-def save_real_run(found: RunComparison, path: Path) -> None:
-    """Write a comparison as a ``.rrd`` file: over the cam's speed, the last turn of each."""
-    plans = real_run_tabs(found)
-    title = f"Measured and model: {', '.join(str(tab.name) for tab in plans)}"
-    with chart_stream(path, title, plans, SPEED) as stream:
-        for here in by_cam(found.speeds):
+def save_real_run(comparison: RunComparison, path: Path) -> None:
+    """Write the last turn of each speed as a ``.rrd`` file over the cam's speed."""
+    tabs = real_run_tabs(comparison)
+    title = f"Measured and model: {', '.join(str(tab.name) for tab in tabs)}"
+    with chart_stream(path, title, tabs, SPEED) as stream:
+        for rows in group_by_cam(comparison.speeds):
             for name in QUANTITIES:
-                _draw(stream, here, name, _axes(here, name))
+                _draw(stream, rows, name, _axes(rows, name))
 
 
-def real_run_tabs(found: RunComparison) -> list[rrb.Vertical]:
-    """A tab for each cam: a row for each quantity that was measured."""
+def real_run_tabs(comparison: RunComparison) -> list[rrb.Vertical]:
+    """Return a tab per cam with a row per measured quantity."""
     tabs = []
-    for here in by_cam(found.speeds):
+    for rows in group_by_cam(comparison.speeds):
         charts = [
-            rrb.Horizontal(*(_view(here, name, chart, axes) for chart, axes in places.items()))
+            rrb.Horizontal(*(_view(rows, name, chart, axes) for chart, axes in views.items()))
             for name in QUANTITIES
-            if (places := _axes(here, name))
+            if (views := _axes(rows, name))
         ]
-        tabs.append(rrb.Vertical(*charts, name=title_of(found.loaded.titles, here[0].cam)))
+        tabs.append(rrb.Vertical(*charts, name=title_of(comparison.loaded.titles, rows[0].cam)))
     return tabs
 
 
 def real_run_entity(cam: str, quantity: str, chart: str) -> str:
-    """Where a chart is: "measured", "model" or "difference" of a quantity of a cam."""
+    """Return the entity path of a chart of one quantity of a cam.
+
+    `chart` is "measured", "model" or "difference".
+    """
     return f"real_run/{cam}/{quantity}/{chart}"
 
 
 def _view(
     rows: Sequence[SpeedDeparture], quantity: str, chart: str, axes: Axes
 ) -> rrb.Spatial2DView:
-    words, unit, _, small, *_ = QUANTITIES[quantity]
-    title = f"{words} [{unit}]: {chart}"
+    text, unit, _, difference_unit, *_ = QUANTITIES[quantity]
+    title = f"{text} [{unit}]: {chart}"
     if chart == "difference":
-        title = f"{words}: difference [{small}]"
+        title = f"{text}: difference [{difference_unit}]"
         if is_rounding(_largest(rows, quantity)):
-            title = f"{words}: {EQUAL}"
+            title = f"{text}: {EQUAL}"
     return axes.view(real_run_entity(rows[0].cam, quantity, chart), title, RIGHT, BELOW)
 
 
 def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
-    """Axes by chart, the same for measured and model; none where it was not measured."""
+    """Return the axes by chart, equal for measurement and model.
+
+    The result is empty if the quantity was not measured.
+    """
     turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
     if not turns:
         return {}
-    factor, apart = QUANTITIES[quantity][2], reach(_largest(rows, quantity))
-    both = np.hstack([np.hstack([turn.measured, turn.model]) for turn in turns]) * factor
-    y = float(both.min()), float(max(both.max(), both.min() + 1e-9))
-    same = Axes((0.0, 360.0), y, WIDTH, HEIGHT, RAISED)
+    factor, limit = QUANTITIES[quantity].factor, reach(_largest(rows, quantity))
+    values = np.hstack([np.hstack([turn.measured, turn.model]) for turn in turns]) * factor
+    y = float(values.min()), float(max(values.max(), values.min() + 1e-9))
+    curve_axes = Axes((0.0, 360.0), y, WIDTH, HEIGHT, RAISED)
     return {
-        "measured": same,
-        "model": same,
-        "difference": Axes((0.0, 360.0), (-apart, apart), WIDTH, HEIGHT, RAISED),
+        "measured": curve_axes,
+        "model": curve_axes,
+        "difference": Axes((0.0, 360.0), (-limit, limit), WIDTH, HEIGHT, RAISED),
     }
 
 
 def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
-    """The largest difference, in the unit that differences are shown in."""
+    """Return the largest difference in the display unit of differences."""
     turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
-    found = [float(np.abs(turn.difference).max()) for turn in turns]
-    return QUANTITIES[quantity][4] * max(found, default=0.0)
+    differences = [float(np.abs(turn.difference).max()) for turn in turns]
+    return QUANTITIES[quantity].difference_factor * max(differences, default=0.0)
 
 
 def _draw(
     stream: rr.RecordingStream, rows: Sequence[SpeedDeparture], quantity: str, axes: dict[str, Axes]
 ) -> None:
-    _, unit, factor, small, fine, colour = QUANTITIES[quantity]
-    for chart, place in axes.items():
+    _, unit, factor, difference_unit, difference_factor, colour = QUANTITIES[quantity]
+    for chart, chart_axes in axes.items():
         view = real_run_entity(rows[0].cam, quantity, chart)
-        words = round_marks(*place.y, small if chart == "difference" else unit)
-        place.draw(stream, f"{view}/axes", DEGREES, words)
+        marks = round_marks(*chart_axes.y, difference_unit if chart == "difference" else unit)
+        chart_axes.draw(stream, f"{view}/axes", DEGREES, marks)
     for row in rows:
         turn = row.drawn.get(quantity)
         if turn is None:
@@ -103,7 +118,7 @@ def _draw(
         curves = {
             "measured": (turn.measured * factor, colour),
             "model": (turn.model * factor, colours.LAW),
-            "difference": (turn.difference * fine, colours.LANDING),
+            "difference": (turn.difference * difference_factor, colours.LANDING),
         }
         for chart, (values, shade) in curves.items():
             points = axes[chart].place(turn.degrees, values)

@@ -1,4 +1,4 @@
-"""cam-rig compare: a recorded run beside the model, driven with the run's own cam angle."""
+"""The command cam-rig compare."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Topics = Annotated[
     str | None,
     typer.Option(
         metavar="LINE",
-        help="Where the quantities are in a bag of another program: QUANTITY=/TOPIC.FIELD:UNIT of "
-        "angle, lift, force, level; SI without a unit.",
+        help="Topic fields in a bag of another program: QUANTITY=/TOPIC.FIELD:UNIT of angle, lift, "
+        "force, level; SI without a unit.",
     ),
 ]
 Offset = Annotated[
     float | None,
     typer.Option(
-        metavar="DEG", help="Cam angle less the encoder's; by default found from the lift."
+        metavar="DEG", help="Cam angle minus encoder angle (default: identified from the lift)."
     ),
 ]
 
@@ -33,23 +33,25 @@ def compare(
     scene: Scene,
     topics: Topics = None,
     cam: Annotated[
-        str | None, typer.Option(help="One cam; of another program's bag, the scene's that ran.")
+        str | None,
+        typer.Option(help="Cam to compare; in a bag of another program the mounted cam."),
     ] = None,
     namespace: RigOfBag = None,
     offset: Offset = None,
     save: Annotated[
-        Path | None, typer.Option(help="Write a Rerun recording (.rrd): both side by side.")
+        Path | None, typer.Option(help="Write a Rerun recording (.rrd) of run and model.")
     ] = None,
 ) -> Result:
-    """Drive a scene's model with the cam angle of a real run, and show where the two part.
+    """Compare a real run with a model that is driven with the recorded cam angle.
 
-    By speed: lift and force, lift-offs and their time, sound level; what the readings' noise
-    explains is marked. A bag of the rig itself is compared sample by sample, with the recorded
-    states of the cam. In a bag of another program, each quantity is a number of a ROS 2 message.
-    Messages without that number, and wrong angles, are dropped and counted. The cam follows a
-    smooth motion through the encoder's counts, and the encoder's zero and an error of the sensors'
-    clock are found from the lift. Only settled turns at steady speed are compared. In --topics, "-"
-    before a topic turns the sign, and "@bag" behind an item takes the bag's time.
+    The tables show lift and force, lift-offs and their time, and sound level per speed. Differences
+    within the noise of the readings are marked. A bag of the rig is compared sample by sample, with
+    the recorded states of the cam. In a bag of another program, each quantity is a number of a ROS
+    2 message. Messages without that number, and wrong angles, are dropped and counted. The motion
+    of the cam is a smooth curve through the encoder's counts. The encoder's zero and an error of
+    the sensors' clock are identified from the lift. Only settled turns at steady speed are
+    compared. In --topics, "-" before a topic changes the sign, and "@bag" after an item uses the
+    bag's time.
 
     In Python: cam_rig.compare(bag, scene, topics, cam, namespace, offset_deg)
 
@@ -65,12 +67,12 @@ def compare(
 
     if save is not None:
         check_recording(save)
-    found = study.compare(
+    result = study.compare(
         bag, scene, topics=topics, cam=cam, namespace=namespace, offset_deg=offset
     )
     if save is not None:
         from cam_rig.studies.compare.chart import save_real_run
 
-        save_real_run(found, save)
+        save_real_run(result, save)
         say(f"recording: {save}")
-    return found
+    return result

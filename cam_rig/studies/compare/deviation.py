@@ -1,4 +1,4 @@
-"""How far a measured quantity is from the model's, and how much of that is its noise."""
+"""Deviation of a measured quantity from the model, compared with its noise."""
 
 from __future__ import annotations
 
@@ -14,47 +14,52 @@ from cam_rig.simulation.by_speed import OFF_THE_CAM
 from cam_rig.simulation.scatter import BINS, off_neighbours, scatter
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
-# What was measured and what the model has, at the same instants.
+# Measured and modelled values at the same instants.
 
 
 @dataclass(frozen=True, eq=False)
 class PairedSignal:
-    """One quantity, measured and of the model; ``beside_jump`` where the model jumps near."""
+    """Measured and modelled values of one quantity at the same instants.
+
+    `time` is in s and `angle` in rad. `near_jump` marks readings near a jump of the model.
+    """
 
     time: FloatArray
     angle: FloatArray
     measured: FloatArray
     model: FloatArray
-    beside_jump: NDArray[np.bool_] | None = None
+    near_jump: NDArray[np.bool_] | None = None
 
     @property
-    def calm(self) -> NDArray[np.bool_]:
-        """Which readings are not beside a jump."""
-        return (
-            np.ones(self.time.size, dtype=bool) if self.beside_jump is None else ~self.beside_jump
-        )
+    def away_from_jumps(self) -> NDArray[np.bool_]:
+        """Mask of the readings that are not near a jump."""
+        return np.ones(self.time.size, dtype=bool) if self.near_jump is None else ~self.near_jump
 
     @property
     def degrees(self) -> FloatArray:
         """Cam angle in its turn, °."""
         return np.degrees(np.remainder(self.angle, TURN))
 
-    def some(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
-        """Some of the readings."""
+    def select(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
+        """Return the selected readings."""
         time, angle, measured, model = (
             array[which] for array in (self.time, self.angle, self.measured, self.model)
         )
-        return PairedSignal(time, angle, measured, model, ~self.calm[which])
+        return PairedSignal(time, angle, measured, model, ~self.away_from_jumps[which])
 
     @property
     def difference(self) -> FloatArray:
-        """Measured less model."""
+        """Measured minus modelled values."""
         return self.measured - self.model
 
 
 @dataclass(frozen=True, eq=False)
 class PairedStep:
-    """The settled turns of one cam at one speed; ``exact`` where driven sample by sample."""
+    """Settled turns of one cam at one speed.
+
+    `levels` are the measured and the modelled sound level (dB). `exact` is True if the model was
+    driven sample by sample.
+    """
 
     cam: str
     rpm: float
@@ -65,24 +70,29 @@ class PairedStep:
     exact: bool = False
 
 
-#: What the noise does not explain is within it up to this part of it: an estimate has its error.
-WITHIN = 0.5
-#: Twice the standard error of what is left of the mean square, for one reading.
-NOISE_ERROR = 5.4
-#: Parts of the model's range: no bench shows finer differences; turns alike differ by less.
-FINEST, LEAST_UNREST = 2e-4, 0.02
-#: Exactly driven, two numbers that differ by this part of the largest value are one.
-ROUNDING = 1e-9
+#: Largest systematic deviation within the noise, as a fraction of the noise. The noise is an
+#: estimate.
+SYSTEMATIC_NOISE_FRACTION = 0.5
+#: Twice the standard error of the squared systematic deviation of one reading, relative to the
+#: squared noise.
+NOISE_ERROR_FACTOR = 5.4
+#: Smallest deviation that a test bench can show, as a fraction of the model's range.
+RANGE_RTOL = 2e-4
+#: Largest difference between equal turns of the model, as a fraction of its range.
+TURN_RTOL = 0.02
+#: Relative difference of equal numbers of an exactly driven model, relative to the model's range.
+ROUNDING_RTOL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """Measured less model over the settled turns of one speed, SI.
+    """Deviation (measured minus model) over the settled turns of one speed, SI.
 
-    ``noise``: r.m.s. scatter from turn to turn, 0 where it was driven exactly; ``largest``: with
-    its sign, of the mean over the turns in parts of 2° where there is noise; ``degrees``: cam angle
-    in its turn at which that is; ``scale``: the model's range; ``unrest``: by so much the model's
-    own turns differ in 5 % of the turn; ``exact``: as in `PairedStep`.
+    `rms` is the r.m.s. deviation. `noise` is the r.m.s. scatter from turn to turn, or 0 if the
+    model was driven exactly. `largest` is the largest deviation with its sign. If there is noise it
+    is that of the mean over the turns, per 2° of the turn. `degrees` is its cam angle in the turn.
+    `scale` is the range of the model. `turn_variation` is the difference between the model's turns
+    that 5 % of the readings exceed. `exact` is that of `PairedStep`.
     """
 
     rms: float
@@ -90,80 +100,94 @@ class Departure:
     largest: float
     degrees: float
     scale: float
-    unrest: float
+    turn_variation: float
     exact: bool
     readings: int
 
     @property
     def systematic(self) -> float:
-        """What is left of the r.m.s. without the noise."""
+        """R.m.s. deviation without the noise."""
         return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
     @property
     def within(self) -> bool:
-        """Whether the noise explains the difference; exactly driven, whether rounding does."""
+        """True if the noise explains the deviation.
+
+        If the model was driven exactly, rounding must explain it.
+        """
         if self.exact:
-            return abs(self.largest) <= ROUNDING * self.scale
-        error = NOISE_ERROR / math.sqrt(self.readings)
-        allowed = math.sqrt(WITHIN**2 + error) * self.noise
-        return self.systematic <= max(allowed, FINEST * self.scale)
+            return abs(self.largest) <= ROUNDING_RTOL * self.scale
+        error = NOISE_ERROR_FACTOR / math.sqrt(self.readings)
+        allowed = math.sqrt(SYSTEMATIC_NOISE_FRACTION**2 + error) * self.noise
+        return self.systematic <= max(allowed, RANGE_RTOL * self.scale)
 
     @property
-    def restless(self) -> bool:
-        """Whether the model's turns differ from each other, as it bounces: curves say little."""
-        return not self.exact and self.unrest > max(self.noise, LEAST_UNREST * self.scale)
+    def varies_by_turn(self) -> bool:
+        """True if the model's turns differ from each other, because it bounces.
+
+        The curves of single turns are then not comparable.
+        """
+        return not self.exact and self.turn_variation > max(self.noise, TURN_RTOL * self.scale)
 
     @property
     def relative(self) -> float:
-        """The largest difference as a part of the range of the model."""
+        """Largest deviation as a fraction of the range of the model."""
         return abs(self.largest) / self.scale if self.scale > 0.0 else math.inf
 
 
 def departure(pair: PairedSignal, exact: bool) -> Departure:
-    """How far the measured is from the model, beside no jump."""
-    pair = pair.some(pair.calm)
+    """Return the deviation of a signal from the model.
+
+    Readings near a jump are left out. `exact` is True if the model was driven sample by sample.
+    """
+    pair = pair.select(pair.away_from_jumps)
     difference = pair.difference
     size, scale = rms(difference), float(np.ptp(pair.model))
-    places, means, noise, unrest = pair.degrees, difference, 0.0, 0.0
+    degrees_of_means, means, noise, turn_variation = pair.degrees, difference, 0.0, 0.0
     if not exact:
         noise = scatter(pair.angle, difference)
-        places, means = mean_over_turns(pair.angle, difference)
-        unrest = float(np.percentile(np.abs(off_neighbours(pair.angle, pair.model)), 95.0))
-    at = int(np.argmax(np.abs(means)))
-    largest, degrees = float(means[at]), float(places[at])
-    return Departure(size, noise, largest, degrees, scale, unrest, exact, difference.size)
+        degrees_of_means, means = mean_over_turns(pair.angle, difference)
+        turn_variation = float(np.percentile(np.abs(off_neighbours(pair.angle, pair.model)), 95.0))
+    index = int(np.argmax(np.abs(means)))
+    largest, degrees = float(means[index]), float(degrees_of_means[index])
+    return Departure(size, noise, largest, degrees, scale, turn_variation, exact, difference.size)
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cam angles in the turn (°) and means of a value near them, where there are any."""
-    part = np.floor(np.remainder(angle, TURN) * (BINS / TURN)).astype(np.intp) % BINS
-    count = np.bincount(part, minlength=BINS)
-    there = np.flatnonzero(count)
-    total = np.bincount(part, weights=value, minlength=BINS)
-    places: FloatArray = (there.astype(np.float64) + 0.5) * (360.0 / BINS)
-    return places, total[there] / count[there]
+    """Return cam angles in the turn (°) and the mean of a value near them.
+
+    Parts of the turn without a reading are left out.
+    """
+    bin_index = np.floor(np.remainder(angle, TURN) * (BINS / TURN)).astype(np.intp) % BINS
+    count = np.bincount(bin_index, minlength=BINS)
+    occupied = np.flatnonzero(count)
+    total = np.bincount(bin_index, weights=value, minlength=BINS)
+    degrees: FloatArray = (occupied.astype(np.float64) + 0.5) * (360.0 / BINS)
+    return degrees, total[occupied] / count[occupied]
 
 
-# When the follower leaves its cam and lands, as readings show it: the same rule for both.
+# Lift-offs and landings of the readings, by the same rule for run and model.
 
-#: A force counts as lost below so many standard deviations of its noise,
-SIGMAS = 4.0
-#: and below this part of its mean: a load cell's zero is not exact.
-PART_OF_MEAN = 0.02
-#: Where no force was measured: m, the follower is off by more than this part of the lift.
-PART_OF_LIFT = 2e-3
-#: Neighbours whose mean tells a lost contact from noise.
+#: Limit of a lost contact, in standard deviations of the noise.
+FORCE_SIGMAS = 4.0
+#: Smallest limit of a lost contact, as a fraction of the mean force. The zero of a load cell has an
+#: error.
+MEAN_FORCE_FRACTION = 0.02
+#: Smallest gap of a lost contact without a measured force, as a fraction of the lift.
+LIFT_FRACTION = 2e-3
+#: Number of adjacent readings whose mean distinguishes a lost contact from noise.
 NEIGHBOURS = 5
-#: A measured and a modelled event this far apart (rad) are not the same one.
-NEAR = TURN / 12.0
+#: Largest distance (rad) between a measured and a modelled event that are the same event.
+MAX_EVENT_SHIFT = TURN / 12.0
 
 
 @dataclass(frozen=True)
 class LostContact:
-    """Lift-offs a turn of one speed, and how much later events are measured.
+    """Lift-offs per turn at one speed, and the delay of the measured events.
 
-    ``shift``: s, median over the events that both have; None: no such; ``degrees``: the same as cam
-    angle, °; ``rule``: in words, what counts as lost.
+    `shift` is the median delay in s over the events that run and model have in common, or None
+    without such events. `degrees` is the same as cam angle in °. `rule` is the rule for lost
+    contact as text.
     """
 
     measured: float
@@ -174,89 +198,100 @@ class LostContact:
 
 
 def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
-    """The events of a step; None where neither force nor lift was measured."""
+    """Return the events of a step, or None if neither force nor lift was measured.
+
+    The same rule is used for run and model.
+    """
     clear = 0.0
     if step.force is not None and step.lift is not None and step.exact:
         pair, rule = step.force, "F = 0, gap > 0"
         lost = (
-            _exactly(pair.measured, step.lift.measured, step.lift.angle, law),
-            _exactly(pair.model, step.lift.model, step.lift.angle, law),
+            _exact_force(pair.measured, step.lift.measured, step.lift.angle, law),
+            _exact_force(pair.model, step.lift.model, step.lift.angle, law),
         )
     elif step.force is not None:
         pair = step.force
-        limit, zero = _of_force(pair)
+        limit, zero = _force_limits(pair)
         clear, rule = limit - zero, f"F < {limit:.3g} N"
         lost = (pair.measured - limit, pair.model - limit)
     elif step.lift is not None:
         pair, rise = step.lift, law(np.remainder(step.lift.angle, TURN))
         noise = 0.0 if step.exact else scatter(pair.angle, pair.difference)
-        limit = max(SIGMAS * noise, PART_OF_LIFT * law.lift)
+        limit = max(FORCE_SIGMAS * noise, LIFT_FRACTION * law.lift)
         lost = (limit + rise - pair.measured, limit + rise - pair.model)
         rule = f"gap > {1e3 * limit:.3g} mm"
     else:
         return None
-    here, there = (_events(pair.time, above, step.exact, clear) for above in lost)
+    measured, modelled = (_contact_events(pair.time, margin, step.exact, clear) for margin in lost)
     speed = step.rpm * RPM
-    shift = _median_shift(here, there, NEAR / speed)
-    counts = [found[0].size / step.turns for found in (here, there)]
+    shift = _median_shift(measured, modelled, MAX_EVENT_SHIFT / speed)
+    counts = [events[0].size / step.turns for events in (measured, modelled)]
     degrees = None if shift is None else float(np.degrees(shift * speed))
     return LostContact(counts[0], counts[1], shift, degrees, rule)
 
 
-def _exactly(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -> FloatArray:
-    """The force where it is above 0 or the follower off the cam; else it rests on a dwell."""
-    off = lift - law(np.remainder(angle, TURN)) > OFF_THE_CAM * law.lift
-    return np.where((force <= 0.0) & ~off, 1.0, force)
+def _exact_force(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -> FloatArray:
+    """Return the force, with 1 N in place of 0 while the follower is on the cam.
 
-
-def _of_force(pair: PairedSignal) -> tuple[float, float]:
-    """The force below which contact may be lost, and that below which the mean of some is none."""
-    places, means = mean_over_turns(pair.angle, pair.measured)
-    lowest = places[np.argsort(means)[: max(1, means.size // 20)]]
-    part = np.remainder(np.degrees(pair.angle), 360.0)
-    near = np.abs(part[:, None] - lowest).min(axis=1) <= 360.0 / means.size
-    noise = scatter(pair.angle[near], pair.difference[near]) if near.sum() > 2 else 0.0
-    error = PART_OF_MEAN * float(pair.measured.mean())
-    return max(SIGMAS * noise, error), max(noise, 0.5 * error)
-
-
-def _events(
-    time: FloatArray, above: FloatArray, exact: bool, clear: float
-) -> tuple[FloatArray, FloatArray]:
-    """Times of lift-offs and of landings; where ``above`` is not positive, contact is lost.
-
-    Of readings with noise, a loss counts if the mean of some neighbours is ``clear`` below that:
-    on a dwell a small force may fall below the limit now and then.
+    A force of 0 on a dwell is not a lost contact. The follower has left the cam if it is off the
+    cam by more than `OFF_THE_CAM` of the lift.
     """
-    lost = above <= 0.0
-    if not exact:  # the majority of each reading and its neighbours: noise alone changes nothing
+    is_off = lift - law(np.remainder(angle, TURN)) > OFF_THE_CAM * law.lift
+    return np.where((force <= 0.0) & ~is_off, 1.0, force)
+
+
+def _force_limits(pair: PairedSignal) -> tuple[float, float]:
+    """Return the limits (N) of a lost contact.
+
+    The first is that of a single reading, and the second that of the mean of adjacent readings.
+    """
+    degrees, means = mean_over_turns(pair.angle, pair.measured)
+    lowest = degrees[np.argsort(means)[: max(1, means.size // 20)]]
+    angle = np.remainder(np.degrees(pair.angle), 360.0)
+    is_near = np.abs(angle[:, None] - lowest).min(axis=1) <= 360.0 / means.size
+    noise = scatter(pair.angle[is_near], pair.difference[is_near]) if is_near.sum() > 2 else 0.0
+    error = MEAN_FORCE_FRACTION * float(pair.measured.mean())
+    return max(FORCE_SIGMAS * noise, error), max(noise, 0.5 * error)
+
+
+def _contact_events(
+    time: FloatArray, margin: FloatArray, exact: bool, clear: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the times of lift-offs and of landings.
+
+    Contact is lost while `margin` is not positive. If the readings have noise, the mean of adjacent
+    readings must also be `-clear` or less, because a small force on a dwell may fall below the
+    limit at random.
+    """
+    lost = margin <= 0.0
+    if not exact:  # the majority of each reading and its two neighbours
         padded = np.pad(lost.astype(np.intp), 1, mode="edge")
         lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
     edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]
-    for begin, end in pairwise(edges.tolist()):
-        if lost[begin]:
-            count = min(NEIGHBOURS, end - begin)
-            means = np.convolve(above[begin:end], np.full(count, 1.0 / count), mode="valid")
-            lost[begin:end] = means.min() <= -clear
+    for start, end in pairwise(edges.tolist()):
+        if lost[start]:
+            count = min(NEIGHBOURS, end - start)
+            means = np.convolve(margin[start:end], np.full(count, 1.0 / count), mode="valid")
+            lost[start:end] = means.min() <= -clear
     changes = np.flatnonzero(np.diff(lost))
     if not changes.size:
         return np.empty(0), np.empty(0)
-    before, after = above[changes], above[changes + 1]
+    before, after = margin[changes], margin[changes + 1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        part = np.clip(np.nan_to_num(before / (before - after), nan=0.5), 0.0, 1.0)
-    at = time[changes] + part * (time[changes + 1] - time[changes])
+        fraction = np.clip(np.nan_to_num(before / (before - after), nan=0.5), 0.0, 1.0)
+    times = time[changes] + fraction * (time[changes + 1] - time[changes])
     rises = lost[changes + 1]
-    return at[rises], at[~rises]
+    return times[rises], times[~rises]
 
 
 def _median_shift(
-    measured: tuple[FloatArray, FloatArray], model: tuple[FloatArray, FloatArray], near: float
+    measured: tuple[FloatArray, FloatArray], model: tuple[FloatArray, FloatArray], max_shift: float
 ) -> float | None:
     shifts: list[float] = []
-    for here, there in zip(measured, model, strict=True):
-        if not there.size:
+    for measured_times, model_times in zip(measured, model, strict=True):
+        if not model_times.size:
             continue
-        for time in here:
-            shift = float(time - there[np.argmin(np.abs(there - time))])
-            shifts += [shift] if abs(shift) <= near else []
+        for time in measured_times:
+            shift = float(time - model_times[np.argmin(np.abs(model_times - time))])
+            shifts += [shift] if abs(shift) <= max_shift else []
     return float(np.median(shifts)) if shifts else None

@@ -1,4 +1,4 @@
-"""A recording of the rig beside the model: the cam's exact states, sample by sample."""
+"""Pairs of recorded and modelled signals of the rig and of test benches."""
 
 from __future__ import annotations
 
@@ -32,19 +32,24 @@ from cam_rig.studies.compare.model_run import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: A tick of the model, its sound pressure (Pa), and where it was put down after a loss.
+#: Tick of the model, its sound pressure (Pa), and the state at which the follower was last placed
+#: on the cam after missing states.
 ModelTick = tuple[TickSamples, float | None, CamState | None]
 
 
 @dataclass
 class _StepParts:
-    """One cam at one speed, as its ticks come: rows time, angle, then lifts and forces."""
+    """Samples of one cam at one speed, collected tick by tick.
+
+    Each array in `rows` has the rows time, angle, lift, modelled lift, force, modelled force.
+    `turned` is the cam angle (rad) of the ticks.
+    """
 
     cam: str
     speed: float
     rows: list[FloatArray] = field(default_factory=list)
     turned: float = 0.0
-    #: Squares of both pressures times samples, and the samples.
+    #: Sums over the samples of both squared pressures (Pa²), and the number of samples.
     energy: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def step(self) -> PairedStep:
@@ -66,7 +71,10 @@ class _StepParts:
 
 @dataclass
 class RecordedPairs:
-    """The steps of a recording, only of ``cam`` if given; ``lost`` ticks are known at the end."""
+    """Pairs of a recording of the rig, for all cams or only for `cam`.
+
+    `lost` is the number of ticks without samples. It is valid after all steps were read.
+    """
 
     loaded: LoadedScene
     cam: str | None = None
@@ -75,29 +83,29 @@ class RecordedPairs:
     def steps(
         self, ticks: Iterable[TickSamples], states: Iterable[CamState], pressures: dict[int, float]
     ) -> Iterator[PairedStep]:
-        """Pair the settled turns of each cam and speed.
+        """Yield the settled turns of each cam and speed as pairs.
 
-        ``ticks``, ``states``: of the bag, in order; ``pressures``: measured r.m.s. pressure (Pa) by
-        the stamp (ns) of the tick's end.
+        `ticks` and `states` are those of the bag in their order. `pressures` is the measured r.m.s.
+        pressure (Pa) by the stamp (ns) of the tick's end.
         """
         settle = self.loaded.scene.program.settle_turns.si
         settling, parts = Settling(settle), None
-        for tick, model in self._both(ticks, states):
+        for tick, model in self._match_ticks(ticks, states):
             key = tick.cam, tick.start.speed
             if parts is not None and (key != (parts.cam, parts.speed) or not tick.steady):
                 yield from [parts.step()] if parts.rows else []
                 parts = None
             if not settling.is_over(tick.start, tick.steady):
                 continue
-            down = model[2]
-            if down is not None and tick.start.since(down) / TURN <= settle - 1e-6:
+            placed = model[2]
+            if placed is not None and tick.start.since(placed) / TURN <= settle - 1e-6:
                 continue
             parts = parts or _StepParts(*key)
-            _take(parts, tick, model, pressures)
+            _add_tick(parts, tick, model, pressures)
         if parts is not None and parts.rows:
             yield parts.step()
 
-    def _both(
+    def _match_ticks(
         self, ticks: Iterable[TickSamples], states: Iterable[CamState]
     ) -> Iterator[tuple[TickSamples, ModelTick]]:
         ticks = iter(ticks)
@@ -105,18 +113,21 @@ class RecordedPairs:
         if first is None:
             return
         rate = round(1.0 / float(np.diff(first.time).mean())) if first.time.size > 1 else 0
-        models = self._model(states, rate or int(self.loaded.scene.sample_rate.si))
-        here, used = next(models, None), False
+        models = self._drive_model(states, rate or int(self.loaded.scene.sample_rate.si))
+        current, is_used = next(models, None), False
         for tick in chain([first], ticks):
-            while here is not None and here[0].start.time_ns < tick.start.time_ns:
-                self.lost += not used
-                here, used = next(models, None), False
-            if here is not None and here[0].start == tick.start:
-                used = True
-                yield tick, here
+            while current is not None and current[0].start.time_ns < tick.start.time_ns:
+                self.lost += not is_used
+                current, is_used = next(models, None), False
+            if current is not None and current[0].start == tick.start:
+                is_used = True
+                yield tick, current
 
-    def _model(self, states: Iterable[CamState], rate: int) -> Iterator[ModelTick]:
-        """The scene's model, driven with the states; put down anew where some are missing."""
+    def _drive_model(self, states: Iterable[CamState], rate: int) -> Iterator[ModelTick]:
+        """Yield the ticks of the scene's model, driven with the recorded states.
+
+        If states are missing, the follower is placed on the cam again.
+        """
         follower = FollowerSimulator.of(self.loaded)
         microphone = None
         if not self.loaded.missing_for_sound:
@@ -124,49 +135,58 @@ class RecordedPairs:
             microphone.sample_rate = rate
         follower.sample_rate = rate
         start: CamState | None = None
-        put_down: CamState | None = None
+        placed: CamState | None = None
         for state in states:
-            if start is None and not self._takes(state.cam):
+            if start is None and not self._is_compared(state.cam):
                 continue
-            if start is not None and start.turns_until(state) and not _joined(start, state):
+            if start is not None and start.turns_until(state) and not _is_continuous(start, state):
                 follower.put_down()
-                put_down = state
+                placed = state
             turned = follower.turn_to(state)
             if turned is not None and start is not None:
                 block = turned[1]
                 pressure = None
                 if microphone is not None:
                     pressure = microphone.listen(block.rows, block.interval.mean_speed)
-                yield TickSamples(start, block.interval, block.rows), pressure, put_down
+                yield TickSamples(start, block.interval, block.rows), pressure, placed
             start = state
-            if not self._takes(state.cam):  # it ended the last tick of the cam before
+            if not self._is_compared(state.cam):  # the state ends the last tick of the other cam
                 start = None
                 follower.put_down()
 
-    def _takes(self, cam: str) -> bool:
-        """Whether a cam is compared; one that is must be in the scene."""
+    def _is_compared(self, cam: str) -> bool:
+        """Return True if a cam is compared.
+
+        Raises ConfigError if the scene does not have that cam.
+        """
         if self.cam is not None and cam != self.cam:
             return False
         if cam not in self.loaded.laws:
-            there = list(self.loaded.laws)
+            cams = list(self.loaded.laws)
             raise ConfigError(
-                f"{self.loaded.scene_file}: has no cam {cam!r}, which the bag holds; allowed: a "
-                f"scene that has it; this one has {', '.join(there)}{did_you_mean(cam, there)}"
+                f"{self.loaded.scene_file}: has no cam {cam!r}, which the bag contains; allowed: "
+                f"a scene that has it; this one has {', '.join(cams)}{did_you_mean(cam, cams)}"
             )
         return True
 
 
-def _joined(start: CamState, end: CamState) -> bool:
-    """Whether one held speed or one ramp leads from state to state; else some are missing."""
+def _is_continuous(start: CamState, end: CamState) -> bool:
+    """Return True if a constant speed or one ramp leads from state to state.
+
+    Otherwise states between them are missing.
+    """
     interval = start.until(end)
-    off = interval.angle_at(interval.duration) - interval.angle - end.since(start)
-    return abs(off) <= ANGLE_TOLERANCE
+    deviation = interval.angle_at(interval.duration) - interval.angle - end.since(start)
+    return abs(deviation) <= ANGLE_TOLERANCE
 
 
-def _take(
+def _add_tick(
     parts: _StepParts, tick: TickSamples, model: ModelTick, pressures: dict[int, float]
 ) -> None:
-    """Note the samples that both have; of a tick whose end is lost, the bag has several."""
+    """Add the samples that recording and model have in common.
+
+    If the end of a tick is lost, the bag has several ticks for one tick of the model.
+    """
     samples, pressure, _ = model
     step = 1.0 if tick.time.size < 2 else float(np.diff(tick.time).mean())
     first = round((tick.time[0] - samples.rows[0, 0]) / step)
@@ -180,52 +200,62 @@ def _take(
         parts.energy += np.array([measured**2, pressure**2, 1.0]) * samples.time.size
 
 
-# A run of any bench beside the model: the cam's motion through the readings of its angle.
+# Pairs of any test bench: the cam's motion is fitted through the readings of its angle.
 
-#: Settled turns of a speed, at least.
-LEAST_TURNS = 2.0
-#: Readings of a quantity at a speed, at least.
-LEAST_READINGS = 32
-#: A force that changes by this part of its range within so much cam angle (rad) jumps.
-JUMP, JUMP_ANGLE = 0.1, np.radians(0.5)
-#: The r.m.s. of rounding is 0.29 counts.
-LEAST_ROUNDING = 0.1
+#: Smallest number of settled turns per speed.
+MIN_TURNS = 2.0
+#: Smallest number of readings of a quantity per speed.
+MIN_READINGS = 32
+#: Change of the force within `JUMP_ANGLE` that is a jump, as a fraction of its range.
+JUMP_FRACTION = 0.1
+#: Cam angle (rad) before and after a reading in which a jump affects it.
+JUMP_ANGLE = np.radians(0.5)
+#: Smallest scatter of the angle, in counts, at which its readings are rounded. Rounding alone has
+#: 0.29.
+MIN_ROUNDING_COUNTS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPairs:
-    """A measured run on a scene's model; ``given``: True if the encoder's zero was given."""
+    """Pairs of a measured run and the model of a scene.
+
+    `is_offset_given` is True if the encoder's zero was given.
+    """
 
     run: MeasuredRun
     loaded: LoadedScene
     cam: str
     stretches: tuple[SteadyStretch, ...]
     alignment: Alignment
-    given: bool = False
+    is_offset_given: bool = False
 
     @property
     def count(self) -> float:
-        """The encoder's resolution, rad; 0 where the motion goes through all its values."""
+        """Resolution of the encoder (rad).
+
+        It is 0 if the motion passes through all readings.
+        """
         count = encoder_count(self.run.angle.value)
-        rounded = any(stretch.scatter > LEAST_ROUNDING * count for stretch in self.stretches)
-        return count if rounded else 0.0
+        is_rounded = any(part.scatter > MIN_ROUNDING_COUNTS * count for part in self.stretches)
+        return count if is_rounded else 0.0
 
     @property
     def left_out(self) -> float:
-        """Fraction of the time without steady turns, which are not compared; pauses do not count.
+        """Fraction of the time without steady turns, which is not compared.
 
-        A pause is a gap in the readings, or a time in which the cam stands still.
+        Pauses are not part of the time. A pause is a gap in the readings, or a time in which the
+        cam is stopped.
         """
         angle = self.run.angle
         pauses = sum(float(stop - start) for start, stop in (*angle.gaps(), *standstills(angle)))
-        whole = float(angle.time[-1] - angle.time[0]) - pauses
-        compared = sum(float(one.knots[-1] - one.knots[0]) for one in self.stretches)
-        return max(0.0, 1.0 - compared / whole)
+        duration = float(angle.time[-1] - angle.time[0]) - pauses
+        compared = sum(float(stretch.knots[-1] - stretch.knots[0]) for stretch in self.stretches)
+        return max(0.0, 1.0 - compared / duration)
 
     def steps(self) -> Iterator[PairedStep]:
-        """The settled turns of each stretch, slowest first."""
+        """Yield the settled turns of each stretch as pairs, the slowest first."""
         settle = self.loaded.scene.program.settle_turns.si
-        for stretch in sorted(self.stretches, key=lambda one: one.mean_speed):
+        for stretch in sorted(self.stretches, key=lambda stretch: stretch.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)
             force = self._pair(self.run.force, model, 4)
             yield PairedStep(
@@ -233,7 +263,7 @@ class MeasuredPairs:
                 stretch.rpm,
                 stretch.turns - settle,
                 self._pair(self.run.lift, model, 1, self.alignment.zero),
-                force and _with_jumps(force, model),
+                force and _mark_jumps(force, model),
                 (self._measured_level(model), model.level()),
             )
 
@@ -244,11 +274,11 @@ class MeasuredPairs:
             return None
         time = self.alignment.on_cam_clock(signal.time)
         end = min(float(model.stretch.knots[-1]), model.rows[0, -1])
-        inside = (time >= model.begin) & (time <= end)
-        if np.count_nonzero(inside) < LEAST_READINGS:
+        inside = (time >= model.start) & (time <= end)
+        if np.count_nonzero(inside) < MIN_READINGS:
             return None
         time = time[inside]
-        angle = model.stretch.at(time) + self.alignment.offset
+        angle = model.stretch.angle_at(time) + self.alignment.offset
         modelled = np.interp(time, model.rows[0], model.rows[row])
         return PairedSignal(time, angle, signal.value[inside] - zero, modelled)
 
@@ -256,44 +286,59 @@ class MeasuredPairs:
         if self.run.level is None:
             return None
         time = self.alignment.on_cam_clock(self.run.level.time)
-        inside = (time >= model.begin) & (time <= model.stretch.knots[-1])
+        inside = (time >= model.start) & (time <= model.stretch.knots[-1])
         if not inside.any():
             return None
         levels = self.run.level.value[inside]
-        top = float(levels.max())
-        return top + float(10.0 * np.log10(np.mean(10.0 ** (0.1 * (levels - top)))))
+        highest = float(levels.max())
+        return highest + float(10.0 * np.log10(np.mean(10.0 ** (0.1 * (levels - highest)))))
 
 
-def _with_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
-    """The force with a mark where the model's jumps: there the events' times count."""
-    near = max(JUMP_ANGLE / model.stretch.mean_speed, 2.0 * float(np.diff(model.rows[0, :2])[0]))
+def _mark_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
+    """Return the force with a mark on readings near a jump of the model's force.
+
+    There the force depends on the times of the events.
+    """
+    width = max(JUMP_ANGLE / model.stretch.mean_speed, 2.0 * float(np.diff(model.rows[0, :2])[0]))
     around = [
-        np.interp(pair.time + part * near, model.rows[0], model.rows[4])
-        for part in (-1.0, -0.5, 0.0, 0.5, 1.0)
+        np.interp(pair.time + fraction * width, model.rows[0], model.rows[4])
+        for fraction in (-1.0, -0.5, 0.0, 0.5, 1.0)
     ]
-    beside = np.ptp(around, axis=0) > JUMP * float(np.ptp(pair.model))
-    if np.count_nonzero(~beside) < LEAST_READINGS:
+    near_jump = np.ptp(around, axis=0) > JUMP_FRACTION * float(np.ptp(pair.model))
+    if np.count_nonzero(~near_jump) < MIN_READINGS:
         return pair
-    return replace(pair, beside_jump=beside)
+    return replace(pair, near_jump=near_jump)
 
 
 def pair_measured(
     run: MeasuredRun, loaded: LoadedScene, cam: str, offset: float | None = None
 ) -> MeasuredPairs:
-    """Find a run's steady turns, and how its readings lie on them; ``offset`` None: by the lift."""
+    """Find the steady turns of a run and align its readings with the cam.
+
+    Parameters
+    ----------
+    run : the measured run
+    loaded : the scene of the model
+    cam : name of the cam
+    offset : cam angle minus encoder angle in rad (default: identified from the lift)
+
+    Raises
+    ------
+    BagError : the run has no steady turns after those that settle
+    """
     loaded.law_of(cam)
     settle = loaded.scene.program.settle_turns.si
-    stretches = tuple(steady_stretches(run.angle, settle + LEAST_TURNS))
+    stretches = tuple(steady_stretches(run.angle, settle + MIN_TURNS))
     if not stretches:
         raise BagError(
-            f"{run.source}: {run.angle.source}: nowhere {settle + LEAST_TURNS:g} turns at a speed "
-            f"that is held within 2 %; allowed: {settle:g} turns to settle, as scene "
-            f"{loaded.scene.name} says, and {LEAST_TURNS:g} to compare"
+            f"{run.source}: {run.angle.source}: no {settle + MIN_TURNS:g} successive turns at "
+            f"one speed (within 2 %); required: {settle:g} turns to settle, as in scene "
+            f"{loaded.scene.name}, and {MIN_TURNS:g} to compare"
         )
     pairs = MeasuredPairs(run, loaded, cam, stretches, Alignment(offset or 0.0), offset is not None)
     if run.lift is None:
         return pairs
-    driven = partial(drive, loaded, cam)
+    drive_cam = partial(drive, loaded, cam)
     return replace(
-        pairs, alignment=find_alignment(stretches, run.lift, driven, offset, pairs.count)
+        pairs, alignment=find_alignment(stretches, run.lift, drive_cam, offset, pairs.count)
     )

@@ -1,4 +1,4 @@
-"""A recorded run beside the model of a scene."""
+"""Comparison of a recorded run with the model of a scene."""
 
 from __future__ import annotations
 
@@ -28,24 +28,26 @@ from cam_rig.studies.compare.comparison import (
 from cam_rig.studies.compare.pairs import RecordedPairs, pair_measured
 
 
-def _departure(name: str, unit: str) -> tuple[Column, ...]:
-    """How far one quantity departs, its noise where there is any, and a mark where they agree."""
+def _departure_columns(name: str, unit: str) -> tuple[Column, ...]:
+    """Return the columns of one quantity.
+
+    They are the r.m.s. difference, the noise if there is any, the largest difference with its
+    angle, and a mark if run and model agree.
+    """
 
     def noise(row: SpeedDeparture) -> Cell:
-        found = getattr(row, name)
-        return (
-            None if row.exact or found is None else found.noise / SI_UNITS.get(unit, ("", 1.0))[1]
-        )
+        part = getattr(row, name)
+        return None if row.exact or part is None else part.noise / SI_UNITS.get(unit, ("", 1.0))[1]
 
     def mark(row: SpeedDeparture) -> Cell:
-        found = getattr(row, name)
-        if found is None or not found.within:
-            return "~" if found is not None and found.restless else None
+        part = getattr(row, name)
+        if part is None or not part.within:
+            return "~" if part is not None and part.varies_by_turn else None
         return "=" if row.exact else "*"
 
     def angle(row: SpeedDeparture) -> float | None:
-        found = getattr(row, name)
-        return None if found is None else math.radians(found.degrees)
+        part = getattr(row, name)
+        return None if part is None else math.radians(part.degrees)
 
     return (
         Column(f"{name}_rms", unit, ".3g", f"{name} r.m.s.", f"{name}.rms"),
@@ -56,15 +58,17 @@ def _departure(name: str, unit: str) -> tuple[Column, ...]:
     )
 
 
+#: Notes below the table of lift and force.
 NOTES = (
     Footnote(
         "R.m.s. of all readings. Noise: scatter of the readings from turn to turn. Largest: of the "
-        "mean over the turns, in parts of 2°. Forces within 0.5° of a jump of the model's are left "
-        "out, such as at a landing: there they say when, as the other table does.",
+        "mean over the turns, per 2° of the turn. Forces within 0.5° of a jump of the model's "
+        "force, such as a landing, are left out: they depend on its time, which the next table "
+        "shows.",
         lambda row: not row.exact,
     ),
     Footnote(
-        "*: within the noise, which explains all but half of itself at most.",
+        "*: within the noise. The systematic difference is at most half of the noise.",
         lambda row: not row.exact,
     ),
     Footnote(
@@ -72,12 +76,12 @@ NOTES = (
     ),
     Footnote("=: equal to rounding.", lambda row: row.exact),
     Footnote(
-        "~: the model's own turns differ from each other, because it bounces: compare lift-offs, "
-        "not curves.",
-        lambda row: any(one is not None and one.restless for one in (row.lift, row.force)),
+        "~: the model's turns differ from each other, because it bounces: compare the lift-offs "
+        "instead of the curves.",
+        lambda row: any(part is not None and part.varies_by_turn for part in (row.lift, row.force)),
     ),
 )
-#: Display units of numbers in tables with one unit per row.
+#: Display units in tables with one unit per row. Other quantities have SI units.
 DISPLAY_UNITS = {"lift": "µm", "lift_zero": "mm", "lift_hysteresis": "µm", "events_later": "ms"}
 DISPLAY_UNITS |= {"cam_angle_offset": "°", "angle_residual": "°", "sensor_stamp_delay": "ms"}
 DISPLAY_UNITS |= {"sensor_clock_drift": "ppm", "uneven_speed": "%", "left_out_time": "%"}
@@ -99,21 +103,32 @@ def _shown_value(digits: str) -> Callable[[Any], Cell]:
     return cell
 
 
+#: Note below the table of events.
 LATER = Footnote(
-    "Events later by: the median, of lift-offs and landings that both have.",
+    "Events later by: median of the lift-offs and landings that run and model have in common.",
     lambda row: row.contact is not None and row.contact.shift is not None,
 )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Result):
-    """Where a recorded run and a model part.
+    """Differences between a recorded run and a model.
 
-    ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle;
-    ``speeds``: one row per cam and speed; ``notes``: how the bag was read, and warnings, one
-    sentence each; ``alignment``: numbers by which the readings of a bench were aligned with the
-    cam, empty for a bag of the rig; ``counts``: readings and skipped messages of each quantity,
-    empty for a bag of the rig.
+    Attributes
+    ----------
+    source
+        The bag.
+    loaded
+        The scene whose model was driven with the recorded cam angle.
+    speeds
+        One row per cam and speed.
+    notes
+        One sentence each on the reading of the bag, and warnings.
+    alignment
+        Numbers by which the readings of a test bench were aligned with the cam. It is empty for a
+        bag of the rig.
+    counts
+        Readings and skipped messages of each quantity. It is empty for a bag of the rig.
     """
 
     schema = "cam_rig.compare.1"
@@ -123,9 +138,9 @@ class RunComparison(Result):
             Column("cam"),
             Column("rpm", "rpm", ".5g", "speed"),
             Column("turns", "", ".3g"),
-            *_departure("lift", "µm"),
-            *_departure("force", "N"),
-            Column("force_ringing", "Hz", hidden=True, of="peak_hz", doc="None: nothing rings"),
+            *_departure_columns("lift", "µm"),
+            *_departure_columns("force", "N"),
+            Column("force_ringing", "Hz", hidden=True, of="peak_hz", doc="None without ringing"),
         ),
         "events": (
             Column("cam"),
@@ -166,9 +181,9 @@ class RunComparison(Result):
             Column("skipped", "", "d", doc="messages that gave no reading"),
         ),
         "run": (
-            Column("bag", of=lambda found: str(found.source)),
+            Column("bag", of=lambda comparison: str(comparison.source)),
             Column("scene", of="loaded.scene.name"),
-            Column("force_ringing", "Hz", doc="of the force's deviation, at several speeds alike"),
+            Column("force_ringing", "Hz", doc="of the force's deviation, equal at several speeds"),
             Column("notes", doc="how the bag was read, and warnings"),
         ),
     }
@@ -182,13 +197,13 @@ class RunComparison(Result):
 
     @property
     def force_ringing(self) -> float | None:
-        """Frequency (Hz) at which the force deviates at several speeds; None if there is none."""
+        """Frequency (Hz) at which the force deviates at several speeds, or None."""
         return common_frequency(
             [row.rpm for row in self.speeds], [row.peak_hz for row in self.speeds]
         )
 
     def tables(self) -> list[Records]:
-        """Lift and force; lift-offs and levels; the run."""
+        """Return the tables: lift and force, events and levels, alignment, and the run."""
         caption = f"{self.loaded.scene.title}: measured less model"
         relative = Footnote(
             RELATIVE_NOTE, lambda row: not self.loaded.calibrated and row.measured_db is not None
@@ -205,7 +220,7 @@ class RunComparison(Result):
         ]
 
     def summary(self) -> list[str]:
-        """How the bag was read, at how many speeds run and model agree, and a ringing force."""
+        """Return the notes, the number of speeds that agree, and the ringing of the force."""
         agreeing = sum(row.agrees for row in self.speeds)
         lines = [*self.notes, f"lift and force agree at {agreeing} of {len(self.speeds)} speeds"]
         if self.force_ringing is not None:
@@ -223,23 +238,29 @@ def compare(
     namespace: str | None = None,
     offset_deg: float | None = None,
 ) -> RunComparison:
-    """Drive a scene's model with the cam angle of a recorded run, and find where the two part.
+    """Compare a recorded run with a model driven with the recorded cam angle.
 
     The command is ``cam-rig compare``.
 
     Parameters
     ----------
-    scene : a name in ``config/scenes``, a path, or what `load_scene` gave
-    topics : of a bag of another program, where the quantities are, as ``angle=/encoder.data:deg
-        lift=/lvdt.data:mm``; a bag of the rig needs none
-    cam : one cam; of a bag of another program the one that ran
-    namespace : one rig of a bag that holds several
-    offset_deg : cam angle less the encoder's; by default found from the lift
+    bag : the bag of the run
+    scene : a name in ``config/scenes``, a path, or a result of `load_scene`
+    topics : topic fields of the quantities in a bag of another program, such as
+        ``angle=/encoder.data:deg lift=/lvdt.data:mm``. A bag of the rig must not have it
+    cam : the cam to compare. In a bag of another program it is the cam that was mounted
+    namespace : the rig in a bag with several rigs
+    offset_deg : cam angle minus encoder angle in degrees (default: identified from the lift)
+
+    Returns
+    -------
+    RunComparison
+        The differences, one row per cam and speed.
 
     Raises
     ------
-    BagError : the bag cannot be read, or holds nothing to compare
-    ConfigError : the scene has no such cam, or an argument does not fit the bag
+    BagError : the bag cannot be read, or has no data to compare
+    ConfigError : the scene does not have the cam, or an argument does not fit the bag
     MissingLibraryError : the extra ``bags`` is not installed
 
     Examples
@@ -255,13 +276,13 @@ def compare(
             raise ConfigError(
                 f"offset {offset_deg:g}°: the rig's bags have exact angles; allowed: with --topics"
             )
-        return _recorded(Path(bag), loaded, cam, namespace)
+        return _compare_recording(Path(bag), loaded, cam, namespace)
     if namespace is not None:
         raise ConfigError(f"namespace {namespace}: --topics names whole topics; allowed: one")
-    return _measured(Path(bag), loaded, topics, cam, offset_deg)
+    return _compare_bench(Path(bag), loaded, topics, cam, offset_deg)
 
 
-def _recorded(
+def _compare_recording(
     bag: Path, loaded: LoadedScene, cam: str | None, namespace: str | None
 ) -> RunComparison:
     with libraries_named():
@@ -276,15 +297,17 @@ def _recorded(
     steps = pairs.steps(read_ticks(bag, rig), read_states(bag, rig), read_pressures(bag, rig))
     rows = compare_steps(steps, loaded.laws)
     if not rows:
-        what = "settled turn" if cam is None else f"settled turn of cam {cam}"
-        raise BagError(f"{bag}: holds no {what} at a steady speed to compare; run one whole step")
+        label = "" if cam is None else f" of cam {cam}"
+        raise BagError(
+            f"{bag}: contains no settled turn{label} at a steady speed; run one whole step"
+        )
     notes = recovered_words(bag)
     if pairs.lost:
         notes.append(f"{pairs.lost} ticks have no samples in the bag: they are left out.")
     return RunComparison(bag, loaded, tuple(rows), tuple(notes))
 
 
-def _measured(
+def _compare_bench(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
 ) -> RunComparison:
     with libraries_named():
@@ -292,16 +315,14 @@ def _measured(
         from cam_rig.bag.measured_run import read_measured
 
     mapping = parse_topics(topics)
-    there = list(loaded.laws)
-    if cam is None and len(there) > 1:
-        raise ConfigError(
-            f"{loaded.scene_file}: has cams {', '.join(there)}; say with --cam which one ran"
-        )
-    known = cam or there[0]
-    loaded.law_of(known)
-    run = read_measured(bag, mapping, known)
+    cams = list(loaded.laws)
+    if cam is None and len(cams) > 1:
+        raise ConfigError(f"{loaded.scene_file}: has cams {', '.join(cams)}; choose one with --cam")
+    chosen = cam or cams[0]
+    loaded.law_of(chosen)
+    run = read_measured(bag, mapping, chosen)
     offset = None if offset_deg is None else math.radians(offset_deg)
-    pairs = pair_measured(run, loaded, known, offset)
+    pairs = pair_measured(run, loaded, chosen, offset)
     rows, notes = compare_steps(pairs.steps(), loaded.laws), (*run.notes, *warnings_of(pairs))
     if loaded.no_sound_note:
         notes += (loaded.no_sound_note,)

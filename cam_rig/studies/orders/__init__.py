@@ -1,4 +1,4 @@
 """Force and sound of a steady turn by orders of the cam, without leakage."""
 
-#: Orders at most: a table that nobody reads.
+#: Largest number of orders, which bounds the size of the tables.
 MAX_ORDERS = 10_000

@@ -1,4 +1,4 @@
-"""The command ``cam-rig orders``."""
+"""The command cam-rig orders."""
 
 from __future__ import annotations
 
@@ -15,16 +15,10 @@ from cam_rig.studies.orders import MAX_ORDERS
 Source = Annotated[
     str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
 ]
-
-
 Speeds = Annotated[
     str | None, typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's.")
 ]
-
-
 OneCam = Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")]
-
-
 OwnRig = Annotated[
     str | None,
     typer.Option(
@@ -32,16 +26,10 @@ OwnRig = Annotated[
         "in rigs beside it, else tm21."
     ),
 ]
-
-
 OwnModel = Annotated[
     str | None, typer.Option(help="Model, as in a scene (two_mass); by default the scene's.")
 ]
-
-
 Highest = Annotated[int, typer.Option("--orders", min=1, max=MAX_ORDERS, help="Highest order.")]
-
-
 Save = Annotated[
     Path | None, typer.Option(help="Write a Rerun recording (.rrd): diagram and spectra.")
 ]
@@ -59,12 +47,12 @@ def orders(
     *,
     progress: Progress,
 ) -> Result:
-    """Find the spectrum of force and sound by orders of the cam: exact, without leakage.
+    """Compute the spectrum of force and sound by orders of the cam, without leakage.
 
-    An order is a frequency as a multiple of the cam's. The Fourier coefficients of the steady
-    turn are closed forms, those of landings too. A cam alone is put on one mass, at 200 to 400
-    rpm. The plot has the orders as rays over speed (Campbell diagram), of one speed as lines; the
-    CSV has every order.
+    An order is a frequency as a multiple of the cam's rotational frequency. The Fourier
+    coefficients of the steady turn, including its landings, are closed forms. A cam alone is placed
+    on one mass, at 200 to 400 rpm. The plot shows the orders as rays over speed (Campbell diagram),
+    or as lines at one speed. The CSV file contains every order.
 
     In Python: cam_rig.orders(source, rpm, cam, rig, model, orders)
 
@@ -82,12 +70,12 @@ def orders(
     if save is not None:
         check_recording(save)
     speeds = None if rpm is None else speeds_in(rpm)
-    found = study.orders(
+    result = study.orders(
         source, speeds, cam=cam, rig=rig, model=model, orders=highest, progress=progress
     )
     if save is not None:
         from cam_rig.studies.orders.chart import save_orders
 
-        save_orders(found.studies, save, found.titles)
+        save_orders(result.studies, save, result.titles)
         say(f"recording: {save}")
-    return found
+    return result

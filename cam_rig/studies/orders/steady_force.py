@@ -1,4 +1,4 @@
-"""The contact force of a steady state, piece by piece: polynomials, vibrations and landings."""
+"""Contact force of a steady state in pieces: polynomials, vibrations and landings."""
 
 from __future__ import annotations
 
@@ -24,13 +24,16 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Fraction of a turn that the contacts of two turns must share to count as overlapping.
+#: Part of a turn that two contacts must share to be the same contact.
 OVERLAP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class FreeForce:
-    """A force c e^{At} z: ``matrix`` A ``(2, 2)``, ``row`` c and ``start`` z ``(2,)``."""
+    """Force c e^{At} z of a free vibration.
+
+    `matrix` is A of shape (2, 2), `row` is c and `start` is z, both of shape (2,).
+    """
 
     matrix: FloatArray
     row: FloatArray
@@ -39,7 +42,10 @@ class FreeForce:
 
 @dataclass(frozen=True, eq=False)
 class ForcePiece:
-    """A stretch of contact, in s since θ = 0: its polynomial (N), and the vibration on it."""
+    """Contact force on a part of the turn: a polynomial (N) and a vibration.
+
+    `begin` is the time in s since θ = 0, and `length` the duration in s.
+    """
 
     begin: float
     length: float
@@ -47,22 +53,23 @@ class ForcePiece:
     free: FreeForce | None = None
 
     def at(self, times: FloatArray) -> FloatArray:
-        """The force (N) at times in s within the piece."""
+        """Return the force (N) at times in s within the piece."""
         since = times - self.begin
         force = bernstein.evaluate(self.ordinates, since / self.length)
         if self.free is not None:
-            v = self.free
-            force = force + v.row @ free_motion(v.matrix, v.start, since)
+            vibration = self.free
+            force = force + vibration.row @ free_motion(vibration.matrix, vibration.start, since)
         return np.asarray(force)
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyForce:
-    """The contact force over ``turns`` turns, after which it comes back to itself.
+    """Periodic contact force over `turns` turns at `speed` (rad/s).
 
-    ``turns`` are more than 1 for a follower that lands otherwise in every turn of so many. Between
-    the ``pieces`` it flies and the force is zero; ``landings`` are (time in s since θ = 0, impulse
-    in N·s). Not ``settled``, it is the last turn that was run. ``speed`` in rad/s.
+    `turns` is greater than 1 if the follower lands differently in successive turns. Between the
+    `pieces` the follower flies and the force is zero. `landings` are pairs of time (s since θ = 0)
+    and impulse (N·s). If `settled` is False, the force is not periodic and that of the last
+    simulated turn is given.
     """
 
     speed: float
@@ -73,35 +80,44 @@ class SteadyForce:
 
     @property
     def natural_frequency(self) -> float | None:
-        """Of the stem in contact, Hz; None where the model's stem is rigid."""
+        """Natural frequency of the stem in contact, Hz.
+
+        It is None for a model with a rigid stem.
+        """
         free = next((piece.free for piece in self.pieces if piece.free is not None), None)
         return None if free is None else math.sqrt(float(np.linalg.det(free.matrix))) / TURN
 
     @property
     def duration(self) -> float:
-        """Of all its turns, s."""
+        """Duration of the period, s."""
         return self.turns * TURN / self.speed
 
     def at(self, times: FloatArray) -> FloatArray:
-        """The force (N) without the landings, at any times in s since θ = 0, ``(n,)``."""
+        """Return the force (N) without the landings.
+
+        `times` are any times in s since θ = 0, shape (n,).
+        """
         first = self.pieces[0].begin if self.pieces else 0.0
         inside = first + np.mod(times - first, self.duration)
         force = np.zeros(times.size)
         for piece in self.pieces:
-            here = (inside >= piece.begin) & (inside < piece.begin + piece.length)
-            force[here] = piece.at(inside[here])
+            is_inside = (inside >= piece.begin) & (inside < piece.begin + piece.length)
+            force[is_inside] = piece.at(inside[is_inside])
         return force
 
 
 def steady_force(law: Law, model: str, rig: RigConfig, speed: float) -> SteadyForce:
-    """The steady contact force of a model at a speed (rad/s)."""
+    """Return the steady contact force of a model at a speed (rad/s).
+
+    Raises ConfigError for a model without a closed form.
+    """
     if model not in BUILDERS:
         raise ConfigError(
             f"model {model}: its force is no closed form of the cam angle; allowed for orders: "
             f"{', '.join(BUILDERS)}"
         )
     if model == "one_mass" and rig.follower.restitution is None:
-        # without a landing the force does not depend on the restitution
+        # Without a landing the force does not depend on the restitution.
         rigid = FollowerParameters.from_rig(rig)
         if not law.velocity_jumps and force_extremes(law, rigid, speed)[0] > 0.0:
             return _kinetostatic(law, rigid, speed)
@@ -115,28 +131,37 @@ def _kinetostatic(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
 
 
 def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
-    """On the cam it has forgotten what was: two contacts at one angle are the same motion."""
-    turn, found = TURN / speed, None
+    """Return the steady force of the one-mass model.
+
+    On the cam the motion does not depend on the past. Two contacts at one cam angle are therefore
+    the same motion.
+    """
+    turn, repetition = TURN / speed, None
     for run in SPECTRUM_TURNS:
-        course = OneMassTrajectory(law, p, Interval(0, math.ceil(run * turn * NS) + 1, 0.0, speed))
-        course.run(None)
-        contacts = [(x.begin, x.end) for x in course.phases if x.flight is None]
-        found = _repeated(contacts, turn)
-        if found is not None:
+        trajectory = OneMassTrajectory(
+            law, p, Interval(0, math.ceil(run * turn * NS) + 1, 0.0, speed)
+        )
+        trajectory.run(None)
+        contacts = [(x.begin, x.end) for x in trajectory.phases if x.flight is None]
+        repetition = _repeated(contacts, turn)
+        if repetition is not None:
             break
-    begin, turns = found or ((run - 1) * turn, 1)
-    forces, end = force_ordinates(law, p, speed), begin + turns * turn
+    start, turns = repetition or ((run - 1) * turn, 1)
+    forces, end = force_ordinates(law, p, speed), start + turns * turn
     pieces = [
         piece
         for a, b in contacts
-        for piece in _contact_pieces(law, forces, speed, max(a, begin), min(b, end))
+        for piece in _contact_pieces(law, forces, speed, max(a, start), min(b, end))
     ]
-    landings = _landings(course.events, begin, end)
-    return SteadyForce(speed, turns, tuple(pieces), landings, found is not None)
+    landings = _landings(trajectory.events, start, end)
+    return SteadyForce(speed, turns, tuple(pieces), landings, repetition is not None)
 
 
 def _repeated(contacts: list[tuple[float, float]], turn: float) -> tuple[float, int] | None:
-    """A time (s) and after how many turns the follower is on the cam again; None if it is not."""
+    """Return a time (s) and the number of turns after which the contact repeats.
+
+    Returns None if it does not repeat.
+    """
     for turns in range(1, MAX_PERIOD_TURNS + 1):
         later = turns * turn
         for a, b in contacts:
@@ -148,27 +173,30 @@ def _repeated(contacts: list[tuple[float, float]], turn: float) -> tuple[float, 
 
 
 def _contact_pieces(
-    law: Law, forces: FloatArray, speed: float, begin: float, end: float
+    law: Law, forces: FloatArray, speed: float, start: float, end: float
 ) -> Iterator[ForcePiece]:
-    """The law's pieces from ``begin`` to ``end`` s, with force ordinates ``(p + 1, n)`` in N."""
-    if end <= begin:
+    """Yield the pieces of the law from `start` to `end` (s).
+
+    `forces` are the ordinates of the force in N, shape (p + 1, n).
+    """
+    if end <= start:
         return
-    for whole in range(math.floor(speed * begin / TURN), math.floor(speed * end / TURN) + 1):
+    for turn in range(math.floor(speed * start / TURN), math.floor(speed * end / TURN) + 1):
         for i, (low, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
-            first, length = (whole * TURN + float(low)) / speed, float(span) / speed
-            a, b = max(begin, first), min(end, first + length)
+            first, length = (turn * TURN + float(low)) / speed, float(span) / speed
+            a, b = max(start, first), min(end, first + length)
             if b > a:
                 u = (a - first) / length, min(1.0, (b - first) / length)
                 yield ForcePiece(a, b - a, _restricted(forces[:, i], *u))
 
 
-def _restricted(ordinates: FloatArray, begin: float, end: float) -> FloatArray:
-    whole = begin == 0.0 and end == 1.0
-    return ordinates if whole else bernstein.restrict(ordinates, begin, end)
+def _restricted(ordinates: FloatArray, start: float, end: float) -> FloatArray:
+    is_complete = start == 0.0 and end == 1.0
+    return ordinates if is_complete else bernstein.restrict(ordinates, start, end)
 
 
-def _landings(events: list[Event], begin: float, end: float) -> tuple[tuple[float, float], ...]:
-    inside = (event for event in events if begin < event.time <= end)
+def _landings(events: list[Event], start: float, end: float) -> tuple[tuple[float, float], ...]:
+    inside = (event for event in events if start < event.time <= end)
     return tuple((event.time, event.impulse) for event in inside if event.kind == "landing")
 
 
@@ -186,7 +214,10 @@ def _linear_pieces(
     begin: float,
     duration: float,
 ) -> Iterator[ForcePiece]:
-    """The last output of a linear model from a state at an angle (rad), ``begin`` s after θ = 0."""
+    """Yield the last output of a linear model from a state at an angle (rad).
+
+    `begin` is the time of that state in s since θ = 0.
+    """
     for run in model.walk(start, angle, duration):
         length = run.end - run.begin
         if length <= 0.0:
@@ -201,48 +232,53 @@ def _linear_pieces(
 def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
     model, turn = contact_response(law, p, speed), TURN / speed
     start = model.turn.fixed_point()
-    stays = start is not None and not law.velocity_jumps
-    if start is not None and stays and first_lift_off(law, p, speed, start, turn) is None:
+    can_stay = start is not None and not law.velocity_jumps
+    if start is not None and can_stay and first_lift_off(law, p, speed, start, turn) is None:
         contact = tuple(_linear_pieces(model, force_output(p), start, 0.0, 0.0, turn))
         return SteadyForce(speed, 1, contact)
     for run in SPECTRUM_TURNS:
-        course = Separation(law, p, speed)
-        course.run_from((run + MAX_PERIOD_TURNS) * turn, np.zeros(2) if start is None else start)
-        turns = _period(course, run, turn)
+        trajectory = Separation(law, p, speed)
+        trajectory.run_from(
+            (run + MAX_PERIOD_TURNS) * turn, np.zeros(2) if start is None else start
+        )
+        turns = _period(trajectory, run, turn)
         if turns is not None:
             break
     end = (run + MAX_PERIOD_TURNS - 1) * turn
-    begin = end - (turns or 1) * turn
-    pieces = tuple(_phase_pieces(course, model, begin, end))
-    landings = _landings(course.events, begin, end)
+    period_start = end - (turns or 1) * turn
+    pieces = tuple(_phase_pieces(trajectory, model, period_start, end))
+    landings = _landings(trajectory.events, period_start, end)
     return SteadyForce(speed, turns or 1, pieces, landings, turns is not None)
 
 
-def _period(course: Separation, run: int, turn: float) -> int | None:
-    """After how many turns the states at θ = 0 come back; None if they do not."""
-    found = states(course, turn * np.arange(run - 1.0, run + MAX_PERIOD_TURNS))[:4]
-    lift, slope, _ = course.law.bounds
-    scale = np.array([lift, course.speed * slope] * 2)[:, None]
-    away = (np.abs(found[:, -1:] - found[:, -2::-1]) / scale).max(axis=0)
-    same = np.flatnonzero(away < STATE_RTOL)
-    return int(same[0]) + 1 if same.size else None
+def _period(trajectory: Separation, run: int, turn: float) -> int | None:
+    """Return the number of turns after which the states at θ = 0 repeat.
+
+    Returns None if they do not repeat.
+    """
+    period_states = states(trajectory, turn * np.arange(run - 1.0, run + MAX_PERIOD_TURNS))[:4]
+    lift, slope, _ = trajectory.law.bounds
+    scale = np.array([lift, trajectory.speed * slope] * 2)[:, None]
+    distance = (np.abs(period_states[:, -1:] - period_states[:, -2::-1]) / scale).max(axis=0)
+    repeated = np.flatnonzero(distance < STATE_RTOL)
+    return int(repeated[0]) + 1 if repeated.size else None
 
 
 def _phase_pieces(
-    course: Separation, model: LinearResponse, begin: float, end: float
+    trajectory: Separation, model: LinearResponse, period_start: float, end: float
 ) -> Iterator[ForcePiece]:
-    for phase in course.phases:
-        a, b = max(phase.begin, begin), min(phase.end, end)
+    for phase in trajectory.phases:
+        a, b = max(phase.begin, period_start), min(phase.end, end)
         if phase.flight is not None or b <= a:
             continue
         start = phase.vibration
         if a > phase.begin:
-            start = model.end(start, course.speed * phase.begin, a - phase.begin)
-        outputs = force_output(course.parameters)
-        yield from _linear_pieces(model, outputs, start, course.speed * a, a, b - a)
+            start = model.end(start, trajectory.speed * phase.begin, a - phase.begin)
+        outputs = force_output(trajectory.parameters)
+        yield from _linear_pieces(model, outputs, start, trajectory.speed * a, a, b - a)
 
 
-#: What finds the steady force, by the model's name in a scene.
+#: Functions that compute the steady force, by the name of the model in a scene.
 BUILDERS: dict[str, Callable[[Law, Any, float], SteadyForce]] = {
     "kinetostatic": _kinetostatic,
     "one_mass": _one_mass,

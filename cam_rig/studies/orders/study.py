@@ -1,4 +1,4 @@
-"""Orders of force and sound as a result: speed by speed, and order by order."""
+"""Result of the orders of force and sound, per speed and per order."""
 
 from __future__ import annotations
 
@@ -33,50 +33,54 @@ from cam_rig.studies.orders import MAX_ORDERS
 from cam_rig.studies.orders.spectrum import CamOrders, OrderSpectrum, waterfall
 from cam_rig.units import RPM
 
-#: So many of the loudest orders are named.
-LOUDEST = 2
-#: Orders are shown up to so many rows.
-SHOWN = 40
+#: Number of the loudest orders in the table of speeds.
+LOUDEST_COUNT = 2
+#: Largest number of rows of the orders table that is shown.
+MAX_SHOWN_ROWS = 40
 
 
 class OrdersRow(NamedTuple):
-    """One of a cam's spectra, and the place of an order in it."""
+    """Spectrum of a cam, and the index of an order in it."""
 
     cam: str
     spectrum: OrderSpectrum
-    place: int = 0
+    order_index: int = 0
 
     @property
     def has_sound(self) -> bool:
-        """True if the rig has the numbers of its sound."""
+        """True if the rig has the parameters of its sound."""
         return math.isfinite(self.spectrum.background_db)
 
     def loudest(self, rank: int) -> tuple[float, float] | None:
-        """The loudest order, the second, …, with its level (dB)."""
+        """Return an order and its level (dB) by rank, 0 for the loudest.
+
+        Returns None without sound, or if there are fewer orders.
+        """
         orders, level = self.spectrum.orders[1:], self.spectrum.level[1:]
         if level.size <= rank or not self.has_sound:
             return None
-        place = np.argsort(-level, kind="stable")[rank]
-        return float(orders[place]), float(level[place])
+        index = np.argsort(-level, kind="stable")[rank]
+        return float(orders[index]), float(level[index])
 
 
-def _of(name: str) -> Callable[[OrdersRow], float]:
-    return lambda row: float(getattr(row.spectrum, name)[row.place])
+def _at_order(name: str) -> Callable[[OrdersRow], float]:
+    return lambda row: float(getattr(row.spectrum, name)[row.order_index])
 
 
-def _loudest(rank: int) -> Column:
-    def words(row: OrdersRow) -> str | None:
-        found = row.loudest(rank)
-        return found and f"{found[0]:g}: {found[1]:.1f}"
+def _loudest_column(rank: int) -> Column:
+    def text(row: OrdersRow) -> str | None:
+        order = row.loudest(rank)
+        return order and f"{order[0]:g}: {order[1]:.1f}"
 
-    return Column(
-        f"loudest_{rank + 1}", of=lambda row: (row.loudest(rank) or [None])[0], cell=words
-    )
+    return Column(f"loudest_{rank + 1}", of=lambda row: (row.loudest(rank) or [None])[0], cell=text)
 
 
 @dataclass(frozen=True, repr=False)
 class OrdersResult(Result):
-    """The orders of each cam at each speed; what cams are called, where not by name."""
+    """Orders of each cam at each speed.
+
+    `titles` are the display names of cams. A cam without a title is shown by its name.
+    """
 
     schema = "cam_rig.orders.1"
     plot_function = "cam_rig.studies.orders.figures:figure"
@@ -84,16 +88,16 @@ class OrdersResult(Result):
         "orders": (
             Column("cam"),
             Column("rpm", "rpm", ".6g", "speed", "spectrum.rpm"),
-            Column("order", "", ".6g", of=_of("orders")),
-            Column("frequency", "Hz", ".2f", of=_of("frequency")),
-            Column("force_amplitude", "N", ".4g", of=_of("amplitude")),
+            Column("order", "", ".6g", of=_at_order("orders")),
+            Column("frequency", "Hz", ".2f", of=_at_order("frequency")),
+            Column("force_amplitude", "N", ".4g", of=_at_order("amplitude")),
             Column(
                 "force_phase",
                 "°",
                 ".1f",
-                of=lambda row: float(np.angle(row.spectrum.force[row.place])),
+                of=lambda row: float(np.angle(row.spectrum.force[row.order_index])),
             ),
-            Column("level", "dB", ".1f", "sound level", _of("level")),
+            Column("level", "dB", ".1f", "sound level", _at_order("level")),
         ),
         "speeds": (
             Column("cam"),
@@ -110,7 +114,7 @@ class OrdersResult(Result):
             Column("mean_force", "N", ".2f", of="spectrum.amplitude.0"),
             Column("level", "dB", ".1f", "sound", "spectrum.total_db"),
             Column("background_level", "dB", ".1f", "background", "spectrum.background_db"),
-            *map(_loudest, range(LOUDEST)),
+            *map(_loudest_column, range(LOUDEST_COUNT)),
             Column("settled", of="spectrum.steady.settled", hidden=True),
         ),
         "run": (Column("rig", of="rig.name"), Column("model")),
@@ -121,12 +125,12 @@ class OrdersResult(Result):
 
     @property
     def speed_rows(self) -> list[OrdersRow]:
-        """A row for each cam and speed."""
-        return [OrdersRow(study.cam, one) for study in self.studies for one in study.spectra]
+        """One row per cam and speed."""
+        return [OrdersRow(study.cam, each) for study in self.studies for each in study.spectra]
 
     @property
     def speeds(self) -> Records:
-        """A row for each cam and speed: mean force, sound of all orders, the loudest of them."""
+        """Table per cam and speed: mean force, sound of all orders, the loudest orders."""
         rows = self.speed_rows
         highest = max((row.spectrum.orders[-1] for row in rows), default=0.0)
         return self.table(
@@ -134,33 +138,36 @@ class OrdersResult(Result):
             f"Orders 1 to {highest:g} of the steady turn",
             rows,
             Footnote(
-                "Sound: of these orders together. Loudest: the order, and its level in dB re "
-                "20 µPa. The background has no orders.",
+                "Sound: level of these orders together. Loudest: the order, and its level in dB re "
+                "20 µPa. The background is noise without orders.",
                 lambda row: row.has_sound,
             ),
             Footnote(
-                "A landing's pulse sounds up to some kHz: more orders have more of it.",
+                "The pulse of a landing extends to some kHz: more orders contain more of it.",
                 lambda row: row.spectrum.steady.landings,
             ),
             Footnote(
-                "none: the force does not come back; it is the last turn run.",
+                "none: the force is not periodic. The values are those of the last simulated turn.",
                 lambda row: not row.spectrum.steady.settled,
             ),
         )
 
     def tables(self) -> list[Records]:
-        """``orders``, the mean at order 0 left out, ``speeds`` and ``run``."""
+        """Return the tables ``orders``, ``speeds`` and ``run``.
+
+        The first does not contain the mean force at order 0.
+        """
         rows = [
-            row._replace(place=place)
+            row._replace(order_index=index)
             for row in self.speed_rows
-            for place in range(1, row.spectrum.orders.size)
+            for index in range(1, row.spectrum.orders.size)
         ]
         orders = self.table(
             "orders",
             "Force and sound by orders of the cam",
             rows,
             "Phase: force = mean + Σ amplitude · cos(order · θ + phase). Level: dB re 20 µPa.",
-            hidden=len(rows) > SHOWN,
+            hidden=len(rows) > MAX_SHOWN_ROWS,
         )
         run: list[Any] = list(self.studies[:1])
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
@@ -172,10 +179,14 @@ class OrdersResult(Result):
         return [f"sound left out: rig {study.rig.name} has no {keys}"] if keys else []
 
 
-# What is asked for: a cam alone or a scene, on a rig, at some speeds.
+# Inputs: a cam alone or a scene, on a rig, at some speeds.
 
-#: What a cam alone is put on: rig and model; and its speeds, rpm.
-CAM_RIG, CAM_MODEL, CAM_RPM = "tm21", "one_mass", tuple(range(200, 401, 10))
+#: Rig of a cam alone.
+CAM_RIG = "tm21"
+#: Model of a cam alone.
+CAM_MODEL = "one_mass"
+#: Speeds (rpm) of a cam alone.
+CAM_RPM = tuple(range(200, 401, 10))
 
 
 @checked
@@ -189,23 +200,28 @@ def orders(
     orders: int = 100,
     progress: Progress = NULL_PROGRESS,
 ) -> OrdersResult:
-    """The spectrum of force and sound by orders of the cam: exact, without leakage.
+    """Return the spectrum of force and sound by orders of the cam, without leakage.
 
-    An order is a frequency as a multiple of the cam's. Fourier coefficients of the steady turn are
-    closed forms, those of landings too.
+    An order is a frequency as a multiple of the cam's rotational frequency. The Fourier
+    coefficients of the steady turn, including its landings, are closed forms.
 
     The command is ``cam-rig orders``.
 
     Parameters
     ----------
-    source : a cam or a scene: a name, a path, or what `load_cam` or `load_scene` gave. A cam alone
-        is put on ``tm21``, model ``one_mass``, at 200 to 400 rpm
-    rpm : one or more, rpm; None: the scene's
-    cam : one of a scene; None: all
-    rig : a name, a path or a rig; None: the scene's
-    model : as `simulate` takes it; None: the scene's
-    orders : the highest, to 10 000
-    progress : told how far it is
+    source : a cam or a scene: a name, a path, or a result of `load_cam` or `load_scene`. A cam
+        alone is placed on the rig ``tm21`` with the model ``one_mass``, at 200 to 400 rpm
+    rpm : one or more speeds in rpm (default: those of the scene)
+    cam : one cam of a scene (default: all)
+    rig : a name, a path or a rig (default: that of the scene)
+    model : a model as in `simulate` (default: that of the scene)
+    orders : the highest order, 1 to 10 000
+    progress : the receiver of the progress
+
+    Returns
+    -------
+    OrdersResult
+        The spectra of each cam at each speed.
 
     Raises
     ------
@@ -220,17 +236,17 @@ def orders(
     """
     if not 1 <= orders <= MAX_ORDERS:
         raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
-    laws, titles, chosen, own_model, own_rpm = _opened(source, cam, rig)
+    laws, titles, chosen, own_model, own_rpm = _resolve_source(source, cam, rig)
     speeds = own_rpm if rpm is None else speeds_within(rpm)
-    asked = [one * RPM for one in speeds]
-    found = waterfall(laws, model_named(model or own_model), chosen, asked, orders, progress)
-    return OrdersResult(found, titles)
+    rad_s = [speed * RPM for speed in speeds]
+    studies = waterfall(laws, model_named(model or own_model), chosen, rad_s, orders, progress)
+    return OrdersResult(studies, titles)
 
 
-def _opened(
+def _resolve_source(
     source: str | Path | CamConfig | LoadedScene, cam: str | None, rig: Rig
 ) -> tuple[dict[str, Law], dict[str, str], RigConfig, str, list[float]]:
-    """Laws and titles by cam, rig, model, and speeds in rpm, of a scene or of a cam alone."""
+    """Return laws and titles by cam, rig, model, and speeds in rpm, of a scene or cam."""
     if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
         if cam is not None:
             raise ConfigError(f"--cam {cam}: {source} is a cam; allowed: with a scene")
@@ -247,14 +263,17 @@ def _opened(
 
 
 def _is_cam(source: str | Path) -> bool:
-    """Whether a file, or a shipped name, is that of a cam."""
+    """Return True if a file or a shipped name is that of a cam.
+
+    Raises ConfigError if there is no such cam or scene.
+    """
     path = named_path("scenes", source)
     if not is_there(path):
         if is_there(cam_path(source)):
             return True
-        there = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
+        names = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
         raise ConfigError(
-            f"{source}: no such cam or scene{did_you_mean(str(source), there)}; allowed: a file, "
+            f"{source}: no such cam or scene{did_you_mean(str(source), names)}; allowed: a file, "
             "or a name in config/cams or config/scenes"
         )
     data = read_yaml(path)

@@ -1,4 +1,4 @@
-"""Readings of bags of other programs: what is no reading is skipped, counted and reported."""
+"""Readings of foreign bags: messages without a reading are skipped and counted."""
 
 import json
 import shutil
@@ -26,7 +26,7 @@ LINE = "angle=/joints.position[cam] lift=/joints.position[follower]"
 
 
 def joints(stamp, values):
-    """A JointState of the joints that a dict names."""
+    """Return a JointState of the joints in a dict."""
     kind = TYPES.types["sensor_msgs/msg/JointState"]
     none = np.array([])
     return kind(header(stamp), list(values), np.array(list(values.values()), float), none, none)
@@ -37,7 +37,7 @@ def both(angle=ANGLE, lift=LIFT):
 
 
 def read(path, line=LINE, **topics):
-    """The signals, counts by quantity and notes of a bag of these topics."""
+    """Return the signals, counts by quantity and notes of a bag with these topics."""
     bag = write_bag(path / "bench", {f"/{name}": topic for name, topic in topics.items()})
     return counted(read_signals(bag, parse_topics(line)))
 
@@ -48,8 +48,8 @@ def counted(found):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_message_without_the_joint_or_the_number_is_no_reading(tmp_path, seed):
-    """Joints published alone, in any order, or without positions: skipped and counted."""
+def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
+    """Joints may be published alone, in any order, or without positions."""
     rng = np.random.default_rng(seed)
     rows, kept = [], {"cam": [], "follower": []}
     for k, row in enumerate(both()):
@@ -67,15 +67,15 @@ def test_a_message_without_the_joint_or_the_number_is_no_reading(tmp_path, seed)
 
 
 def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
-    """With the joints that there are."""
+    """The error lists the existing joints."""
     line = LINE.replace("[cam]", "[cm]")
     with pytest.raises(BagError, match=r"no entry 'cm'; allowed: .*cam, follower"):
         read(tmp_path, line, joints=(joints, TIME, both()))
 
 
 @pytest.mark.parametrize("zero", [[0], [499], [0, 1, 250], range(1, 500, 2)])
-def test_a_stamp_of_0_among_others_is_no_time(tmp_path, zero):
-    """In simulated time, which starts at 0: dropped and counted, and the clock is the header's."""
+def test_a_reading_with_stamp_0_among_others_is_dropped(tmp_path, zero):
+    """It is counted. Simulated time starts at 0, and the clock is that of the header."""
 
     def simulated(stamp, row):
         k, values = row
@@ -90,14 +90,14 @@ def test_a_stamp_of_0_among_others_is_no_time(tmp_path, zero):
 
 
 def test_the_time_is_that_of_the_bag_if_all_stamps_are_0(tmp_path):
-    """A driver without a clock."""
+    """The driver has no clock."""
     signals, counts, notes = read(tmp_path, joints=(lambda _, row: joints(0, row), TIME, both()))
     assert counts["angle"] == (500, 0) and "the time is that of the bag" in notes
     np.testing.assert_allclose(signals["angle"].time, TIME, atol=1e-9)
 
 
 def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
-    """A second publisher sends zeros; the force of another topic is kept."""
+    """A second publisher sends zeros. The force of another topic is kept."""
     wrong = [100, 200, 201, 400]
     angle, lift = ANGLE.copy(), LIFT.copy()
     angle[wrong] = lift[wrong] = 0.0
@@ -115,7 +115,7 @@ def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
 
 @pytest.mark.parametrize("kind", ["Int16", "UInt8", "UInt16", "Int8"])
 def test_a_counter_wraps_at_the_span_of_its_type(tmp_path, kind):
-    """By the type of the field, upwards and downwards."""
+    """The type of the field gives the span, upwards and downwards."""
     message = TYPES.types[f"std_msgs/msg/{kind}"]
     bits, counts = int(kind.strip("UInt")), 4096 if "16" in kind else 64
     low = 0 if kind.startswith("U") else -(2 ** (bits - 1))
@@ -154,7 +154,7 @@ OWN_LINE = "angle=/state.axes[0].counts:turn/4096 lift=/state.axes[0].gauge forc
 
 
 def own_bag(path, plugin, monkeypatch):
-    """A bag of a type that is no standard one."""
+    """Write a bag with a user-defined message type."""
     types = get_typestore(Stores.ROS2_KILTED)
     types.register(get_types_from_msg(OWN, "bench_msgs/msg/State"))
     axis, state = types.types["bench_msgs/msg/Axis"], types.types["bench_msgs/msg/State"]
@@ -169,7 +169,7 @@ def own_bag(path, plugin, monkeypatch):
 
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
 def test_a_type_of_the_user_is_read_by_its_definition_in_the_file(tmp_path, plugin, monkeypatch):
-    """MCAP and SQLite."""
+    """The bag is MCAP or SQLite."""
     bag = own_bag(tmp_path, plugin, monkeypatch)
     signals, counts, _ = counted(read_signals(bag, parse_topics(OWN_LINE)))
     assert set(counts.values()) == {(500, 0)}
@@ -178,7 +178,7 @@ def test_a_type_of_the_user_is_read_by_its_definition_in_the_file(tmp_path, plug
 
 
 def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
-    """An SQLite bag as ROS 2 Humble records it."""
+    """ROS 2 Humble records such SQLite bags."""
     bag = own_bag(tmp_path, StoragePlugin.SQLITE3, monkeypatch)
     with sqlite3.connect(bag / "own.db3") as database:
         database.execute("DELETE FROM message_definitions")
@@ -187,7 +187,7 @@ def test_a_type_without_a_definition_is_refused_by_name(tmp_path, monkeypatch):
 
 
 def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_path):
-    """A Range without the variance that later distributions have."""
+    """The Range message has no variance, unlike that of later distributions."""
     text = "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range"
     text += "\nfloat32 max_range\nfloat32 range"
     types = get_typestore(Stores.EMPTY)
@@ -210,7 +210,7 @@ def test_a_standard_type_of_another_distribution_is_read_by_its_definition(tmp_p
 
 
 def add_json(path):
-    """The MCAP file of a bench with a JSON topic of another program."""
+    """Add a JSON topic to the MCAP file of a bench."""
     with (path / "two.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2")
@@ -230,7 +230,7 @@ def add_json(path):
 
 
 def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
-    """A requested one is an error with topic and encoding."""
+    """A requested topic is an error with its name and encoding."""
     file = add_json(tmp_path)
     _, counts, _ = counted(read_signals(file, parse_topics(LINE)))
     assert counts == {"angle": (500, 0), "lift": (500, 0)}
@@ -241,7 +241,7 @@ def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
 
 
 def test_an_hour_without_readings_is_a_pause(tmp_path):
-    """Named with its length in minutes or hours."""
+    """The note contains its length in minutes or hours."""
     time = np.where(TIME < 1.0, TIME, TIME + 5400.0)
     bag = write_bag(tmp_path / "bench", {"/joints": (joints, time, both())})
     notes = read_measured(bag, parse_topics(LINE)).notes
@@ -249,7 +249,7 @@ def test_an_hour_without_readings_is_a_pause(tmp_path):
 
 
 def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
-    """Never as billions of seconds."""
+    """They are not printed as billions of seconds."""
 
     def simulated(stamp, value):
         return joint(stamp - BEGIN + NS, value)
@@ -266,7 +266,7 @@ def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
 @pytest.mark.parametrize("part", [0.0, 0.001, 0.3, 0.7, 0.98])
 @pytest.mark.parametrize("as_file", [False, True])
 def test_an_sqlite_bag_that_was_cut_off_is_refused_with_a_remedy(tmp_path, part, as_file):
-    """The remedy gives a file that can be read, if its first pages are there."""
+    """The remedy creates a readable file if the first pages exist."""
     topics = {"/joints": (joints, TIME, both())}
     bag = write_bag(tmp_path / "bench", topics, StoragePlugin.SQLITE3)
     file = bag / "bench.db3"
@@ -280,8 +280,8 @@ def test_an_sqlite_bag_that_was_cut_off_is_refused_with_a_remedy(tmp_path, part,
         assert "cam-rig recover" not in str(raised.value)
 
 
-def test_a_whole_sqlite_file_is_a_bag(tmp_path):
-    """Without its folder."""
+def test_a_single_sqlite_file_is_a_bag(tmp_path):
+    """It is read without its folder."""
     topics = {"/joints": (joints, TIME, both())}
     bag = write_bag(tmp_path / "bench", topics, StoragePlugin.SQLITE3)
     shutil.copy(bag / "bench.db3", tmp_path / "alone.db3")

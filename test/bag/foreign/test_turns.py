@@ -1,4 +1,4 @@
-"""Whole turns and wrong angles of an encoder: random runs whose true angle is known."""
+"""Whole turns and wrong angles of an encoder, for random runs with a known angle."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ RATE = 500.0
 
 
 def run(rng, seconds=6.0, rate=RATE):
-    """Time and true angle of a cam: two speeds with a ramp, an uneven turn, uneven stamps."""
+    """Return time and true angle: two speeds with a ramp, an uneven turn and stamps."""
     time = np.arange(0.0, seconds, 1.0 / rate)
     speeds = TURN * rng.uniform(0.5, 4.0, 2)
     ramp = np.clip((time - seconds / 2.0) / rng.uniform(0.05, 1.0), 0.0, 1.0)
@@ -25,7 +25,7 @@ def run(rng, seconds=6.0, rate=RATE):
 
 
 def as_read(angle, way):
-    """The readings of an encoder, and their integers."""
+    """Return the readings of an encoder, and its counter."""
     if way == "one turn":
         return np.remainder(angle, TURN), None
     if way == "half turns":
@@ -41,7 +41,7 @@ def as_read(angle, way):
 
 
 def spoiled(rng, value, kind):
-    """Readings of which a few are wrong, and their indices."""
+    """Return readings with a few wrong values, and the indices of these."""
     value, wrong = value.copy(), []
     for _ in range(rng.integers(1, 9)):
         first = int(rng.integers(value.size))
@@ -61,7 +61,7 @@ WAYS = ["one turn", "half turns", "two turns", "all turns", "int16", "uint8", "u
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("seed", range(12))
 def test_the_turns_are_those_of_the_cam(way, seed):
-    """To a constant; no reading of a sound encoder is dropped."""
+    """They agree to a constant, and no reading of a correct encoder is dropped."""
     rng = np.random.default_rng(seed)
     time, angle = run(rng)
     sign = rng.choice([-1.0, 1.0])
@@ -75,8 +75,8 @@ def test_the_turns_are_those_of_the_cam(way, seed):
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("kind", ["zeros", "random", "runs"])
 @pytest.mark.parametrize("seed", range(8))
-def test_wrong_angles_are_found_and_the_others_kept(way, kind, seed):
-    """Those that differ by more than 30° and 12 counts; the rest has its turns."""
+def test_wrong_angles_are_dropped_and_the_others_kept(way, kind, seed):
+    """Wrong angles differ by more than 30° and 12 counts."""
     rng = np.random.default_rng(100 + seed)
     time, angle = run(rng, seconds=rng.choice([2.0, 20.0]))
     value, counter = as_read(angle, way)
@@ -104,7 +104,7 @@ def test_wrong_angles_are_found_and_the_others_kept(way, kind, seed):
 @pytest.mark.parametrize("count", [2, 3, 5])
 @pytest.mark.parametrize("seed", range(6))
 def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
-    """A mean of some readings, of 359° and 1°, is near 180°: in every turn, at any rate."""
+    """The mean of readings of 359° and 1° is near 180°, in every turn and at any rate."""
     rng = np.random.default_rng(seed)
     rate = rng.choice([150.0, 500.0, 1000.0])
     time, angle = run(rng, 10.0, rate)
@@ -122,8 +122,8 @@ def test_angles_averaged_across_the_wrap_are_wrong(way, count, seed):
 
 
 @pytest.mark.parametrize(("modulo", "turns"), [(16.0, 16.0), (10_000 / 4096, 10_000 / 4096)])
-def test_a_counter_wraps_at_the_jump_itself(modulo, turns):
-    """At a number that is not that of its type: whole turns, or counts."""
+def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
+    """The jump is corrected by whole turns, or by counts."""
     time = np.arange(4000) / 500.0
     count = TURN / 4096
     angle = TURN * 3.0 * time
@@ -134,8 +134,8 @@ def test_a_counter_wraps_at_the_jump_itself(modulo, turns):
     assert f"jumps back by {turns:.6g} turns, first at {first:.6g} s" in " ".join(found.notes)
 
 
-def test_a_cam_that_starts_and_stops_is_sound():
-    """From rest to full speed within a reading, and back; an hour of rest in between."""
+def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
+    """It reaches full speed within one reading, and is stopped for an hour."""
     parts = [np.zeros(200), 0.3 * np.ones(300), np.zeros(200), 0.3 * np.ones(300), np.zeros(50)]
     angle = np.cumsum(np.concatenate(parts))
     time = np.arange(angle.size) / 100.0
@@ -147,7 +147,7 @@ def test_a_cam_that_starts_and_stops_is_sound():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
-    """By the fewest whole turns, as what the cam did in the pause is not known."""
+    """The smallest number of turns is added, because the motion is unknown."""
     time = np.arange(2000) / 500.0
     angle = sign * TURN * 3.0 * time
     angle[1000:] -= angle[1000]
@@ -172,7 +172,7 @@ def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
         (np.remainder(3.0 * np.arange(400), TURN), "steps by 172° from reading to reading"),
     ],
 )
-def test_what_no_cam_does_is_refused_with_its_place(value, error):
-    """Too many wrong angles, an angle that goes back, too few readings per turn."""
+def test_an_impossible_motion_is_refused_with_its_time(value, error):
+    """Too many wrong angles, an angle that reverses, too few readings per turn."""
     with pytest.raises(BagError, match=error):
         count_turns(Signal(np.arange(400.0), value), "bag")

@@ -1,4 +1,4 @@
-"""A bench that does not exist: a scene's follower, seen by instruments of known faults."""
+"""Simulated test bench: a scene's follower, measured with known instrument errors."""
 
 from __future__ import annotations
 
@@ -14,12 +14,16 @@ from cam_rig.studies.compare.comparison import compare_steps
 from cam_rig.studies.compare.pairs import pair_measured
 from cam_rig.units import TURN
 
-#: Counts a turn, readings a second of each instrument, and by how much (°) the encoder is behind.
-COUNTS, RATE, OFFSET_DEG = 1024, 1000.0, 3.0
+#: Encoder counts per turn.
+COUNTS = 1024
+#: Readings per second of each instrument.
+RATE = 1000.0
+#: Cam angle minus encoder angle, °.
+OFFSET_DEG = 3.0
 
 
 def with_follower(loaded, **factors):
-    """The scene with numbers of its follower multiplied."""
+    """Return the scene with parameters of its follower multiplied by factors."""
     follower = loaded.rig.follower
     changed = {name: getattr(follower, name).si * factor for name, factor in factors.items()}
     return replace(loaded, rig=loaded.rig.with_follower(**changed))
@@ -36,12 +40,12 @@ def measured(
     backlash=0.0,
     sense=None,
 ):
-    """The run of a scene with one cam as a bench records it.
+    """Return the run of a scene with one cam as a bench records it.
 
-    The sensors' clock loses ``slow`` of its time, and stamps ``late`` (s) too late. ``force_noise``
-    is a part of the largest force, ``lift_noise`` m, ``counts`` the encoder's a turn or 0,
-    ``backlash`` the lift's whole width, m; ``sense`` makes what the load cell shows of time and
-    force.
+    The sensors' clock is slow by the fraction `slow`, and stamps are `late` (s). `force_noise` is a
+    fraction of the largest force, and `lift_noise` is in m. `counts` is the number of encoder
+    counts per turn, or 0. `backlash` is the whole width of the lift's hysteresis in m. `sense(time,
+    force)` returns the reading of the load cell.
     """
     rng = np.random.default_rng(seed)
     ticks = list(turned_ticks(loaded))
@@ -71,6 +75,6 @@ def measured(
 
 
 def compared(run, loaded, offset=None):
-    """A run on the model of the scene with its cam, and the rows of each speed."""
+    """Return the pairs of a run and its scene, and the rows of each speed."""
     pairs = pair_measured(run, loaded, loaded.scene.cams[0], offset)
     return pairs, compare_steps(pairs.steps(), loaded.laws)

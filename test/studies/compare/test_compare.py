@@ -1,4 +1,4 @@
-"""cam-rig compare: of a bag of the rig, and of a bench's; tables, files, refusals in a line."""
+"""cam-rig compare for bags of the rig and of a bench: tables, files, errors."""
 
 import csv
 import re
@@ -27,7 +27,7 @@ call = partial(run, "compare")
 
 @pytest.fixture
 def bench(tmp_path, make_loaded_scene):
-    """Bag and scene of a bench with an encoder, two sensors of a slow clock, and a microphone."""
+    """Bag and scene of a bench: encoder, two sensors with a slow clock, microphone."""
     loaded = make_loaded_scene(cams=["tm21"], speeds=[250, 400], turns=12, settle_turns=2)
     run = measured(loaded, slow=200e-6)
     topics = {
@@ -41,12 +41,12 @@ def bench(tmp_path, make_loaded_scene):
 
 @pytest.fixture(scope="module")
 def golden():
-    """The golden run beside its own scene."""
+    """The golden run compared with its scene."""
     return cam_rig.compare(GOLDEN, "quick")
 
 
-def test_a_bag_of_the_rig_is_its_scene_s(golden):
-    """The same numbers but for another machine's rounding, at every speed; that is said."""
+def test_a_bag_of_the_rig_agrees_with_its_scene(golden):
+    """All numbers agree to the rounding of another machine, at every speed."""
     found = golden.data()
     assert repr(golden).startswith("RunComparison(departures: 8 rows")
     rows = [(row["cam"], row["rpm"]) for row in found["departures"]]
@@ -61,8 +61,8 @@ def test_a_bag_of_the_rig_is_its_scene_s(golden):
     assert golden.summary() == ["lift and force agree at 8 of 8 speeds"]
 
 
-def test_a_picture_has_a_column_for_three_speeds_of_each_cam_at_most(golden):
-    """What is equal to rounding is said to be, on a scale of µm and N."""
+def test_a_figure_has_at_most_three_speeds_per_cam(golden):
+    """Differences within rounding are labelled so, on a scale of µm and N."""
     panels = golden.plot().axes
     titles = [axes.get_title() for axes in panels if axes.get_title()]
     expected = [f"TM21 concave cam\n{rpm} rpm" for rpm in (200, 350, 400)]
@@ -72,8 +72,8 @@ def test_a_picture_has_a_column_for_three_speeds_of_each_cam_at_most(golden):
     assert {axes.get_title(loc="left") for axes in differences} <= {"equal to rounding", ""}
 
 
-def test_another_rig_s_scene_departs(tmp_path):
-    """A scene with the same cams on another rig: where, and by how much."""
+def test_a_scene_with_another_rig_differs(tmp_path):
+    """The scene has the same cams. The table shows the differences."""
     scene = tmp_path / "scenes" / "mine.yaml"
     scene.parent.mkdir()
     text = (GOLDEN.parents[1] / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
@@ -84,12 +84,12 @@ def test_another_rig_s_scene_departs(tmp_path):
     assert "lift and force agree at 0 of 4 speeds" in result.stderr
 
 
-def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_scene):
-    """The golden bag turned two cams; a scene with the first alone does for that one."""
+def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
+    """The golden bag has two cams, and the scene has the first only."""
     settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
-    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
+    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag contains" in refused.stderr
     rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)
@@ -97,7 +97,7 @@ def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_
 
 @pytest.mark.long
 def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
-    """Agreement within the noise, what was done, all numbers in CSV, a picture and a recording."""
+    """It agrees within the noise. CSV, figure and recording are written."""
     bag, loaded = bench
     plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
     files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
@@ -119,8 +119,8 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     assert recording.stat().st_size > 10_000
 
 
-def test_the_recording_has_both_side_by_side(bench, tmp_path):
-    """Each speed on the timeline; measured less model, in the same units, is the difference."""
+def test_the_recording_has_run_and_model(bench, tmp_path):
+    """Each speed is on the timeline. The difference is measured minus model."""
     _, loaded = bench
     _, rows = compared(measured(loaded), loaded)
     save_real_run(RunComparison(tmp_path, loaded, tuple(rows), ()), tmp_path / "a.rrd")
@@ -139,8 +139,8 @@ def test_the_recording_has_both_side_by_side(bench, tmp_path):
         np.testing.assert_allclose(both, scale * apart, atol=0.05 * np.abs(both).max())
 
 
-def test_of_two_rigs_one_is_compared(tmp_path):
-    """Refused with their names and the remedy; then the one that is named."""
+def test_one_of_two_rigs_is_compared_by_namespace(tmp_path):
+    """Without a namespace the error names both."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     result = call(bag, "quick")
     assert result.exit_code == 1
@@ -150,7 +150,7 @@ def test_of_two_rigs_one_is_compared(tmp_path):
 
 
 def test_readings_and_skipped_messages_are_counted_for_each_quantity(bench):
-    """In JSON and in the notes; a bag of the rig has none."""
+    """The counts are in JSON and in the notes."""
     bag, loaded = bench
     found = data_of("compare", bag, loaded.scene_file, "--topics", LINE)
     counts = {row["quantity"]: row for row in found["readings"]}
@@ -161,6 +161,6 @@ def test_readings_and_skipped_messages_are_counted_for_each_quantity(bench):
         assert any(line.startswith(note) for line in found["run"]["notes"])
 
 
-def test_a_bag_of_the_rig_counts_no_readings(golden):
-    """Its samples are paired one by one."""
+def test_a_bag_of_the_rig_has_no_reading_counts(golden):
+    """Its samples are paired with those of the model."""
     assert golden.data()["readings"] == []

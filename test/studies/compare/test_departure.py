@@ -1,4 +1,4 @@
-"""Noise is told from a departure: by what differs from turn to turn."""
+"""Noise and systematic deviation are distinguished by the scatter between turns."""
 
 from itertools import pairwise
 
@@ -23,8 +23,8 @@ def pair(difference, model=None):
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["even", "in proportion"])
-def test_noise_is_found_beside_a_departure(seed, kind):
-    """Even noise and noise in proportion to the force, beside a wave of as much: both are told."""
+def test_noise_and_deviation_are_measured_together(seed, kind):
+    """The noise is constant or proportional to the force, with a wave of equal size."""
     rng = np.random.default_rng(seed)
     size = 1.0 if kind == "even" else np.abs(np.cos(ANGLE))
     noise = size * rng.normal(size=TIME.size)
@@ -36,7 +36,7 @@ def test_noise_is_found_beside_a_departure(seed, kind):
 
 
 def test_the_largest_difference_is_of_the_mean_over_the_turns():
-    """A bump of 3 N at 200° under noise of 1 N: its place to a part of the turn, its sign too."""
+    """A bump of 3 N at 200° under 1 N of noise is found with its angle and sign."""
     rng = np.random.default_rng(7)
     away = np.remainder(np.degrees(ANGLE) - 200.0 + 180.0, 360.0) - 180.0
     found = departure(pair(rng.normal(size=TIME.size) - 3.0 * np.exp(-((away / 8.0) ** 2))), False)
@@ -44,8 +44,8 @@ def test_the_largest_difference_is_of_the_mean_over_the_turns():
     assert found.largest == pytest.approx(-3.0, abs=0.7)
 
 
-def test_a_model_whose_turns_differ_is_told_from_one_that_jumps_alike_in_each():
-    """A force that is lost at one angle in each turn, and one that is lost within a quarter."""
+def test_only_a_model_whose_turns_differ_is_marked():
+    """The force is lost at one angle in each turn, or within a quarter of the turn."""
     rng = np.random.default_rng(5)
     noise = rng.normal(size=TIME.size)
     inside, turn = np.remainder(np.degrees(ANGLE), 360.0), np.floor(ANGLE / TURN).astype(int)
@@ -53,12 +53,12 @@ def test_a_model_whose_turns_differ_is_told_from_one_that_jumps_alike_in_each():
     alike = np.where(np.abs(inside - places[turn]) < 20.0, 0.0, 50.0)
     places += rng.uniform(-45.0, 45.0, places.size)
     differing = np.where(np.abs(inside - places[turn]) < 20.0, 0.0, 50.0)
-    assert not departure(pair(noise, alike), False).restless
-    assert departure(pair(noise, differing), False).restless
+    assert not departure(pair(noise, alike), False).varies_by_turn
+    assert departure(pair(noise, differing), False).varies_by_turn
 
 
-def test_exactly_driven_there_is_no_noise():
-    """The largest difference is that of one sample, and rounding is told from more."""
+def test_an_exactly_driven_model_has_no_noise():
+    """The largest difference is that of one sample. Rounding is tolerated."""
     difference = np.zeros_like(TIME)
     difference[777] = 1e-6
     found = departure(pair(difference), True)
@@ -72,8 +72,8 @@ def law_of_dwell():
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.5])
-def test_events_are_found_where_the_force_is_lost(noise):
-    """From 100° to 150° of each turn; measured 2° later: counts, shift in ms and in degrees."""
+def test_events_are_found_at_the_loss_of_force(noise):
+    """The force is lost from 100° to 150° of each turn, 2° later in the measurement."""
     rng = np.random.default_rng(3)
     inside = np.remainder(np.degrees(ANGLE), 360.0)
 
@@ -89,8 +89,8 @@ def test_events_are_found_where_the_force_is_lost(noise):
     assert found.shift * 360.0 * HELD / 60.0 == pytest.approx(found.degrees)
 
 
-def test_a_small_force_on_a_dwell_is_no_flight_for_its_noise():
-    """12 N of preload under noise of 3 N falls below 4 standard deviations every other reading."""
+def test_noise_of_a_small_force_on_a_dwell_is_no_flight():
+    """12 N under 3 N of noise are below 4 standard deviations in every other reading."""
     rng = np.random.default_rng(3)
     model = 12.0 + 90.0 * np.clip(np.sin(ANGLE), 0.0, None)
     both = PairedSignal(TIME, ANGLE, model + 3.0 * rng.normal(size=TIME.size), model)
@@ -98,7 +98,7 @@ def test_a_small_force_on_a_dwell_is_no_flight_for_its_noise():
     assert found.model == 0.0 and found.measured < 0.5
 
 
-# -- the cam's motion through an encoder's counts is smooth, and within a count of each reading
+# -- the cam's motion is smooth and within a count of each reading -----------------------------
 
 
 COUNT = TURN / 1024
@@ -108,32 +108,33 @@ def counts(angle):
     return np.floor(angle / COUNT) * COUNT
 
 
-def test_an_even_speed_is_one_number_for_all_turns():
-    """Through counts at three speeds: each to a hundredth of a count, as thousands are averaged."""
+def test_a_constant_speed_is_measured_over_all_turns():
+    """Thousands of counts are averaged: each speed is exact to 0.01 counts."""
     time = np.arange(20_000) / 2000.0
     speeds = np.repeat([200.0, 317.0, 450.0], [8000, 6000, 6000]) * RPM
     angle = np.cumsum(speeds) / 2000.0
     found = steady_stretches(Signal(time, counts(angle)), 3.0)
     assert [one.rpm for one in found] == pytest.approx([200.0, 317.0, 450.0], rel=2e-5)
     for stretch in found:
-        assert stretch.line and stretch.largest < COUNT
+        assert stretch.is_uniform and stretch.largest < COUNT
         inside = (time >= stretch.knots[0]) & (time <= stretch.knots[-1])
-        off = stretch.at(time[inside]) - angle[inside]
+        off = stretch.angle_at(time[inside]) - angle[inside]
         assert np.abs(off + 0.5 * COUNT).max() < 0.05 * COUNT
 
 
-def test_a_speed_that_wavers_within_the_turn_is_followed():
-    """3 % twice a turn: the motion is within half a count, and its speed within 1 %.
+def test_a_speed_that_varies_within_the_turn_is_followed():
+    """The speed varies by 3 % with two periods per turn.
 
-    The difference of two counts at 2 kHz would be off by 15 %.
+    The motion is exact to half a count and its speed to 1 %. The difference of two counts at 2 kHz
+    would differ by 15 %.
     """
     time = np.arange(12_000) / 2000.0
     mean = 300.0 * RPM
     angle = mean * time + 0.015 * np.sin(2.0 * mean * time)
     (stretch,) = steady_stretches(Signal(time, counts(angle)), 3.0)
-    assert not stretch.line
+    assert not stretch.is_uniform
     inside = (time > stretch.knots[1]) & (time < stretch.knots[-2])
-    off = stretch.at(time[inside]) - angle[inside] + 0.5 * COUNT
+    off = stretch.angle_at(time[inside]) - angle[inside] + 0.5 * COUNT
     assert np.sqrt(np.mean(off**2)) < 0.15 * COUNT and np.abs(off).max() < 0.5 * COUNT
     speed = mean * (1.0 + 0.03 * np.cos(2.0 * mean * stretch.knots[1:-1]))
     wrong = np.abs(stretch.speed[1:-1] / speed - 1.0)
@@ -146,8 +147,8 @@ def test_a_speed_that_wavers_within_the_turn_is_followed():
     assert states[0].unwrapped == pytest.approx(stretch.angle[0] + 0.25, abs=1e-6)
 
 
-def test_half_of_the_readings_lost_here_and_there_leave_the_motion_as_it_is():
-    """Gaps of a few readings turn the cam by a small part of a turn; half a second is a gap."""
+def test_short_gaps_do_not_change_the_motion():
+    """Half of the readings are lost. A gap of half a second ends the stretch."""
     time = np.arange(12_000) / 2000.0
     angle = 300.0 * RPM * time
     kept = np.random.default_rng(4).random(time.size) > 0.5
@@ -159,7 +160,7 @@ def test_half_of_the_readings_lost_here_and_there_leave_the_motion_as_it_is():
 
 
 def test_a_ramp_is_no_steady_speed():
-    """Only the held parts before and after it are."""
+    """Only the constant speeds before and after it are steady."""
     time = np.arange(16_000) / 2000.0
     speed = np.interp(time, [0.0, 3.0, 5.0, 8.0], np.array([200.0, 200.0, 400.0, 400.0]) * RPM)
     found = steady_stretches(Signal(time, counts(np.cumsum(speed) / 2000.0)), 4.0)

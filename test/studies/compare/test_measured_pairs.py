@@ -1,4 +1,4 @@
-"""A bench's readings against the model: what they agree in, and each fault of an instrument."""
+"""Readings of a bench against the model, with each instrument error."""
 
 import json
 from dataclasses import replace
@@ -26,7 +26,7 @@ from cam_rig.units import RPM, TURN
 from ..orders.test_orders import random_law
 from .bench import COUNTS, OFFSET_DEG, compared, measured, with_follower
 
-#: ° by which a reading is behind, on average half a count more as an encoder rounds down.
+#: Mean delay (°) of a reading: the offset and half a count, because an encoder rounds down.
 BEHIND = OFFSET_DEG + 180.0 / COUNTS
 
 
@@ -43,7 +43,7 @@ def scene(make_loaded_scene):
     ("cam", "speeds"), [("poly345", (200, 300, 400)), ("tm21", (250, 380, 480))]
 )
 def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
-    """In contact and jumping: 1 % of force noise, 10 µm, 1024 counts, 3° off, 200 ppm slow."""
+    """The errors are 1 % of force noise, 10 µm, 1024 counts, 3°, and 200 ppm."""
     loaded = scene(cam, speeds)
     pairs, rows = compared(measured(loaded, slow=200e-6), loaded)
     found = pairs.alignment
@@ -66,15 +66,15 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
     assert list(warnings_of(pairs)) == []
 
 
-def test_a_heavier_follower_shows_beyond_the_noise(scene):
-    """ΔF = Δm ω² s'' at the place of the largest difference, to the noise of its mean."""
+def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
+    """ΔF = Δm ω² s'' at the largest difference, within the noise of its mean."""
     loaded = scene(speeds=(200, 350))
     heavy = with_follower(loaded, mass=1.25)
     _, rows = compared(measured(heavy, force_noise=0.005), loaded)
     more = heavy.follower.mass - loaded.follower.mass
     row = rows[-1]
     assert row.lift.within and not row.force.within
-    # A part of 2° is averaged, and the mean has a fifth of a reading's noise.
+    # The mean over 2° has a fifth of the noise of a reading.
     near = np.radians(row.force.degrees + np.linspace(-1.0, 1.0, 21))
     expected = more * (row.rpm * RPM) ** 2 * float(loaded.laws["poly345"](near, 2).mean())
     assert row.force.largest == pytest.approx(expected, abs=1.5 * row.force.noise)
@@ -83,17 +83,17 @@ def test_a_heavier_follower_shows_beyond_the_noise(scene):
     assert (lift.agreeing, force.agreeing) == (2, 0) and force.rpm == row.rpm
 
 
-def test_a_heavier_follower_leaves_its_cam_later_or_sooner_and_that_is_not_hidden(scene):
-    """Zero and clock are found at speeds in contact: a flight's error does not go into them."""
+def test_the_events_of_a_heavier_follower_are_shifted(scene):
+    """Zero and clock are identified at speeds in contact, without flights."""
     loaded = scene("tm21", (250, 300, 400, 450))
     pairs, rows = compared(measured(with_follower(loaded, mass=1.1), slow=200e-6), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
     assert rows[0].lift.within and not any(row.lift.within for row in rows[2:])
-    assert all(row.contact.degrees > 1.0 for row in rows[2:])  # the heavier one flies farther
+    assert all(row.contact.degrees > 1.0 for row in rows[2:])  # the heavier follower flies farther
 
 
-def test_backlash_of_the_gauge_is_named_with_its_width(scene):
-    """0.2 mm: the offset is right all the same, the lift departs by half of it, the force not."""
+def test_backlash_of_the_gauge_is_identified(scene):
+    """0.2 mm do not change the offset. The lift differs by half of it."""
     loaded = scene()
     pairs, rows = compared(measured(loaded, backlash=0.2e-3), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
@@ -103,8 +103,8 @@ def test_backlash_of_the_gauge_is_named_with_its_width(scene):
     assert numbers["lift_hysteresis"] == pytest.approx(-0.2e-3, abs=1e-6)
 
 
-def test_a_load_cell_that_rings_is_told_by_its_frequency(scene):
-    """150 Hz at every speed alike; a difference of mass moves with the speed, and is none."""
+def test_the_frequency_of_a_ringing_load_cell_is_identified(scene):
+    """It is 150 Hz at every speed. A difference of mass changes with the speed."""
     loaded = scene(speeds=(250, 300, 350))
     w, damping = 2.0 * np.pi * 150.0, 0.03
 
@@ -114,15 +114,15 @@ def test_a_load_cell_that_rings_is_told_by_its_frequency(scene):
 
     _, rows = compared(measured(loaded, sense=cell), loaded)
     peaks = [row.peak_hz for row in rows]
-    assert peaks[1:] == pytest.approx([150.0] * 2, abs=7.0)  # an order's width
+    assert peaks[1:] == pytest.approx([150.0] * 2, abs=7.0)  # the width of an order
     assert common_frequency([row.rpm for row in rows], peaks) == pytest.approx(150.0, abs=7.0)
     _, rows = compared(measured(with_follower(loaded, mass=1.3)), loaded)
     peaks = [row.peak_hz for row in rows]
     assert common_frequency([row.rpm for row in rows], peaks) is None
 
 
-def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
-    """2 ms are 2.4° at 200 rpm and 4.8° at 400; the encoder's zero is 3° at each."""
+def test_late_stamps_are_distinguished_from_an_offset(scene):
+    """2 ms are 2.4° at 200 rpm and 4.8° at 400 rpm. The offset is 3° at each."""
     loaded = scene(speeds=(200, 300, 400))
     pairs, rows = compared(measured(loaded, late=2e-3), loaded)
     assert pairs.alignment.delay == pytest.approx(-2e-3, abs=2e-5)
@@ -133,16 +133,16 @@ def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
 
 
 @pytest.mark.slow
-def test_no_clock_is_corrected_by_what_ramps_hide_in_a_coarse_encoder(scene):
-    """256 counts a turn: beside a ramp the angle is known to half a count, and the clocks agree."""
+def test_a_coarse_encoder_causes_no_clock_correction(scene):
+    """Near a ramp 256 counts per turn give the angle to half a count."""
     loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, settle_turns=0, ramp=0.81)
     for seed in range(3):
         pairs, _ = compared(measured(loaded, seed=seed, counts=256), loaded)
         assert pairs.alignment.drift == pairs.alignment.delay == 0.0
 
 
-def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
-    """Nothing else is known of it where only the force was measured."""
+def test_a_given_offset_is_kept_and_an_assumed_offset_is_reported(scene):
+    """Only the force was measured, so that the offset is not identifiable."""
     loaded = scene()
     run = measured(loaded)
     given, _ = compared(run, loaded, np.radians(BEHIND))
@@ -152,11 +152,11 @@ def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
     assert blind.alignment.offset == 0.0
     assert alignment_numbers(blind)[0].origin is Origin.ASSUMED
     assert any("The lift was not measured, so" in line for line in warnings_of(blind))
-    assert row.lift is None and not row.force.within  # 3° are seen in the force
+    assert row.lift is None and not row.force.within  # the force shows the 3°
 
 
-def test_a_lift_in_another_unit_and_a_force_that_pulls_are_said(scene):
-    """mm taken for m: the range is a thousand times the cam's. A cam presses, and never pulls."""
+def test_a_wrong_unit_and_a_pulling_force_are_reported(scene):
+    """mm are read as m, and a cam never pulls."""
     loaded = scene()
     run = measured(loaded)
     odd = {"lift": replace(run.lift, value=1e3 * run.lift.value)}
@@ -170,22 +170,22 @@ def test_a_lift_in_another_unit_and_a_force_that_pulls_are_said(scene):
 
 
 def thinned(run, kept):
-    """The run with some of its readings of lift and force."""
+    """Return the run with some of its readings of lift and force."""
     signals = run.lift, run.force
     lift, force = (replace(one, time=one.time[kept], value=one.value[kept]) for one in signals)
     return replace(run, lift=lift, force=force)
 
 
-def test_sensors_slower_than_the_cam_still_find_the_zero(scene):
-    """25 readings a second at 200 and 300 rpm, five and seven a turn: several turns are one."""
+def test_slow_sensors_identify_the_offset(scene):
+    """25 readings per second are five to seven per turn. Turns are combined."""
     loaded = scene("tm21", turns=16)
     pairs, rows = compared(thinned(measured(loaded), slice(None, None, 40)), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.15)
     assert all(row.agrees for row in rows)
 
 
-def test_readings_without_noise_or_counts_are_the_model_s(scene):
-    """Zero to a millionth of a degree; what is left is the model's own grid of samples."""
+def test_readings_without_errors_agree_with_the_model(scene):
+    """The offset is exact to 1e-6°. The rest is the sampling of the model."""
     loaded = scene("tm21", (200, 350))
     pairs, rows = compared(measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0), loaded)
     assert pairs.count == 0.0
@@ -194,8 +194,8 @@ def test_readings_without_noise_or_counts_are_the_model_s(scene):
         assert row.agrees and row.lift.rms < 1e-9 and row.force.rms < 1e-3
 
 
-def test_lost_readings_are_not_bridged(scene):
-    """Of the sensors they are not there; of the encoder they end the steady turns."""
+def test_lost_readings_are_left_out(scene):
+    """Lost encoder readings end the steady turns."""
     loaded = scene()
     run = measured(loaded)
     time = run.angle.time
@@ -214,7 +214,7 @@ def test_lost_readings_are_not_bridged(scene):
 
 @pytest.mark.parametrize("is_still", [False, True])
 def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
-    """Without readings, or with readings of a cam that stands still."""
+    """There are no readings, or readings of a stopped cam."""
     loaded = scene()
     run = measured(loaded)
     before, _ = compared(run, loaded)
@@ -238,15 +238,15 @@ def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
-    """With what steady means and how many turns are asked."""
+    """The error states the rule of a steady speed and the number of turns."""
     loaded = scene()
     time = np.arange(1500) / 1000.0
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
-    with pytest.raises(BagError, match=r"nowhere 4 turns at a speed that is held within 2 %"):
+    with pytest.raises(BagError, match=r"no 4 successive turns at one speed \(within 2 %\)"):
         compared(run, loaded)
 
 
-#: A signal as no instrument should give it: of time, value, and a random generator.
+#: Implausible signals, as functions of time, value, and a random generator.
 FAULTS = (
     lambda t, v, rng: np.stack([t, v])[:, rng.random(t.size) > rng.uniform(0.1, 0.95)],
     lambda t, v, _: (t[:5], v[:5]),
@@ -258,8 +258,8 @@ FAULTS = (
 
 
 @pytest.mark.parametrize("seed", range(len(FAULTS)))
-def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
-    """Lost, few, of no size, buried in noise, at another time, with spikes: there is a table."""
+def test_any_readings_are_compared_in_finite_numbers(scene, seed):
+    """They are lost, few, zero, noisy, at another time, or have spikes."""
     rng = np.random.default_rng(seed)
     loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
     run = measured(loaded, seed)
@@ -274,8 +274,8 @@ def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
     assert len(json.loads(text)["events"]) == len(found.to_display()[0].text_rows) == 2
 
 
-def test_only_the_bounce_differs(scene):
-    """Of a restitution that the model has not: where events come, and by how much later."""
+def test_another_restitution_shifts_the_events(scene):
+    """The table shows the times of the events and their shift."""
     loaded = scene(speeds=(300, 450, 470), model="one_mass")
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
     loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
@@ -283,21 +283,21 @@ def test_only_the_bounce_differs(scene):
     (later,) = [one for one in largest_deviations(rows) if one.quantity == "events_later"]
     assert later.value > 1e-3 and later.rpm > 440.0
     turn = rows[-1].drawn["force"]
-    assert 0 < np.count_nonzero(~turn.calm) < 0.1 * turn.calm.size
+    assert 0 < np.count_nonzero(~turn.away_from_jumps) < 0.1 * turn.away_from_jumps.size
 
 
-# -- a recording against a model that was driven with its own states: what theory says, exactly
+# -- a recording against a model that was driven with the same states ---------------------------
 
 
 def recorded(loaded):
-    """What a bag of a scene's run has: ticks, states, pressures by the end of the tick."""
+    """Return ticks, states, and pressures by the end of the tick of a scene's run."""
     pressures = {tick.stop_ns: tick.pressure for tick in simulate(loaded)}
     return list(turned_ticks(loaded)), list(cam_states(loaded.scene)), pressures
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
-def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
-    """Driven with the same states, each sample, event and level is the same number."""
+def test_a_simulated_run_agrees_with_its_scene(make_loaded_scene, model):
+    """Each sample, event and level is the same number for the same states."""
     cams = ["poly345", "cycloidal"]
     loaded = make_loaded_scene(cams=cams, model=model, rig="paper_table2", speeds=[200, 450])
     pairs = RecordedPairs(loaded)
@@ -314,15 +314,13 @@ def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
 
 
 @pytest.mark.parametrize(("seed", "model"), [(0, "kinetostatic"), (1, "one_mass")])
-def test_a_heavier_follower_takes_its_mass_times_its_acceleration_more(
-    make_loaded_scene, seed, model
-):
+def test_a_heavier_follower_needs_the_inertial_force_in_addition(make_loaded_scene, seed, model):
     """In contact F = m ω² s'' + c ω s' + k s + F₀, so ΔF = Δm ω² s'' at every sample."""
     loaded = make_loaded_scene(cams=["poly345"], model=model, speeds=[60, 120], sample_rate=2000)
     law = random_law(seed, "poly345")
     random, names = np.random.default_rng(100 + seed), ("mass", "spring_stiffness", "damping")
     factors = dict(zip(names, random.uniform(0.5, 2.0, 3).tolist(), strict=True))
-    # a preload that keeps the follower on any cam
+    # The preload keeps the follower on any cam.
     loaded = with_follower(replace(loaded, laws={"poly345": law}), preload=80.0, **factors)
     heavy = with_follower(loaded, mass=1.1)
     more = heavy.follower.mass - loaded.follower.mass
@@ -335,8 +333,8 @@ def test_a_heavier_follower_takes_its_mass_times_its_acceleration_more(
         np.testing.assert_allclose(step.lift.difference, 0.0, rtol=0, atol=1e-15)
 
 
-def test_lost_messages_are_left_out_and_what_is_left_is_the_same(make_loaded_scene):
-    """Ticks without samples; states lost at one speed, and where the speed changes."""
+def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
+    """Samples are lost, and states at one speed and at a change of speed."""
     loaded = make_loaded_scene(
         cams=["poly345"], speeds=[200, 300], turns=8, ticks_per_turn=4, rig="paper_table2"
     )
@@ -347,19 +345,19 @@ def test_lost_messages_are_left_out_and_what_is_left_is_the_same(make_loaded_sce
     assert pairs.lost == 3
     assert [row.turns for row in rows] == [pytest.approx(7 - 3 / 4, abs=0.01), pytest.approx(7)]
     assert all(row.force.largest == row.lift.largest == 0.0 for row in rows)
-    gone = {state.time_ns for state in states[31:34]}  # the step from 200 to 300 rpm among them
+    gone = {state.time_ns for state in states[31:34]}  # including the step from 200 to 300 rpm
     ticks = [t for t in ticks if t.start.time_ns not in gone and t.interval.stop_ns not in gone]
     kept = [state for state in states if state.time_ns not in gone]
     rows = compare_steps(RecordedPairs(loaded).steps(ticks, kept, pressures), loaded.laws)
     assert rows[0].force.largest == 0.0
-    # Put down anew after the loss, it settles within the scene's turn.
+    # The follower is placed on the cam again after the loss, and settles within a turn.
     assert rows[1].turns < 7.0 and abs(rows[1].force.largest) < 1e-6 * rows[1].force.scale
 
 
-def test_a_cam_that_the_scene_has_not_is_named(make_loaded_scene):
-    """With what the scene has."""
+def test_a_cam_that_is_missing_in_the_scene_is_named(make_loaded_scene):
+    """The error lists the cams of the scene."""
     other = make_loaded_scene(cams=["cycloidal"])
     run = recorded(other)
     scene = make_loaded_scene(cams=["poly345"])
-    with pytest.raises(ConfigError, match=r"no cam 'cycloidal', which the bag holds.*poly345"):
+    with pytest.raises(ConfigError, match=r"no cam 'cycloidal', which the bag contains.*poly345"):
         list(RecordedPairs(scene).steps(*run))

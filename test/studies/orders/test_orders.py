@@ -1,4 +1,4 @@
-"""cam-rig orders: of a cam and of a scene, tables, CSV, JSON, a plot, refusals in a line."""
+"""cam-rig orders for a cam and a scene: tables, CSV, JSON, figure, errors."""
 
 import csv
 import dataclasses
@@ -33,7 +33,7 @@ from ...cli.conftest import data_of, done
 
 
 def test_a_cam_at_one_speed():
-    """3-4-5 up and down alike: its even orders are rounding; the CSV has what the table shows."""
+    """Rise and fall of 3-4-5 are equal, so that even orders are rounding."""
     result = done("orders", "poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert [float(row["order"]) for row in rows] == list(range(1, 13))
@@ -45,7 +45,7 @@ def test_a_cam_at_one_speed():
 
 
 def test_a_scene_over_speed(tmp_path):
-    """Its cams, rig, model and speeds; the phase is of the force over θ."""
+    """Cams, rig, model and speeds are those of the scene. The phase relates to θ."""
     found = data_of("orders", "quick", "--orders", "20", "--plot", tmp_path / "a.png")
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
     assert list(speeds) == [(c, r) for c in ("tm21", "bezier15") for r in (200, 300, 350, 400)]
@@ -55,11 +55,11 @@ def test_a_scene_over_speed(tmp_path):
         for row in found["orders"]
         if (row["cam"], row["rpm"]) == ("bezier15", 200)
     )
-    assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload, where the lift is zero
+    assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload at zero lift
 
 
-def test_speeds_as_words():
-    """One, some, or from and to by a step."""
+def test_speeds_are_parsed():
+    """The text is one speed, several, or a range with a step."""
     assert speeds_in("300") == [300.0]
     assert speeds_in("300,200") == [200.0, 300.0]
     assert speeds_in("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
@@ -68,14 +68,17 @@ def test_speeds_as_words():
             speeds_in(wrong)
 
 
-# -- the Fourier integrals against 50 digits, at every phase; resonance and critical damping too
+# -- the Fourier integrals against 50 digits, at every phase and damping -----------------------
 
 
 PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
 
 
 def by_digits(coefficients, phase):
-    """∫₀¹ Σ aᵢ uⁱ e^{−iφu} du by parts, or by its series for a small phase, in 60 digits."""
+    """Return ∫₀¹ Σ aᵢ uⁱ e^{−iφu} du in 60 digits.
+
+    It is integrated by parts, or by a series for a small phase.
+    """
     with mpmath.workdps(60):
         if phase < 1.0:
             terms = range(60)
@@ -94,7 +97,7 @@ def by_digits(coefficients, phase):
 
 @pytest.mark.parametrize("degree", [0, 1, 3, 5, 7, 15, 30])
 def test_a_polynomial_at_any_phase(degree):
-    """To some units in the last place of its largest ordinate, small phases and large ones."""
+    """The error is some rounding units of the largest ordinate."""
     ordinates = np.random.default_rng(degree).uniform(-1.0, 1.0, degree + 1)
     with mpmath.workdps(60):
         coefficients = powers(ordinates.tolist())
@@ -104,7 +107,7 @@ def test_a_polynomial_at_any_phase(degree):
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.02, 0.7, 0.9999999, 1.0, 1.5, 40.0])
 def test_a_vibration_at_any_damping(ratio):
-    """Undamped in resonance, critical, creeping: ∫ c e^{At} z e^{−iΩt} dt in 50 digits."""
+    """The integral agrees with 50 digits: undamped in resonance, critical, overdamped."""
     own, length = 300.0, 0.05
     matrix = np.array([[0.0, 1.0], [-(own**2), -2.0 * ratio * own]])
     row, start = np.array([3.0, 0.02]), np.array([1.0, -150.0])
@@ -115,7 +118,7 @@ def test_a_vibration_at_any_damping(ratio):
         for rate, value in zip(rates, found, strict=True):
             shift = mpmath.mpc(0, float(rate))
             shifted = mpmath.matrix(matrix.tolist()) - shift * mpmath.eye(2)
-            both = mpmath.zeros(4)  # the integral stands in the corner of one exponential
+            both = mpmath.zeros(4)  # the integral is a corner of one exponential
             both[:2, :2], both[:2, 2:] = shifted * length, mpmath.eye(2) * length
             integral = mpmath.expm(both)[:2, 2:] * mpmath.matrix(start.tolist())
             exact = complex((mpmath.matrix(row.tolist()).T * integral)[0])
@@ -123,7 +126,7 @@ def test_a_vibration_at_any_damping(ratio):
 
 
 def test_half_a_sine_of_unit_area():
-    """1 at φ = 0; π/4 in size at φ = π, where its formula is 0/0; else by quadrature."""
+    """It is 1 at φ = 0 and π/4 at φ = π, and agrees with a quadrature elsewhere."""
     phase = np.array([0.0, 1e-7, 1.0, np.pi - 1e-9, np.pi, np.pi + 1e-5, 20.0])
     with mpmath.workdps(30):
         half = mpmath.pi / 2
@@ -137,14 +140,14 @@ def test_half_a_sine_of_unit_area():
     assert abs(pulse_integral(np.array([np.pi]))[0]) == pytest.approx(np.pi / 4, abs=1e-15)
 
 
-# -- orders of force and sound against the models' own equations, energy, and the FFT ---------
+# -- orders of force and sound against the equations of the models, energy, and the FFT --------
 
 
 PAPER = cam_rig.load_rig("paper_table2")
 
 
 def random_law(seed, name="random"):
-    """A smooth law of three pieces, C3 at each joint as half the ordinates are the neighbour's."""
+    """Return a smooth law of three pieces that is C³ at each joint."""
     random = np.random.default_rng(seed)
     breaks = np.array([0.0, *np.sort(random.uniform(0.8, TURN - 0.8, 2)), TURN])
     places = random.uniform(0.0, 0.02, 3)
@@ -157,13 +160,13 @@ def random_rig(seed):
     return PAPER.with_follower(
         mass=float(random.uniform(0.5, 2.0)),
         damping=float(random.uniform(0.5, 60.0)),
-        preload=float(random.uniform(3000.0, 4000.0)),  # no loss of contact
+        preload=float(random.uniform(3000.0, 4000.0)),  # contact is never lost
         stem_damping=float(random.uniform(1.0, 20.0)),
     )
 
 
 def force_by_transfer(model, rig, lift, p, preload):
-    """F_n = Z(p) s_n at p = inω, by the equations of docs/theory.md."""
+    """Return F_n = Z(p) s_n at p = inω, by the equations of docs/theory.md."""
     f = FollowerParameters.from_rig(rig)
     if model in ("kinetostatic", "one_mass"):
         force = (f.mass * p**2 + f.damping * p + f.spring_stiffness) * lift
@@ -182,7 +185,7 @@ def force_by_transfer(model, rig, lift, p, preload):
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 @pytest.mark.parametrize("seed", range(3))
 def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
-    """Models are linear: an order of the force is the lift's times the dynamic stiffness."""
+    """An order of the force is that of the lift times the dynamic stiffness."""
     law, rig, speed = random_law(seed), random_rig(seed), (150.0 + 60.0 * seed) * RPM
     found = order_spectrum(law, model, rig, speed, 60)
     assert found.steady.settled
@@ -193,14 +196,14 @@ def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
         integral = polynomial_integral(column, found.orders * span)
         lift += span / TURN * np.exp(-1j * found.orders * low) * integral
     wanted = force_by_transfer(model, rig, lift, 1j * found.orders * speed, preload)
-    # s_n is known to its rounding, which the stiffness multiplies
+    # The stiffness multiplies the rounding error of s_n.
     rounding = 1e-15 * np.abs(wanted / lift)
     assert (np.abs(found.force - wanted) < 2e-12 * found.amplitude.max() + rounding).all()
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "b_spline"])
 def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, follower):
-    """Parseval: their mean squares sum to that of the sound, which another way finds."""
+    """Parseval: the mean squares add up to the mean square of the sound."""
     law, speed, radiation = laws[cam], 300 * RPM, RadiationParameters.from_rig(rig)
     found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
     exact = radiation.gain**2 * mean_square_rate(law, follower, radiation.corner_rate, speed)
@@ -218,8 +221,8 @@ def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, followe
         ("poly345", "two_mass", 480, 2e-4),
     ],
 )
-def test_an_fft_comes_to_the_same(cam, model, rpm, away, laws, rig):
-    """To rounding, or to one sample over a jump; twice the samples, half as far: the FFT is off."""
+def test_an_fft_agrees_with_the_orders(cam, model, rpm, away, laws, rig):
+    """The error of the FFT is rounding, or one sample at a jump of the force."""
     own = PAPER if model in ("elastic_stem", "two_mass") else rig
     steady = steady_force(laws[cam], model, own, rpm * RPM)
     assert steady.settled
@@ -228,15 +231,15 @@ def test_an_fft_comes_to_the_same(cam, model, rpm, away, laws, rig):
     exact = force_orders(bare, orders * rpm * RPM / steady.turns, 1e-4)
     peak = np.abs(exact).max()
     differences = []
-    for count in (2**14, 2**17):  # the mean of both sides where the force jumps
+    for count in (2**14, 2**17):  # the mean of both sides at a jump of the force
         samples = steady.at(np.arange(count) * (steady.duration / count))
         differences.append(np.abs(np.fft.fft(samples)[: orders.size] / count - exact).max() / peak)
     assert differences[0] < 10.0 * away
     assert differences[1] < max(0.5 * differences[0], 1e-13)
 
 
-def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
-    """With landings, up to 60 kHz: the mean square of the sound's samples over a settled turn."""
+def test_the_orders_agree_with_the_microphone(make_loaded_scene):
+    """The mean square of the sound with landings agrees up to 60 kHz."""
     loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)
     silent = dataclasses.replace(loaded.radiation, background=-200.0)
     source = SoundSource(silent, 192_000, least_rate=192_000)
@@ -250,8 +253,8 @@ def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
         assert found.total_db == pytest.approx(level, abs=0.02)
 
 
-def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders(laws):
-    """And its even places are the orders of the cam."""
+def test_a_force_with_a_period_of_two_turns_has_half_orders(laws):
+    """Every other coefficient is an order of the cam."""
     found = order_spectrum(laws["bezier15"], "two_mass", PAPER, 600 * RPM, 20)
     assert found.steady.turns == 2
     assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
@@ -261,7 +264,7 @@ def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders(laws):
 
 
 def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
-    """99 % of the sound's power: a step of force reaches farthest, one of jerk less, none least."""
+    """99 % of the sound power: a jump of the force extends to the highest order."""
     highest = {}
     for cam in ("tm21", "poly345", "bezier15"):
         found = order_spectrum(laws[cam], "one_mass", rig, 300 * RPM, 100)
@@ -275,8 +278,8 @@ def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
     assert highest["tm21"] > highest["poly345"] > highest["bezier15"]
 
 
-def test_what_has_no_closed_form_is_refused(laws):
-    """The torsional model; and a law whose velocity jumps, in a model that cannot."""
+def test_models_without_a_closed_form_are_refused(laws):
+    """These are the torsional model, and a law with velocity jumps in other models."""
     with pytest.raises(ConfigError, match="model torsional: its force is no closed form"):
         steady_force(laws["poly345"], "torsional", PAPER, 10.0)
     with pytest.raises(DynamicsError, match="velocity jumps"):
