@@ -165,7 +165,7 @@ def test_a_wrong_unit_and_a_pulling_force_are_reported(scene):
     whole = 1e3 * loaded.laws["poly345"].lift
     words = f"over {1e3 * whole:.3g} mm, that of cam poly345 over {whole:.3g} mm: check"
     assert any(words in line for line in said)
-    assert any("turn its sign" in line for line in said)
+    assert any("change its sign" in line for line in said)
     assert list(warnings_of(compared(run, loaded)[0])) == []
 
 
