@@ -142,7 +142,7 @@ def _run(
     from cam_rig.errors import RunError
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.graph import Graph
-    from cam_rig.runner.node_process import PROFILES
+    from cam_rig.runner.node_process import PROFILE_VARIABLE
     from cam_rig.runner.resources import own_domain
     from cam_rig.simulation.scene import open_scene
     from cam_rig.simulation.schedule import tick_count
@@ -150,9 +150,9 @@ def _run(
 
     loaded = open_scene(path)
     loaded.require_numbers()
-    if PROFILES in os.environ and not network:
+    if PROFILE_VARIABLE in os.environ and not network:
         say(
-            f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
+            f"the profile of {PROFILE_VARIABLE} is used with --network alone; no socket leaves this machine"
         )
     begun = time.perf_counter()
 

@@ -1,1 +1,1 @@
-"""The node graph as processes: started, monitored, ended."""
+"""Processes of the node graph: start, monitoring, end."""

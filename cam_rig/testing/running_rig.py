@@ -17,7 +17,7 @@ from typing import Any
 
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import PROFILES, SHUTDOWN_GRACE_S, environment, live
+from cam_rig.runner.node_process import PROFILE_VARIABLE, SHUTDOWN_GRACE_S, environment, live
 from cam_rig.runner.resources import domain_ports
 from cam_rig.schema.load import named_path
 from cam_rig.studies.simulate.recorded import read_bag
@@ -113,7 +113,7 @@ DOMAINS = range(40, 101)
 _TURNS = count(os.getpid())
 
 #: What keeps a node's sockets on this machine.
-_LOCAL = (PROFILES, "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
+_LOCAL = (PROFILE_VARIABLE, "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
 
 
 @contextmanager
@@ -236,7 +236,7 @@ class RunningRig(RigClient):
         self._stack.close()
         self._watcher.join()
         for name, process in self._graph.processes.items():
-            process.settle()
+            process.wait_for_output()
             if process.code and self._failure is None:  # asked to end, it would end with 0
                 last = "" if process.was_killed else f": {process.last_stderr_line()}"
                 self._failure = RunError(f"node {process.exit_summary()}{last}")
