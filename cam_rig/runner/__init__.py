@@ -1,1 +1,1 @@
-"""Processes of the node graph: start, monitoring, end."""
+"""The node graph as processes: started, monitored, ended."""

@@ -1,7 +1,8 @@
-"""pytest plugin with a fixture that starts a rig, for tests of packages that use cam_rig.
+"""For tests of packages that use the rig: a pytest fixture that starts one and leaves nothing.
 
-pytest loads it automatically if cam_rig is installed. ``pytest_plugins = ["cam_rig.testing"]`` is
-not necessary, but allowed. Large libraries are not imported before a rig is started.
+pytest loads this plugin automatically if cam_rig is installed. The line
+``pytest_plugins = ["cam_rig.testing"]`` is not necessary, but allowed. Large libraries are not
+imported before a rig is started.
 """
 
 from __future__ import annotations
