@@ -90,7 +90,7 @@ class Section(NamedTuple):
     find : callable
         Function of the source of the page that returns the `Content`.
     late : bool
-        True if the section is computed after the others, because its results take long.
+        True if the section waits for results, and is therefore computed after the others.
     aside : bool
         True if the section is in the appendix.
     """
