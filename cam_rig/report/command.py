@@ -91,8 +91,8 @@ def page_made(scene: str, options: Mapping[str, object]) -> Made:
 def page_date(out: Path) -> str:
     """Return the ISO date of a page: that of SOURCE_DATE_EPOCH, or else of today.
 
-    Without SOURCE_DATE_EPOCH a Markdown page has no date (an empty text). It is usually kept in
-    version control, where it changes only if its numbers change.
+    Without SOURCE_DATE_EPOCH the date of a Markdown page is an empty text. Such a page is usually
+    kept in version control, where it changes only if its numbers change.
     """
     epoch = source_date()
     if epoch is None and out.suffix.lower() != ".html":

@@ -33,7 +33,7 @@ LIBRARIES = ("numpy", "scipy")
 class Made:
     """Origin of a page: the command that regenerates it, its date and its random seeds.
 
-    Date and seeds are empty texts if there are none.
+    Date and seeds are empty texts if they are not set.
     """
 
     command: str

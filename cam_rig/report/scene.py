@@ -1,4 +1,4 @@
-"""Page of a scene: results of each study for its cams on its rig, or the reasons for none."""
+"""Page of a scene: results of each study for its cams on its rig, or the error of the study."""
 
 from __future__ import annotations
 

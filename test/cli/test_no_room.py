@@ -104,7 +104,7 @@ def test_full_temporary_folder_is_named(tmp_path, monkeypatch, capsys):
     "what", [x if x in QUICK else pytest.param(x, marks=pytest.mark.long) for x in WRITTEN]
 )
 def test_file_that_exceeds_its_size_limit_is_removed(what: str, tmp_path: Path) -> None:
-    """As on a full disk, the command ends with one line and no part of the file remains."""
+    """The command ends with one line, like on a full disk, and no part of the file remains."""
 
     def limit() -> None:
         os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # it would be truncated

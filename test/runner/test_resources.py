@@ -160,7 +160,7 @@ def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, t
 
 
 def test_lock_that_cannot_be_written_gives_the_remedy(monkeypatch, temporary):
-    """As on a full disk, the error names TMPDIR."""
+    """The error, like that of a full disk, names TMPDIR."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
     check_refused(OutputError, "name a folder with room in TMPDIR")
