@@ -1,30 +1,35 @@
 """A virtual cam test rig: cam laws, follower dynamics with loss of contact, and noise.
 
 ======================================================  ===========================================
-to have or to know                                      call
+subject                                                 functions and classes
 ======================================================  ===========================================
-a cam, a rig, an experiment from files                  load_cam, load_rig, load_scene
-a cam or a rig of one's own, and its file               Cam(...), Rig(...), .replace(), .save()
-a law: s and its derivatives; its peaks and joints      build_law, Law, plot_law; law
-the shape of a cam, and its checks                      contour, check_contours
-a follower's motion, lift-offs, landings at one speed   simulate
-the same over many speeds, with sound                   sweep; of a scene's file: run_scene
-the speed at which contact is lost                      jump_speed; beside the paper's: jump
-how a follower bounces above that speed                 bounce_map
+cam, rig or scene from a file                           load_cam, load_rig, load_scene
+user-defined cam or rig, and its file                   Cam(...), Rig(...), .replace(), .save()
+motion law s(θ) and its derivatives                     build_law, Law, plot_law
+peaks and joints of laws                                law, list_laws
+contour of a cam, and its checks                        contour, check_contours
+motion, lift-offs and landings at one speed             simulate
+the same at many speeds, with sound levels              sweep, run_scene (scene file)
+speed at which contact is lost                          jump_speed, jump (with the paper's values)
+bounces of the follower above that speed                bounce_map
 residual vibration, orders, contact pressure            vibration, orders, contact
-how loud a motion is                                    sound_level; the paper's study: noise
-the linear model, into scipy.signal                     Rig.state_space, Rig.frequency_response
-a better law, with a proven bound                       design
-many rigs that differ in some numbers                   campaign
-a cam from gauge readings, a rig from a measured run    fit_cam, fit_rig
-how loud a rig is, from measured levels                 fit_sound
-a recorded run; beside the model                        read_bag; compare
+sound level of a motion                                 sound_level
+noise study of the paper                                noise
+linear model for scipy.signal                           Rig.state_space, Rig.frequency_response
+optimised law, with a proven bound                      design
+many rigs with varied numbers                           campaign
+cam from gauge readings, rig from a measured run        fit_cam, fit_rig
+acoustic constants of a rig from measured levels        fit_sound
+recorded run, and its comparison with the model         read_bag, compare
 ======================================================  ===========================================
 
-What they return has ``.tables()``, ``.to_pandas()``, ``.to_json()``, ``.plot()``, ``.summary()``.
-All units are SI; angles are in rad, and a speed in rpm says so in its name. Everything that is
-refused is a `CamRigError`, and the ``ValueError`` or ``TypeError`` that it would be elsewhere.
+Results have the methods ``.tables()``, ``.to_pandas()``, ``.to_json()``, ``.plot()`` and
+``.summary()``. All units are SI. Angles are in rad, and speeds in rpm have rpm in their names. The
+functions raise a `CamRigError`, which is also a ``ValueError`` or a ``TypeError`` if an argument is
+invalid.
 
+Examples
+--------
 >>> import cam_rig
 >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
 >>> rig = cam_rig.load_rig("paper_table2")
@@ -69,7 +74,7 @@ if TYPE_CHECKING:
 
     __version__: str
 
-#: Where each name is defined, and as what if not by that name. It is imported when asked for.
+#: Module of each public name, with the name in the module if it differs. It is imported on demand.
 _HOMES = {
     "Cam": "cam_rig.schema:CamConfig",
     "CamRigError": "cam_rig.errors",
@@ -112,10 +117,10 @@ __all__ = [
 ]  # fmt: skip
 
 
-if not TYPE_CHECKING:  # a checker of types knows the names, and tells one that is none
+if not TYPE_CHECKING:  # without this function a type checker reports unknown names
 
     def __getattr__(name: str) -> object:
-        """A public name from its module; the version from the installed package."""
+        """Return a public name from its module, or the version of the installed package."""
         if name == "__version__":
             from importlib.metadata import version
 
@@ -123,9 +128,9 @@ if not TYPE_CHECKING:  # a checker of types knows the names, and tells one that 
         elif name in _HOMES:
             from cam_rig.extras import libraries_named
 
-            module, _, other = _HOMES[name].partition(":")
+            module, _, name_in_module = _HOMES[name].partition(":")
             with libraries_named():
-                value = getattr(import_module(module), other or name)
+                value = getattr(import_module(module), name_in_module or name)
         else:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         globals()[name] = value
@@ -133,4 +138,5 @@ if not TYPE_CHECKING:  # a checker of types knows the names, and tells one that 
 
 
 def __dir__() -> list[str]:
+    """Return the public names, for completion in an interactive session."""
     return sorted(__all__)

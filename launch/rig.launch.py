@@ -1,4 +1,4 @@
-"""The rig: five nodes, one scene, one bag; with view:=true a sixth shows it in Rerun."""
+"""Launch file of the rig: five nodes that run a scene and record a bag, and optional viewers."""
 
 import signal
 from pathlib import Path
@@ -23,41 +23,42 @@ from launch_ros.substitutions import FindPackageShare
 from cam_rig.nodes.parameters import PARAMETERS
 from cam_rig.runner.node_table import DRIVE, END, NODES, PATIENCE_S, STAY, NodeEntry
 
-#: Arguments with what they are without being given, and what they mean; where there is nothing, a
-#: node's parameter is as the parameter file or its own default has it.
+#: Launch argument -> (default, description). If the default is empty, a node has the value of the
+#: parameter file, or else the default of its parameter.
 ARGUMENTS = {
-    "scene": ("", "scene file, or a name in config/scenes: which cams, which rig, what to run and "
-              "measure; tm21_sweep where nothing else says so"),
-    "bag": ("", "folder to record into; it must not exist yet; bags/SCENE_DATE without one"),
-    "max_bagfile_size": ("", "bytes after which the bag goes on in another file; 0: no limit"),
-    "max_bagfile_duration": ("", "rig time after which the bag goes on in another file, s; 0: no "
+    "scene": ("", "scene file, or a name in config/scenes, with cams, rig, program and measurement "
+              "(default: tm21_sweep)"),
+    "bag": ("", "folder to record into, which must not exist (default: bags/SCENE_DATE)"),
+    "max_bagfile_size": ("", "size in bytes after which a new file of the bag starts; 0: no limit"),
+    "max_bagfile_duration": ("", "rig time (s) after which a new file of the bag starts; 0: no "
                              "limit"),
-    "params_file": ("", "parameter file (YAML) of the nodes, such as those in config/params; an "
-                    "argument that is given here comes before it"),
+    "params_file": ("", "parameter file (YAML) of the nodes, such as those in config/params; "
+                    "launch arguments have priority over it"),
     "namespace": ("", "namespace of the nodes and their topics, such as rig1"),
-    "use_sim_time": ("", "true: the nodes' clocks follow /clock, which the drive makes"),
+    "use_sim_time": ("", "true: the clocks of the nodes follow /clock, which the drive publishes"),
     "view": ("false", "true: show the run in Rerun while it runs"),
     "rviz": ("false", "true: show the run in RViz, with robot_state_publisher"),
-    "address": ("", "Rerun's address, with view:=true; empty opens a window"),
-    "pacing": ("", "rig time beside wall time: free, real_time, or a factor such as 20 or 20x"),
+    "address": ("", "address of Rerun, with view:=true (default: a window)"),
+    "pacing": ("", "real-time factor: free, real_time, or a multiple such as 20 or 20x"),
     "autostart": ("", "false: wait for the service cam_drive/start"),
-    "points_per_turn": ("", "instants a turn of /joint_states and the like; 0: as the scene says"),
-    "motion_rate": ("", "with a pacing, how often a second of wall time they come, Hz"),
-    "patience": ("", "wall time without an answer after which the drive gives up, s; "
-                 f"{PATIENCE_S:g} without a parameter file"),
-    "at_end": ("", f"what the nodes do when the run is over: {END}, or {STAY} for another run, "
-               "which the service cam_drive/start begins"),
-    "network": ("false", "true: the subnet may subscribe"),
+    "points_per_turn": ("", "samples per turn of /joint_states and similar topics; 0: as in the "
+                        "scene"),
+    "motion_rate": ("", "rate (Hz, wall-clock) of /joint_states and similar topics of a paced run"),
+    "patience": ("", "wall time (s) without an answer after which the drive gives up (default: "
+                 f"{PATIENCE_S:g} without a parameter file)"),
+    "at_end": ("", f"state of the nodes after the run: {END}, or {STAY} for another run, started "
+               "by the service cam_drive/start"),
+    "network": ("false", "true: allow discovery on the local subnet"),
 }  # fmt: skip
 
 
 def share(*path: str) -> PathJoinSubstitution:
-    """Name a file under share/cam_rig."""
+    """Return the path of a file in share/cam_rig."""
     return PathJoinSubstitution([FindPackageShare("cam_rig"), *path])
 
 
 def config(*path: str) -> PathJoinSubstitution:
-    """Name a file under share/cam_rig/config."""
+    """Return the path of a file in share/cam_rig/config."""
     return share("config", *path)
 
 
@@ -66,11 +67,11 @@ def value(name: str, context: LaunchContext) -> str:
     return LaunchConfiguration(name).perform(context)
 
 
-def ended(event: ProcessExited, _context: LaunchContext) -> Shutdown:
+def shut_down(event: ProcessExited, _context: LaunchContext) -> Shutdown:
     """Shut down the launch when an essential node has ended.
 
-    The launch service reports an exception of a handler as an error, shuts down the other nodes and
-    ends with code 1. It has no other way to end with a code.
+    If a handler raises an exception, the launch service reports it, shuts down the other nodes and
+    ends with code 1. There is no other way to end a launch with an exit code.
 
     Raises
     ------
@@ -78,49 +79,55 @@ def ended(event: ProcessExited, _context: LaunchContext) -> Shutdown:
         If the node has failed.
     """
     code, name = event.returncode, event.process_name
-    # SIGALRM ends a node that has done all its work, and waits for DDS (cam_rig/nodes/process.py)
+    # SIGALRM ends a node that has completed its work and waits for DDS (cam_rig/nodes/process.py)
     if code not in (0, -signal.SIGALRM):
         raise RuntimeError(f"{name} has ended with code {code}, see its error above")
     return Shutdown(reason=f"{name} has ended in order")
 
 
-def left_out(event: ProcessExited, _context: LaunchContext) -> LogInfo:
+def report_exit(event: ProcessExited, _context: LaunchContext) -> LogInfo:
     """Report the end of a node that is not essential, as `cam-rig run` does."""
     code, name = event.returncode, event.process_name
-    return LogInfo(msg=f"node {name} ended with code {code}: the run goes on without it")
+    return LogInfo(msg=f"node {name} ended with code {code}; the run continues without it")
 
 
 def node(entry: NodeEntry, context: LaunchContext) -> Node:
-    """Start a node of the table with those of its parameters that were given."""
-    kinds = {spec.name: type(spec.default) for spec in PARAMETERS[entry.name]}
-    wanted = {name: kinds[name] for name in ARGUMENTS if name in kinds} | {"use_sim_time": bool}
+    """Return the action that starts a node, with its parameters among the launch arguments."""
+    types = {spec.name: type(spec.default) for spec in PARAMETERS[entry.name]}
+    accepted = {name: types[name] for name in ARGUMENTS if name in types} | {"use_sim_time": bool}
     if not entry.essential:
-        del wanted["at_end"]
-    given = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-        for name, kind in wanted.items()
+        del accepted["at_end"]
+    parameters = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=value_type)
+        for name, value_type in accepted.items()
         if value(name, context)
     }
     file = value("params_file", context)
     if entry.name == DRIVE and not file:
-        given.setdefault("patience", PATIENCE_S)
+        parameters.setdefault("patience", PATIENCE_S)
     optional = {
         "condition": IfCondition(LaunchConfiguration("view")),
-        "on_exit": left_out,
+        "on_exit": report_exit,
     }
     return Node(
         package="cam_rig",
         executable=entry.name,
         name=entry.name,
         namespace=LaunchConfiguration("namespace"),
-        parameters=[*([file] if file else []), given],
+        parameters=[*([file] if file else []), parameters],
         output="screen",
-        **({"on_exit": ended} if entry.essential else optional),
+        **({"on_exit": shut_down} if entry.essential else optional),
     )
 
 
 def nodes(context: LaunchContext) -> list[Node]:
-    """Start the nodes of the runner's table, in its order; raise RuntimeError without a file."""
+    """Return the actions that start the nodes, in the order of the runner's table.
+
+    Raises
+    ------
+    RuntimeError
+        If the parameter file does not exist.
+    """
     file = value("params_file", context)
     if file and not Path(file).is_file():  # launch_ros only warns, and starts with the defaults
         raise RuntimeError(f"params_file must be an existing file, got {file!r}")
@@ -128,24 +135,24 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments, keep the nodes' sockets on this machine, start the nodes."""
+    """Declare the arguments, restrict sockets to this machine, and start the nodes."""
     network = LaunchConfiguration("network")
-    quiet, loud = UnlessCondition(network), IfCondition(network)
+    local, subnet = UnlessCondition(network), IfCondition(network)
     profile = "FASTDDS_DEFAULT_PROFILES_FILE"
     return LaunchDescription(
         [
             *(
-                DeclareLaunchArgument(name, default_value=default, description=words)
-                for name, (default, words) in ARGUMENTS.items()
+                DeclareLaunchArgument(name, default_value=default, description=description)
+                for name, (default, description) in ARGUMENTS.items()
             ),
-            SetEnvironmentVariable(profile, config("fastdds_loopback.xml"), condition=quiet),
-            # Any other range, LOCALHOST too, would replace the profile's transports.
+            SetEnvironmentVariable(profile, config("fastdds_loopback.xml"), condition=local),
+            # any other range, LOCALHOST included, would replace the transports of the profile
             SetEnvironmentVariable(
-                "ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT", condition=quiet
+                "ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT", condition=local
             ),
-            # One in the working directory would open the subnet.
-            SetEnvironmentVariable("SKIP_DEFAULT_XML_FILE", "1", condition=quiet),
-            SetEnvironmentVariable(profile, config("fastdds_subnet.xml"), condition=loud),
+            # a default profile in the working directory would open the subnet
+            SetEnvironmentVariable("SKIP_DEFAULT_XML_FILE", "1", condition=local),
+            SetEnvironmentVariable(profile, config("fastdds_subnet.xml"), condition=subnet),
             OpaqueFunction(function=nodes),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(share("launch", "robot.launch.py")),

@@ -1,6 +1,6 @@
-"""The rig in RViz: robot_state_publisher for the scene's URDF, and rviz2 with the shipped layout.
+"""Launch file of RViz: robot_state_publisher with the scene's URDF, and rviz2 with a layout.
 
-Beside a running rig, or beside `ros2 bag play`; rig.launch.py includes it with rviz:=true.
+It displays a running rig or `ros2 bag play`. rig.launch.py includes it if rviz:=true.
 """
 
 from launch import LaunchContext, LaunchDescription
@@ -17,22 +17,22 @@ from cam_rig.messages.urdf import urdf
 from cam_rig.schema.load import named_path
 from cam_rig.simulation.scene import open_scene
 
-#: The scene of a rig that is given none.
+#: Scene of a rig without the launch argument scene.
 DEFAULT_SCENE = "tm21_sweep"
-#: What both nodes subscribe to by its name in the root namespace.
-SHOWN = (topics.CLOCK, topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS, topics.FOLLOWER_MARKERS)
-#: Per second of rig time, the most it takes: 72 instants a turn up to 800 rpm.
+#: Topics to which the nodes subscribe in the root namespace, remapped for a rig in a namespace.
+REMAPPED = (topics.CLOCK, topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS, topics.FOLLOWER_MARKERS)
+#: Maximum rate (Hz of rig time) of published transforms, enough for 72 per turn up to 800 rpm.
 PUBLISH_FREQUENCY = 1000.0
 
 
 def nodes(context: LaunchContext) -> list[Node]:
-    """Start both nodes for the rig of a namespace."""
-    given = {name: LaunchConfiguration(name).perform(context) for name in ("scene", "namespace")}
-    robot = Robot.of(open_scene(named_path("scenes", given["scene"] or DEFAULT_SCENE)))
-    inside = given["namespace"].strip("/")
-    namespace = f"/{inside}" if inside else ""
-    shown = [(topic.name, topic.within(namespace)) for topic in SHOWN] if namespace else []
-    # The motion of a tick comes all at once: what is meant for sensors would keep five of it.
+    """Return the actions that start both nodes for the rig of a namespace."""
+    arguments = {n: LaunchConfiguration(n).perform(context) for n in ("scene", "namespace")}
+    robot = Robot.of(open_scene(named_path("scenes", arguments["scene"] or DEFAULT_SCENE)))
+    name = arguments["namespace"].strip("/")
+    namespace = f"/{name}" if name else ""
+    remaps = [(topic.name, topic.within(namespace)) for topic in REMAPPED] if namespace else []
+    # the joint states of a tick arrive at once, and the sensor QoS would keep only five of them
     joints = f"qos_overrides.{topics.JOINT_STATES.within(namespace)}.subscription"
     parameters = {
         "robot_description": ParameterValue(urdf(robot), value_type=str),
@@ -50,8 +50,8 @@ def nodes(context: LaunchContext) -> list[Node]:
         executable="robot_state_publisher",
         namespace=namespace,
         parameters=[parameters],
-        # On /robot_description the law server's counts, which has the cam that is mounted.
-        remappings=[("robot_description", "robot_state_publisher/robot_description"), *shown[:1]],
+        # /robot_description is published by the law server, which knows the mounted cam
+        remappings=[("robot_description", "robot_state_publisher/robot_description"), *remaps[:1]],
         output="screen",
     )
     rviz = Node(
@@ -59,7 +59,7 @@ def nodes(context: LaunchContext) -> list[Node]:
         executable="rviz2",
         arguments=["-d", layout],
         parameters=[{"use_sim_time": True}],
-        remappings=shown,
+        remappings=remaps,
         condition=IfCondition(LaunchConfiguration("rviz")),
         output="screen",
     )
@@ -67,7 +67,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Start both; rviz2 may be left out."""
+    """Declare the arguments, and start both nodes, rviz2 only if rviz is true."""
     return LaunchDescription(
         [
             DeclareLaunchArgument(

@@ -1,4 +1,4 @@
-"""The TM21 noise sweep: the rig with its own default scene."""
+"""Launch file of the TM21 noise sweep: rig.launch.py with its default scene."""
 
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription

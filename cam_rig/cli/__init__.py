@@ -4,20 +4,23 @@ import os
 import signal
 import sys
 
-# Before numpy is imported. The rig's products are small: threads of BLAS wait for each other, on
-# a busy machine for many times what they compute. Whoever sets the variable keeps it.
+# Set before numpy is imported, unless the user has set it. The matrix products of the rig are
+# small, so threads of BLAS would mostly wait for each other, especially on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Else pydantic looks for plugins in every package that is installed.
+# Otherwise pydantic searches all installed packages for plugins.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 
 def start() -> None:
-    """Run ``cam-rig``; print one line if a library, a stream or the working folder is missing."""
-    # until the handlers are installed, Ctrl-C ends the process without a traceback (130 of a shell)
+    """Run ``cam-rig``. Print one line if a library or the working folder is missing.
+
+    A stdout or stderr that the caller has closed is replaced by the null device.
+    """
+    # until the handlers are installed, Ctrl-C ends the process without a traceback (shell code 130)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    if sys.stdout is None:  # closed by the caller, as by >&-
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # until the end
+    if sys.stdout is None:  # closed by the caller, for example by >&-
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # open until exit
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:

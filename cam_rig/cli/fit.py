@@ -1,4 +1,4 @@
-"""cam-rig fit: numbers of a cam, a rig, or its sound, from what was measured."""
+"""Command group cam-rig fit: numbers of a cam, a rig or its sound from measurements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ fit = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 
 @fit.callback()
 def _group() -> None:
-    """Find the numbers of a cam, a rig, or its sound, from what was measured."""
+    """Find the numbers of a cam, a rig or its sound from measurements."""
 
 
 fit.command("rig", cls=StrictCommand)(fit_rig)

@@ -1,4 +1,4 @@
-"""The command ``cam-rig``."""
+"""Command ``cam-rig``: its list of commands, which are imported when they are called."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.interrupts import handle_signals
 from cam_rig.show.command import StrictCommand
 
-#: Each command's module; the function, or the group of functions, has the command's name.
+#: Module of each command. The function or command group in it has the name of the command.
 COMMANDS = {
     "run": "cam_rig.cli.run",
     "simulate": "cam_rig.studies.simulate.command",
@@ -49,48 +49,49 @@ COMMANDS = {
     "listen": "cam_rig.studies.simulate.command",
     "fit": "cam_rig.cli.fit",
 }
-# All commands: a wrong option, and what cannot be written, end them in one line.
+# Handling of errors for all commands: a wrong option or a failed output is reported in one line.
 
-#: What pydantic, which typer asks, says of a text that is no number.
-KINDS = {"int_parsing": "a whole number", "float_parsing": "a number"}
+#: Type of a pydantic error -> allowed value in the message. Typer validates options by pydantic.
+PARSE_ERRORS = {"int_parsing": "a whole number", "float_parsing": "a number"}
 
 
 class Commands(TyperGroup):
-    """As typer's, but that only the command that is called is imported.
+    """Group of commands that imports only the command that is called.
 
-    A value that it refuses is the project's one line instead of a box.
+    A rejected value is reported in one line, in the format of the project, instead of a box.
     """
 
     def list_commands(self, _ctx: Any) -> list[str]:
-        """Names, in the order in which the help lists them."""
+        """Return the names of the commands in the order of the help."""
         return list(COMMANDS)
 
     def get_command(self, _ctx: Any, name: str) -> TyperCommand | None:
-        """A command's name and line, for the help."""
+        """Return a command with its name and first sentence for the help, not imported."""
         return TyperCommand(name, help=summary(name)) if name in COMMANDS else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """The command that the first argument names, imported."""
-        name, found, rest = super().resolve_command(ctx, args)
-        return name, found and command(found.name), rest
+        """Import the command that the first argument names. Return it with the other arguments."""
+        name, resolved, others = super().resolve_command(ctx, args)
+        return name, resolved and command(resolved.name), others
 
     def main(self, *arguments: Any, **options: Any) -> Any:
-        """Run the command line, to the last byte of its output."""
+        """Run the command line, including the flush of stdout.
+
+        An OSError is reported in one line, and the exit code is that of `OutputError`. A closed
+        pipe is not reported.
+        """
         try:
             try:
                 return super().main(*arguments, **options)
             finally:
                 sys.stdout.flush()
         except OSError as error:
-            what = error.filename or _unnamed()
-            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # for the rest
-            why = printable(f"{what}: cannot be read or written ({error.strerror or error})")
-            if error.errno != errno.EPIPE:  # else a reader has seen enough
-                with suppress(OSError):  # stderr itself
-                    print(
-                        f"cam-rig: {why}; make room, or name another place",
-                        file=sys.stderr,
-                    )
+            name = error.filename or _failed_output()
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # open until exit
+            text = printable(f"{name}: cannot be read or written ({error.strerror or error})")
+            if error.errno != errno.EPIPE:  # a reader that closed its pipe needs no message
+                with suppress(OSError):  # of stderr
+                    print(f"cam-rig: {text}; free space, or name another path", file=sys.stderr)
             sys.exit(OutputError.exit_code)
 
     def invoke(self, ctx: Any) -> Any:
@@ -98,14 +99,17 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
-            if type(error) is not typer.BadParameter:  # what is missing: typer shows the usage
+            if type(error) is not typer.BadParameter:  # a missing argument: typer prints the usage
                 raise
             print(f"cam-rig: {printable(one_line(error))}", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code) from None
 
 
-def _unnamed() -> str:
-    """What could not be written, if the error has no name: stdout, if it takes no end of line."""
+def _failed_output() -> str:
+    """Return the name of the output of an error without a file name.
+
+    It is stdout if that does not accept a line break, else a temporary file.
+    """
     try:
         print(flush=True)
     except OSError:
@@ -114,54 +118,55 @@ def _unnamed() -> str:
 
 
 def one_line(error: typer.BadParameter) -> str:
-    """What is wrong with which option; its value where typer tells it."""
+    """Return the error of an option as one line: option, value, and what is allowed."""
     from pydantic import ValidationError
 
-    problem, param = error.__cause__, error.param
-    if param is None or not isinstance(problem, ValidationError):
+    cause, param = error.__cause__, error.param
+    if param is None or not isinstance(cause, ValidationError):
         return " ".join(error.format_message().split())
-    first = problem.errors()[0]
-    words = KINDS.get(first["type"], first["msg"].removeprefix("Input should be "))
-    name = next((one for one in param.opts if one.startswith("--")), param.opts[0])
-    return f"{name}: is {first['input']!r}; allowed: {words}"
+    first = cause.errors()[0]
+    allowed = PARSE_ERRORS.get(first["type"], first["msg"].removeprefix("Input should be "))
+    name = next((option for option in param.opts if option.startswith("--")), param.opts[0])
+    return f"{name}: is {first['input']!r}; allowed: {allowed}"
 
 
-MISSING = "not installed"
+#: Version of a package that is not installed.
+NOT_INSTALLED = "not installed"
 
 
-def print_versions(wanted: bool) -> None:
-    """Print one line each and end, where the option is given."""
-    if wanted:
-        typer.echo("\n".join(f"{name} {found}" for name, found in versions().items()))
+def print_versions(requested: bool) -> None:
+    """Print the versions, one per line, and exit, if the option --version is present."""
+    if requested:
+        typer.echo("\n".join(f"{name} {version}" for name, version in versions().items()))
         raise typer.Exit
 
 
 def versions() -> dict[str, str]:
-    """Versions by name: the package, the viewer, and rclpy with its ROS distribution."""
-    rclpy = _installed("rclpy")
+    """Return the versions of the package, the viewer, and rclpy with its ROS distribution."""
+    rclpy = _installed_version("rclpy")
     return {
-        "cam_rig": _installed("cam_rig"),
-        "rerun": _installed("rerun-sdk"),
-        "rclpy": rclpy if rclpy == MISSING else f"{rclpy} (ROS 2 {_distribution()})",
+        "cam_rig": _installed_version("cam_rig"),
+        "rerun": _installed_version("rerun-sdk"),
+        "rclpy": rclpy if rclpy == NOT_INSTALLED else f"{rclpy} (ROS 2 {_ros_distribution()})",
     }
 
 
-def _installed(name: str) -> str:
+def _installed_version(name: str) -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
         return version(name)
     except PackageNotFoundError:
-        return MISSING
+        return NOT_INSTALLED
 
 
-def _distribution() -> str:
-    """The ROS distribution: of the wheels, of the sourced installation, or of the folder."""
+def _ros_distribution() -> str:
+    """Return the ROS distribution of the wheels, the sourced installation, or the prefix path."""
     from importlib.metadata import distributions
 
     wheels = (re.fullmatch(r"ros-([a-z]+)-rclpy", d.name) for d in distributions() if d.name)
-    if found := next((match for match in wheels if match), None):
-        return found[1]
+    if wheel := next((match for match in wheels if match), None):
+        return wheel[1]
     if sourced := os.environ.get("ROS_DISTRO"):
         return sourced
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
@@ -194,27 +199,27 @@ def options(
 
 @cache
 def command(name: str) -> Any:
-    """A command, or a group of some, as click knows it."""
+    """Import a command or a command group, and return it as a click object."""
     with libraries_named():
-        found = getattr(import_module(COMMANDS[name]), _function(name))
-    if isinstance(found, typer.Typer):
-        return typer.main.get_group(found)
-    alone = typer.Typer(
+        function = getattr(import_module(COMMANDS[name]), _function_name(name))
+    if isinstance(function, typer.Typer):
+        return typer.main.get_group(function)
+    single = typer.Typer(
         add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown"
     )
-    alone.command(name, cls=StrictCommand)(found)
-    return typer.main.get_command(alone)
+    single.command(name, cls=StrictCommand)(function)
+    return typer.main.get_command(single)
 
 
 def summary(name: str) -> str:
-    """The first sentence of a command's docstring, read without importing its module."""
+    """Return the first sentence of a command's docstring, without importing its module."""
     path = Path(__file__).parents[2].joinpath(*COMMANDS[name].split(".")).with_suffix(".py")
-    text, function = path.read_text(encoding="utf-8"), _function(name)
-    begin = max(text.find(f"\ndef {function}("), text.find(f"\n{function} = "))
-    return " ".join(text[begin:].split('"""')[1].split("\n\n")[0].split())
+    text, function = path.read_text(encoding="utf-8"), _function_name(name)
+    start = max(text.find(f"\ndef {function}("), text.find(f"\n{function} = "))
+    return " ".join(text[start:].split('"""')[1].split("\n\n")[0].split())
 
 
-def _function(name: str) -> str:
+def _function_name(name: str) -> str:
     return name.replace("-", "_")
 
 

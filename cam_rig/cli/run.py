@@ -1,7 +1,8 @@
-"""cam-rig run: the scene through the live node graph, into a bag; cam-rig replay: a bag through it.
+"""Commands cam-rig run and cam-rig replay, which start the node graph.
 
-Started in this order (`cam_rig.runner.node_table`): recorder, viewer where asked for, microphone,
-follower, law_server, cam_drive; ended in the opposite one, the recorder last.
+The first runs a scene and records a bag, the second replays a bag. The nodes start in the order of
+`cam_rig.runner.node_table`: recorder, viewer (if requested), microphone, follower, law_server,
+cam_drive. They end in reverse order.
 """
 
 from __future__ import annotations
@@ -36,22 +37,28 @@ if TYPE_CHECKING:
     from cam_rig.viewer.page import PageTime
 
 Pacing = Annotated[
-    str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
+    str,
+    typer.Option(
+        help="Real-time factor: free (as fast as possible), real_time, or a multiple such as 20x."
+    ),
 ]
-View = Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")]
-Web = Annotated[bool, typer.Option("--web", help="Show it so to a browser on this machine.")]
+View = Annotated[bool, typer.Option("--view", help="Show the run in Rerun.")]
+Web = Annotated[bool, typer.Option("--web", help="Show the run in a browser on this machine.")]
 Wait = Annotated[
-    bool, typer.Option("--wait", help="With --web or --view: start when somebody sees it.")
+    bool, typer.Option("--wait", help="With --web or --view: start when the viewer is connected.")
 ]
 Network = Annotated[
-    bool, typer.Option("--network", help="Let the subnet see the nodes; else this machine alone.")
+    bool,
+    typer.Option(
+        "--network", help="Allow discovery on the local subnet (default: this machine only)."
+    ),
 ]
 SplitLimit = Annotated[
     str | None,
     typer.Option(
         "--split",
         metavar="LIMIT",
-        help="Go on in another file of the bag after this size or rig time: 100MB, 60s.",
+        help="Size or rig time after which a new file of the bag starts: 100MB, 60s.",
     ),
 ]
 
@@ -59,10 +66,13 @@ SplitLimit = Annotated[
 def run(
     scene: Scene = DEFAULT_SCENE,
     bag: Annotated[
-        Path | None, typer.Option(help="Folder to record into; must not exist yet.")
+        Path | None, typer.Option(help="Folder to record into, which must not exist.")
     ] = None,
     analyze: Annotated[
-        bool, typer.Option("--analyze", help="Analyse the bag afterwards, with a plot beside it.")
+        bool,
+        typer.Option(
+            "--analyze", help="Analyse the bag after the run, and plot its noise in the folder."
+        ),
     ] = False,
     view: View = False,
     web: Web = False,
@@ -74,9 +84,9 @@ def run(
 ) -> None:
     """Run a scene through the node graph and record it.
 
-    Five nodes, each its own process, run as fast as the slowest of them (or at a set pace) and are
-    all ended, on Ctrl-C too. Exit codes: 0 done, 1 a node failed, 2 the scene is wrong, 128 and
-    the signal's number when a signal ended it (130 for Ctrl-C).
+    Five nodes, each in a process, run as fast as the slowest of them, or at the given pace. All of
+    them end with the run, after Ctrl-C as well. Exit codes: 0 done, 1 a node failed, 2 the scene is
+    wrong, 128 plus the number of a signal that ended the run (130 for Ctrl-C).
 
     Examples
     --------
@@ -92,8 +102,8 @@ def run(
 
     cam-rig run --split 100MB
     """
-    given = dict(locals())  # the options alone, before another name is set
-    with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
+    options = dict(locals())  # before any other name is assigned
+    with user_errors(), ForkServer().begin() as server:  # it imports during the checks below
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
         from cam_rig.live.flow_control import factor_of, pacing_of
@@ -105,12 +115,13 @@ def run(
         path = scene_path(scene)
         factor_of(pacing := str(pacing_of(pacing)))
         limits = Split.parsed(split) if split is not None else Split()
-        place = namespace_named(namespace)
+        namespace = namespace_named(namespace)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            _run(path, target, nodes, network, place, server, screen.page, _command_line(given))
+            repeat = _command_line(options)
+            _run(path, target, nodes, network, namespace, server, screen.page, repeat)
             if analyze:
                 from cam_rig.studies.simulate.bag_command import read_run
 
@@ -120,11 +131,11 @@ def run(
 
 def _command_line(options: Mapping[str, Path | str | bool | None]) -> str:
     """Return the command that repeats a run with these options, into a new bag."""
-    words = ["cam-rig", "run", str(options["scene"])]
+    parts = ["cam-rig", "run", str(options["scene"])]
     for name, value in options.items():
         if value and name not in ("scene", "bag"):
-            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
-    return shlex.join(words)
+            parts += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    return shlex.join(parts)
 
 
 def _run(
@@ -135,14 +146,17 @@ def _run(
     namespace: str,
     server: ForkServer,
     page: PageTime | None,
-    again: str,
+    repeat: str,
 ) -> None:
-    """Run the nodes to their end; an error of a node names the command that repeats the run."""
+    """Run the nodes until the end of the run and report the recorded messages.
+
+    The error of a node names `repeat`, the command that repeats the run.
+    """
     from cam_rig.bag.completeness import require_complete
     from cam_rig.errors import RunError
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.graph import Graph
-    from cam_rig.runner.node_process import PROFILES
+    from cam_rig.runner.node_process import PROFILE_VARIABLE
     from cam_rig.runner.resources import own_domain
     from cam_rig.simulation.scene import open_scene
     from cam_rig.simulation.schedule import tick_count
@@ -150,11 +164,12 @@ def _run(
 
     loaded = open_scene(path)
     loaded.require_numbers()
-    if PROFILES in os.environ and not network:
+    if PROFILE_VARIABLE in os.environ and not network:
         say(
-            f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
+            f"the profile in {PROFILE_VARIABLE} is ignored without --network; "
+            "no socket leaves this machine"
         )
-    begun = time.perf_counter()
+    start = time.perf_counter()
 
     with (
         own_domain(namespace),
@@ -165,31 +180,36 @@ def _run(
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         try:
             for report in graph.progress():
-                words = f"{report['cam']} {report['rpm']:.0f} rpm"
-                words = delayed(float(report["time"]), words)
-                bar.update(task, completed=int(report["tick"]), description=words)
+                text = f"{report['cam']} {report['rpm']:.0f} rpm"
+                text = delayed(float(report["time"]), text)
+                bar.update(task, completed=int(report["tick"]), description=text)
         except RunError as error:
-            raise RunError(f"{error}; repeat the run with: {again}") from None
+            raise RunError(f"{error}; repeat the run with: {repeat}") from None
     for name, node in graph.processes.items():
         if node.warnings:
-            say(f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}")
+            say(f"{name} logged {len(node.warnings)} warnings, last: {node.warnings[-1]}")
     graph.require_closed()
     counts = require_complete(target, loaded.scene)
     say(
         f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
-        f"in {time.perf_counter() - begun:.1f} s: {target}"
+        f"in {time.perf_counter() - start:.1f} s: {target}"
     )
 
 
 @command("json", "csv")
 def replay(
-    bag: Annotated[Path, typer.Argument(help="Bag whose cam states and laws are played.")],
+    bag: Annotated[Path, typer.Argument(help="Bag whose cam states and laws are replayed.")],
     tolerance: Annotated[
-        float, typer.Option(help="Largest difference allowed, over the largest value.", min=0.0)
+        float,
+        typer.Option(help="Largest allowed difference, relative to the largest value.", min=0.0),
     ] = 1e-12,
     output: Annotated[
         Path | None,
-        typer.Option("--out", "--output", help="Keep the new recording here; must not exist yet."),
+        typer.Option(
+            "--out",
+            "--output",
+            help="Folder for the new recording, which must not exist (default: discarded).",
+        ),
     ] = None,
     scene: SceneOfBag = None,
     *,
@@ -197,7 +217,8 @@ def replay(
 ) -> Result:
     """Feed recorded cam states and laws to live nodes, and compare their messages with the bag.
 
-    A regression test for any change of follower or microphone: code 1 when a number differs.
+    This is a regression test for changes of the follower or the microphone: the exit code is 1 if a
+    number differs.
 
     Examples
     --------
@@ -212,13 +233,14 @@ def replay(
     if output is not None:
         require_new_bag(output)
     with temporary_folder("cam_rig-replay-") as folder:
-        found = _replay(bag, folder, scene, output, progress)
-    return ReplayResult(bag, tuple(found), tolerance)
+        differences = _replay(bag, folder, scene, output, progress)
+    return ReplayResult(bag, tuple(differences), tolerance)
 
 
 def _replay(
     bag: Path, folder: Path, scene: str | None, output: Path | None, progress: Progress
 ) -> list[Difference]:
+    """Replay a bag, and return the differences between its messages and the new ones."""
     from cam_rig.bag.partial_reader import unpack
     from cam_rig.bag.reader import read_counts
     from cam_rig.bag.replay import compare
@@ -231,17 +253,18 @@ def _replay(
 
     total = read_counts(bag).get(CAM_STATE.name, 0)
     if total < 2:
-        raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
+        raise BagError(f"{bag}: has {total} cam states; a replay needs at least 2")
     path = scene_path(scene) if scene else unpack(bag, folder)
-    again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
-    with own_domain(), Graph(replayed(path, again, bag)) as graph:
+    # in a subfolder, as `folder` contains the files attached to the bag
+    recording = folder / "again" / (output.name if output else "bag")
+    with own_domain(), Graph(replayed(path, recording, bag)) as graph:
         progress.start(total - 1, "replaying")
         done = 0
         for report in graph.progress():
             progress.advance(int(report["tick"]) - done)
             done = int(report["tick"])
     graph.require_closed()
-    found = compare(bag, again)
+    differences = compare(bag, recording)
     if output is not None:
-        shutil.move(again, output)
-    return found
+        shutil.move(recording, output)
+    return differences

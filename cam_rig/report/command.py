@@ -1,4 +1,4 @@
-"""cam-rig report: a scene on one page."""
+"""Command cam-rig report: all results of a scene on one page."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ Rig = Annotated[
 @command("json")
 def report(
     scene: Scene,
-    out: Annotated[Path, typer.Option(help="The page: .html, or .md without figures.")] = Path(
+    out: Annotated[Path, typer.Option(help="Page to write: .html, or .md without figures.")] = Path(
         "report.html"
     ),
     rig: Rig = None,
     bag: Annotated[
-        Path | None, typer.Option(help="A recording of the scene, to compare with the run.")
+        Path | None, typer.Option(help="Recording of the scene to compare with the run.")
     ] = None,
     *,
     json: str | None,
@@ -44,10 +44,11 @@ def report(
 ) -> None:
     """Write everything about a scene's cams as one self-contained page.
 
-    Laws and their peaks, contour and checks, force over the turn, lift-offs and flights, jump
-    speed, residual vibration, levels, orders, and where each number is from. An .html page has the
-    date of today, or that of SOURCE_DATE_EPOCH (seconds since 1970); an .md page has only the
-    latter. The paper's experiments are one page too: `make paper`.
+    The page contains laws and their peaks, contour and checks, force over the turn, lift-offs and
+    flights, jump speed, residual vibration, sound levels, orders, and the source of each number. An
+    .html page has the date of today, or that of SOURCE_DATE_EPOCH (seconds since 1970). An .md page
+    has a date only if SOURCE_DATE_EPOCH is set. `make paper` writes the page of the paper's
+    experiments.
 
     Examples
     --------
@@ -65,9 +66,9 @@ def report(
     kind = out.suffix.lower().lstrip(".")
     made = page_made(scene, {"--rig": rig, "--bag": bag, "--out": out})
     progress.start(None, "the run")
-    found = SceneStudies(asked_scene(scene, rig), bag)
-    contents = fill(SECTIONS, found, kind == "html", progress)
-    text = render(kind, found.loaded.scene.title, made, contents, found)
+    studies = SceneStudies(asked_scene(scene, rig), bag)
+    contents = fill(SECTIONS, studies, kind == "html", progress)
+    text = render(kind, studies.loaded.scene.title, made, contents, studies)
     with writing(out) as part:
         part.write_text(text, encoding="utf-8")
     say(f"report: {out} ({len(text) / 1e6:.1f} MB)")
@@ -75,20 +76,23 @@ def report(
 
 
 def page_made(scene: str, options: Mapping[str, object]) -> Made:
-    """Return the command that makes a page again, with the options that are given, and its date."""
+    """Return the command that regenerates a page, and its date.
+
+    `options` are the values of the options, None for an option that is not used.
+    """
     from cam_rig.report.document import Made
 
-    words = ["cam-rig", "report", _from_here(scene)]
-    for option, given in options.items():
-        words += [] if given is None else [option, _from_here(str(given))]
-    return Made(shlex.join(words), page_date(Path(str(options["--out"]))))
+    parts = ["cam-rig", "report", _public_path(scene)]
+    for option, value in options.items():
+        parts += [] if value is None else [option, _public_path(str(value))]
+    return Made(shlex.join(parts), page_date(Path(str(options["--out"]))))
 
 
 def page_date(out: Path) -> str:
-    """Return the date of a page: that of SOURCE_DATE_EPOCH, else of today for HTML, none for .md.
+    """Return the ISO date of a page: that of SOURCE_DATE_EPOCH, or else of today.
 
-    A page of Markdown is kept next to its sources, in version control: it differs only if its
-    numbers do.
+    Without SOURCE_DATE_EPOCH the date of a Markdown page is an empty text. Such a page is usually
+    kept in version control, where it changes only if its numbers change.
     """
     epoch = source_date()
     if epoch is None and out.suffix.lower() != ".html":
@@ -96,10 +100,13 @@ def page_date(out: Path) -> str:
     return datetime.fromtimestamp(time.time() if epoch is None else epoch, UTC).date().isoformat()
 
 
-def _from_here(given: str) -> str:
-    """A path from the working folder on, else the file's name: folders are private."""
-    path = Path(given)
+def _public_path(text: str) -> str:
+    """Return a path without private folders: relative to the working folder, or the file name.
+
+    A relative path is not changed.
+    """
+    path = Path(text)
     if not path.is_absolute():
-        return given
+        return text
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else path.name

@@ -1,4 +1,4 @@
-"""A page of numbered sections, figures and tables, with a head, as HTML or Markdown."""
+"""Self-contained page of numbered sections, figures and tables, as HTML or Markdown."""
 
 from __future__ import annotations
 
@@ -25,13 +25,16 @@ from cam_rig.show.looks import tokens
 from cam_rig.show.result import NULL_PROGRESS, Progress, Result
 from cam_rig.show.tables import DataTable, to_markdown, typeset, typeset_number
 
-#: What makes the numbers of a page, beside the package itself.
+#: Libraries that compute the numbers of a page. Their versions are in its head.
 LIBRARIES = ("numpy", "scipy")
 
 
 @dataclass(frozen=True)
 class Made:
-    """The command that makes the page again, its date if it has one, and the seeds if any."""
+    """Origin of a page: the command that regenerates it, its date and its random seeds.
+
+    Date and seeds are empty texts if they are not set.
+    """
 
     command: str
     date: str = ""
@@ -39,16 +42,29 @@ class Made:
 
     @property
     def versions(self) -> str:
-        """Of the package, of Python and of what computes."""
-        others = (f"{name} {version(name)}" for name in LIBRARIES)
-        return ", ".join((f"cam_rig {version('cam_rig')}", f"Python {python_version()}", *others))
+        """Versions of the package, of Python and of the numerical libraries."""
+        libraries = (f"{name} {version(name)}" for name in LIBRARIES)
+        cam_rig = f"cam_rig {version('cam_rig')}"
+        return ", ".join((cam_rig, f"Python {python_version()}", *libraries))
 
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What a section shows: tables in order, figures by key, drawn only for a page that has them.
+    """Content of a section.
 
-    Sentences take their numbers from ``values``; JSON has ``results``, by the name of the command.
+    Attributes
+    ----------
+    tables : sequence of DataTable
+        Tables in the order of the section.
+    figures : mapping of str to callable
+        Functions that draw the figures, by the keys that the template uses. Only an HTML page
+        calls them.
+    values : mapping
+        Variables of the section's template.
+    results : mapping
+        Results for the JSON output, by the name of their command.
+    dpi : float, optional
+        Resolution of rasterised parts of the figures.
     """
 
     tables: Sequence[DataTable] = ()
@@ -59,12 +75,25 @@ class Content:
 
     @cached_property
     def drawn(self) -> dict[str, list[str]]:
-        """Each figure's strips as data URIs, from the top."""
+        """Data URIs of each figure by its key, one per strip, from the top."""
         return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
 
 
 class Section(NamedTuple):
-    """Sentences, title and contents; ``late`` ones are waited for, ``aside`` in the appendix."""
+    """Section of a page.
+
+    Attributes
+    ----------
+    template : str
+        Name of the template, without its suffix.
+    title : str
+    find : callable
+        Function of the source of the page that returns the `Content`.
+    late : bool
+        True if the section waits for results, and is therefore computed after the others.
+    aside : bool
+        True if the section is in the appendix.
+    """
 
     template: str
     title: str
@@ -74,71 +103,77 @@ class Section(NamedTuple):
 
     @property
     def key(self) -> str:
-        """What it is linked by."""
+        """Name of the section in links."""
         return self.template.rpartition("/")[2]
 
 
 def fill(
     sections: Sequence[Section], source: Any, with_figures: bool, progress: Progress = NULL_PROGRESS
 ) -> dict[Section, Content]:
-    """What each section shows of what ``source`` gives."""
-    found = {}
+    """Compute the content of each section from `source`, and draw the figures if requested."""
+    contents = {}
     progress.start(len(sections))
-    for section in sorted(sections, key=lambda one: one.late):
+    for section in sorted(sections, key=lambda section: section.late):
         progress.describe(section.title)
-        found[section] = section.find(source)
+        contents[section] = section.find(source)
         if with_figures:
-            _ = found[section].drawn
+            _ = contents[section].drawn
         progress.advance()
-    return {section: found[section] for section in sections}
+    return {section: contents[section] for section in sections}
 
 
 def data(contents: Iterable[Content]) -> dict[str, Any]:
-    """Every result as its own command writes it, by the name of the command."""
-    every = {name: one for content in contents for name, one in content.results.items()}
-    return {name: one.data() if isinstance(one, Result) else one for name, one in every.items()}
+    """Return the JSON data of all results, by the name of the command that writes the same."""
+    results = [item for content in contents for item in content.results.items()]
+    return {name: item.data() if isinstance(item, Result) else item for name, item in results}
 
 
 def uris(figure: Figure, dpi: float | None = None) -> list[str]:
-    """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit."""
-    found = []
+    """Return the strips of a figure as data URIs of SVG, from the top.
+
+    The URIs are the same in each call, because the date of the SVG is removed.
+    """
+    result = []
     for low, high in strips(figure):
-        write_strip(figure, low, high, drawn := BytesIO(), dpi)
-        kept = [line for line in drawn.getvalue().splitlines() if b"<dc:date>" not in line]
-        encoded = base64.b64encode(b"\n".join(kept)).decode()
-        found.append(f"data:image/svg+xml;base64,{encoded}")
-    return found
+        write_strip(figure, low, high, svg := BytesIO(), dpi)
+        lines = [line for line in svg.getvalue().splitlines() if b"<dc:date>" not in line]
+        encoded = base64.b64encode(b"\n".join(lines)).decode()
+        result.append(f"data:image/svg+xml;base64,{encoded}")
+    return result
 
 
 class Numbering:
-    """Numbers of figures and tables as they are read, in a page rendered twice for references."""
+    """Numbers of figures and tables, in the order of the page.
+
+    A page is rendered twice, so that a reference can precede its figure or table.
+    """
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, Hashable], int] = {}
+        self._numbers: dict[tuple[str, Hashable], int] = {}
         self._counts: Counter[str] = Counter()
-        self._given: set[tuple[str, Hashable]] = set()
+        self._numbered: set[tuple[str, Hashable]] = set()
         self._first = True
 
     def restart(self) -> None:
-        """Count from one again; what has a number keeps it."""
+        """Start the second rendering: count from 1 again, and keep all numbers for references."""
         self._counts.clear()
-        self._given.clear()
+        self._numbered.clear()
         self._first = False
 
-    def gave(self, kind: str, key: Hashable) -> bool:
-        """Whether what ``key`` names stands on the page already, since the last restart."""
-        return (kind, key) in self._given
+    def has_number(self, kind: str, key: Hashable) -> bool:
+        """Return True if a figure or table has been numbered since the last restart."""
+        return (kind, key) in self._numbered
 
-    def give(self, kind: str, key: Hashable) -> int:
-        """The next number of a kind, for what ``key`` names."""
+    def assign(self, kind: str, key: Hashable) -> int:
+        """Assign the next number of a kind ("figure" or "table") to a key and return it."""
         self._counts[kind] += 1
-        self._known[kind, key] = self._counts[kind]
-        self._given.add((kind, key))
+        self._numbers[kind, key] = self._counts[kind]
+        self._numbered.add((kind, key))
         return self._counts[kind]
 
-    def see(self, kind: str, key: Hashable) -> int:
-        """The number that ``key`` has."""
-        return self._known.get((kind, key), 0) if self._first else self._known[kind, key]
+    def number_of(self, kind: str, key: Hashable) -> int:
+        """Return the number of a key. In the first rendering it is 0 if it is not yet known."""
+        return self._numbers.get((kind, key), 0) if self._first else self._numbers[kind, key]
 
 
 def render(
@@ -149,89 +184,104 @@ def render(
     source: Any = None,
     folder: Path | None = None,
 ) -> str:
-    """Return the page as "html" or "md"; its sentences take shared values from `source`.
+    """Render a page.
 
-    `folder` has further templates of sections (default: those of the package alone).
+    Parameters
+    ----------
+    kind : str
+        Format: "html" or "md".
+    title : str
+    made : Made
+        Origin of the page.
+    contents : mapping of Section to Content
+        Sections in the order of the page, from `fill`.
+    source : object
+        Variable ``found`` of all templates.
+    folder : Path, optional
+        Folder with further templates of sections (default: only those of the package).
     """
     templates, numbering, text = environment(kind, folder), Numbering(), ""
-    drawn = [] if kind == "md" else contents.values()
+    with_figures = [] if kind == "md" else contents.values()
     parts = {
-        "figures": {key: uri for one in drawn for key, uri in one.drawn.items()},
+        "figures": {key: uri for content in with_figures for key, uri in content.drawn.items()},
         "numbering": numbering,
         "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
         "found": source,
     }
     for _ in range(2):
         parts["page"] = templates.get_template(f"layout.{kind}").make_module(parts)
-        main, behind = _written(templates, contents, parts)
+        main, appendix = _render_sections(templates, contents, parts)
         text = templates.get_template(f"report.{kind}").render(
-            parts, title=title, made=made, sections=main, behind=behind
+            parts, title=title, made=made, sections=main, appendix=appendix
         )
         numbering.restart()
     return text if kind == "html" else re.sub("\n{3,}", "\n\n", text).strip() + "\n"
 
 
-def _written(
+def _render_sections(
     templates: Environment, contents: Mapping[Section, Content], parts: Mapping[str, Any]
 ) -> tuple[dict[Section, str], dict[Section, str]]:
-    """The sections, and of each the appendix: its macro, and tables not shown in its sentences."""
-    main, behind, modules = {}, {}, {}
+    """Return the texts of the sections, and the texts of their parts in the appendix.
+
+    The appendix of a section has its macro ``appendix`` and the tables not shown in the section.
+    """
+    main, appendix, modules = {}, {}, {}
     for section, content in contents.items():
         if not section.aside:
-            modules[section] = _module(templates, section, content, parts)
+            modules[section] = _section_module(templates, section, content, parts)
             main[section] = str(modules[section])
     for section, content in contents.items():
         if section.aside:
-            behind[section] = str(_module(templates, section, content, parts))
+            appendix[section] = str(_section_module(templates, section, content, parts))
             continue
-        words = getattr(modules[section], "appendix", str)()
-        shown = parts["numbering"].gave
-        left = [one for one in content.tables if one.rows and not shown("table", one)]
-        if text := words + parts["page"].all(left).strip():
-            behind[section] = text
-    return main, behind
+        macro = getattr(modules[section], "appendix", str)()
+        shown = parts["numbering"].has_number
+        others = [table for table in content.tables if table.rows and not shown("table", table)]
+        if text := macro + parts["page"].all(others).strip():
+            appendix[section] = text
+    return main, appendix
 
 
-def _module(
+def _section_module(
     templates: Environment, section: Section, content: Content, parts: Mapping[str, Any]
 ) -> TemplateModule:
-    """A section's template with all that its sentences take."""
-    given = {**parts, **content.values, "tables": content.tables}
-    return templates.get_template(f"{section.template}.jinja").make_module(given)
+    """Return the template of a section, evaluated with its variables."""
+    variables = {**parts, **content.values, "tables": content.tables}
+    return templates.get_template(f"{section.template}.jinja").make_module(variables)
 
 
 def environment(kind: str, folder: Path | None = None) -> Environment:
-    """Return the templates: "html" escapes what people wrote, "md" does not."""
+    """Return the template environment of a format. Texts are escaped in "html", not in "md"."""
     package = PackageLoader("cam_rig.report")
-    found = Environment(
+    templates = Environment(
         loader=package if folder is None else ChoiceLoader([FileSystemLoader(folder), package]),
         autoescape=kind == "html",
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {
+    templates.filters |= {
         "percent": percent,
         "number": typeset_number,
-        "to": to,
+        "to": format_range,
         "markdown": to_markdown,
     }
-    found.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
-    found.filters |= {"mathml": mathml, "subscripts": subscripts}
-    found.globals["tokens"] = tokens
-    return found
+    templates.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
+    templates.filters |= {"mathml": mathml, "subscripts": subscripts}
+    templates.globals["tokens"] = tokens
+    return templates
 
 
-def percent(share: float, shown: str = ".0f") -> str:
-    """A share as a percentage."""
-    return f"{typeset_number(100.0 * share, shown)} %"
+def percent(fraction: float, number_format: str = ".0f") -> str:
+    """Format a fraction as a percentage."""
+    return f"{typeset_number(100.0 * fraction, number_format)} %"
 
 
-def to(pair: tuple[float, float], shown: str = ".0f") -> str:
-    """A range from its ends."""
-    return " to ".join(typeset_number(end, shown) for end in pair)
+def format_range(ends: tuple[float, float], number_format: str = ".0f") -> str:
+    """Format a range, such as "0.7 to 1.7"."""
+    return " to ".join(typeset_number(end, number_format) for end in ends)
 
 
 def anchor(heading: str) -> str:
-    """What a heading of Markdown is linked by, as GitHub and MkDocs have it."""
+    """Return the anchor of a Markdown heading, as GitHub and MkDocs generate it."""
     return re.sub(r"[^\w\s-]", "", heading).strip().lower().replace(" ", "-")

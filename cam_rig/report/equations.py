@@ -1,8 +1,8 @@
-"""Equations as MathML, from the line of text that a page of Markdown has.
+"""Conversion of equations from lines of text, as in Markdown pages, to MathML.
 
-Products stand as words beside each other: ``m ẍ + (k + k_s) x = k_s s``. ``_`` and ``^`` put what
-comes next below or above, ``/`` makes a fraction of its neighbours and ``√`` a root; brackets that
-only hold such a part together are not drawn.
+Factors are separated by spaces: ``m ẍ + (k + k_s) x = k_s s``. ``_`` and ``^`` make the next term a
+subscript or superscript. ``/`` makes a fraction of its neighbours, and ``√`` a root of the next
+term. Brackets around such a term are not drawn.
 """
 
 from __future__ import annotations
@@ -12,93 +12,105 @@ import unicodedata
 
 from markupsafe import Markup, escape
 
-#: A number, letters with their dots and primes, or any other sign.
+#: Token of an equation: a number, letters with dots and primes, or any other character.
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|(?:[^\W\d_][\u0300-\u036f]*)+[′″‴]?|\S")
-#: A letter with an index in a sentence.
+#: Letter with an index in a sentence, such as k_s.
 _INDEX = re.compile(r"(?<![\w_])([^\W\d_])_(\w+)")
-#: Dots over a letter, as they stand after it in a text that is taken apart.
+#: Combining dots of a decomposed (NFD) text -> the dots in MathML.
 _DOTS = {"\u0307": "˙", "\u0308": "¨"}
 
 
 def mathml(text: str) -> Markup:
-    """Each line of a text as an equation of its own."""
+    """Convert each line of a text to an equation in MathML.
+
+    Examples
+    --------
+    >>> print(mathml("a = 2"))
+    <math display="block"><mrow><mi>a</mi><mo>=</mo><mn>2</mn></mrow></math>
+    """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    drawn = (f'<math display="block">{_Line(line).row()}</math>' for line in lines)
-    return Markup("\n".join(drawn))  # every sign is escaped where it is drawn
+    equations = (f'<math display="block">{_LineParser(line).row()}</math>' for line in lines)
+    return Markup("\n".join(equations))  # `_symbol` escapes all characters
 
 
 def subscripts(text: str) -> Markup:
-    """A sentence with its letters' indices lowered: ``k_s``, not names such as ``tm21_sweep``."""
+    """Convert indices of letters, as in ``k_s``, to subscripts. Names as tm21_sweep are kept."""
     lowered = _INDEX.sub(r"\1<sub>\2</sub>", str(escape(text)))
-    return Markup(lowered)  # of a text that is escaped, or is markup already
+    return Markup(lowered)  # the text has been escaped, unless it is markup
 
 
-class _Line:
-    """A line that is read from the left."""
+class _LineParser:
+    """Recursive-descent parser of one line. `_position` is the position of the next token."""
 
     def __init__(self, line: str) -> None:
         self._tokens: list[str] = _TOKEN.findall(unicodedata.normalize("NFD", line))
-        self._next = 0
+        self._position = 0
 
     def row(self, end: str = "") -> str:
-        """What stands up to a closing bracket, which is passed, or to the end of the line."""
-        parts = []
-        while self._sees() and self._sees() != end:
-            parts.append(self._part())
-        self._next += 1
-        return f"<mrow>{''.join(parts)}</mrow>"
+        """Convert the terms up to the token `end`, which is consumed, or to the end of the line."""
+        terms = []
+        while self._peek() and self._peek() != end:
+            terms.append(self._term())
+        self._position += 1
+        return f"<mrow>{''.join(terms)}</mrow>"
 
-    def _sees(self) -> str:
-        """The next sign; nothing at the end."""
-        return self._tokens[self._next] if self._next < len(self._tokens) else ""
+    def _peek(self) -> str:
+        """Return the next token, or an empty text at the end of the line."""
+        return self._tokens[self._position] if self._position < len(self._tokens) else ""
 
     def _take(self) -> str:
-        self._next += 1
-        return self._tokens[self._next - 1]
+        """Consume the next token and return it."""
+        self._position += 1
+        return self._tokens[self._position - 1]
 
-    def _part(self) -> str:
-        """A sign or bracket with what is below and above it, or a fraction that begins with it."""
-        start = self._next
-        part = self._scripts(self._one(bare=False))
-        if self._sees() != "/":
-            return part
-        self._next = start
-        over = self._scripts(self._one(bare=True))
+    def _term(self) -> str:
+        """Convert an atom with its subscript and superscript, or a fraction that starts with it."""
+        start = self._position
+        term = self._scripts(self._atom(bare=False))
+        if self._peek() != "/":
+            return term
+        self._position = start
+        numerator = self._scripts(self._atom(bare=True))
         self._take()
-        return f"<mfrac>{over}{self._scripts(self._one(bare=True))}</mfrac>"
+        return f"<mfrac>{numerator}{self._scripts(self._atom(bare=True))}</mfrac>"
 
     def _scripts(self, base: str) -> str:
-        found = {}
-        while self._sees() in ("_", "^"):
+        """Convert the subscript and superscript that follow, and add them to `base`."""
+        scripts = {}
+        while self._peek() in ("_", "^"):
             mark = self._take()
-            found[mark] = self._one(bare=True)
-        tag = {"_": "msub", "^": "msup", "_^": "msubsup"}.get("".join(sorted(found, reverse=True)))
-        inside = "".join(found[mark] for mark in "_^" if mark in found)
+            scripts[mark] = self._atom(bare=True)
+        marks = "".join(sorted(scripts, reverse=True))
+        tag = {"_": "msub", "^": "msup", "_^": "msubsup"}.get(marks)
+        inside = "".join(scripts[mark] for mark in "_^" if mark in scripts)
         return f"<{tag}>{base}{inside}</{tag}>" if tag else base
 
-    def _one(self, bare: bool) -> str:
-        """A bracket, drawn unless ``bare``; a root; or a sign."""
+    def _atom(self, bare: bool) -> str:
+        """Convert a bracket (not drawn if `bare`), a root or a symbol."""
         token = self._take()
         if token == "(":
             inside = self.row(")")
             return inside if bare else f"<mrow><mo>(</mo>{inside}<mo>)</mo></mrow>"
         if token == "√":
-            return f"<msqrt>{self._one(bare=True)}</msqrt>"
-        gap = not bare and self._sees() not in ("", "(", ")", "_", "^", "/", ",")
-        return _sign(token, gap)
+            return f"<msqrt>{self._atom(bare=True)}</msqrt>"
+        gap = not bare and self._peek() not in ("", "(", ")", "_", "^", "/", ",")
+        return _symbol(token, gap)
 
 
-def _sign(token: str, gap: bool) -> str:
-    """A number, a letter with dots and primes, the name of a function, or an operator."""
+def _symbol(token: str, gap: bool) -> str:
+    """Convert a token: number, operator, or letters with dots and primes.
+
+    If `gap` is True, a thin space follows a name of several letters, such as that of a function.
+    """
     if token[0].isdigit():
         return f"<mn>{token}</mn>"
     if token == "Σ" or not token[0].isalpha():
         return f"<mo>{escape(token)}</mo>"
     name = token.rstrip("′″‴")
-    letters = "".join(sign for sign in name if sign not in _DOTS)
-    drawn = f"<mi>{escape(letters)}</mi>"
-    for dots in (_DOTS[sign] for sign in name if sign in _DOTS):
-        drawn = f"<mover>{drawn}<mo>{dots}</mo></mover>"  # an accent would be set into the letter
+    letters = "".join(character for character in name if character not in _DOTS)
+    symbol = f"<mi>{escape(letters)}</mi>"
+    for dots in (_DOTS[character] for character in name if character in _DOTS):
+        symbol = f"<mover>{symbol}<mo>{dots}</mo></mover>"  # an accent would overlap the letter
     if primes := token[len(name) :]:
-        drawn = f"<msup>{drawn}<mo>{primes}</mo></msup>"
-    return drawn + '<mspace width="0.17em"/>' if len(letters) > 1 and gap else drawn
+        symbol = f"<msup>{symbol}<mo>{primes}</mo></msup>"
+    return symbol + '<mspace width="0.17em"/>' if len(letters) > 1 and gap else symbol

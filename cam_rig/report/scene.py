@@ -1,4 +1,4 @@
-"""A scene's own page: what each study gives for its cams on its rig, or why it cannot."""
+"""Page of a scene: results of each study for its cams on its rig, or the error of the study."""
 
 from __future__ import annotations
 
@@ -39,18 +39,31 @@ from cam_rig.studies.simulate.study import run_scene
 from cam_rig.studies.vibration.study import VibrationResult, measure
 from cam_rig.units import NS, RPM, FloatArray
 
-Found = TypeVar("Found")
+StudyResult = TypeVar("StudyResult")
 
-#: Cams whose law and contour are drawn, at most.
-MOST_CAMS = 6
+#: Maximum number of cams whose law and contour are drawn.
+MAX_DRAWN_CAMS = 6
 
 
 class SceneStudies:
-    """A scene's run, its studies cam by cam, and which of them refused a cam, by section."""
+    """Run of a scene, and the studies of its cams.
+
+    Attributes
+    ----------
+    loaded : LoadedScene
+    titles : dict of str to str
+        Displayed name of each cam: the title in its file, or its name if the title is long.
+    cam_set : CamSet
+    recorded : Recorded or None
+        Levels of the recording to compare with the run, if a bag is given.
+    run : SceneRun
+        Simulation of the scene.
+    refused : dict of str to list of str
+        Errors of studies by section, each with the title of its cam.
+    """
 
     def __init__(self, loaded: LoadedScene, bag: Path | None) -> None:
         self.loaded = loaded
-        #: What cams are called in tables and sentences: by name where the file's title is long.
         self.titles = {
             cam: title if len(title) <= LONGEST_TITLE else cam
             for cam, title in loaded.titles.items()
@@ -60,29 +73,32 @@ class SceneStudies:
         self.run = run_scene(loaded)
         self.refused: dict[str, list[str]] = {}
 
-    def tried(self, section: str, study: Callable[[CamSet], Found]) -> dict[str, Found]:
-        """A study of each cam by itself, of those that it takes."""
-        found = {}
+    def study_each_cam(
+        self, section: str, study: Callable[[CamSet], StudyResult]
+    ) -> dict[str, StudyResult]:
+        """Return the result of a study of each cam, and store the errors in `refused`."""
+        results = {}
         for cam in self.loaded.cams:
             try:
-                found[cam] = study(self.cam_set.only([cam]))
+                results[cam] = study(self.cam_set.only([cam]))
             except CamRigError as error:
                 self.refused.setdefault(section, []).append(f"{self.titles[cam]}: {error}")
-        return found
+        return results
 
     @cached_property
     def checks(self) -> dict[str, list[Check]]:
-        """Of each cam's contour."""
-        return self.tried("contour", lambda one: check_cam(*one.pairs[0]))
+        """Checks of the contour of each cam."""
+        return self.study_each_cam("contour", lambda cam_set: check_cam(*cam_set.pairs[0]))
 
     @cached_property
     def jumps(self) -> JumpResult:
-        """Jump speeds."""
-        found = self.tried("jump", lambda one: find_jumps(one, {}))
-        return JumpResult(self.cam_set, tuple(row for one in found.values() for row in one.rows))
+        """Jump speeds of the cams."""
+        results = self.study_each_cam("jump", lambda cam_set: find_jumps(cam_set, {}))
+        rows = tuple(row for result in results.values() for row in result.rows)
+        return JumpResult(self.cam_set, rows)
 
 
-# In short: the numbers of each cam.
+# Section "In short": a summary row for each cam.
 
 
 def _summary_table(scene: SceneStudies) -> DataTable:
@@ -93,28 +109,28 @@ def _summary_table(scene: SceneStudies) -> DataTable:
     def checks(cam: str, passed: bool) -> Cell:
         return sum(check.passed is passed for check in scene.checks.get(cam, ()))
 
-    def contact(cam: str) -> list[SpeedRow]:
+    def speed_rows(cam: str) -> list[SpeedRow]:
         return [row for row in scene.run.by_speed if row.cam == cam]
 
-    def lost(cam: str) -> list[SpeedRow]:
-        return [row for row in contact(cam) if row.flight > 0.0 or row.force_least < 0.0]
+    def rows_without_contact(cam: str) -> list[SpeedRow]:
+        return [row for row in speed_rows(cam) if row.flight > 0.0 or row.force_least < 0.0]
 
-    def level(cam: str, end: Callable[[FloatArray], float]) -> Cell:
-        return float(end(curves[cam].level_db)) if cam in curves else None
+    def level(cam: str, extreme: Callable[[FloatArray], float]) -> Cell:
+        return float(extreme(curves[cam].level_db)) if cam in curves else None
 
     fields: list[tuple[Header, Callable[[str], Cell]]] = [
         (Header("cam"), lambda cam: scene.titles[cam]),
         (Header("checks passed", "", ".0f"), lambda cam: checks(cam, True)),
         (Header("failed", "", ".0f"), lambda cam: checks(cam, False)),
-        (Header("speeds", "", ".0f"), lambda cam: len(contact(cam))),
-        (Header("without contact", "", ".0f"), lambda cam: len(lost(cam))),
+        (Header("speeds", "", ".0f"), lambda cam: len(speed_rows(cam))),
+        (Header("without contact", "", ".0f"), lambda cam: len(rows_without_contact(cam))),
         (
             Header("first at", "rpm", ".6g", missing="–"),
-            lambda cam: min((row.rpm for row in lost(cam)), default=None),
+            lambda cam: min((row.rpm for row in rows_without_contact(cam)), default=None),
         ),
         (
             Header("longest flight", "ms", ".1f"),
-            lambda cam: max(1e3 * row.flight for row in contact(cam)),
+            lambda cam: max(1e3 * row.flight for row in speed_rows(cam)),
         ),
         (Header("jump speed", "rpm", ".1f", missing="–"), jumps.get),
         (Header("lowest level", "dB", ".1f"), lambda cam: level(cam, np.min)),
@@ -124,12 +140,12 @@ def _summary_table(scene: SceneStudies) -> DataTable:
         "The cams in short",
         scene.loaded.cams,
         fields,
-        "Without contact: the follower flies, or the model holds it and the force is negative.",
+        "Without contact: the follower flies, or the model keeps contact with a negative force.",
         f"Jump speed: {scene.jumps.run}." if scene.jumps.rows else "",
     )
 
 
-# The sections.
+# Sections of the page.
 
 
 def _summary(scene: SceneStudies) -> Content:
@@ -145,12 +161,12 @@ def _cams(scene: SceneStudies) -> Content:
         "Motion laws: lift and extremes of its derivatives in the cam angle",
         scene.cam_set,
         dict.fromkeys((1, 2, 3), ".4g"),
-        "Times the cam's speed in rad/s, to the power of the derivative's order, they are those in "
-        "time.",
+        "For derivatives in time, multiply by the cam speed in rad/s to the power of the order.",
     )
     pairs = scene.cam_set.pairs
     figures = {
-        f"law_{cam.name}": partial(law_figures.figure, cam, law) for cam, law in pairs[:MOST_CAMS]
+        f"law_{cam.name}": partial(law_figures.figure, cam, law)
+        for cam, law in pairs[:MAX_DRAWN_CAMS]
     }
     if len(pairs) > 1:
         figures["cams"] = partial(law_figures.cams_figure, pairs)
@@ -163,7 +179,7 @@ def _contour(scene: SceneStudies) -> Content:
     for cam, checks in scene.checks.items():
         tables += ProfileResult((CheckedCam(*pairs[cam], checks),)).to_display()
         failed += [(scene.titles[cam], check) for check in checks if not check.passed]
-        if cam in list(pairs)[:MOST_CAMS]:
+        if cam in list(pairs)[:MAX_DRAWN_CAMS]:
             figures[f"profile_{cam}"] = partial(profile_plot.figure, *pairs[cam], checks)
     return Content(tables, figures, {"failed": failed})
 
@@ -179,49 +195,54 @@ def _turn(scene: SceneStudies) -> Content:
 
 
 def _jump(scene: SceneStudies) -> Content:
-    found = scene.jumps
+    jumps = scene.jumps
     return Content(
-        found.to_display(scene.titles),
-        {"jump": found.plot} if found.rows else {},
-        results={"jump": found},
+        jumps.to_display(scene.titles),
+        {"jump": jumps.plot} if jumps.rows else {},
+        results={"jump": jumps},
     )
 
 
 def _vibration(scene: SceneStudies) -> Content:
     rpm = spread(speeds_of(scene.loaded.scene), VIBRATION_SPEEDS)
-    each = scene.tried("vibration", lambda one: measure(one, rpm))
-    if not each:
+    by_cam = scene.study_each_cam("vibration", lambda cam_set: measure(cam_set, rpm))
+    if not by_cam:
         return Content(results={"vibration": None})
-    rows = tuple(row for one in each.values() for row in one.rows)
-    found = VibrationResult(scene.cam_set.only(each), rows)
-    tables = found.tables()[0].to_display(scene.titles)
-    return Content(tables, {"vibration": found.plot}, results={"vibration": found})
+    rows = tuple(row for result in by_cam.values() for row in result.rows)
+    vibration = VibrationResult(scene.cam_set.only(by_cam), rows)
+    tables = vibration.tables()[0].to_display(scene.titles)
+    return Content(tables, {"vibration": vibration.plot}, results={"vibration": vibration})
 
 
 def _sound(scene: SceneStudies) -> Content:
-    """Levels over speed, and orders where the model has a closed form of them."""
+    """Return levels over speed, and orders if the model has a closed form of them."""
     model, rig = scene.loaded.scene.model, scene.loaded.rig
     speeds = [rpm * RPM for rpm in spread(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
-    each = scene.tried("sound", lambda one: waterfall(one.laws, model, rig, speeds)[0])
-    found = OrdersResult(tuple(each.values()), scene.titles)
+    by_cam = scene.study_each_cam(
+        "sound", lambda cam_set: waterfall(cam_set.laws, model, rig, speeds)[0]
+    )
+    orders = OrdersResult(tuple(by_cam.values()), scene.titles)
     no_sound = scene.loaded.no_sound_note
     tables = [] if no_sound else [_levels(scene)]
     if scene.recorded is not None:
         simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}
         published, rpm = scene.loaded.published, np.array(speeds_of(scene.loaded.scene))
-        known = {} if published is None else published.regression_db
-        levels = {cam: scene.loaded.published_levels(cam, rpm) for cam in simulated if cam in known}
+        curves = {} if published is None else published.regression_db
+        levels = {
+            cam: scene.loaded.published_levels(cam, rpm) for cam in simulated if cam in curves
+        }
         tables.append(recorded_table(scene.recorded, simulated, scene.titles, levels))
     return Content(
-        tables + (found.speeds.to_display(scene.titles) if each else []),
-        ({} if no_sound else {"noise": scene.run.plot}) | ({"orders": found.plot} if each else {}),
+        tables + (orders.speeds.to_display(scene.titles) if by_cam else []),
+        ({} if no_sound else {"noise": scene.run.plot})
+        | ({"orders": orders.plot} if by_cam else {}),
         {"highest": HIGHEST, "no_sound": no_sound},
-        {"orders": found if each else None},
+        {"orders": orders if by_cam else None},
     )
 
 
 def _levels(scene: SceneStudies) -> DataTable:
-    """The quietest and the loudest speed of each cam, and what the levels are worth."""
+    """Return one row per cam: lowest and highest level, and the difference to published levels."""
     return tabulate(
         "Sound pressure level over the scene's speeds",
         scene.run.noise.curves.values(),

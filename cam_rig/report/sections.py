@@ -1,4 +1,4 @@
-"""What both pages have: laws, origins of numbers, and a recorded sweep beside the simulated one."""
+"""Parts of several pages: laws, origins of numbers, and the comparison with a recorded run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,16 @@ from cam_rig.units import FloatArray, rms
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Levels (dB) of a bag by cam, at the scene's speeds in rising order, and its messages."""
+    """Levels of a recorded run.
+
+    Attributes
+    ----------
+    bag : Path
+    level_db : dict of str to array
+        Sound pressure levels (dB) by cam, at the speeds of the scene in rising order.
+    messages : int
+        Number of messages in the bag.
+    """
 
     bag: Path
     level_db: dict[str, FloatArray]
@@ -37,7 +46,13 @@ class Recorded:
 
 
 def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
-    """Read a bag of that scene."""
+    """Read the levels of a bag.
+
+    Raises
+    ------
+    BagError
+        If the bag is incomplete, or if its scene or one of its numbers differs from `loaded`.
+    """
     recording = read_recording(bag)
     _require_same(bag, recording.loaded, loaded)
     require_complete(bag, loaded.scene)
@@ -52,36 +67,43 @@ def recorded_table(
     titles: Mapping[str, str],
     published: Mapping[str, FloatArray] | None = None,
 ) -> DataTable:
-    """What lies between a bag's levels and the simulated ones (dB), and published ones if any."""
-    known, away = published or {}, Header("largest difference to this run", "dB", ".4f")
-    left = Header("r.m.s. difference to published", "dB", ".2f")
+    """Return the differences of recorded levels to simulated and published levels (dB) by cam."""
+    reference = published or {}
+    difference = Header("largest difference to this run", "dB", ".4f")
+    rms_error = Header("r.m.s. difference to published", "dB", ".2f")
     return tabulate(
         f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
         recorded.level_db.items(),
         (
             (Header("cam"), lambda row: titles[row[0]]),
-            (away, lambda row: float(np.abs(row[1] - simulated[row[0]]).max())),
-            (left, lambda row: rms(row[1] - known[row[0]]) if row[0] in known else None),
+            (difference, lambda row: float(np.abs(row[1] - simulated[row[0]]).max())),
+            (
+                rms_error,
+                lambda row: rms(row[1] - reference[row[0]]) if row[0] in reference else None,
+            ),
         ),
     )
 
 
-def _require_same(bag: Path, found: LoadedScene, wanted: LoadedScene) -> None:
-    if found.scene.name != wanted.scene.name:
+def _require_same(bag: Path, recorded: LoadedScene, loaded: LoadedScene) -> None:
+    """Raise BagError if a bag has another scene, or other numbers, than the files."""
+    name = loaded.scene.name
+    if recorded.scene.name != name:
         raise BagError(
-            f"{bag}: is a recording of the scene {found.scene.name!r}; allowed: of "
-            f"{wanted.scene.name!r}, so record that with: cam-rig run {wanted.scene.name}"
+            f"{bag}: is a recording of the scene {recorded.scene.name!r}; allowed: of {name!r}, "
+            f"so record that with: cam-rig run {name}"
         )
-    now = _numbers(wanted)
-    if changed := [name for name, number in _numbers(found).items() if number != now[name]]:
+    numbers = _determining_numbers(loaded)
+    before = _determining_numbers(recorded)
+    if changed := [key for key, number in before.items() if number != numbers[key]]:
         raise BagError(
             f"{bag}: was recorded with another {' and '.join(changed)} than the files have now; "
-            f"allowed: the same, so record it anew with: cam-rig run {wanted.scene.name}"
+            f"record it again with: cam-rig run {name}"
         )
 
 
-def _numbers(loaded: LoadedScene) -> dict[str, Any]:
-    """What would make other levels: not what a file's words say, only its numbers."""
+def _determining_numbers(loaded: LoadedScene) -> dict[str, Any]:
+    """Return the numbers that determine the levels. Texts of the files do not."""
     laws = loaded.laws.items()
     return {
         "program": loaded.scene.program.speeds.si_list,
@@ -92,18 +114,30 @@ def _numbers(loaded: LoadedScene) -> dict[str, Any]:
     }
 
 
-# What both pages show: the laws, and where each number is from.
+# Tables of the laws, and of the origin of each number.
 
-#: More numbers than this of one quantity are not all shown.
-MOST_SHOWN = 8
-#: A derivative of the lift in the cam angle, and what its unit is divided by.
+#: Number of values of a quantity that are all displayed. Of more, the first 3 and the last 2 are.
+MAX_SHOWN_NUMBERS = 8
+#: Derivative of the lift in the cam angle by its order: symbol, and divisor of the unit.
 DERIVATIVES = (("", ""), ("s′", "rad"), ("s″", "rad²"), ("s‴", "rad³"))
 
 
 def laws_table(
-    caption: str, cam_set: CamSet, shown: Mapping[int, str], *notes: str, over_lift: bool = False
+    caption: str, cam_set: CamSet, formats: Mapping[int, str], *notes: str, over_lift: bool = False
 ) -> DataTable:
-    """Smoothness and peaks of each law, from exact roots, in mm or over the lift."""
+    """Return a table with the continuity and the peaks of each law, from exact roots.
+
+    Parameters
+    ----------
+    caption : str
+    cam_set : CamSet
+    formats : mapping of int to str
+        Number format of each displayed derivative, by its order.
+    *notes : str
+        Notes under the table.
+    over_lift : bool
+        True for peaks divided by the lift, instead of in mm.
+    """
     unit = "1" if over_lift else "mm"
 
     def peak(order: int, end: int) -> Callable[[tuple[str, Law]], Cell]:
@@ -116,26 +150,29 @@ def laws_table(
     if not over_lift:
         fields.append((Header("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift))
     fields.append((Header("continuity"), lambda row: continuity_in_words(row[1])))
-    for order, form in shown.items():
-        name, per = DERIVATIVES[order]
+    for order, number_format in formats.items():
+        symbol, divisor = DERIVATIVES[order]
         fields += [
-            (Header(f"{words} {name}", f"{unit}/{per}", form), peak(order, end))
-            for words, end in (("largest", 1), ("smallest", 0))
+            (Header(f"{word} {symbol}", f"{unit}/{divisor}", number_format), peak(order, end))
+            for word, end in (("largest", 1), ("smallest", 0))
         ]
     return tabulate(caption, cam_set.laws.items(), fields, *notes)
 
 
 def origins(files: Mapping[str, BaseModel], own: bool = False) -> Content:
-    """Every number of every file with its origin; whether they are a person's ``own``."""
+    """Return a table per file with the value, origin and source of each number.
+
+    `own` is True for the files of a user, on a page of `cam-rig report`.
+    """
     rows = {name: list(quantities(model, "")) for name, model in files.items()}
-    counts = Counter(quantity.origin for some in rows.values() for _, quantity in some)
+    counts = Counter(quantity.origin for numbers in rows.values() for _, quantity in numbers)
     columns = (
         Column("number", of="0"),
         Column("value", of=lambda row: _value(row[1])),
         Column("origin", of="1.origin"),
         Column("source", of=lambda row: _source(row[1])),
     )
-    tables = [Records("", name, columns, some) for name, some in rows.items()]
+    tables = [Records("", name, columns, numbers) for name, numbers in rows.items()]
     return Content(
         [part for table in tables for part in table.to_display()],
         values={"origins": ", ".join(f"{counts[o]} {o}" for o in ORIGINS), "own": own},
@@ -149,6 +186,6 @@ def _source(quantity: Quantity) -> str:
 def _value(quantity: Quantity) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}".replace(" deg", "°")
     numbers = [format_number(value) for value in quantity.numbers]
-    if len(numbers) > MOST_SHOWN:
+    if len(numbers) > MAX_SHOWN_NUMBERS:
         numbers = [*numbers[:3], "…", *numbers[-2:]]
     return ", ".join(numbers) + unit.replace("*", "·").replace("^2", "²")

@@ -1,13 +1,15 @@
-"""The runner's half of the fork server: nodes that start with all their imports in memory.
+"""Client of the fork server, from which nodes start with all their imports in memory.
 
-Five interpreters would import the same hundreds of modules. One process imports them for all
-(`cam_rig.nodes.fork_server`), and each node is forked from it: a process of its own all the same, a
-child of the runner's, with its own pid, session, output and exit code.
+Five interpreters would import the same hundreds of modules. One process imports them once
+(`cam_rig.nodes.fork_server`), and each node is forked from it. A forked node is a separate process
+and a child of the runner, with its own pid, session, output and exit code.
 
-Without the server (not Linux, it was killed) a node is started by itself, as `ros2 run` does. The
-standard library's fork server is none for nodes: its children are not the runner's, so their pids,
-their output and a signal that ends them would need as much code again; each would import the
-runner's main module; and what it runs comes by pickle.
+If the server is not available (the system is not Linux, or the server was killed), each node is
+started in a new interpreter, as by `ros2 run`.
+
+The fork server of the standard library is not suitable for nodes. Its children are not children of
+the runner, so that pids, output and signals would need as much code again. Each of its children
+would import the main module of the runner, and receive its task by pickle.
 """
 
 from __future__ import annotations
@@ -26,31 +28,38 @@ from threading import Lock
 
 from cam_rig.interrupts import interruptible
 
-#: prctl's numbers for: orphans below this process become its children; whether they do.
-ADOPT, ADOPTS = 36, 37
-#: Wall time (s) that the server has to answer; a suspended one never does.
-PATIENCE_S = 60.0
-#: Wall time (s) between two looks whether a node has ended.
+#: Option of prctl(2): make this process the parent of orphaned descendants.
+PR_SET_CHILD_SUBREAPER = 36
+#: Option of prctl(2): read whether this process is the parent of orphaned descendants.
+PR_GET_CHILD_SUBREAPER = 37
+#: Wall time (s) in which the server must answer a request. A suspended server never does.
+ANSWER_TIMEOUT_S = 60.0
+#: Period (s, wall clock) of the check for the end of a node in `ForkedProcess.wait`.
 POLL_S = 0.01
-#: Bytes that a command line may have for `ps` to show all of it.
-COMMAND_ROOM = 8192
-#: Of the server and its nodes, unless the user has set another: with more it forks nothing.
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-_adopting_alone = Lock()
+#: Bytes reserved in the server's command line, in which a node writes its own for `ps`.
+COMMAND_LINE_BYTES = 8192
+#: Default environment of the server and its nodes: one thread per numerical library. The server
+#: exits instead of forking if it has several threads, because their locks would stay locked.
+SINGLE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+#: Taken while this process adopts orphans, so that the setting is restored in order.
+_adoption_lock = Lock()
 
 
 class ForkedProcess:
-    """A forked node, a child of this process: as much of `subprocess.Popen` as the runner uses."""
+    """Forked node, a child of this process, with the part of `subprocess.Popen` that is used.
+
+    A lock ensures that only one thread waits for the child, because a second would not find it.
+    """
 
     def __init__(self, pid: int, stdout: int, stderr: int) -> None:
         self.pid = pid
         self.returncode: int | None = None
         self.stdout, self.stderr = os.fdopen(stdout), os.fdopen(stderr)
-        self._one_at_a_time = Lock()
+        self._wait_lock = Lock()
 
     def poll(self) -> int | None:
-        """The exit code, negative for a signal that ended it; None while it runs."""
-        with self._one_at_a_time:  # a second thread would find no child any more
+        """Return the exit code, negative after a signal, or None if the node is running."""
+        with self._wait_lock:
             if self.returncode is None:
                 pid, status = os.waitpid(self.pid, os.WNOHANG)
                 if pid:
@@ -58,26 +67,35 @@ class ForkedProcess:
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end."""
-        begun = time.monotonic()
+        """Wait for the end of the node and return its exit code.
+
+        Raises
+        ------
+        subprocess.TimeoutExpired
+            If the node is still running after `timeout` (s, wall clock).
+        """
+        start = time.monotonic()
         while (code := self.poll()) is None:
-            if timeout is not None and time.monotonic() - begun > timeout:
+            if timeout is not None and time.monotonic() - start > timeout:
                 raise subprocess.TimeoutExpired(str(self.pid), timeout)
             time.sleep(POLL_S)
         return code
 
     def send_signal(self, number: int) -> None:
-        """Send a signal, unless it has ended."""
+        """Send a signal, unless the node has ended."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it by SIGKILL."""
+        """Terminate the node by SIGKILL."""
         self.send_signal(signal.SIGKILL)
 
 
 class ForkServer:
-    """The process that nodes are forked from, begun with the first; it ends with the runner."""
+    """Process from which nodes are forked. It starts with the first node and ends with the runner.
+
+    As a context manager it is closed at the end of the block.
+    """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -91,35 +109,45 @@ class ForkServer:
         self.close()
 
     def begin(self) -> ForkServer:
-        """Start it, where that is possible and not done yet; it is not waited for."""
+        """Start the server process if possible and not yet done, without waiting for it."""
         if not self._usable or self._process is not None:
             return self
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        number = str(theirs.fileno())
-        command = [sys.executable, "-m", "cam_rig.nodes.fork_server", number, " " * COMMAND_ROOM]
+        descriptor, padding = str(theirs.fileno()), " " * COMMAND_LINE_BYTES
+        command = [sys.executable, "-m", "cam_rig.nodes.fork_server", descriptor, padding]
         try:
-            with theirs, signals_blocked():
+            with theirs, block_signals():
                 self._process = subprocess.Popen(
                     command,
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,  # what fails here fails again in the node itself
+                    stderr=subprocess.DEVNULL,  # an error of an import is repeated in the node
                     pass_fds=(theirs.fileno(),),
-                    env=ONE_THREAD | os.environ,
+                    env=SINGLE_THREAD | os.environ,
                     start_new_session=True,
                 )
         except (OSError, MemoryError):
             ours.close()
             self._usable = False
         else:
-            ours.settimeout(PATIENCE_S)
+            ours.settimeout(ANSWER_TIMEOUT_S)
             self._requests = ours
         return self
 
     def start(
         self, command: Sequence[str], environment: dict[str, str], pipe: int | None
     ) -> ForkedProcess | None:
-        """Fork the node of a command, with the descriptor ``pipe`` too; None where it cannot."""
+        """Fork a node, or return None if the server is not available.
+
+        Parameters
+        ----------
+        command : sequence of str
+            Command line of the node.
+        environment : dict
+            Environment of the node.
+        pipe : int or None
+            File descriptor to pass to the node, under the same number.
+        """
         self.begin()
         if self._requests is None:
             return None
@@ -131,32 +159,33 @@ class ForkServer:
             "folder": os.getcwd(),
             "numbers": [1, 2, *([] if pipe is None else [pipe])],
         }
-        started = None
+        process = None
         try:
             if pid := self._fork(request, theirs):
-                started = ForkedProcess(pid, out, err)
-                os.write(go, b"!")  # without it, as when a signal interrupts this, the node ends
+                process = ForkedProcess(pid, out, err)
+                # the node ends if it does not receive this, as when a signal interrupts the start
+                os.write(go, b"!")
         finally:
-            for end in (leash, go, node_out, node_err, *(() if started else (out, err))):
+            for end in (leash, go, node_out, node_err, *(() if process else (out, err))):
                 os.close(end)
-        return started
+        return process
 
     @interruptible
-    def _fork(self, request: dict[str, object], streams: list[int]) -> int | None:
-        """The pid of a forked node, a child of this process; None from a server that is lost."""
+    def _fork(self, request: dict[str, object], descriptors: list[int]) -> int | None:
+        """Return the pid of the forked node, or None if the server does not answer."""
         assert self._requests is not None
         pid = b""
         try:
-            with _adopting(), suppress(OSError):  # it was killed, or suspended
-                socket.send_fds(self._requests, [json.dumps(request).encode()], streams)
+            with _adopt_orphans(), suppress(OSError):  # the server was killed, or is suspended
+                socket.send_fds(self._requests, [json.dumps(request).encode()], descriptors)
                 pid = self._requests.recv(32)
         finally:
-            if not pid:  # nor may an answer that still comes be taken for the next one's
+            if not pid:  # a late answer must not be taken for that of the next request
                 self.close()
         return int(pid) if pid else None
 
     def close(self) -> None:
-        """End it; the nodes stay."""
+        """Terminate the server process. The forked nodes continue."""
         if self._requests is not None:
             self._requests.close()
             self._requests = None
@@ -167,8 +196,11 @@ class ForkServer:
 
 
 @contextmanager
-def signals_blocked() -> Iterator[None]:
-    """A process that is started here gets no signal that ends it until it unblocks them itself."""
+def block_signals() -> Iterator[None]:
+    """Block SIGINT and SIGTERM in processes started in this context.
+
+    Such a process receives these signals only after it has unblocked them.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     try:
         yield
@@ -177,13 +209,13 @@ def signals_blocked() -> Iterator[None]:
 
 
 @contextmanager
-def _adopting() -> Iterator[None]:
-    """Meanwhile what the server leaves an orphan becomes a child of this process."""
+def _adopt_orphans() -> Iterator[None]:
+    """Make orphaned processes of the server children of this process in this context."""
     prctl, before = ctypes.CDLL(None).prctl, ctypes.c_int()
-    with _adopting_alone:
-        prctl(ADOPTS, ctypes.byref(before))
-        prctl(ADOPT, 1)
+    with _adoption_lock:
+        prctl(PR_GET_CHILD_SUBREAPER, ctypes.byref(before))
+        prctl(PR_SET_CHILD_SUBREAPER, 1)
         try:
             yield
         finally:
-            prctl(ADOPT, before)
+            prctl(PR_SET_CHILD_SUBREAPER, before)

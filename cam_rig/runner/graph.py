@@ -1,4 +1,4 @@
-"""The node graph as processes: started together, monitored, ended together."""
+"""Run the node graph: start all nodes, monitor them, and end them together."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, OPTIONAL, PATIENCE_S, RECORDER
 from cam_rig.runner.resources import (
     LOCK_GRACE_S,
-    clean,
     domain_number,
     log_folder,
-    require_room,
+    remove_segments,
+    require_shared_memory,
 )
 
 #: Time (s, wall clock) for which `Graph.poll` waits for the drive's first report.
@@ -32,18 +32,18 @@ SUSPENSION_CHECK_S = 0.5
 
 
 class Graph:
-    """The nodes of one run: a context manager that leaves no process behind.
+    """Context manager that starts the nodes of one run and ends all of them at its exit.
 
-    An essential node that ends, for whatever reason, ends the run with a RunError that names it.
+    If an essential node ends for any reason, `poll` and `progress` raise a RunError that names it.
 
     Parameters
     ----------
     nodes : dict
-        Parameters by node. The last node is the drive, or the player, whose end is the run's.
+        Parameters by node. The last node is the drive, or the player. Its end is that of the run.
     network : bool
         Allow discovery on the local subnet (default: this host only).
     log : callable
-        Takes each line for the operator.
+        Called with each line for the operator.
     namespace : str
         Namespace of the nodes, such as /rig1.
     server : ForkServer, optional
@@ -64,13 +64,13 @@ class Graph:
         self._progress_text = "before the first tick"
         self._drive = list(nodes)[-1]
         self.processes: dict[str, NodeProcess] = {}
-        self._left_out: set[str] = set()
+        self._ended_optional: set[str] = set()
         self._progress: Queue[str] = Queue()
         self._started_at = time.time()
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._is_bag_unclosed, self._bag_text = False, ""
         self._is_done = False
-        #: True if the run is over and the recorder has been ended.
+        #: True if the run is over and the recorder has closed the bag.
         self.finished = False
         self._suspended_since: dict[str, float] = {}
         self._suspension_checked_at = -math.inf
@@ -78,11 +78,11 @@ class Graph:
 
     def __enter__(self) -> Graph:
         require("rclpy")
-        require_room()
+        require_shared_memory()
         require_loopback()
-        if words := log_folder()[1]:
-            self._log(words)
-        with ExitStack() as stack:  # interrupted or out of memory: no node is left behind
+        if warning := log_folder()[1]:
+            self._log(warning)
+        with ExitStack() as stack:  # ends the nodes after an interrupt or if memory is exhausted
             stack.callback(self._end)
             self._start_all()
             stack.pop_all()
@@ -98,6 +98,7 @@ class Graph:
             self._log(self._bag_text if is_empty else prefix + self._bag_text)
 
     def _end(self) -> None:
+        """End all nodes, the recorder last, and clean up the shared memory after a failure."""
         from cam_rig.bag.files import is_unclosed
         from cam_rig.bag.recover import state_words
 
@@ -108,10 +109,10 @@ class Graph:
         stop_all(recorder)  # last, so that it receives all messages of the others
         self._is_bag_unclosed = self._bag.is_dir() and is_unclosed(self._bag)
         self._bag_text = state_words(self._bag)
-        # a killed node leaves shared memory behind, and so does a node that found no room for it
+        # a killed node leaves segments in the shared memory, as does one that found it full
         if any(node.process.poll() for node in started):
-            time.sleep(LOCK_GRACE_S)  # segments without a lock are then not those of a new run
-            clean(self._started_at, domain=domain_number())
+            time.sleep(LOCK_GRACE_S)  # afterwards segments of a new run are locked
+            remove_segments(self._started_at, domain=domain_number())
 
     def progress(self) -> Iterator[dict[str, float | str]]:
         """Yield the reports of the drive until it has finished."""
@@ -129,7 +130,7 @@ class Graph:
         """
         ended = [n for n, process in self.processes.items() if process.has_ended]
         if self._drive in ended:
-            self.processes[self._drive].settle()
+            self.processes[self._drive].wait_for_output()
         reports = self._reports()
         self._check_suspended()
         is_drive_finished = self._drive in ended and self.processes[self._drive].code == 0
@@ -139,7 +140,7 @@ class Graph:
             )
         for name in ended:
             is_expected = is_drive_finished and (name == self._drive or name in OPTIONAL)
-            if name not in self._left_out and not is_expected:
+            if name not in self._ended_optional and not is_expected:
                 self._handle_exit(name)
         if is_drive_finished:
             stop_all([self.processes[RECORDER]])  # it closes the bag
@@ -147,11 +148,12 @@ class Graph:
         return reports
 
     def require_closed(self) -> None:
-        """Raise RunError if the recorder has not closed the bag; called when all have ended."""
+        """Raise RunError if the recorder has not closed the bag. Call it after all nodes ended."""
         if self._is_bag_unclosed:
             raise RunError(self._exit_text(RECORDER) + self._last_line(RECORDER))
 
     def _check_suspended(self) -> None:
+        """Raise RunError if an essential node is suspended for longer than the drive's patience."""
         now = time.monotonic()
         if now - self._suspension_checked_at < SUSPENSION_CHECK_S:
             return
@@ -182,7 +184,7 @@ class Graph:
         text = self._exit_text(name) + self._last_line(name)
         if ENTRIES[name].essential:
             raise RunError(text)
-        self._left_out.add(name)
+        self._ended_optional.add(name)
         self._log(f"{text}; the run continues without it")
 
     def _exit_text(self, name: str) -> str:

@@ -1,4 +1,4 @@
-"""One node as a process: started, its output read, ended."""
+"""Start a node as a process, read its output, and end it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cam_rig.bag.split import Split
 from cam_rig.errors import RunError
-from cam_rig.runner.fork_server import ONE_THREAD, ForkedProcess, ForkServer, signals_blocked
+from cam_rig.runner.fork_server import SINGLE_THREAD, ForkedProcess, ForkServer, block_signals
 from cam_rig.runner.node_table import (
     CONSUMERS,
     DRIVE,
@@ -27,24 +27,44 @@ from cam_rig.runner.node_table import (
     VIEWER,
     WAIT,
 )
-from cam_rig.runner.resources import log_folder, why_killed
+from cam_rig.runner.resources import explain_signal, log_folder
 
-#: Wall time (s) a node has to end when asked to, before it is killed.
+#: Wall time (s) in which a node must end after SIGINT. Then it is killed.
 SHUTDOWN_GRACE_S = 10.0
-#: The variable that names Fast DDS's profile.
-PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
-#: Lines of stderr that are kept.
+#: Environment variable with the path of the Fast DDS profile.
+PROFILE_VARIABLE = "FASTDDS_DEFAULT_PROFILES_FILE"
+#: Number of stored lines of a node's stderr. Further lines replace the last.
 MAX_STDERR_LINES = 1000
+#: Parameters of a node by name.
 Arguments = dict[str, str | bool | float | list[str]]
+#: Process of a node, started in a new interpreter or forked.
 Process = subprocess.Popen[str] | ForkedProcess
 
 
 class NodeProcess:
-    """A node that runs, forked from ``server`` or started by itself.
+    """Running node, forked from a server or started in a new interpreter.
 
-    ``log`` gets each line of its stdout, where no node writes but the middleware may; ``report``
-    each line of its progress, which it writes into a pipe. `RunError` where the system has no
-    process, no memory or no thread left for it.
+    Parameters
+    ----------
+    name : str
+        Executable of the node.
+    arguments : dict
+        Parameters of the node.
+    network : bool
+        True to allow discovery on the local subnet, see `environment`.
+    log : callable
+        Called with each line of stdout, which only the middleware writes.
+    report : callable, optional
+        Called with each line of progress, which the node writes to a pipe.
+    namespace : str
+        Namespace of the node, such as /rig1.
+    server : ForkServer, optional
+        Server from which the node is forked.
+
+    Raises
+    ------
+    RunError
+        If the system has no process, memory or thread left for the node.
     """
 
     def __init__(
@@ -60,70 +80,73 @@ class NodeProcess:
         self.name = name
         self.stderr_lines: list[str] = []
         self._threads: list[threading.Thread] = []
-        #: Whether it did not end when it was asked to, so that it had to be killed.
+        #: True if the node did not end within `SHUTDOWN_GRACE_S` after SIGINT and was killed.
         self.overdue = False
         try:
             command = _command(name, arguments, namespace)
             self.process, progress = _start(command, network, report is not None, server)
         except (OSError, MemoryError) as error:
-            raise _none_left(name, getattr(error, "strerror", None) or "no memory") from None
+            raise _start_error(name, getattr(error, "strerror", None) or "no memory") from None
         try:
             self._read(self.process.stdout, lambda line: log(line.rstrip()))
             self._read(self.process.stderr, self._keep_stderr)
             if report is not None:
                 self._read(progress, report)
-        except RuntimeError as error:  # of a thread: its output cannot be read, so it must not run
+        except RuntimeError as error:  # no thread can be started, so the output is not read
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
-            raise _none_left(name, str(error)) from None
+            raise _start_error(name, str(error)) from None
 
     @property
     def code(self) -> int | None:
-        """The exit code; None while it runs. One of SIGALRM is 0: all it had to do was done."""
+        """Exit code, or None if the node is running.
+
+        The code of SIGALRM is reported as 0: the node had completed its work.
+        """
         code = self.process.poll()
         return 0 if code == -signal.SIGALRM else code
 
     @property
     def has_ended(self) -> bool:
-        """Whether it has ended."""
+        """True if the node has ended."""
         return self.code is not None
 
     @property
     def was_killed(self) -> bool:
-        """Whether a signal ended it."""
+        """True if a signal ended the node."""
         return (self.code or 0) < 0
 
     @property
     def is_suspended(self) -> bool:
-        """Whether it is suspended by a signal (SIGSTOP)."""
+        """True if the node is suspended by a signal (SIGSTOP)."""
         try:
             with open(f"/proc/{self.process.pid}/stat", encoding="ascii", errors="replace") as line:
                 return line.read(4096).rpartition(")")[2].split()[:1] == ["T"]
-        except OSError:  # it has ended, or this is not Linux
+        except OSError:  # the node has ended, or this is not Linux
             return False
 
     def exit_summary(self) -> str:
-        """How it ended."""
+        """Return a text that states how the node ended."""
         if self.overdue:
             return f"{self.name} did not end within {SHUTDOWN_GRACE_S:g} s and was killed"
         code = self.code or 0
-        how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
-        return f"{self.name} {how}{why_killed(code)}"
+        text = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        return f"{self.name} {text}{explain_signal(code)}"
 
     @property
     def warnings(self) -> list[str]:
-        """The warnings in its stderr, without time and name."""
+        """Warnings on stderr, without time and node name."""
         return [line.split("]: ", 1)[-1].strip() for line in self.stderr_lines if "[WARN]" in line]
 
     def last_stderr_line(self) -> str:
         """Return the fatal error that the node logged, or else its last line on stderr."""
-        self.settle()
+        self.wait_for_output()
         lines = [line.strip() for line in self.stderr_lines if line.strip()]
         fatal = [line.split("]: ", 1)[-1] for line in lines if line.startswith("[FATAL]")]
         return (fatal[:1] or lines[-1:] or ["nothing on stderr"])[0]
 
-    def settle(self) -> None:
-        """Once it has ended: wait until all its output has been read."""
+    def wait_for_output(self) -> None:
+        """Wait until all output of the ended node has been read."""
         for thread in self._threads:
             thread.join(SHUTDOWN_GRACE_S)
 
@@ -142,37 +165,42 @@ class NodeProcess:
 def _start(
     command: list[str], network: bool, reports: bool, server: ForkServer | None
 ) -> tuple[Process, Iterable[str]]:
-    """A node's process, and the lines of its progress, which come through a pipe."""
+    """Start a node. Return its process and the lines of its progress, read from a pipe.
+
+    If `reports` is False there is no pipe and there are no lines.
+    """
     if not reports:
         return _started(command, network, None, server), ()
     progress, pipe = os.pipe()
-    with ExitStack() as unread:
-        lines = unread.enter_context(os.fdopen(progress))
+    with ExitStack() as stack:  # closes the pipe if the start fails
+        lines = stack.enter_context(os.fdopen(progress))
         try:
             command = [*command, "-p", f"progress_fd:={pipe}"]
             process = _started(command, network, pipe, server)
         finally:
             os.close(pipe)
-        unread.pop_all()
+        stack.pop_all()
     return process, lines
 
 
 def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:
-    # as JSON, which is YAML too: a folder called yes or 1e3 stays a text
+    """Return the command line of a node."""
+    # values as JSON, which is valid YAML: a folder named yes or 1e3 remains a text
     pairs = (f"{key}:={json.dumps(value)}" for key, value in arguments.items())
-    ros = [part for pair in pairs for part in ("-p", pair)]
-    place = ("-r", f"__ns:={namespace}") if namespace else ()
-    return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *place, *ros]
+    parameters = [part for pair in pairs for part in ("-p", pair)]
+    remapping = ("-r", f"__ns:={namespace}") if namespace else ()
+    return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *remapping, *parameters]
 
 
 def _started(
     command: list[str], network: bool, pipe: int | None, server: ForkServer | None
 ) -> Process:
-    own = environment(network)
-    forked = server.start(command, own, pipe) if server is not None else None
+    """Start a command, forked from the server if possible, and pass the pipe to it."""
+    variables = environment(network)
+    forked = server.start(command, variables, pipe) if server is not None else None
     if forked is not None:
         return forked
-    with signals_blocked():
+    with block_signals():
         return subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -180,24 +208,24 @@ def _started(
             stderr=subprocess.PIPE,
             text=True,
             pass_fds=() if pipe is None else (pipe,),
-            env=own,
-            start_new_session=True,  # Ctrl-C reaches the runner alone, which ends all in order
+            env=variables,
+            start_new_session=True,  # Ctrl-C reaches only the runner, which ends the nodes in order
         )
 
 
-def _none_left(name: str, why: str) -> RunError:
+def _start_error(name: str, reason: str) -> RunError:
     return RunError(
-        f"node {name} cannot be started ({why}); end other programs, or raise what a process or "
-        "a user may have (ulimit -v, ulimit -u)"
+        f"node {name} cannot be started ({reason}); end other programs, or raise the limits of "
+        "memory and processes (ulimit -v, ulimit -u)"
     )
 
 
 def stop_all(nodes: list[NodeProcess]) -> None:
-    """Ask all to end, wait for them, and kill those that do not."""
+    """End nodes by SIGINT, wait for them, and kill those that exceed `SHUTDOWN_GRACE_S`."""
     for node in nodes:
         if not node.has_ended:
             node.process.send_signal(signal.SIGINT)
-            node.process.send_signal(signal.SIGCONT)  # one that was suspended ends in order too
+            node.process.send_signal(signal.SIGCONT)  # so that a suspended node ends, too
     deadline = time.monotonic() + SHUTDOWN_GRACE_S
     for node in nodes:
         try:
@@ -209,24 +237,30 @@ def stop_all(nodes: list[NodeProcess]) -> None:
 
 
 def environment(network: bool = False) -> dict[str, str]:
-    """The nodes' environment; only with ``network`` sockets leave this machine, as the user set."""
+    """Return the environment of the nodes.
+
+    If `network` is False, no socket leaves this machine. If it is True, a Fast DDS profile and a
+    discovery range set by the user apply.
+    """
     from cam_rig.schema.load import config_root
 
-    # The nodes' matrices are small: threads inside one node only take the cores of the others.
-    own = ONE_THREAD | os.environ
-    own["ROS_LOG_DIR"] = str(log_folder()[0])
-    own["CAM_RIG_RUNNER"] = str(os.getpid())
+    # the matrices of the nodes are small, so threads in a node only take the cores of the others
+    variables = SINGLE_THREAD | os.environ
+    variables["ROS_LOG_DIR"] = str(log_folder()[0])
+    variables["CAM_RIG_RUNNER"] = str(os.getpid())
     if network:
-        own.setdefault(PROFILES, str(config_root() / "fastdds_subnet.xml"))
+        variables.setdefault(PROFILE_VARIABLE, str(config_root() / "fastdds_subnet.xml"))
     else:
-        own[PROFILES] = str(config_root() / "fastdds_loopback.xml")
-        own["SKIP_DEFAULT_XML_FILE"] = "1"  # one in the working directory would open the subnet
-        # any other range, LOCALHOST too, would replace the profile's transports
-        own["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
-    return own
+        variables[PROFILE_VARIABLE] = str(config_root() / "fastdds_loopback.xml")
+        # a default profile in the working directory would open the subnet
+        variables["SKIP_DEFAULT_XML_FILE"] = "1"
+        # any other range, LOCALHOST included, would replace the transports of the profile
+        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    return variables
 
 
 def _drain(stream: Iterable[str], take: Callable[[str], None]) -> None:
+    """Pass each line of a stream to a function, until the stream ends."""
     for line in stream:
         take(line)
 
@@ -238,23 +272,41 @@ def live(
     split: Split | None = None,
     **drive: str | bool | float,
 ) -> dict[str, Arguments]:
-    """The nodes of a run; a viewer draws to ``screen``, if any; ``split`` limits each file."""
+    """Return the nodes of a run with their parameters, in the order of their start.
+
+    Parameters
+    ----------
+    scene : Path
+        Scene file.
+    bag : Path
+        Folder to record into.
+    screen : str, optional
+        Address of Rerun for the viewer (default: no viewer).
+    split : Split, optional
+        Limits of each file of the bag (default: one file).
+    **drive : str, bool or float
+        Parameters of the drive.
+    """
     names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
     consumers = [name for name in names if name in CONSUMERS]
-    given: dict[str, Arguments] = {
+    by_node: dict[str, Arguments] = {
         RECORDER: {"bag": str(bag), **(split or Split()).parameters},
         VIEWER: {"address": screen or ""},
-        # a node that has ended is noticed here at once, so a busy machine may answer late
+        # the runner detects an ended node at once, so the drive can wait long on a busy machine
         DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
     }
-    # the runner ends its nodes itself, when it need not start one again for another
+    # the nodes wait at the end of the run, because the runner ends them in order
     common = {"scene": str(scene), "at_end": WAIT}
-    return {name: {**common, **given.get(name, {})} for name in names}
+    return {name: {**common, **by_node.get(name, {})} for name in names}
 
 
 def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
-    """The consumers of a run, and the player in place of the drive and the law server."""
-    nodes = {name: given for name, given in live(scene, bag).items() if name in CONSUMERS}
+    """Return the nodes of a replay with their parameters: the consumers and the player.
+
+    The player replaces the drive and the law server. `bag` is the folder to record into and
+    `recorded` the bag to play.
+    """
+    nodes = {name: values for name, values in live(scene, bag).items() if name in CONSUMERS}
     player: Arguments = {"bag": str(recorded), "patience": PATIENCE_S, "at_end": WAIT}
     return nodes | {PLAYER.name: player}
 
@@ -262,7 +314,10 @@ def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
 def steered(
     scene: Path, bag: Path, socket: Path, screen: str | None, **drive: str | bool | float
 ) -> dict[str, Arguments]:
-    """The nodes of a run that a page steers, through the panel's node at ``socket``."""
+    """Return the nodes of a run that a page controls, with their parameters.
+
+    The panel node connects them with the page, through the `socket` of `cam-rig panel`.
+    """
     nodes = live(scene, bag, screen, None, **drive)
     panel: Arguments = {"scene": str(scene), "at_end": WAIT, "socket": str(socket)}
     return {PANEL.name: panel} | nodes

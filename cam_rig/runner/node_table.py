@@ -1,6 +1,6 @@
 """Table of the node graph, used by the runner and by the launch file.
 
-Subscribers come before publishers: nodes start in this order and end in the opposite one.
+Subscribers come before publishers. Nodes start in this order and end in reverse order.
 """
 
 from __future__ import annotations
@@ -10,22 +10,26 @@ from dataclasses import dataclass
 
 #: Patience (s, wall clock) of the drive of a run: time without an answer before it gives up.
 PATIENCE_S = 120.0
-#: Values of the parameter at_end: what a node does when the run is over.
-END, STAY, WAIT = "end", "stay", "wait"
+#: Value of the parameter at_end: the node ends with the run.
+END = "end"
+#: Value of at_end: the node stays for another run.
+STAY = "stay"
+#: Value of at_end: the node waits until the runner ends it.
+WAIT = "wait"
 
 
 @dataclass(frozen=True)
 class NodeEntry:
-    """One node of a run, by its executable.
-
-    The run ends if an ``essential`` node ends. It continues without an optional node.
-    """
+    """Node of a run: name of its executable, and True if the run cannot continue without it."""
 
     name: str
     essential: bool = True
 
 
-RECORDER, VIEWER, DRIVE = "recorder", "viewer", "cam_drive"
+RECORDER = "recorder"
+VIEWER = "viewer"
+DRIVE = "cam_drive"
+#: Nodes of a run, in the order of their start.
 NODES = (
     NodeEntry(RECORDER),
     NodeEntry(VIEWER, essential=False),
@@ -34,26 +38,28 @@ NODES = (
     NodeEntry("law_server"),
     NodeEntry(DRIVE),
 )
-#: The node that replaces drive and law server in the replay of a bag.
+#: Node that replaces drive and law server in the replay of a bag.
 PLAYER = NodeEntry("player")
-#: The node that connects the panel in a browser with the other nodes.
+#: Node that connects the panel in a browser with the other nodes.
 PANEL = NodeEntry("panel")
+#: All nodes by name.
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
 #: Nodes whose messages other nodes consume, in a run and in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
 #: Nodes for which the drive may wait in addition to the law server. The run can continue without
 #: the optional nodes.
 CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
+#: Names of the nodes without which a run continues.
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
 def in_chain(names: Sequence[str]) -> list[str]:
-    """Return nodes in the order in which each waits for the nodes before it."""
+    """Sort nodes by their position in the chain, in which each waits for the nodes before it."""
     order = [entry.name for entry in NODES]
     return sorted(names, key=order.index, reverse=True)
 
 
 def held_by(names: Sequence[str]) -> str:
-    """Return which of several nodes without an answer blocks the others, as text."""
+    """Return a text on several nodes without an answer, with the one that blocks the others."""
     first, *rest = in_chain(names)
     return f"{first}, and behind it {', '.join(rest)}" if rest else first

@@ -1,4 +1,8 @@
-"""One run, and one recorder, in each namespace of a ROS domain: two would hear each other."""
+"""Machine resources of a run: ROS domain, private folders, log folder, shared memory.
+
+Each namespace of a ROS domain has at most one run and one recorder, because the nodes of a second
+would receive the messages of the first. Locks of the user enforce this.
+"""
 
 from __future__ import annotations
 
@@ -19,86 +23,106 @@ from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.extras import require
 from cam_rig.files import MIB, no_room, temporary_place
 
-# Folders that are this user's alone, for locks of runs on one machine.
+# Private folders of the user, for the locks of runs on one machine.
 
 
 def user_folder() -> Path:
-    """The user's runtime folder; without one, a folder of the user's own in the temporary place."""
-    found = runtime_folder()
-    if found is not None:
-        return found
-    place = temporary_place()
-    own = place / f"cam_rig-{os.getuid()}"
+    """Return the runtime folder of the user, or else a private folder in the temporary folder.
+
+    Raises
+    ------
+    OutputError
+        If the private folder cannot be made, or if other users have access to it.
+    """
+    runtime = runtime_folder()
+    if runtime is not None:
+        return runtime
+    parent = temporary_place()
+    folder = parent / f"cam_rig-{os.getuid()}"
     try:
-        own.mkdir(mode=0o700, exist_ok=True)
-        if _is_private(own):
-            return own
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if _is_private(folder):
+            return folder
     except FileExistsError:  # not a folder
         pass
     except OSError as error:
-        raise no_room(place, error) from None
+        raise no_room(parent, error) from None
     raise OutputError(
-        f"{own}: is not a folder of yours alone; remove it, or name another place in TMPDIR"
+        f"{folder}: is not private to you; remove it, or name another folder in TMPDIR"
     )
 
 
 def runtime_folder() -> Path | None:
-    """The folder of XDG_RUNTIME_DIR, if that is this user's alone and can be written."""
-    given = os.environ.get("XDG_RUNTIME_DIR", "")
-    path = Path(given)
+    """Return the folder of XDG_RUNTIME_DIR, or None if it is not private or not writable."""
+    path = Path(os.environ.get("XDG_RUNTIME_DIR", ""))
     try:
         usable = path.is_absolute() and _is_private(path) and os.access(path, os.W_OK | os.X_OK)
-    except (OSError, ValueError):  # it is not there; it is not a path
+    except (OSError, ValueError):  # it does not exist, or is not a path
         return None
     return path if usable else None
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether it is a folder, not a link, that no other user may access."""
-    about = folder.lstat()
-    mine = about.st_uid == os.getuid() and not about.st_mode & 0o077
-    return mine and stat.S_ISDIR(about.st_mode)
+    """Return True if a path is a folder (not a link) that no other user can access."""
+    status = folder.lstat()
+    private = status.st_uid == os.getuid() and not status.st_mode & 0o077
+    return private and stat.S_ISDIR(status.st_mode)
 
 
-# Where ROS writes its log files: a node ends where it cannot.
+# Log folder of ROS. A node ends if it cannot write to it.
 
 
 def log_folder() -> tuple[Path, str]:
-    """Where ROS writes log files, and what to say where that is not where it would."""
-    own = user_folder() / "cam_rig-ros-log"
-    given, home = os.environ.get("ROS_LOG_DIR"), os.environ.get("ROS_HOME")
-    if not os.environ.get("HOME") and not given:  # a service, or a cron job
-        return own, ""
-    wanted = Path(given or Path(home or "~/.ros") / "log").expanduser()
+    """Return the log folder of ROS, and a warning for the operator (or an empty text).
+
+    It is the folder that ROS would use. If that is not writable, it is a private folder of the
+    user, and the warning names both. Without HOME, as in a service or a cron job, it is the private
+    folder, unless ROS_LOG_DIR is set.
+    """
+    private = user_folder() / "cam_rig-ros-log"
+    log_dir, home = os.environ.get("ROS_LOG_DIR"), os.environ.get("ROS_HOME")
+    if not os.environ.get("HOME") and not log_dir:
+        return private, ""
+    default = Path(log_dir or Path(home or "~/.ros") / "log").expanduser()
     try:
-        wanted.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=wanted):
-            return wanted, ""
+        default.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=default):
+            return default, ""
     except OSError as error:
-        return own, f"{wanted}: cannot be written ({error.strerror}); ROS's log files are in {own}"
+        reason = f"{default}: is not writable ({error.strerror})"
+        return private, f"{reason}; the log files of ROS are in {private}"
 
 
-#: The greatest ROS domain, by the ports of DDS.
+#: Largest ROS domain whose ports DDS can use.
 MAX_DOMAIN = 232
-#: A number as ROS reads it: as in C, where a leading 0 makes it octal.
-NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)", re.ASCII)
-#: Characters of such a number, at most.
-MAX_CHARACTERS = 64
-#: A namespace of ROS; a topic's name ends it, and may have 255 characters with it.
+#: Value of ROS_DOMAIN_ID, which ROS reads as in C: a leading 0 means octal, 0x hexadecimal.
+DOMAIN_NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)", re.ASCII)
+#: Maximum number of characters of ROS_DOMAIN_ID. Longer texts are rejected unread.
+MAX_DOMAIN_CHARACTERS = 64
+#: Namespace of ROS, with its leading slash.
 NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
+#: Maximum number of characters of a namespace. Namespace and topic together may have 255.
 MAX_NAMESPACE = 200
-#: What opening a file raises that is not this user's own: a link, a folder, another user's.
-FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
+#: Error codes of opening a lock file that is a link, a folder or a file of another user.
+FOREIGN_ERRORS = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 
 
 @contextmanager
 def own_domain(namespace: str = "") -> Iterator[None]:
-    """Hold a namespace of this ROS domain; the kernel releases it with the process."""
+    """Reserve a namespace of the present ROS domain for one run.
+
+    The kernel releases it at the end of the process at the latest.
+
+    Raises
+    ------
+    RunError
+        If another run has reserved it.
+    """
     require("rclpy")
-    with _only("domain", domain_number(), namespace) as where:
-        if where:
+    with _exclusive_lock("domain", domain_number(), namespace) as location:
+        if location:
             raise RunError(
-                f"another run is active in {where}; allowed: one, so give this one a namespace "
+                f"another run is active in {location}; give this run a namespace "
                 "(--namespace /rig2), or set ROS_DOMAIN_ID to another number"
             )
         yield
@@ -106,47 +130,66 @@ def own_domain(namespace: str = "") -> Iterator[None]:
 
 @contextmanager
 def own_recorder(domain: int, namespace: str) -> Iterator[None]:
-    """Be the one recorder of a rig: the drive waits for what it has written."""
-    with _only("recorder", domain, namespace_named(namespace)) as where:
-        if where:
+    """Reserve the role of the only recorder of a rig.
+
+    Raises
+    ------
+    RunError
+        If the rig has a recorder. The drive waits for a recorder, and cannot wait for two.
+    """
+    with _exclusive_lock("recorder", domain, namespace_named(namespace)) as location:
+        if location:
             raise RunError(
-                f"this rig has a recorder already, in {where}; allowed: one, as the drive waits "
-                "for what it has written; end it first, record the topics with ros2 bag record, or "
-                "set ROS_DOMAIN_ID to another number"
+                f"this rig has a recorder already, in {location}; end it first, record the topics "
+                "with ros2 bag record, or set ROS_DOMAIN_ID to another number"
             )
         yield
 
 
 @contextmanager
-def _only(what: str, domain: int, namespace: str) -> Iterator[str]:
-    """Hold a lock of a rig; where another process has it, yields the rig's place in words."""
-    name = f"cam_rig-{what}-{domain}{namespace.replace('/', '-')}.lock"
-    with open(_lock(user_folder() / name), "rb") as lock:
+def _exclusive_lock(role: str, domain: int, namespace: str) -> Iterator[str]:
+    """Lock a role of a rig. Yield an empty text, or domain and namespace if it is locked."""
+    name = f"cam_rig-{role}-{domain}{namespace.replace('/', '-')}.lock"
+    with open(_open_lock(user_folder() / name), "rb") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            where = ""
+            location = ""
         except BlockingIOError:
-            where = f"ROS domain {domain}" + (f", namespace {namespace}" if namespace else "")
-        yield where
+            location = f"ROS domain {domain}" + (f", namespace {namespace}" if namespace else "")
+        yield location
 
 
 def namespace_named(text: str) -> str:
-    """The namespace that a text names, with its slash: rig1 and /rig1 alike; empty for the root."""
+    """Return a namespace with its leading slash: /rig1 for rig1 and /rig1, empty for the root.
+
+    Raises
+    ------
+    ConfigError
+        If ROS does not allow the namespace, or if it has more than `MAX_NAMESPACE` characters.
+    """
     namespace = f"/{text.strip('/')}".rstrip("/")
     if len(namespace) > MAX_NAMESPACE or (namespace and not NAMESPACE.fullmatch(namespace)):
         raise ConfigError(
             f"namespace: is {text[:80]!r}, {len(text)} characters; allowed: letters, digits, "
-            f"single _ and /, each part begins with a letter, {MAX_NAMESPACE} characters at most"
+            f"single _ and /, each part starts with a letter, {MAX_NAMESPACE} characters at most"
         )
     return namespace
 
 
 def domain_number(text: str | None = None) -> int:
-    """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0."""
+    """Return the ROS domain of a text, by default of the variable ROS_DOMAIN_ID.
+
+    The text 030 gives 24, 0x10 gives 16, and an empty text 0.
+
+    Raises
+    ------
+    ConfigError
+        If the text is not a number from 0 to `MAX_DOMAIN`.
+    """
     text = os.environ.get("ROS_DOMAIN_ID", "") if text is None else text
-    found = NUMBER.fullmatch(text or "0") if len(text) <= MAX_CHARACTERS else None
-    if found is not None:
-        digits = found[1].lower()
+    match = DOMAIN_NUMBER.fullmatch(text or "0") if len(text) <= MAX_DOMAIN_CHARACTERS else None
+    if match is not None:
+        digits = match[1].lower()
         number = int(digits, 16 if "x" in digits else 8 if digits[0] == "0" else 10)
         if number <= MAX_DOMAIN:
             return number
@@ -154,84 +197,109 @@ def domain_number(text: str | None = None) -> int:
 
 
 def domain_ports(domain: int) -> range:
-    """The ports that are a ROS domain's own."""
+    """Return the ports that DDS uses for this ROS domain only."""
     return range(7400 + 250 * domain, 7650 + 250 * domain)
 
 
-def _lock(path: Path) -> int:
-    """The file, open: neither through a link nor waiting for the other end of a pipe."""
-    foreign = OutputError(f"{path}: is not a file of yours; remove it")
+def _open_lock(path: Path) -> int:
+    """Return the descriptor of a lock file of this user, which is made if it is missing.
+
+    Links are not followed, and the call does not wait for the other end of a pipe.
+    """
+    foreign = OutputError(f"{path}: is not a regular file owned by you; remove it")
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     try:
         lock = os.open(path, flags, 0o600)
-        about = os.fstat(lock)
+        status = os.fstat(lock)
     except OSError as error:
-        raise (foreign if error.errno in FOREIGN else no_room(path.parent, error)) from None
-    if stat.S_ISREG(about.st_mode) and about.st_uid == os.getuid():
+        raise (foreign if error.errno in FOREIGN_ERRORS else no_room(path.parent, error)) from None
+    if stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid():
         return lock
     os.close(lock)
     raise foreign
 
 
-# /dev/shm, where Fast DDS keeps its segments: room in it, and what killed nodes leave there.
+# Shared memory, in which Fast DDS stores its segments: free space, and segments of killed nodes.
 
-#: Bytes that must be free: a page for each lock of seven nodes, several times over.
-MIN_FREE = MIB
-REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
-FOLDER = Path("/dev/shm")
-#: A segment or a port has a lock file beside it, which its owner holds until it ends.
+#: Bytes that must be free before a run: several times a page for each lock of seven nodes.
+MIN_FREE_BYTES = MIB
+#: Remedy in the messages on a full shared memory.
+REMEDY = "remove files from it, or give a container more (docker run --shm-size=256m)"
+#: Folder of the shared memory on Linux.
+SHARED_MEMORY = Path("/dev/shm")
+#: File name of a segment or a port of Fast DDS.
 SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port(\d{1,5}))")
-LOCKS = ("_el", "_sl")
-#: Age (s) up to which a segment may yet get its lock; who makes a port has it open.
+#: Suffixes of the lock file next to a segment or port. Its owner locks it until the owner ends.
+LOCK_SUFFIXES = ("_el", "_sl")
+#: Age (s) below which a segment may not have its lock yet. A new port is open in its process.
 LOCK_GRACE_S = 1.0
 
 
-def require_room(folder: Path = FOLDER) -> None:
-    """To be called before nodes are started; other systems keep shared memory elsewhere."""
-    free = _free(folder)
-    if free is not None and free < MIN_FREE:
+def require_shared_memory(folder: Path = SHARED_MEMORY) -> None:
+    """Raise OutputError if less than `MIN_FREE_BYTES` of shared memory are free.
+
+    Without that folder, as on systems other than Linux, nothing is checked.
+    """
+    free = _free_bytes(folder)
+    if free is not None and free < MIN_FREE_BYTES:
         raise OutputError(
             f"{folder}: has {free / 1024:.0f} KiB free; allowed: at least "
-            f"{MIN_FREE // 1024} KiB, so {REMEDY}"
+            f"{MIN_FREE_BYTES // 1024} KiB, so {REMEDY}"
         )
 
 
-def why_killed(code: int, folder: Path = FOLDER) -> str:
-    """The meaning of the signal that ended a node, for the exit summary; empty where unknown."""
-    free = _free(folder)
+def explain_signal(code: int, folder: Path = SHARED_MEMORY) -> str:
+    """Return the cause of the signal in an exit code as text, empty if it is not known.
+
+    Only SIGBUS has a known cause: a full shared memory.
+    """
+    free = _free_bytes(folder)
     if code != -signal.SIGBUS or free is None:
         return ""
     return f" (SIGBUS: {folder} was full, {free / 1024:.0f} KiB are free now; {REMEDY})"
 
 
-def _free(folder: Path) -> int | None:
-    """Bytes that this user may still write there; None where there is no such folder."""
+def _free_bytes(folder: Path) -> int | None:
+    """Return the bytes that the user can write to a folder, or None if it does not exist."""
     try:
-        about = os.statvfs(folder)
+        status = os.statvfs(folder)
     except OSError:
         return None
-    return about.f_bavail * about.f_frsize
+    return status.f_bavail * status.f_frsize
 
 
-def clean(since: float, folder: Path = FOLDER, domain: int | None = None) -> list[str]:
-    """Remove what ended processes of this user left since a time (s), if unlocked; its names.
+def remove_segments(
+    since: float, folder: Path = SHARED_MEMORY, domain: int | None = None
+) -> list[str]:
+    """Remove unlocked segments and ports of ended processes of this user. Return the file names.
 
-    Of ports only a domain's own: all domains share the others, so a node of another run may be
-    about to take one, and would hear nothing; who takes it next sets it up anew. One that a process
-    has open is never removed: the last that closes it removes what then is there by its name, a new
-    one too.
+    Ports are removed only if they belong to one domain. All domains share the other ports, so a
+    node of another run may be about to use one. Without its file it would receive no messages,
+    whereas a port that is left is initialised again by its next user.
+
+    A port that a process has open is never removed, because the last process to close it removes
+    the file that then has its name, which can be a new port.
+
+    Parameters
+    ----------
+    since : float
+        Start of the run (s, Unix time). Older files are kept.
+    folder : Path
+        Folder of the shared memory.
+    domain : int, optional
+        ROS domain of the ports (default: no port is removed).
     """
     removed: list[str] = []
-    lockable = time.time() - LOCK_GRACE_S
+    newest_segment = time.time() - LOCK_GRACE_S
     names = {path.name for path in folder.glob("fastdds_*")}
-    names = {name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}
+    names = {name.removesuffix(LOCK_SUFFIXES[0]).removesuffix(LOCK_SUFFIXES[1]) for name in names}
     ports = () if domain is None else domain_ports(domain)
-    found = [match for name in names if (match := SEGMENT.fullmatch(name))]
-    left = {match[0] for match in found if match[1] is None or int(match[1]) in ports}
-    for name in sorted(left - (_open_ports(folder) if ports else set())):
-        files = [folder / (name + end) for end in ("", *LOCKS)]
-        until = math.inf if "port" in name else lockable
-        if _are_left([path for path in files if path.exists()], since, until):
+    matches = [match for name in names if (match := SEGMENT.fullmatch(name))]
+    candidates = {match[0] for match in matches if match[1] is None or int(match[1]) in ports}
+    for name in sorted(candidates - (_open_ports(folder) if ports else set())):
+        files = [folder / (name + end) for end in ("", *LOCK_SUFFIXES)]
+        until = math.inf if "port" in name else newest_segment
+        if _are_stale([path for path in files if path.exists()], since, until):
             for path in (*files, folder / f"sem.{name}_mutex"):
                 with suppress(OSError):
                     path.unlink()
@@ -240,29 +308,32 @@ def clean(since: float, folder: Path = FOLDER, domain: int | None = None) -> lis
 
 
 def _open_ports(folder: Path) -> set[str]:
-    """Names of the ports that processes have mapped, of those that this user may look into."""
-    port, found = re.compile(rf"{re.escape(str(folder))}/(fastdds_port\d+)$", re.MULTILINE), set()
+    """Return the names of ports mapped by the processes that this user can inspect."""
+    port, names = re.compile(rf"{re.escape(str(folder))}/(fastdds_port\d+)$", re.MULTILINE), set()
     for maps in Path("/proc").glob("[0-9]*/maps"):
         with suppress(OSError):
-            found.update(port.findall(maps.read_text(errors="replace")))
-    return found
+            names.update(port.findall(maps.read_text(errors="replace")))
+    return names
 
 
-def _are_left(files: list[Path], since: float, until: float) -> bool:
-    """Whether files of this user, the newest made between two times, are not locked."""
+def _are_stale(files: list[Path], since: float, until: float) -> bool:
+    """Return True if files belong to this user and this run and are not locked.
+
+    They belong to the run if the newest was written between `since` and `until` (s, Unix time).
+    """
     try:
-        about = [path.stat() for path in files]
-        newest = max(one.st_mtime for one in about)
-        mine = all(one.st_uid == os.getuid() for one in about)
-        if not mine or not since - 1.0 < newest < until:
+        statuses = [path.stat() for path in files]
+        newest = max(status.st_mtime for status in statuses)
+        owned = all(status.st_uid == os.getuid() for status in statuses)
+        if not owned or not since - 1.0 < newest < until:
             return False
-        return not any(_is_locked(path) for path in files if path.name.endswith(LOCKS))
+        return not any(_is_locked(path) for path in files if path.name.endswith(LOCK_SUFFIXES))
     except (OSError, ValueError):
         return False
 
 
 def _is_locked(path: Path) -> bool:
-    """Whether another process holds the lock of a file or folder, which is no link."""
+    """Return True if another process has locked a file or folder, which must not be a link."""
     lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

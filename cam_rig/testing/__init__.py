@@ -1,7 +1,8 @@
 """For tests of packages that use the rig: a pytest fixture that starts one and leaves nothing.
 
-pytest finds it by itself where cam_rig is installed; ``pytest_plugins = ["cam_rig.testing"]`` does
-no harm. Nothing heavy is imported before a rig is started.
+pytest loads this plugin automatically if cam_rig is installed. The line
+``pytest_plugins = ["cam_rig.testing"]`` is not necessary, but allowed. Large libraries are not
+imported before a rig is started.
 """
 
 from __future__ import annotations
@@ -24,14 +25,15 @@ __all__ = ["start_rig"]
 
 @pytest.fixture
 def start_rig(tmp_path: Path) -> Iterator[Callable[..., RunningRig]]:
-    """Start a rig: ``start_rig(scene="quick", bag=None, **drive)``; see `RunningRig`.
+    """Return the function ``start_rig(scene="quick", bag=None, **drive)`` that starts a rig.
 
-    Each rig has a ROS domain of its own and records into ``tmp_path``. All end with the test, which
-    fails where a node ended before its time; what the nodes logged stands in the test's report.
+    It returns a `RunningRig`. Each rig has a separate ROS domain and records into ``tmp_path``
+    unless `bag` names a folder. All rigs end with the test. The test fails if a node has ended
+    early, and its report contains the log lines of the nodes.
 
     Examples
     --------
-    >>> def test_the_sweep_is_heard(start_rig):
+    >>> def test_recording_is_complete(start_rig):
     ...     rig = start_rig("quick")
     ...     rig.wait_until_done()
     ...     assert rig.read_bag().complete
@@ -44,7 +46,7 @@ def start_rig(tmp_path: Path) -> Iterator[Callable[..., RunningRig]]:
         ) -> RunningRig:
             with libraries_named():
                 from cam_rig.testing.running_rig import RunningRig
-            place = Path(bag or tmp_path / f"bag_{next(numbers)}")
-            return rigs.enter_context(RunningRig(scene, place, **drive))
+            folder = Path(bag or tmp_path / f"bag_{next(numbers)}")
+            return rigs.enter_context(RunningRig(scene, folder, **drive))
 
         yield start

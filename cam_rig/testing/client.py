@@ -1,4 +1,4 @@
-"""A node beside the rig: it calls services, sets parameters, publishes, listens, and waits."""
+"""ROS 2 client of a rig for tests: services, parameters, topics, and waiting for conditions."""
 
 from __future__ import annotations
 
@@ -20,21 +20,36 @@ from cam_rig.messages import topics
 from cam_rig.nodes.convert import message_class, qos
 from cam_rig.runner.node_table import ENTRIES
 
-#: Wall time (s) after which what has not come true never will, however busy the machine.
+#: Default wall time (s) after which a wait fails. It is ample for a busy machine.
 PATIENCE_S = 300.0
-#: Wall time (s) between two looks at a condition.
+#: Period (s, wall clock) of the evaluation of a condition.
 POLL_S = 0.02
-#: Wall time (s) without an answer of a service after which it is asked again.
-ANSWER_S = 5.0
-#: Messages that wait for one who listens, of a topic that is not the rig's.
-DEPTH = 1000
+#: Wall time (s) without an answer after which the request to a service is repeated.
+ANSWER_TIMEOUT_S = 5.0
+#: Queue depth (messages) of subscriptions to topics that do not belong to the rig.
+QUEUE_DEPTH = 1000
+#: Topics of the rig by name.
 _RIG_TOPICS = {topic.name: topic for topic in topics.TOPICS}
 
 
 class RigClient:
-    """A node in a context and ROS domain of its own; messages are taken while it waits.
+    """Client node in a separate rclpy context. It processes messages while it waits.
 
-    ``node`` is for subscriptions and clients of your own, ``context`` for nodes to `add_node`.
+    Parameters
+    ----------
+    domain : int
+        ROS domain of the rig.
+    patience : float
+        Wall time (s) after which a wait raises RunError.
+    name : str
+        Name of the node.
+
+    Attributes
+    ----------
+    node : rclpy.node.Node
+        Node for further subscriptions and clients.
+    context : rclpy.Context
+        Context for nodes that are added by `add_node`.
     """
 
     def __init__(self, domain: int, patience: float = PATIENCE_S, name: str = "test") -> None:
@@ -57,111 +72,156 @@ class RigClient:
         self.context.shutdown()
 
     def add_node(self, node: Node) -> None:
-        """Spin a node of yours, made with ``context=rig.context``, whenever the rig waits."""
+        """Spin another node, made with ``context=rig.context``, while this client waits."""
         self._executor.add_node(node)
 
     def spin(self, seconds: float = 0.0) -> None:
-        """Take one message that has arrived, or arrives within a wall time (s)."""
+        """Process one message that has arrived, or arrives within a wall time (s)."""
         self._executor.spin_once(timeout_sec=seconds)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
-        """Take messages until a condition is true; what it gave; RunError after ``patience``."""
+        """Process messages until a condition is true.
+
+        Parameters
+        ----------
+        condition : callable
+            Function without arguments.
+        what : str
+            Name of the condition in an error message.
+
+        Returns
+        -------
+        object
+            First true value of the condition.
+
+        Raises
+        ------
+        RunError
+            If the condition is not true within `patience`.
+        """
         deadline = time.monotonic() + self.patience
-        while not (found := condition()):
+        while not (value := condition()):
             if time.monotonic() > deadline:
-                raise RunError(f"{what}: did not come true within {self.patience:g} s")
+                raise RunError(f"{what}: not reached within {self.patience:g} s")
             self.spin(POLL_S)
-        return found
+        return value
 
     def listen(
         self, topic: str, kind: Any = None, accept: Callable[[Any], Any] = lambda _message: True
     ) -> list[Any]:
-        """A list that grows by each message of a topic that ``accept`` takes, while the rig waits.
+        """Subscribe to a topic. Return a list to which messages are appended during waits.
 
-        ``kind`` is its type; not needed for one of the rig. A latched topic's history comes first.
+        Parameters
+        ----------
+        topic : str
+            Name of the topic. The list starts with the history of a latched topic.
+        kind : type, optional
+            Message type, required if the topic does not belong to the rig.
+        accept : callable
+            Function of a message. Messages for which it is false are ignored.
         """
-        heard: list[Any] = []
+        messages: list[Any] = []
 
         def take(message: Any) -> None:
             if accept(message):
-                heard.append(message)
+                messages.append(message)
 
         self._subscribe(topic, kind, take)
-        return heard
+        return messages
 
     def wait_for_message(
         self, topic: str, accept: Callable[[Any], Any] = lambda _message: True, kind: Any = None
     ) -> Any:
-        """The first message of a topic that ``accept`` takes; RunError after ``patience``."""
-        heard: list[Any] = []
-        subscription = self._subscribe(topic, kind, heard.append)
+        """Wait for the first message of a topic that `accept` accepts, and return it.
+
+        The parameters are those of `listen`.
+
+        Raises
+        ------
+        RunError
+            If no such message arrives within `patience`.
+        """
+        messages: list[Any] = []
+        subscription = self._subscribe(topic, kind, messages.append)
         try:
-            return self.wait_for(partial(_first, heard, accept), f"a message on {topic}")
+            return self.wait_for(partial(_first, messages, accept), f"a message on {topic}")
         finally:
             self.node.destroy_subscription(subscription)
 
     def publish(self, topic: str, message: Any) -> None:
-        """Publish a message as soon as somebody subscribes to its topic."""
+        """Publish a message as soon as its topic has a subscriber."""
         if topic not in self._publishers:
-            publisher = self.node.create_publisher(type(message), topic, DEPTH)
+            publisher = self.node.create_publisher(type(message), topic, QUEUE_DEPTH)
             self._publishers[topic] = publisher
         self.wait_for(self._publishers[topic].get_subscription_count, f"a subscriber to {topic}")
         self._publishers[topic].publish(message)
 
     def call(self, service: str) -> str:
-        """Call a std_srvs/Trigger, as ``/cam_drive/stop``; its words, RunError if it refuses."""
+        """Call a std_srvs/Trigger service, such as ``/cam_drive/stop``. Return its message.
+
+        Raises
+        ------
+        RunError
+            If the service does not report success.
+        """
         answer = self.ask(Trigger, service, Trigger.Request())
         if not answer.success:
             raise RunError(f"{service}: {answer.message}")
         return str(answer.message)
 
     def ask(self, kind: Any, service: str, request: Any) -> Any:
-        """A service's answer to a request.
+        """Send a request to a service of type `kind`, and return its answer.
 
-        The request is repeated where no answer comes: a service that has not discovered this
-        client yet, as on a busy machine, drops its answer. All services of the rig may be asked
-        twice.
+        The request is repeated after `ANSWER_TIMEOUT_S`. A service drops its answer if it has not
+        yet discovered this client, as on a busy machine. All services of the rig can receive a
+        request twice.
         """
         client: Any = self.node.create_client(kind, service)
-        asked: list[tuple[float, Any]] = []
+        requests: list[tuple[float, Any]] = []
 
-        def answered() -> Any:
-            if not asked or time.monotonic() - asked[-1][0] > ANSWER_S:
-                asked.append((time.monotonic(), client.call_async(request)))
-            return next((future for _, future in asked if future.done()), None)
+        def completed() -> Any:
+            if not requests or time.monotonic() - requests[-1][0] > ANSWER_TIMEOUT_S:
+                requests.append((time.monotonic(), client.call_async(request)))
+            return next((future for _, future in requests if future.done()), None)
 
         try:
             self.wait_for(client.service_is_ready, f"service {service}")
-            return self.wait_for(answered, f"an answer of {service}").result()
+            return self.wait_for(completed, f"an answer of {service}").result()
         finally:
             self.node.destroy_client(client)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
-        """Set a parameter, such as ``("cam_drive", "rpm", 320.0)``; RunError if it is refused."""
-        wanted = [Parameter(name, value=value).to_parameter_msg()]
-        request = SetParameters.Request(parameters=wanted)
+        """Set a parameter of a node, such as ``("cam_drive", "rpm", 320.0)``.
+
+        Raises
+        ------
+        RunError
+            If the node refuses the value.
+        """
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        request = SetParameters.Request(parameters=parameters)
         result = self.ask(SetParameters, f"/{node}/set_parameters", request).results[0]
         if not result.successful:
             raise RunError(f"{node}: {name}: {result.reason}")
 
     def get_parameter(self, node: str, name: str) -> Any:
-        """A parameter's value."""
+        """Return the value of a parameter of a node."""
         request = GetParameters.Request(names=[name])
         values = self.ask(GetParameters, f"/{node}/get_parameters", request).values
         return parameter_value_to_python(values[0])
 
     def _subscribe(self, topic: str, kind: Any, take: Callable[[Any], Any]) -> Any:
-        how: Any = DEPTH
-        if (known := _RIG_TOPICS.get(topic)) is not None:
-            kind, how = kind or message_class(known), qos(known, histories=len(ENTRIES))
+        profile: Any = QUEUE_DEPTH
+        if (rig_topic := _RIG_TOPICS.get(topic)) is not None:
+            kind, profile = kind or message_class(rig_topic), qos(rig_topic, histories=len(ENTRIES))
         elif kind is None:
-            raise TypeError(f"{topic}: is no topic of the rig, so its type must be given: kind=...")
-        return self.node.create_subscription(kind, topic, take, how)
+            raise TypeError(f"{topic} is not a topic of the rig; give its message type by kind=...")
+        return self.node.create_subscription(kind, topic, take, profile)
 
 
-def _first(heard: list[Any], accept: Callable[[Any], Any]) -> Any:
-    """The first accepted message; those before it are forgotten."""
-    while heard:
-        if accept(message := heard.pop(0)):
+def _first(messages: list[Any], accept: Callable[[Any], Any]) -> Any:
+    """Return the first accepted message, and remove it and those before it. None without one."""
+    while messages:
+        if accept(message := messages.pop(0)):
             return message
     return None

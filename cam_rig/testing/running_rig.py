@@ -1,4 +1,4 @@
-"""A rig that runs for a test: its nodes, its progress, its bag."""
+"""Running rig for tests: its nodes, progress and bag, and programs started next to it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from typing import Any
 
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import PROFILES, SHUTDOWN_GRACE_S, environment, live
+from cam_rig.runner.node_process import PROFILE_VARIABLE, SHUTDOWN_GRACE_S, environment, live
 from cam_rig.runner.resources import domain_ports
 from cam_rig.schema.load import named_path
 from cam_rig.studies.simulate.recorded import read_bag
 from cam_rig.studies.simulate.study import SceneRun
 from cam_rig.testing.client import PATIENCE_S, RigClient
 
-# A program that a test starts beside the rig: its output is kept, and it is ended.
+# Programs that a test starts next to the rig.
 
 
 #: Shell script that ends the process group $1 when its stdin is closed: SIGINT first, and SIGKILL
@@ -43,8 +43,8 @@ class StartedProgram:
     """
 
     def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
-        own = (part for part in command if part.endswith(".py"))
-        self.name = Path(next(own, command[0])).name
+        scripts = (part for part in command if part.endswith(".py"))
+        self.name = Path(next(scripts, command[0])).name
         self._output = tempfile.TemporaryFile()  # noqa: SIM115  # closed by `end`
         self._text = ""
         self._process = subprocess.Popen(
@@ -65,27 +65,29 @@ class StartedProgram:
 
     @property
     def code(self) -> int | None:
-        """The exit code; None while it runs."""
+        """Exit code, or None if the program is running."""
         return self._process.poll()
 
     @property
     def output(self) -> str:
-        """What it has written so far, to stdout and stderr."""
+        """Text that the program has written to stdout and stderr."""
         if not self._output.closed:
             size = os.fstat(self._output.fileno()).st_size
-            written = os.pread(self._output.fileno(), size, 0)  # leaves the writer's place alone
+            written = os.pread(
+                self._output.fileno(), size, 0
+            )  # does not move the position of the writer
             self._text = written.decode(errors="replace")
         return self._text
 
     def failure(self) -> RunError | None:
-        """Its exit code and its last line, where it has failed."""
+        """Return an error with exit code and last line if the program has failed, else None."""
         if not self.code:
             return None
         last = (self.output.strip() or "no output").rpartition("\n")[2]
         return RunError(f"program {self.name} ended with code {self.code}: {last}")
 
     def end(self) -> None:
-        """Interrupt it (SIGINT), and kill what has not ended in time, its children too."""
+        """End the program by SIGINT, and kill it and its children after `SHUTDOWN_GRACE_S`."""
         self._watcher.kill()
         self._watcher.wait()
         if self._watcher.stdin is not None:
@@ -94,7 +96,7 @@ class StartedProgram:
             self._process.send_signal(signal.SIGINT)
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(SHUTDOWN_GRACE_S)
-        with suppress(ProcessLookupError):  # nothing of it is left
+        with suppress(ProcessLookupError):  # all processes of the group have ended
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         print(f"[{self.name}] {self.output.rstrip()}")
@@ -105,27 +107,30 @@ class StartedProgram:
 #: services of the nodes that have not ended are discovered within 3 s on a busy machine.
 AFTER_RUN_S = 5.0
 
-# A ROS domain for one test: of its own, on this machine alone.
+# ROS domain of one test, limited to this machine.
 
-#: Domains that tests take: below the ports that Linux hands out by itself, beside a user's own.
+#: ROS domains for tests. Their ports are below the ephemeral ports of Linux, and the low numbers
+#: remain for the domain of the user.
 DOMAINS = range(40, 101)
 
-_TURNS = count(os.getpid())
+#: Index of the next domain to try. The start differs between processes.
+_counter = count(os.getpid())
 
-#: What keeps a node's sockets on this machine.
-_LOCAL = (PROFILES, "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
+#: Environment variables that keep the sockets of a node on this machine.
+_LOCAL_VARIABLES = (PROFILE_VARIABLE, "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
 
 
 @contextmanager
 def hold_domain() -> Iterator[int]:
-    """A ROS domain that no other test on this machine uses; waits where all are taken.
+    """Reserve a ROS domain that no other test on this machine uses, and yield its number.
 
-    It is held by a port of the domain's own block that no participant uses: whoever shares the
-    network shares the lock, and the kernel lets go of it with the process.
+    If all domains are in use, the call waits. The lock is a bound port in the block of the domain
+    that no participant uses. Processes that share the network therefore share the lock, and the
+    kernel releases it at the end of the process.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lock:
         while True:
-            domain = DOMAINS[next(_TURNS) % len(DOMAINS)]
+            domain = DOMAINS[next(_counter) % len(DOMAINS)]
             with suppress(OSError):
                 lock.bind(("127.0.0.1", domain_ports(domain)[9]))
                 break
@@ -135,11 +140,11 @@ def hold_domain() -> Iterator[int]:
 
 @contextmanager
 def in_domain(domain: int) -> Iterator[None]:
-    """Set the environment so that what starts meanwhile is in a domain, on this machine alone."""
+    """Set the environment for processes in a domain, with sockets on this machine only."""
     local = environment()
-    wanted = {"ROS_DOMAIN_ID": str(domain)} | {name: local[name] for name in _LOCAL}
-    before = {name: os.environ.get(name) for name in wanted}
-    os.environ.update(wanted)
+    variables = {"ROS_DOMAIN_ID": str(domain)} | {name: local[name] for name in _LOCAL_VARIABLES}
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
         yield
     finally:
@@ -152,25 +157,40 @@ def in_domain(domain: int) -> Iterator[None]:
 
 @contextmanager
 def isolated_domain() -> Iterator[int]:
-    """Hold a domain, and be in it."""
+    """Reserve a domain and set the environment for it."""
     with hold_domain() as domain, in_domain(domain):
         yield domain
 
 
 class RunningRig(RigClient):
-    """The nodes of a run, each its own process, in a ROS domain of their own on this machine alone.
+    """Context manager that starts the nodes of a run and ends all of them at its exit.
 
-    A context manager that leaves no process behind, for tests without the fixture `start_rig`.
-    Whatever waits raises `RunError` as soon as a node has ended before its time, with the last line
-    that it wrote.
+    Each node is a process. The nodes are in a separate ROS domain, limited to this machine. The
+    class is for tests without the fixture `start_rig`. Each method that waits raises `RunError` as
+    soon as a node has ended early, with the last line that the node wrote.
 
     Parameters
     ----------
-    scene : a shipped scene's name, or a path
-    bag : folder to record into; it must not exist
-    patience : wall time (s) after which what has not come true never will
-    drive : parameters of cam_drive: ``autostart=False`` lets the cam stand until
-        ``call("/cam_drive/start")``; ``pacing="20x"``
+    scene : str or Path
+        Name of a shipped scene, or a path.
+    bag : str or Path
+        Folder to record into, which must not exist.
+    patience : float
+        Wall time (s) after which a wait fails.
+    **drive
+        Parameters of cam_drive, such as ``pacing="20x"``. With ``autostart=False`` the cam is
+        stopped until ``call("/cam_drive/start")``.
+
+    Attributes
+    ----------
+    domain : int
+        ROS domain of the rig.
+    environment : dict
+        Environment for programs in that domain.
+    ticks : list of dict
+        Report of the drive on each tick: ``tick``, ``cam``, ``rpm``, ``time`` (s).
+    log : list of str
+        Lines that the runner logged.
 
     Examples
     --------
@@ -185,12 +205,10 @@ class RunningRig(RigClient):
         self, scene: str | Path, bag: str | Path, patience: float = PATIENCE_S, **drive: Any
     ) -> None:
         self.scene, self.bag = named_path("scenes", scene), Path(bag)
-        #: What the drive reported, tick by tick: ``tick``, ``cam``, ``rpm``, ``time`` (s).
         self.ticks: list[dict[str, Any]] = []
-        #: What happened, a line each.
         self.log: list[str] = []
         self._drive: dict[str, Any] = {"patience": patience, **drive}
-        self._given_patience = patience
+        self._client_patience = patience
         self._programs: list[StartedProgram] = []
         self._started = self._done = self._ending = False
         self._done_at = 0.0  # s, monotonic
@@ -199,17 +217,16 @@ class RunningRig(RigClient):
         self._stack = ExitStack()
 
     def __enter__(self) -> RunningRig:
-        if self._started:  # by the fixture
+        if self._started:  # the fixture has entered the context
             return self
         self._started = True
         with ExitStack() as stack:
             self.domain = stack.enter_context(hold_domain())
             with in_domain(self.domain):
-                #: What programs need to be in the rig's domain.
                 self.environment = dict(os.environ)
                 nodes = live(self.scene, self.bag, **self._drive)
                 self._graph = stack.enter_context(Graph(nodes, log=self.log.append))
-                super().__init__(self.domain, self._given_patience)
+                super().__init__(self.domain, self._client_patience)
             stack.callback(RigClient.__exit__, self)
             self._watcher = Thread(target=self._watch, daemon=True)
             self._watcher.start()
@@ -224,32 +241,32 @@ class RunningRig(RigClient):
 
     @property
     def pids(self) -> dict[str, int]:
-        """The process of each node, for a test that kills or suspends one."""
+        """Process id of each node by name, for tests that kill or suspend a node."""
         return {name: node.process.pid for name, node in self._graph.processes.items()}
 
     def end(self) -> None:
-        """End all nodes and programs; the recorder closes the bag."""
+        """End all nodes and programs. The recorder closes the bag."""
         if self._ending:
             return
-        self._notice_failure()
+        self._check_programs()
         self._ending = True
         self._stack.close()
         self._watcher.join()
         for name, process in self._graph.processes.items():
-            process.settle()
-            if process.code and self._failure is None:  # asked to end, it would end with 0
+            process.wait_for_output()
+            if process.code and self._failure is None:  # it failed before, as SIGINT gives code 0
                 last = "" if process.was_killed else f": {process.last_stderr_line()}"
                 self._failure = RunError(f"node {process.exit_summary()}{last}")
             for line in process.stderr_lines:
                 print(f"[{name}] {line.rstrip()}")
 
     def read_bag(self) -> SceneRun:
-        """End the rig, and read what it recorded; see `cam_rig.read_bag`."""
+        """End the rig, and return its recording, see `cam_rig.read_bag`."""
         self.end()
         return read_bag(self.bag)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
-        """Wait as `RigClient.wait_for`.
+        """Wait for a condition as `RigClient.wait_for`.
 
         Raises
         ------
@@ -260,43 +277,50 @@ class RunningRig(RigClient):
         """
         started_at = time.monotonic()
 
-        def met() -> Any:
+        def checked() -> Any:
             self._require_no_failure()
-            if found := condition():
-                return found
+            if value := condition():
+                return value
             if self._ending:
                 raise RunError(f"{what}: the rig has been ended")
             waited = time.monotonic() - max(started_at, self._done_at)
             if self._done and waited > AFTER_RUN_S:
-                raise RunError(f"{what}: the run is over, and it did not come true")
+                raise RunError(f"{what}: the run is over, so it cannot be reached any more")
             return None
 
-        return super().wait_for(met, what)
+        return super().wait_for(checked, what)
 
     def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
-        """The drive's report of a tick: ``tick``, ``cam``, ``rpm``, ``time`` (s)."""
+        """Wait for a tick and return the drive's report: ``tick``, ``cam``, ``rpm``, ``time`` (s).
 
-        def found() -> Any:
+        Raises
+        ------
+        RunError
+            If the run is over before this tick.
+        """
+
+        def report_of_tick() -> Any:
             done = self._done
             reports = (report for report in self.ticks if report["tick"] >= number)
             if (report := next(reports, None)) is None and done:
                 raise RunError(f"tick {number}: the run was over after tick {len(self.ticks) - 1}")
             return report
 
-        return dict(self.wait_for(found, f"tick {number}"))
+        return dict(self.wait_for(report_of_tick, f"tick {number}"))
 
     def wait_until_done(self) -> None:
-        """Wait until the scene was run, every tick is acknowledged, and the bag is closed."""
+        """Wait until the scene is complete, all ticks are acknowledged and the bag is closed."""
         self.wait_for(lambda: self._done, "the end of the run")
 
     def start_program(self, *command: str) -> StartedProgram:
-        """Start a program in the rig's domain, a node of yours for one; it ends with the rig."""
+        """Start a program in the domain of the rig, such as another node. It ends with the rig."""
         program = StartedProgram(command, self.environment)
         self._programs.append(program)
         self._stack.callback(program.end)
         return program
 
     def _watch(self) -> None:
+        """Store the reports of the drive until the run is over; runs in a thread."""
         try:
             for report in self._graph.progress():
                 self.ticks.append(report)
@@ -305,14 +329,14 @@ class RunningRig(RigClient):
             if not self._ending:
                 self._failure = error
 
-    def _notice_failure(self) -> None:
-        """Of a program; what is ended by the rig itself has not failed."""
+    def _check_programs(self) -> None:
+        """Store the failure of a program, unless the rig is ending its programs."""
         if not self._ending:
             failures = (program.failure() for program in self._programs)
             self._failure = self._failure or next(filter(None, failures), None)
 
     def _require_no_failure(self) -> None:
-        self._notice_failure()
+        self._check_programs()
         if self._failure is not None:
             self._reported = True
             raise self._failure

@@ -1,4 +1,4 @@
-"""A smaller sweep, shipped files, and calls of the command line."""
+"""Fixtures of the command line tests: a smaller sweep, shipped files, calls of commands."""
 
 import json
 import sys
@@ -20,11 +20,11 @@ __all__ = ["GOLDEN", "no_faulty_figure"]
 
 @pytest.fixture(autouse=True)
 def no_broken_heading(monkeypatch):
-    """Whatever table a command prints at 80 columns has headings that break between words."""
-    given = console._widths
+    """Check that headings of tables at 80 columns or more break only between words."""
+    original = console._widths
 
     def checked(table, room):
-        gap, widths = given(table, room)
+        gap, widths = original(table, room)
         for column, width in zip(table.columns, widths, strict=True):
             words = [*column.heading.split(), *column.unit.split()]
             assert room < 80 or (width is not None and width >= max(map(len, words), default=0))
@@ -34,17 +34,17 @@ def no_broken_heading(monkeypatch):
 
 
 def shipped(folder, name):
-    """The text of a shipped file."""
+    """Return the text of a shipped file."""
     return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 def load(folder, name):
-    """A shipped file as plain data."""
+    """Return a shipped file as plain data."""
     return YAML(typ="safe").load(shipped(folder, name))
 
 
 def written(root, files):
-    """A folder with files of these texts, by their names in it."""
+    """Write files, given as texts by relative path, into a folder and return it."""
     for name, text in files.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
@@ -53,7 +53,7 @@ def written(root, files):
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """The shipped sweep with every 25 rpm."""
+    """Return the file of the shipped sweep at steps of 25 rpm."""
     scene = load("scenes", "tm21_sweep")
     scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
     path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"
@@ -66,17 +66,17 @@ BIN = Path(sys.executable).parent
 
 
 def call(*arguments):
-    """What `cam-rig` answers to these arguments."""
-    return CliRunner().invoke(app, [str(one) for one in arguments])
+    """Run `cam-rig` with these arguments and return the result."""
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def done(*arguments):
-    """The answer of a command that succeeds."""
+    """Run a command that must succeed and return the result."""
     result = call(*arguments)
     assert result.exit_code == 0, f"{result.exception} {result.stderr}"
     return result
 
 
 def data_of(*arguments):
-    """What such a command gives as JSON."""
+    """Return the JSON output of a command that must succeed."""
     return json.loads(done(*arguments, "--json", "-").stdout)

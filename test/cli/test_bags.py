@@ -1,4 +1,4 @@
-"""Bags of others and bags that are broken: recover, replay, analyze."""
+"""Tests of recover, replay, analyze and export with damaged and foreign bags."""
 
 import json
 import os
@@ -27,7 +27,7 @@ MESSAGES = sum(read_counts(GOLDEN).values())
 
 
 def as_ros2_records(target, plugin):
-    """The golden run as `ros2 bag record` writes it: wall times, no attachments."""
+    """Write the golden run as `ros2 bag record` would: wall-clock times, no attachments."""
     types, wall = get_typestore(Stores.ROS2_KILTED), 1_767_225_600_000_000_000
     with AnyReader([GOLDEN]) as reader, Writer(target, version=9, storage_plugin=plugin) as writer:
         made = {
@@ -41,8 +41,8 @@ def as_ros2_records(target, plugin):
 @pytest.mark.slow
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
-def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
-    """MCAP or SQLite by the wall's time, its scene named: the run's levels, samples, drawing."""
+def test_bag_of_ros2_bag_record_gives_the_same_results(tmp_path, plugin):
+    """With --scene its levels and samples equal those of the golden bag, in MCAP and SQLite."""
     theirs = tmp_path / "theirs"
     as_ros2_records(theirs, plugin)
     nameless = call("analyze", theirs)
@@ -55,9 +55,11 @@ def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
             ("view", "--save", "rrd"),
         ):
             done(verb, bag, *words, option, tmp_path / f"{bag.name}.{suffix}")
-    one, other = (json.loads((tmp_path / f"{n}.json").read_text()) for n in ("theirs", "golden"))
-    assert one["levels"] == other["levels"]
-    counts = {row["topic"]: row["count"] for row in other["messages"]}
+    foreign, golden = (
+        json.loads((tmp_path / f"{name}.json").read_text()) for name in ("theirs", "golden")
+    )
+    assert foreign["levels"] == golden["levels"]
+    counts = {row["topic"]: row["count"] for row in golden["messages"]}
     assert counts["/follower/samples"] == 16
     texts = [(tmp_path / f"{name}.csv").read_text() for name in ("theirs", "golden")]
     assert texts[0] == texts[1]
@@ -65,8 +67,8 @@ def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
     assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
 
 
-def test_recover_of_a_cut_bag(tmp_path):
-    """A cut copy of a bag: recovered beside it, the damaged one is as it was."""
+def test_recover_of_a_truncated_bag(tmp_path):
+    """The recovered bag is next to the damaged one, which is not changed."""
     torn = cut_off(tmp_path / "torn", bag_file(GOLDEN).stat().st_size - 5_000)
     before = bag_file(torn).read_bytes()
     refused = call("analyze", torn)
@@ -78,8 +80,8 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
-def test_recover_counts_times_from_the_start_of_a_bag_in_wall_time(tmp_path):
-    """A bag of another program, cut off: not billions of seconds."""
+def test_recover_reports_times_relative_to_the_start_of_the_bag(tmp_path):
+    """The bag of another program has wall-clock times of more than a billion seconds."""
     times = [0.01 * k for k in range(2000)]
     bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, times, times)})
     file = bag / "bench.mcap"
@@ -90,8 +92,8 @@ def test_recover_counts_times_from_the_start_of_a_bag_in_wall_time(tmp_path):
     assert f"bench.mcap has {2000 - saved} messages fewer than metadata.yaml lists" in words
 
 
-def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
-    """A recovered bag looks like any other: what is missing is attached to it, and reported."""
+def test_missing_ticks_of_a_recovered_bag_are_reported(tmp_path):
+    """They are attached to the bag, and every command that reads it reports them."""
     words = call("recover", cut_off(tmp_path / "torn", 0.8)).stderr.replace("\n", " ")
     missing = f"ticks {read_counts(tmp_path / 'torn_recovered')['/cam/state']} to 16 of 16"
     assert missing in words
@@ -102,15 +104,15 @@ def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
         ("view", bag, "--save", tmp_path / "a.rrd"),
         ("compare", bag, "quick"),
     ):
-        said = call(*command).stderr.replace("\n", " ")
-        assert "recovered: " in said and missing in said, command
+        text = call(*command).stderr.replace("\n", " ")
+        assert "recovered: " in text and missing in text, command
     notes = json.loads((tmp_path / "a.json").read_text())["run"]["notes"]
     assert missing in notes[0] and "not complete" in notes[1]
     assert "recovered: " not in call("analyze", GOLDEN).stderr
 
 
-def test_the_newest_bag_is_one_that_was_closed(tmp_path, monkeypatch):
-    """A recording that still runs, or was cut off, is named and passed over."""
+def test_analyze_takes_the_newest_closed_bag(tmp_path, monkeypatch):
+    """A bag that is being recorded, or was truncated, is named and skipped."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(GOLDEN, tmp_path / "bags" / "golden")
     torn = shutil.copytree(GOLDEN, tmp_path / "bags" / "torn")
@@ -127,7 +129,7 @@ def test_the_newest_bag_is_one_that_was_closed(tmp_path, monkeypatch):
 
 
 def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
-    """Named by a dot, it is recovered beside itself all the same."""
+    """A bag named by a dot is recovered next to its folder."""
     monkeypatch.chdir(shutil.copytree(GOLDEN, tmp_path / "mine"))
     done("recover", ".")
     assert read_counts(tmp_path / "mine_recovered")
@@ -137,16 +139,16 @@ def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.ros
 def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
-    """Recorded cam states and laws through the live follower and microphone."""
-    kept = tmp_path / "config"  # as the folder of a bag's attached files is called
-    result = done("replay", GOLDEN, "--tolerance", "1e-10", "--output", kept)
+    """Live follower and microphone nodes receive the recorded cam states and laws."""
+    output = tmp_path / "config"  # the same name as the folder of a bag's attached files
+    result = done("replay", GOLDEN, "--tolerance", "1e-10", "--output", output)
     assert "/microphone/pressure" in result.stderr
-    assert read_counts(kept)["/follower/samples"] == 16
-    assert call("replay", GOLDEN, "--output", kept).exit_code == 1
+    assert read_counts(output)["/follower/samples"] == 16
+    assert call("replay", GOLDEN, "--output", output).exit_code == 1
 
 
-class Replayed:
-    """Stands in for the nodes of a replay: they recorded the golden bag."""
+class FakeGraph:
+    """Replacement for the nodes of a replay, with a copy of the golden bag as their recording."""
 
     def __init__(self, nodes):
         self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["bag"]))
@@ -164,16 +166,16 @@ class Replayed:
         assert read_counts(self._bag)
 
 
-def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
-    """One level in the bag is off by 1e-9: the command says where, and ends with code 1."""
-    monkeypatch.setattr("cam_rig.runner.graph.Graph", Replayed)
+def test_replay_detects_a_changed_number(tmp_path, monkeypatch):
+    """A level in the bag differs by 1e-9. The command names its topic, and the exit code is 1."""
+    monkeypatch.setattr("cam_rig.runner.graph.Graph", FakeGraph)
     types = get_typestore(Stores.ROS2_KILTED)
     with AnyReader([GOLDEN]) as reader:
-        one = next(c for c in reader.connections if c.topic == "/microphone/level")
-        _, _, data = next(iter(reader.messages([one])))
-        level = types.deserialize_cdr(data, one.msgtype)
+        connection = next(c for c in reader.connections if c.topic == "/microphone/level")
+        _, _, data = next(iter(reader.messages([connection])))
+        level = types.deserialize_cdr(data, connection.msgtype)
     level.data *= 1.0 + 1e-9
-    wrong = bytes(types.serialize_cdr(level, one.msgtype))
+    wrong = bytes(types.serialize_cdr(level, connection.msgtype))
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
         for record in PartialReader(bag_file(GOLDEN)).records():
@@ -197,8 +199,8 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     ],
 )
 @pytest.mark.parametrize("verb", ["view", "analyze"])
-def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, name, text, words):
-    """Each is told apart, in one line, and none is sent to ``recover``."""
+def test_file_that_is_not_a_bag_is_refused(tmp_path, verb, name, text, words):
+    """One line gives the reason, and does not suggest ``recover``."""
     path = tmp_path / name
     if text:
         path.write_text(text)
@@ -214,8 +216,8 @@ def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, name, text,
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
 @pytest.mark.parametrize("scene", [(), ("--scene", "quick")])
 @pytest.mark.parametrize("command", [("analyze",), ("view", "--save"), ("export", "--to")])
-def test_a_bag_of_another_program_is_for_compare(tmp_path, command, scene, plugin):
-    """With its topics, and the whole command."""
+def test_bag_of_another_program_is_referred_to_compare(tmp_path, command, scene, plugin):
+    """The error lists the topics and the complete command."""
     bag = write_bag(tmp_path / "bench", {"/gauge": (write_number, [0.0, 1.0], [1.0, 2.0])}, plugin)
     options = (command[1], tmp_path / "out.rrd") if command[0] == "view" else ()
     options = (command[1], tmp_path / "out.csv") if command[0] == "export" else options
@@ -226,8 +228,8 @@ def test_a_bag_of_another_program_is_for_compare(tmp_path, command, scene, plugi
 
 
 @pytest.mark.parametrize("source", ["quick", GOLDEN, GOLDEN / "golden_0.mcap"])
-def test_export_says_what_it_wrote(tmp_path, source):
-    """Of a scene, a bag, or a bag's file."""
+def test_export_reports_the_number_of_samples(tmp_path, source):
+    """The source is a scene, a bag, or the file of a bag."""
     target = tmp_path / "new" / "a.npz"
     result = done("export", source, "--cam", "tm21", "--rpm", "350", "--to", target)
     with np.load(target) as columns:
@@ -236,8 +238,8 @@ def test_export_says_what_it_wrote(tmp_path, source):
     assert "gaps" not in result.stderr
 
 
-def test_a_run_is_repeated_with_its_options(monkeypatch, tmp_path):
-    """The line under a failed run has all of them but the bag, whose folder now exists."""
+def test_command_that_repeats_a_run_has_its_options(monkeypatch, tmp_path):
+    """It has all options but the bag, whose folder then exists."""
     commands = []
     monkeypatch.setattr("cam_rig.cli.run._run", lambda *arguments: commands.append(arguments[-1]))
     words = ["--pacing", "real_time", "--network", "--namespace", "/rig1", "--split", "100MB"]

@@ -1,4 +1,4 @@
-"""Tables on a terminal: as wide as it is at most, words whole as long as they fit."""
+"""Tests of terminal output: tables fit the width, and words are not broken if they fit."""
 
 import re
 from collections import Counter
@@ -24,7 +24,7 @@ TABLE = DataTable(
 
 @pytest.fixture
 def printed(monkeypatch, capsys):
-    """What a terminal of some columns shows."""
+    """Return a function that prints tables at a width and returns the lines."""
 
     def lines(width, *tables):
         monkeypatch.setattr(console, "console", Console(stderr=True, width=width))
@@ -35,8 +35,8 @@ def printed(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("width", [120, 80, 34])
-def test_words_stay_whole(printed, width):
-    """Cells fold between words, headings too; nothing is cut, and brackets are no markup."""
+def test_words_are_not_broken(printed, width):
+    """Cells and headings wrap between words, nothing is cut, and brackets are not markup."""
     lines = printed(width, TABLE)
     assert max(map(len, lines)) <= width
     words = " ".join(lines).split()
@@ -45,8 +45,8 @@ def test_words_stay_whole(printed, width):
     assert {"0.73", "[bold]name", "A", "note."} <= set(words)
 
 
-def test_a_cell_that_has_no_room_is_folded(printed):
-    """Fold a cell rather than cut it off; a path that is folded breaks no heading beside it."""
+def test_cell_that_does_not_fit_is_wrapped(printed):
+    """It is not cut, and a wrapped path does not break the headings of other columns."""
     assert any("double low-pass, C" in line for line in printed(80, TABLE))
     lines = printed(12, TABLE)
     assert "…" not in "".join(lines) and max(map(len, lines)) <= 12
@@ -61,39 +61,39 @@ WORDS = ["contact", "force", "displacement", "peak-to-peak", "at", "m/rad²", "p
 
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(20))
-def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
-    """Random tables come in parts with what tells rows apart; no word is broken or lost."""
+def test_wide_table_is_split_into_parts(printed, seed):
+    """Each part of a random table repeats the first column. No word is broken or lost."""
     rng = np.random.default_rng(seed)
     count, height = int(rng.integers(5, 31)), int(rng.integers(1, 6))
 
-    def words(most):
-        return " ".join(rng.choice(WORDS, int(rng.integers(1, most))))
+    def words(end):
+        return " ".join(rng.choice(WORDS, int(rng.integers(1, end))))
 
     columns = [Header(f"{words(4)} c{i}", "mm" * (i % 2)) for i in range(1, count)]
     rows = [(f"r{k}", *(f"{words(3)} {k}:{i}" for i in range(1, count))) for k in range(height)]
     lines = printed(80, DataTable("A", (Header("key"), *columns), tuple(rows), ("N.",)))
     assert max(map(len, lines)) <= 80
-    found = Counter(word for line in lines for word in line.split())
-    parts = found["key"]
+    counts = Counter(word for line in lines for word in line.split())
+    parts = counts["key"]
     assert parts > 1 or count < 12
-    assert [found[f"r{k}"] for k in range(height)] == [parts] * height
-    assert all(found[f"c{i}"] == 1 for i in range(1, count))
-    assert all(found[f"{k}:{i}"] == 1 for k in range(height) for i in range(1, count))
-    assert set(found) - {*WORDS, "A", "N.", "key", "mm"} == {
-        word for word in found if re.fullmatch(r"─+|[cr]\d+|\d+:\d+", word)
+    assert [counts[f"r{k}"] for k in range(height)] == [parts] * height
+    assert all(counts[f"c{i}"] == 1 for i in range(1, count))
+    assert all(counts[f"{k}:{i}"] == 1 for k in range(height) for i in range(1, count))
+    assert set(counts) - {*WORDS, "A", "N.", "key", "mm"} == {
+        word for word in counts if re.fullmatch(r"─+|[cr]\d+|\d+:\d+", word)
     }
-    assert (found["A"], found["N."]) == (1, 1)
+    assert (counts["A"], counts["N."]) == (1, 1)
 
 
-def test_lines_are_said_as_they_are(capsys, monkeypatch):
-    """Brackets of units are no markup, and long lines are the terminal's to fold."""
+def test_messages_are_printed_unchanged(capsys, monkeypatch):
+    """Brackets of units are not markup, and long lines are not wrapped."""
     monkeypatch.setattr(console, "console", Console(stderr=True, width=20))
     console.say("force [N], a line of more than twenty characters", "second")
     assert capsys.readouterr().err == ("force [N], a line of more than twenty characters\nsecond\n")
 
 
-def test_a_log_says_how_far_the_page_is_behind(capsys):
-    """A line now and then where there is no terminal; the longest at the end, whatever it is."""
+def test_delay_of_the_viewer_page_is_logged(capsys):
+    """Without a terminal a line is logged periodically, and the maximum delay at the end."""
     wall = [0.0]
     page = PageTime(lambda: wall[0])
     with pytest.raises(CamRigError), delay_report(page, lambda: wall[0]) as delayed:
@@ -105,14 +105,14 @@ def test_a_log_says_how_far_the_page_is_behind(capsys):
         page.take("ns=2000000000")
         assert "viewer" in delayed(3.0, "tm21 [at] 200 rpm")
         raise CamRigError("it was interrupted")
-    seen = capsys.readouterr().err.splitlines()
-    assert seen[0].startswith("tm21 [at] 200 rpm, viewer ")
-    assert float(seen[-1].removeprefix("viewer at most ").removesuffix(" s behind")) >= 1.5
-    assert len(seen) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("tm21 [at] 200 rpm, viewer ")
+    assert float(lines[-1].removeprefix("viewer at most ").removesuffix(" s behind")) >= 1.5
+    assert len(lines) == 2
 
 
-def test_without_a_page_nothing_is_said_of_one(capsys):
-    """Neither while it runs nor at the end."""
+def test_no_delay_is_logged_without_a_viewer_page(capsys):
+    """The description is unchanged, and no line follows at the end."""
     with delay_report(None) as delayed:
         assert delayed(1.0, "tm21") == "tm21"
     assert capsys.readouterr().err == ""

@@ -1,6 +1,6 @@
-"""Every command's figure, of cams with long titles and tiny, large and negative numbers.
+"""Tests of the figures of all commands, with long titles and tiny, large and negative numbers.
 
-What is wrong with a figure is found where it is written: see ``no_faulty_figure``.
+The fixture ``no_faulty_figure`` checks each figure when it is written.
 """
 
 import json
@@ -17,7 +17,7 @@ from ..conftest import scene_data
 from .conftest import GOLDEN, done, shipped
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
-#: Cams of one's own: name, the shipped file, what else differs in it.
+#: User-defined cams: name, shipped file, and a replacement in its text.
 CAMS = {
     "tiny_3": ("cycloidal", ("given: 0.05, unit: m", "given: 0.02, unit: mm")),
     "bezier_14": ("bezier15", None),
@@ -27,7 +27,7 @@ CAMS = {
     "pair_7": ("oscillating_conjugate", None),
     "below_0": ("gunt_gl110", None),
 }
-#: What is drawn: the command, its arguments, the option that names the picture.
+#: Commands that draw, with their arguments. The path of the picture follows.
 CASES = [
     "simulate {five} --plot",
     "orders {five} --plot",
@@ -57,7 +57,7 @@ CASES = [
     "campaign {draws} --jobs 1 --out {draws}.rows --plot",
     "campaign {planes} --jobs 1 --out {planes}.rows --plot",
 ]
-#: Campaigns of one's own: many inputs, points that fail or never jump, a limit that none keeps.
+#: Campaigns with many inputs, failing points, points without a jump, and an unattainable limit.
 CAMPAIGNS = {
     "draws": """
         vary:
@@ -84,7 +84,7 @@ CAMPAIGNS = {
         limits: [jump_speed_rigid>=300rpm]
         """,
 }
-#: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
+#: Commands whose figures take minutes or need a bench, and the tests that draw them.
 ELSEWHERE = {
     "noise": "test_studies.py",
     "fit rig": "../studies/fit_rig/test_command.py",
@@ -94,13 +94,14 @@ ELSEWHERE = {
 
 
 def retitled(text, name, title):
+    """Return the text of a file with another name and title."""
     text = re.sub(r"^name: .*$", f"name: {name}", text, count=1, flags=re.M)
     return re.sub(r"^title: .*$", f"title: '{title}'", text, count=1, flags=re.M)
 
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """Files by name: cams, scenes of five of them, the golden run's with other titles."""
+    """Return files by name: cams, scenes, campaigns, and the golden scene with another title."""
     root = tmp_path_factory.mktemp("own")
     files = {"golden": GOLDEN}
 
@@ -132,7 +133,7 @@ def own(tmp_path_factory):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):
-    """Nothing cut, nothing on another, 7 points at 170 mm, a true minus; TrueType in PDF."""
+    """The fixture checks the figure, and the PDF has TrueType fonts."""
     picture = tmp_path / "a.pdf"
     done(*case.format_map(own).split(), picture)
     data = picture.read_bytes()
@@ -142,17 +143,18 @@ def test_no_figure_is_faulty(case, own, tmp_path):
 @pytest.mark.long
 @pytest.mark.slow
 def test_no_figure_of_a_page_is_faulty(own, tmp_path):
-    """Those of a scene's report, of the same cams."""
+    """The report of a scene with the same cams draws its figures."""
     done("report", own["slow"], "--out", tmp_path / "a.html")
 
 
-def test_every_command_that_draws_is_here():
-    """A new one is drawn in a case above, or in tests of its own that draw."""
+def test_every_command_with_a_plot_is_tested():
+    """It is in the cases above, or in a test file listed in `ELSEWHERE`."""
     drawn = {case.split()[0] for case in CASES}
     options = {
-        name: [opt for one in verb.params for opt in one.opts] for name, verb in verbs().items()
+        name: [option for param in verb.params for option in param.opts]
+        for name, verb in verbs().items()
     }
-    commands = {name for name, own in options.items() if "--plot" in own}
+    commands = {name for name, names in options.items() if "--plot" in names}
     assert commands <= drawn | set(ELSEWHERE)
     for name, file in ELSEWHERE.items():
         assert name in commands

@@ -1,4 +1,4 @@
-"""What cannot be written ends a command in one line, wherever it writes."""
+"""Tests of outputs that cannot be written: each command ends with one error line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cam_rig.cli import main
 from ..processes import ended
 from .conftest import BIN, GOLDEN
 
-#: Commands by what they write to stdout.
+#: Commands that write to stdout, by kind of output.
 PRINTED = {
     "version": "--version",
     "help": "--help",
@@ -27,7 +27,7 @@ PRINTED = {
     "model": "urdf quick",
     "address": "panel",
 }
-#: Commands that write a file, for each part of the package that does.
+#: Commands that write a file, one for each writer of the package.
 WRITTEN = {
     "json": "simulate quick --json a.json",
     "csv": "simulate quick --csv a.csv",
@@ -45,14 +45,14 @@ WRITTEN = {
     "rows": "campaign tolerance_poly345 --points 2 --jobs 1 --out rows",
     "cam": "design poly345 --minimise peak_acceleration --out a.yaml",
 }
-#: Bytes that a file may have, fewer than any of these has.
-MOST = 512
-#: Those of an ordinary run.
-QUICK_ONES = ("json", "markdown", "numpy")
+#: Limit of the file size in bytes, smaller than every output.
+SIZE_LIMIT = 512
+#: Outputs tested in a normal run. The others are tested in long runs.
+QUICK = ("json", "markdown", "numpy")
 
 
 def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
-    """The exit code, and what it says of itself."""
+    """Run a command and return its exit code and its error lines."""
     words = command.format(golden=GOLDEN).split()
     done = ended(BIN / "cam-rig", *words, stderr=subprocess.PIPE, cwd=folder, **how)
     assert "Traceback" not in done.stderr and "Exception ignored" not in done.stderr, done.stderr
@@ -62,57 +62,57 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("what", PRINTED)
-def test_a_stdout_that_is_full(what, unbuffered, tmp_path, monkeypatch):
-    """Its reader would take half a result for a whole one; the code says that it is none."""
+def test_full_stdout_is_an_error(what, unbuffered, tmp_path, monkeypatch):
+    """The exit code is 1, so that a reader does not use a truncated result."""
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     with open("/dev/full", "wb") as full:
-        code, told = lines(PRINTED[what], tmp_path, stdout=full)
+        code, errors = lines(PRINTED[what], tmp_path, stdout=full)
     assert code == 1
-    (line,) = told
+    (line,) = errors
     assert line.startswith("cam-rig: stdout: cannot be") and "No space left on device" in line
 
 
-def test_a_temporary_file_without_room(tmp_path, monkeypatch, capsys):
-    """Its error has no name either: the folder is named, not stdout, which takes all."""
+def test_full_temporary_folder_is_named(tmp_path, monkeypatch, capsys):
+    """The error of a temporary file has no name. The message names the folder, not stdout."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    alone = typer.Typer(pretty_exceptions_enable=False)
-    monkeypatch.setattr(main, "command", lambda _: typer.main.get_command(alone))
+    single = typer.Typer(pretty_exceptions_enable=False)
+    monkeypatch.setattr(main, "command", lambda _: typer.main.get_command(single))
 
-    @alone.command()
+    @single.command()
     def fill() -> None:
         print("half a result")
         with tempfile.TemporaryFile(dir=tmp_path) as file:
-            monkeypatch.setattr(sys, "dont_write_bytecode", True)  # else half of a module's stays
-            resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, hard))
-            file.write(bytes(2 * MOST))
+            monkeypatch.setattr(sys, "dont_write_bytecode", True)  # it would be truncated
+            resource.setrlimit(resource.RLIMIT_FSIZE, (SIZE_LIMIT, hard))
+            file.write(bytes(2 * SIZE_LIMIT))
 
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    monkeypatch.setattr(sys, "stdout", sys.stdout)  # is put back
+    monkeypatch.setattr(sys, "stdout", sys.stdout)  # restored after the test
     try:
         with pytest.raises(SystemExit) as ended:
             main.app(["laws"])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert ended.value.code == 1
-    told = capsys.readouterr().err
-    assert told.startswith(f"cam-rig: a temporary file in {tmp_path}: cannot be"), told
-    assert "stdout" not in told
+    error = capsys.readouterr().err
+    assert error.startswith(f"cam-rig: a temporary file in {tmp_path}: cannot be"), error
+    assert "stdout" not in error
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "what", [x if x in QUICK_ONES else pytest.param(x, marks=pytest.mark.long) for x in WRITTEN]
+    "what", [x if x in QUICK else pytest.param(x, marks=pytest.mark.long) for x in WRITTEN]
 )
-def test_a_file_that_may_not_have_its_size(what: str, tmp_path: Path) -> None:
-    """As on a full disk: nothing of it is left."""
+def test_file_that_exceeds_its_size_limit_is_removed(what: str, tmp_path: Path) -> None:
+    """The command ends with one line, like on a full disk, and no part of the file remains."""
 
     def limit() -> None:
-        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # else half of a module's stays
-        resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, MOST))
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # it would be truncated
+        resource.setrlimit(resource.RLIMIT_FSIZE, (SIZE_LIMIT, SIZE_LIMIT))
 
-    code, told = lines(WRITTEN[what], tmp_path, stdout=subprocess.DEVNULL, preexec_fn=limit)
+    code, errors = lines(WRITTEN[what], tmp_path, stdout=subprocess.DEVNULL, preexec_fn=limit)
     assert code == 1
-    (line,) = told
+    (line,) = errors
     assert "cannot be" in line or "can be written" in line
     assert "raceback" not in line and ".part" not in line
     assert not [path for path in tmp_path.rglob("*") if path.is_file() and path.name != ".lock"]

@@ -1,4 +1,4 @@
-"""cam-rig panel: the address it prints, how it ends, what it refuses."""
+"""Tests of cam-rig panel: printed address, end by signals, errors."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ COMMAND = (BIN / "cam-rig", "panel")
 @pytest.mark.usefixtures("heard_hangup")
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signals) -> None:
-    """One line and 128 + signal, however it is asked; its address answers no more."""
+def test_signal_ends_the_panel_and_its_processes(number: signal.Signals) -> None:
+    """The exit code is 128 + number, one line is printed, and the port is closed."""
     process = subprocess.Popen(
         COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -36,8 +36,8 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
     connection.request("GET", f"/?{url.query}", headers={"Host": url.netloc})
     assert connection.getresponse().status == 200
     connection.close()
-    begun = children(process.pid)
-    assert begun
+    started = children(process.pid)
+    assert started
     os.kill(process.pid, number)
     _, printed = process.communicate(timeout=WAIT_S)
     assert process.returncode == 128 + number
@@ -45,23 +45,23 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
         "Ctrl-C ends the panel",
         f"cam-rig: interrupted by {number.name}",
     ]
-    assert not [child for child in begun if Path(f"/proc/{child}").exists()]
+    assert not [child for child in started if Path(f"/proc/{child}").exists()]
     with socket.socket() as caller:
         assert caller.connect_ex(("127.0.0.1", url.port or 0)) != 0
 
 
-#: Stands for a browser: says with what it was called, and stays.
+#: Program used as browser: writes its process id and arguments to a file, and waits.
 BROWSER = """#!{python}
 import os, pathlib, sys, time
-pathlib.Path({said!r}).write_text(chr(10).join([str(os.getpid()), *sys.argv[1:], ""]))
+pathlib.Path({report!r}).write_text(chr(10).join([str(os.getpid()), *sys.argv[1:], ""]))
 time.sleep(600)
 """
 
 
-def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> None:
-    """Nobody else's list of processes has it while the browser runs; the file with it is ours."""
-    said, browser = tmp_path / "said", tmp_path / "browser"
-    browser.write_text(BROWSER.format(python=sys.executable, said=str(said)))
+def test_token_is_not_visible_to_other_users(tmp_path: Path) -> None:
+    """No command line contains the token while the browser runs, and its file is private."""
+    report, browser = tmp_path / "report", tmp_path / "browser"
+    browser.write_text(BROWSER.format(python=sys.executable, report=str(report)))
     browser.chmod(0o700)
     with subprocess.Popen(
         [*COMMAND, "--open"],
@@ -75,13 +75,13 @@ def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> No
             address = process.stdout.readline().strip()
             token = address.partition("token=")[2].encode()
             assert token
-            until(lambda: said.exists() and said.read_text().endswith("\n"))
-            pid, where = said.read_text().split()
+            until(lambda: report.exists() and report.read_text().endswith("\n"))
+            pid, page_url = report.read_text().split()
             for arguments in Path("/proc").glob("[0-9]*/cmdline"):
-                with suppress(OSError):  # it has ended meanwhile
+                with suppress(OSError):  # the process has ended
                     assert token not in arguments.read_bytes()
             assert is_running(pid)
-            page = Path(unquote(urlsplit(where).path))
+            page = Path(unquote(urlsplit(page_url).path))
             assert address in page.read_text(encoding="utf-8")
             assert page.stat().st_mode & 0o777 == 0o600
             assert page.parent.stat().st_mode & 0o777 == 0o700
@@ -92,8 +92,8 @@ def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> No
     assert not page.exists()
 
 
-def test_a_port_in_use_is_one_line() -> None:
-    """With the remedy, and the code of a wrong argument."""
+def test_port_in_use_is_one_line() -> None:
+    """The line has the remedy, and the exit code is that of an invalid argument."""
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -105,8 +105,8 @@ def test_a_port_in_use_is_one_line() -> None:
     )
 
 
-def test_a_law_that_cannot_be_drawn_is_one_line(tmp_path: Path) -> None:
-    """A cam that never lifts; and one that is not there."""
+def test_cam_without_a_law_is_one_line(tmp_path: Path) -> None:
+    """The cam has no rise, or its file does not exist."""
     cam = tmp_path / "rests.yaml"
     cam.write_text(
         "name: rests\ntitle: Rests\nlift: {assumed: 1, unit: mm, source: none}\n"
@@ -114,18 +114,18 @@ def test_a_law_that_cannot_be_drawn_is_one_line(tmp_path: Path) -> None:
         "segments:\n  - {law: dwell, span: {assumed: 360, unit: deg, source: all}}\n",
         encoding="utf-8",
     )
-    for given, words in ((cam, "rises by 0 mm, lift is 1 mm"), ("nobody", "no such file")):
-        result = call("panel", given)
+    for argument, words in ((cam, "rises by 0 mm, lift is 1 mm"), ("nobody", "no such file")):
+        result = call("panel", argument)
         assert result.exit_code == 2 and words in result.stderr
         assert result.stderr.count("\n") == 1
 
 
-def test_a_folder_too_deep_for_a_socket_is_named(tmp_path):
-    """With the limit and the remedy, before anything is served."""
+def test_folder_too_deep_for_a_socket_is_refused(tmp_path):
+    """The error has the limit and the remedy, before a page is served."""
     deep = tmp_path / ("x" * 100)
     deep.mkdir(mode=0o700)
-    places = os.environ | {"XDG_RUNTIME_DIR": str(deep), "TMPDIR": str(deep)}
-    done = ended(*COMMAND, "--no-rerun", "--out", deep, env=places)
+    environment = os.environ | {"XDG_RUNTIME_DIR": str(deep), "TMPDIR": str(deep)}
+    done = ended(*COMMAND, "--no-rerun", "--out", deep, env=environment)
     assert done.returncode == 2
     assert "allowed: 107; remedy: a shorter XDG_RUNTIME_DIR or TMPDIR" in done.stderr
     assert len(done.stderr.splitlines()) == 1

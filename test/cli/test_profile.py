@@ -1,4 +1,4 @@
-"""cam-rig profile: checks with a code, drawings whole or not at all, contours measured."""
+"""Tests of cam-rig profile: checks and exit code, drawings, measured contours."""
 
 import json
 import re
@@ -20,7 +20,7 @@ done = partial(run_done, "profile")
 
 @pytest.fixture
 def undercut(tmp_path):
-    """The flat cam on too small a base circle."""
+    """Return the file of the flat cam with too small a base circle."""
     text = re.sub(r"(base_radius: {assumed: )\d+", r"\g<1>5", shipped("cams", "flat"))
     text = re.sub(r".*least_curvature_radius: .*\n", "", text)
     return written(tmp_path, {"flat.yaml": text}) / "flat.yaml"
@@ -28,12 +28,12 @@ def undercut(tmp_path):
 
 @pytest.fixture(scope="module")
 def all_shipped():
-    """What the command says of every shipped cam."""
+    """Return the result of the command for all shipped cams."""
     return done("--all", "--json", "-")
 
 
-def test_all_shipped_cams_pass(all_shipped):
-    """All but one can be made: the worked example's constant velocity has corners."""
+def test_all_shipped_cams_but_one_pass(all_shipped):
+    """The worked example with constant velocity fails: its contour has corners."""
     result = all_shipped
     assert "its file states that it cannot be made: its velocity jumps" in result.stderr
     assert call("worked_example_constant_velocity").exit_code == 1
@@ -52,8 +52,8 @@ def test_all_shipped_cams_pass(all_shipped):
     assert pressure["unit"] == "rad"
 
 
-def test_the_table_of_all_fits_80_columns(all_shipped):
-    """A line a cam, no number cut; TM21's are the theses' cam's; “–” is what a cam has not."""
+def test_table_of_all_cams_fits_80_columns(all_shipped):
+    """It has one row per cam with uncut numbers, and “–” if a value does not exist."""
     lines = all_shipped.stderr.splitlines()
     names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     table = lines[: next(i for i, line in enumerate(lines) if line.startswith("–: "))]
@@ -64,8 +64,8 @@ def test_the_table_of_all_fits_80_columns(all_shipped):
     assert all(len(line) <= 80 and "…" not in line for line in table)
 
 
-def test_a_failing_check_is_code_1(undercut):
-    """The table says which; the line below says why and what to do."""
+def test_failed_check_gives_exit_code_1(undercut):
+    """The table marks the check, and the line below gives the reason and the remedy."""
     result = call(undercut)
     assert result.exit_code == 1
     words = "convex radius of curvature is -1.3984 mm at 127.6°; allowed: more than 0 mm; let base"
@@ -74,8 +74,8 @@ def test_a_failing_check_is_code_1(undercut):
     assert call("flat", undercut).exit_code == 1 and call("--all", undercut).exit_code == 1
 
 
-def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
-    """Refused and nothing written; with --force written, and the warning stays."""
+def test_cam_that_cannot_be_made_is_drawn_only_with_force(undercut, tmp_path):
+    """Nothing is written without --force. With --force the warning remains."""
     out, plot = tmp_path / "a.dxf", tmp_path / "a.png"
     result = call(undercut, "--out", out, "--plot", plot)
     assert result.exit_code == 1 and "or draw it with --force" in result.stderr
@@ -87,31 +87,31 @@ def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", ["dxf", "csv"])
-def test_there_and_back(tmp_path, suffix):
-    """The contour written, measured by its own follower, and its law written; as JSON too."""
+def test_written_contour_gives_its_law_again(tmp_path, suffix):
+    """A written contour, measured by the follower of the cam, has the lift of the cam."""
     out, law = tmp_path / f"a.{suffix}", tmp_path / "law.csv"
     chord = ["--tolerance", "0.5"] if suffix == "dxf" else []
     done("conjugate", "--out", out, *chord)
     result = done("conjugate", "--from", out, "--out", law, "--json", "-")
     lines = [line.split() for line in result.stderr.splitlines()]
-    found = [line for line in lines if line[:1] == ["conjugate"]]
-    assert [(line[1], line[3]) for line in found] == [("first", "18"), ("second", "18")]
+    measured = [line for line in lines if line[:1] == ["conjugate"]]
+    assert [(line[1], line[3]) for line in measured] == [("first", "18"), ("second", "18")]
     header, *rows = law.read_text().splitlines()
     assert header == "angle_deg,lift_mm" and len(rows) == 720
     assert float(rows[360].split(",")[1]) == pytest.approx(18.0, abs=1e-6)
     data = json.loads(result.stdout)["contours"]
-    assert [one["disc"] for one in data] == ["first", "second"]
-    for one in data:
-        assert one["source"] == str(out)
-        assert suffix == "dxf" or one["points"] == 3600
-        assert one["lift"] == pytest.approx(18e-3, abs=1e-9)
-        assert 0.0 < one["rms_error"] <= abs(one["largest_error"])
-        assert suffix == "dxf" or abs(one["largest_error"]) < 1e-9
-        assert f"{format_number(1e6 * one['largest_error'], '+.3g')} " in result.stderr
+    assert [disc["disc"] for disc in data] == ["first", "second"]
+    for disc in data:
+        assert disc["source"] == str(out)
+        assert suffix == "dxf" or disc["points"] == 3600
+        assert disc["lift"] == pytest.approx(18e-3, abs=1e-9)
+        assert 0.0 < disc["rms_error"] <= abs(disc["largest_error"])
+        assert suffix == "dxf" or abs(disc["largest_error"]) < 1e-9
+        assert f"{format_number(1e6 * disc['largest_error'], '+.3g')} " in result.stderr
 
 
-def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
-    """Measure 200 of 360 rows, and report what is wrong with them."""
+def test_open_contour_is_measured_with_a_warning(tmp_path):
+    """A table with 200 of 360 rows is measured, and the gap is reported."""
     done("flat", "--points", "360", "--out", tmp_path / "a.csv")
     rows = (tmp_path / "a.csv").read_text().splitlines()
     (tmp_path / "b.csv").write_text("\n".join(rows[:201]))
@@ -119,8 +119,8 @@ def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
     assert "points 200 and 1 are" in done("flat", "--from", tmp_path / "b.csv").stderr
 
 
-def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
-    """Roller and cutter of one radius: byte for byte (§2.2.3)."""
+def test_pitch_curve_is_the_path_of_a_cutter_of_the_roller_radius(tmp_path):
+    """Both files are identical (profile thesis §2.2.3)."""
     done("tm21", "--pitch", "--out", tmp_path / "p.csv")
     done("tm21", "--cutter", "10", "--out", tmp_path / "c.csv")
     assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
@@ -128,8 +128,8 @@ def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
     assert "chord error at most 0.01 µm" in result.stderr
 
 
-def test_a_contour_for_another_follower(tmp_path):
-    """Two conjugate cams are not one."""
+def test_contour_of_one_cam_is_refused_for_a_conjugate_cam(tmp_path):
+    """A conjugate cam has two contours, and the file has one closed curve."""
     call("tm21", "--out", tmp_path / "a.dxf")
     result = call("conjugate", "--from", tmp_path / "a.dxf")
     assert result.exit_code == 1

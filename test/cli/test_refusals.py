@@ -1,4 +1,4 @@
-"""A mistake gives one line and a code, no traceback, and nothing is written."""
+"""Tests of invalid command lines: one line, an exit code, no traceback, no file."""
 
 import inspect
 
@@ -10,7 +10,7 @@ from tools.docs.commands import verbs
 
 from .conftest import call, data_of, done
 
-#: Command line, exit code, words of its line; none where typer shows the usage instead.
+#: Command line, exit code, and part of its error line, empty if typer prints the usage instead.
 REFUSED = [
     ("urdf quick --cam conjugate", 2, "conjugate"),
     ("simulate no_such_scene", 2, "no_such_scene.yaml: no such file; there are: "),
@@ -74,23 +74,23 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
-def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, line, code, words):
-    """Before anything runs, where it can be seen before."""
+def test_invalid_command_line_is_one_line_and_writes_no_file(tmp_path, line, code, words):
+    """An error is reported before the computation if it can be detected before."""
     result = call(*line.format(tmp=tmp_path).split())
     assert result.exit_code == code and words.format(tmp=tmp_path) in result.stderr
     assert result.stderr.count("cam-rig: ") == bool(words), result.stderr
     assert "Traceback" not in result.stderr and list(tmp_path.iterdir()) == []
 
 
-def test_the_list_says_what_each_command_says_of_itself():
-    """The list is there without importing any of them."""
+def test_list_of_commands_has_the_first_sentence_of_each():
+    """The list is read without importing the commands."""
     for name in COMMANDS:
         first, *_ = inspect.cleandoc(command(name).help).split("\n\n")
         assert summary(name) == first.replace("\n", " ")
 
 
-def test_simulate_writes_the_promised_json():
-    """The sweep's figures meet the targets of the comparison, and roles are told apart."""
+def test_json_of_simulate():
+    """The levels of the sweep are within the limits of the comparison, and have their roles."""
     data = data_of("simulate", "tm21_sweep")
     assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "run", "messages"}
     assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
@@ -108,8 +108,8 @@ def test_simulate_writes_the_promised_json():
     assert data["crossing"]["rpm"] == pytest.approx(335.0, abs=15.0)
 
 
-def test_urdf_goes_to_stdout_or_into_a_file(tmp_path):
-    """The same text; the mounted cam's base circle, 65 mm of poly345, is in it."""
+def test_urdf_on_stdout_equals_the_file(tmp_path):
+    """It contains the base circle of the mounted cam, 65 mm of poly345."""
     printed = done("urdf", "tm21_sweep", "--cam", "poly345")
     assert '<cylinder radius="0.065"' in printed.stdout
     call("urdf", "tm21_sweep", "--cam", "poly345", "--out", tmp_path / "new" / "rig.urdf")
@@ -125,16 +125,16 @@ OPTIONS = [
 ]
 
 
-def test_there_are_many():
-    """Those of the commands of a group too."""
+def test_options_include_those_of_command_groups():
+    """The list of options used below is complete."""
     assert len(OPTIONS) > 150
     assert "fit cam" in verbs()
 
 
 @pytest.mark.variants(24)
 @pytest.mark.parametrize(("verb", "option"), OPTIONS)
-def test_an_option_that_stands_twice_is_refused(verb, option, capsys):
-    """In one line that names it, before any value is looked at."""
+def test_repeated_option_is_refused(verb, option, capsys):
+    """One line names the option, before its value is validated."""
     name = max(option.opts, key=len)
     once = [name] if option.is_flag else [name, *["1"] * option.nargs]
     with pytest.raises(SystemExit) as end:
@@ -143,5 +143,5 @@ def test_an_option_that_stands_twice_is_refused(verb, option, capsys):
     assert capsys.readouterr().err == f"cam-rig: {name}: is given 2 times; allowed: once\n"
 
 
-def test_help_comes_first():
+def test_help_has_priority_over_errors():
     done("jump", "--rig", "a", "--rig", "b", "--help")

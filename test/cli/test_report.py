@@ -1,4 +1,4 @@
-"""cam-rig report: a scene on one page with every figure and table."""
+"""Tests of cam-rig report: a scene on one page with all figures and tables."""
 
 import json
 import math
@@ -22,7 +22,7 @@ done = partial(run_done, "report")
 
 
 def sentences(page):
-    """Every sentence of a page, a cell of a table being one or more."""
+    """Yield the sentences of a page, including those in the cells of tables."""
     parts = re.findall(r"<(p|li|td|th|caption|figcaption|h\d)\b[^>]*>(.*?)</\1>", page, re.DOTALL)
     for _, text in parts:
         plain = " ".join(re.sub("<[^>]*>", " ", text).split())
@@ -30,22 +30,23 @@ def sentences(page):
 
 
 def too_long(page):
+    """Return the sentences with more than 30 words."""
     return [sentence for sentence in sentences(page) if len(sentence.split()) > 30]
 
 
 def untypeset(page):
-    """Sentences and cells with a hyphen for a minus, or an exponent; commands are as they run."""
+    """Return sentences and cells with a hyphen as minus, or an exponent, outside of commands."""
     text = re.sub(r"<code>.*?</code>", "", page)
     return [words for words in sentences(text) if HYPHEN.search(words) or EXPONENT.search(words)]
 
 
 def numbered(page, kind):
-    """The numbers of figures or tables in the order of the page."""
+    """Return the numbers of figures or tables in the order of the page."""
     return [int(n) for n in re.findall(rf' id="{kind}-(\d+)"', page)]
 
 
-def test_what_is_wrong_with_a_page_is_found():
-    """A sentence of 31 words in any part; what is not typeset in sentences and cells alone."""
+def test_long_sentences_and_untypeset_numbers_are_detected():
+    """The helpers of this file find a sentence of 31 words, and numbers that are not typeset."""
     words = "Word" + 30 * " word"
     page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
     assert too_long(page) == [f"{words}.", words]
@@ -53,13 +54,13 @@ def test_what_is_wrong_with_a_page_is_found():
     assert untypeset(page) == ["From -3 to 4.", "1e-9"]
 
 
-#: In place of a picture, which takes a second or two.
+#: Replacement for a picture, which takes a second or two to draw.
 PICTURE = "data:image/svg+xml;base64,AAAA"
 
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Figures are made, and not drawn: the commands' tests draw them."""
+    """Replace the drawing of figures, which the tests of the commands cover."""
     monkeypatch.setattr("cam_rig.report.document.uris", lambda *_: [PICTURE, PICTURE])
 
 
@@ -80,7 +81,7 @@ segments:
 
 @pytest.fixture(scope="module")
 def own_scene(tmp_path_factory):
-    """A person's own files: 360 lifts of a cam, one of two lines, a lighter follower."""
+    """Return a scene of user-defined files: a measured cam, a harsh cam, and a lighter follower."""
     lift = build_law(load_cam("poly345"))
     rows = (f"{i},{1e3 * 0.24 * lift(math.radians(i)):.4f}" for i in range(360))
     rig = shipped("rigs", "tm21").replace("name: tm21", "name: mine")
@@ -100,15 +101,17 @@ def own_scene(tmp_path_factory):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
-    """Every section and figure; refusals are said, levels relative; the head says when and how."""
+def test_page_of_a_user_defined_scene(own_scene, tmp_path, monkeypatch):
+    """It has all sections and figures, relative levels, refusals, date and command."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     out, data = tmp_path / "own.html", tmp_path / "own.json"
     done(own_scene, "--out", out, "--json", data)
     page = out.read_text(encoding="utf-8")
     assert tuple(re.findall(r'<(?:section|details) id="(?!more-)(.*?)">', page)) == SECTIONS
     assert page.count("<figure ") == 10
-    assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
+    assert [
+        words for words in too_long(page) if "allowed:" not in words
+    ] == []  # errors may be long
     assert untypeset(page) == []
     assert not re.search(r"<th[^>]*>(own|harsh)</th", page)  # cams by their titles
     assert "My &lt;measured&gt; cam" in page and "A harsh cam: law" in page
@@ -118,38 +121,38 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     assert "nothing is drawn at random" in page and "predicted" not in page
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
-    found = json.loads(data.read_text())
-    assert [(row["cam"], row["rpm"]) for row in found["simulate"]["speeds"]] == [
+    results = json.loads(data.read_text())
+    assert [(row["cam"], row["rpm"]) for row in results["simulate"]["speeds"]] == [
         (cam, rpm) for cam in ("own", "harsh") for rpm in (300.0, 1500.0)
     ]
-    assert found["calibrated"] is False
-    (refusal,) = found["refused"]["jump"]
+    assert results["calibrated"] is False
+    (refusal,) = results["refused"]["jump"]
     assert "allowed" in refusal
 
 
-def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
-    """Jump speeds and rows are those of cam-rig jump and simulate, on another rig of the folder."""
+def test_numbers_of_the_page_equal_those_of_the_commands(own_scene, tmp_path):
+    """Jump speeds and rows equal those of cam-rig jump and simulate, on the rig of --rig."""
     out, data = tmp_path / "own.md", tmp_path / "own.json"
     done(own_scene, "--rig", "other", "--out", out, "--json", data)
-    found = json.loads(data.read_text())
+    results = json.loads(data.read_text())
     loaded = load_scene(own_scene)
     follower = follower_of(loaded.rig)
     jump = find_jump(loaded.laws["own"], follower, None).rpm
-    rpm = {row["cam"]: row["rpm"] for row in found["jump"]["jump"]}
+    rpm = {row["cam"]: row["rpm"] for row in results["jump"]["jump"]}
     assert rpm["own"] == pytest.approx(jump, rel=1e-12)
-    assert found["jump"]["run"]["rig"] == "other"
+    assert results["jump"]["run"]["rig"] == "other"
     run = run_scene(loaded)
     row = run.by_speed[1]
-    assert found["simulate"]["speeds"] == run.data()["speeds"]
+    assert results["simulate"]["speeds"] == run.data()["speeds"]
     text = out.read_text(encoding="utf-8")
     assert f"| {row.force_peak:.1f} |" in text and f"| {jump:.1f} |" in text
     assert "Jump speed: one rigid mass, from rest as in steady state." in text
-    assert ".md`; with" in text  # no date, which would change it from one day to the next
+    assert ".md`; with" in text  # no date, so that the page is the same every day
     assert "<img" not in text
 
 
-def test_the_table_in_short(tmp_path):
-    """A row per cam: checks, speeds without contact, jump speed, levels; roles in their table."""
+def test_summary_table(tmp_path):
+    """It has a row per cam: checks, speeds without contact, jump speed, levels."""
     out = tmp_path / "a.md"
     done("quick", "--out", out)
     loaded, text = load_scene("quick"), out.read_text(encoding="utf-8")
@@ -159,16 +162,16 @@ def test_the_table_in_short(tmp_path):
         assert f"| {title} | {loaded.fitted_origin(cam)} |" in text
 
 
-def test_a_recording_is_compared_with_the_run(tmp_path):
-    """Its levels are those of the run, and those that are published if there are any."""
+def test_recording_is_compared_with_the_run(tmp_path):
+    """The table compares its levels with those of the run and with published levels."""
     out = tmp_path / "a.md"
     done("quick", "--bag", GOLDEN, "--out", out)
     text = out.read_text(encoding="utf-8")
     assert "The recorded run golden" in text and "r.m.s. difference to published" in text
 
 
-def test_two_masses_and_a_shaft(tmp_path):
-    """Their jump speeds and twist are there; orders without a closed form are refused in a line."""
+def test_page_of_a_torsional_scene(tmp_path):
+    """It has jump speeds and twist, and states that orders have no closed form."""
     out = tmp_path / "a.md"
     done("torsion", "--out", out)
     text = out.read_text(encoding="utf-8")
@@ -177,7 +180,7 @@ def test_two_masses_and_a_shaft(tmp_path):
 
 
 def test_paths_in_the_command_of_a_page(tmp_path, monkeypatch):
-    """From the working folder on, or the name alone; what was given so stands as it was."""
+    """They are relative to the working folder, or file names. Relative paths are unchanged."""
     monkeypatch.chdir(tmp_path)
     elsewhere = Path("/somebody/secret")
     options = {"--bag": tmp_path / "bags" / "a", "--out": elsewhere / "page.html", "--rig": "tm21"}

@@ -1,4 +1,4 @@
-"""A signal at any moment ends a command soon, with 128 and its number, and leaves nothing."""
+"""Tests of signals: a command ends soon, with code 128 + number, and leaves no process or file."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .conftest import BIN, GOLDEN
 
 pytestmark = pytest.mark.usefixtures("heard_hangup")
 LONG = pytest.mark.long
-#: Wall time (s) that a command may take to end; on a busy machine many times what it takes.
+#: Wall time (s) in which a command must end, ample for a busy machine.
 PATIENCE_S = 60.0
-#: Wall time (s) that its children may take to go, who see that it has gone.
+#: Wall time (s) in which its children must end after it.
 GRACE_S = 10.0
-#: What a command is told by, in its environment and in that of all that it starts.
+#: Environment variable that identifies a command and all processes that it starts.
 MARK = "CAM_RIG_TEST_SIGNALS"
-#: Commands, and the wall time (s) within which they are signalled.
+#: Command -> wall time (s) within which it receives a signal.
 COMMANDS = {
     "panel --no-rerun --out {out}": 8.0,
     "view {golden} --web": 12.0,
@@ -39,19 +39,22 @@ COMMANDS = {
 }
 
 
-def faults(command: str, folder: Path, number: int, group: bool, moments: list[float]) -> list[str]:
-    """What should not be of a command that is signalled after so many seconds, and these again.
+def find_faults(
+    command: str, folder: Path, number: int, group: bool, moments: list[float]
+) -> list[str]:
+    """Send signals to a command and return all faults, with its output if there are any.
 
-    It runs in a terminal's place: a session, folders and a ROS domain of its own. The seconds begin
-    with its first line: before it a signal is the interpreter's, which loses one in a hundred.
+    The command runs in a separate session with separate folders. A signal is sent after each of the
+    waits in `moments` (s, wall clock), which start when the command handles signals. Before that
+    the interpreter handles signals, and loses one in a hundred.
     """
-    places = {name: folder / name for name in ("tmp", "out", "home")}
-    for place in places.values():
-        place.mkdir(mode=0o700, parents=True)
-    places["run"] = Path(tempfile.mkdtemp())  # a socket's path may have 107 bytes
-    words = command.format(out=places["out"], golden=GOLDEN).split()
-    environment = os.environ | {MARK: str(folder), "TMPDIR": str(places["tmp"])}
-    environment |= {"XDG_RUNTIME_DIR": str(places["run"]), "ROS_LOG_DIR": str(places["home"])}
+    folders = {name: folder / name for name in ("tmp", "out", "home")}
+    for path in folders.values():
+        path.mkdir(mode=0o700, parents=True)
+    folders["run"] = Path(tempfile.mkdtemp())  # the path of a socket may have 107 bytes
+    words = command.format(out=folders["out"], golden=GOLDEN).split()
+    environment = os.environ | {MARK: str(folder), "TMPDIR": str(folders["tmp"])}
+    environment |= {"XDG_RUNTIME_DIR": str(folders["run"]), "ROS_LOG_DIR": str(folders["home"])}
     with open(folder / "printed", "w+b") as printed:
         process = subprocess.Popen(
             [BIN / "cam-rig", *words],
@@ -72,35 +75,37 @@ def faults(command: str, folder: Path, number: int, group: bool, moments: list[f
         finally:
             process.kill()
             process.wait(PATIENCE_S)
-        left = _left(str(folder))
+        remaining = remaining_processes(str(folder))
         printed.seek(0)
-        said = printed.read().decode()
-    left += [str(path) for name in ("tmp", "run") for path in places[name].rglob("*")]
-    shutil.rmtree(places["run"])
-    found = [f"left: {one}" for one in left if not one.endswith(".lock")]
+        output = printed.read().decode()
+    remaining += [str(path) for name in ("tmp", "run") for path in folders[name].rglob("*")]
+    shutil.rmtree(folders["run"])
+    faults = [f"remaining: {name}" for name in remaining if not name.endswith(".lock")]
     if code not in (128 + number, 0):
-        found.append(f"code {code}")
-    if code == 0 and "interrupted" in said:
-        found.append("code 0")
+        faults.append(f"code {code}")
+    if code == 0 and "interrupted" in output:
+        faults.append("code 0")
     wrong = ("Traceback", "Exception ignored", "leaked", "Aborted")
-    found += [word for word in wrong if word in said]
-    return found and [*found, said]
+    faults += [word for word in wrong if word in output]
+    return faults and [*faults, output]
 
 
-def _left(mark: str) -> list[str]:
+def remaining_processes(mark: str) -> list[str]:
+    """Return the commands of processes with a mark that have not ended after `GRACE_S`."""
     deadline = time.monotonic() + GRACE_S
-    while (found := list(_marked(mark))) and time.monotonic() < deadline:
+    while (commands := list(marked_processes(mark))) and time.monotonic() < deadline:
         time.sleep(0.05)
-    return found
+    return commands
 
 
-def _marked(mark: str) -> Iterator[str]:
-    wanted = f"{MARK}={mark}".encode()
+def marked_processes(mark: str) -> Iterator[str]:
+    """Yield the command lines of processes with a mark in their environment."""
+    variable = f"{MARK}={mark}".encode()
     for entry in Path("/proc").iterdir():
         try:
-            if entry.name.isdigit() and wanted in (entry / "environ").read_bytes().split(b"\0"):
+            if entry.name.isdigit() and variable in (entry / "environ").read_bytes().split(b"\0"):
                 yield (entry / "cmdline").read_bytes().decode()
-        except OSError:  # it has ended meanwhile, or is another user's
+        except OSError:  # the process has ended, or belongs to another user
             continue
 
 
@@ -108,21 +113,21 @@ def _marked(mark: str) -> Iterator[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("count", [1, pytest.param(40, marks=LONG)])
-def test_a_signal_at_any_moment(ros_domain: int, tmp_path: Path, command: str, count: int) -> None:
-    """To the command or to its group as a terminal's, also twice; from its first line on."""
+def test_signal_at_a_random_time(ros_domain: int, tmp_path: Path, command: str, count: int) -> None:
+    """The command, or its group as from a terminal, receives one or two signals."""
     draw = random.Random(f"{command} {count}")
     for i in range(count):
         after = draw.uniform(0.0, COMMANDS[command] if count > 1 else 3.0)
         number, group = draw.choice(STOPPING), draw.random() < 0.5
         moments = draw.choice([[after], [after, draw.uniform(0.0, 0.5)]])
-        wrong = faults(command, tmp_path / str(i), number, group, moments)
-        assert not wrong, (number, group, moments)
+        faults = find_faults(command, tmp_path / str(i), number, group, moments)
+        assert not faults, (number, group, moments)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, pytest.param(30, marks=LONG)])
-def test_a_signal_while_the_search_is_compiled(tmp_path: Path, count: int) -> None:
-    """None is raised within numba, where one ended a process by SIGSEGV."""
+def test_signal_during_compilation(tmp_path: Path, count: int) -> None:
+    """The interrupt is not raised within numba, where it could end the process by SIGSEGV."""
     draw = random.Random(count)
     for number in range(count):
         empty = tmp_path / str(number)
@@ -136,8 +141,8 @@ def test_a_signal_while_the_search_is_compiled(tmp_path: Path, count: int) -> No
         assert process.stderr is not None
         assert "compiling" in process.stderr.readline()
         time.sleep(draw.uniform(0.0, 3.0))
-        wanted = draw.choice(STOPPING)
-        process.send_signal(wanted)
+        sent = draw.choice(STOPPING)
+        process.send_signal(sent)
         _, printed = process.communicate(timeout=PATIENCE_S)
-        assert (process.returncode, "Traceback" in printed) == (128 + wanted, False), printed
+        assert (process.returncode, "Traceback" in printed) == (128 + sent, False), printed
         assert not [path for path in empty.rglob("*") if path.is_file()]

@@ -1,4 +1,4 @@
-"""How a command begins and is ended: an interrupt and a wrong environment are one line each."""
+"""Tests of the start of a command: interrupts, invalid environment, imported libraries."""
 
 import os
 import re
@@ -16,7 +16,7 @@ from ..processes import ended
 from .conftest import BIN, call
 
 
-def test_an_interrupt_while_modules_are_imported():
+def test_interrupt_during_imports_is_one_line():
     code = (
         "import signal, sys\n"
         "class Interrupt:\n"
@@ -33,8 +33,8 @@ def test_an_interrupt_while_modules_are_imported():
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("program", ["cam-rig jump poly345", "cam-rig report quick", "law_server"])
-def test_a_date_that_is_none_is_one_line(program, tmp_path):
-    """The libraries that read the variable too would end in their own traceback."""
+def test_invalid_date_is_one_line(program, tmp_path):
+    """Libraries that read SOURCE_DATE_EPOCH would raise a traceback."""
     name, *words = program.split()
     environment = os.environ | {"SOURCE_DATE_EPOCH": "abc"}
     done = ended(BIN / name, *words, env=environment, cwd=tmp_path)
@@ -47,13 +47,13 @@ def test_a_date_that_is_none_is_one_line(program, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_date_of_the_source(monkeypatch):
-    """Whole seconds up to the last of the calendar, or none."""
+def test_source_date(monkeypatch):
+    """It is None, or whole seconds up to the last second of the calendar."""
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
     assert source_date() is None
-    for right in (0, 1_700_000_000, LAST_SECOND):
-        monkeypatch.setenv("SOURCE_DATE_EPOCH", str(right))
-        assert source_date() == right
+    for seconds in (0, 1_700_000_000, LAST_SECOND):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", str(seconds))
+        assert source_date() == seconds
     for wrong in ("today", "", "1e9", "-1", str(LAST_SECOND + 1), "9" * 30):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
         with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is not a date; allowed: "):
@@ -83,26 +83,26 @@ FIGURES = {"matplotlib", "rerun", "jinja2", "shapely", "ezdxf"}
         (["simulate", "quick"], {"scipy"} | ROS | FIGURES),
     ],
 )
-def test_a_command_imports_what_it_needs(words, without):
+def test_command_does_not_import_unused_libraries(words, without):
     done = ended(sys.executable, "-c", CODE, *words)
     assert done.returncode == 0, done.stderr
     assert set(done.stdout.rpartition("modules:")[2].split()) & without == set()
 
 
-def test_a_line_for_each_part():
-    """Package, viewer, and rclpy with the ROS distribution it is of."""
+def test_version_has_a_line_for_each_package():
+    """cam_rig, the viewer, and rclpy with its ROS distribution."""
     package, rerun, rclpy = call("--version").stdout.splitlines()
     assert package == f"cam_rig {version('cam_rig')}" and rerun == f"rerun {version('rerun-sdk')}"
     assert re.fullmatch(r"rclpy \d\S* \(ROS 2 [a-z]+\)", rclpy)
 
 
-def test_what_is_missing_is_said(monkeypatch):
+def test_version_reports_missing_packages(monkeypatch):
     monkeypatch.setattr("importlib.metadata.version", MagicMock(side_effect=PackageNotFoundError))
     assert set(versions().values()) == {"not installed"}
 
 
-def test_a_closed_stdout_or_a_removed_folder_is_no_traceback(tmp_path):
-    """`cam-rig laws >&-` ends with code 0, and a removed working folder is named in one line."""
+def test_closed_stdout_or_removed_folder_gives_no_traceback(tmp_path):
+    """`cam-rig laws >&-` succeeds, and a removed working folder is reported in one line."""
     code = "from cam_rig.cli import start; start()"
     command = f"{sys.executable} -c '{code}' laws"
     assert "Traceback" not in ended("sh", "-c", f"{command} >&-").stderr

@@ -1,4 +1,4 @@
-"""cam-rig noise, listen and vibration: files that programs can read, and errors in one line."""
+"""Tests of cam-rig noise, listen and vibration: their JSON, pictures and sound files."""
 
 import json
 import wave
@@ -12,7 +12,7 @@ from .conftest import done
 
 
 def test_noise_json_and_plot(sweep, tmp_path):
-    """Write the study as JSON without NaN and as a picture; tables are whole at 80 columns."""
+    """The JSON has no NaN, the picture is a PNG, and tables fit 80 columns."""
     result = done("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     text = (tmp_path / "a.json").read_text()
@@ -26,28 +26,28 @@ def test_noise_json_and_plot(sweep, tmp_path):
 
 
 def test_listen_writes_a_sound_file(tmp_path):
-    """48 kHz, 16 bit, whole turns; full scale and peak as told; the level is in the samples."""
+    """48 kHz, 16 bit, with the full scale, peak and level that the JSON reports."""
     out = tmp_path / "new" / "cam.wav"
     arguments = ("--cam", "tm21", "--rpm", "300", "--seconds", "1", "--json", "-")
     result = done("listen", "quick", *arguments, "--out", out)
     data = json.loads(result.stdout)
-    told = data["sound"]
+    sound = data["sound"]
     levels = {row["quantity"]: row["level"] for row in data["levels"]}
     with wave.open(str(out)) as file:
         assert (file.getframerate(), file.getsampwidth(), file.getnchannels()) == (48_000, 2, 1)
         samples = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2")
     assert samples.size == 48_000
-    pressure = samples * told["full_scale"] / 32767
-    assert np.abs(pressure).max() == pytest.approx(told["peak"], rel=1e-3)
+    pressure = samples * sound["full_scale"] / 32767
+    assert np.abs(pressure).max() == pytest.approx(sound["peak"], rel=1e-3)
     level = float(level_db(np.sqrt(np.mean(pressure**2))))
     assert level == pytest.approx(levels["LZeq"], abs=0.01)
-    assert not told["overload"]
+    assert not sound["overload"]
     done("listen", "quick", *arguments, "--out", tmp_path / "again.wav")
     assert (tmp_path / "again.wav").read_bytes() == out.read_bytes()  # the background is seeded
 
 
-def test_cams_that_are_left_are_marked():
-    """Of two cams one is left below 450 rpm: marked in the table, told in JSON, not asked of."""
+def test_loss_of_contact_is_marked():
+    """Contact with one of two cams is lost below 450 rpm: a mark in the table, a flag in JSON."""
     speeds = ("--rpm", 300, "--rpm", 450, "--rpm", 450)
     result = done("vibration", "poly345", "bezier15", *speeds, "--json", "-")
     data = json.loads(result.stdout)

@@ -1,4 +1,4 @@
-"""What `import cam_rig` is given wrongly is refused in one line, by the argument's name."""
+"""Tests of invalid arguments of `import cam_rig`: one line that names the argument."""
 
 import math
 from functools import partial
@@ -17,13 +17,13 @@ CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
 
 
-#: Two numbers of a rig, one of which is a text.
+#: Two numbers of a rig, one of them as text.
 MIXED = {"mass": 1.3, "damping": "8"}
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
-def test_a_wrong_argument_is_refused_by_its_name():
-    """Name argument, value, type, what is allowed, and where that is had."""
+def test_error_of_an_invalid_argument():
+    """It has name, value, type, the allowed values and the function that returns them."""
     jump, simulate = partial(cam_rig.jump_speed, LAW, RIG), partial(cam_rig.simulate, LAW, RIG)
     fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
     cam, law = "allowed: a cam, of load_cam('poly345')", "allowed: a Law, of build_law"
@@ -61,7 +61,7 @@ def test_a_wrong_argument_is_refused_by_its_name():
         assert words in str(refused.value)
 
 
-def test_a_number_of_numpy():
+def test_numpy_numbers_are_accepted():
     speed, turns = np.arange(300, 500, 50)[1], np.int64(2)
     assert cam_rig.simulate(LAW, RIG, rpm=speed, turns=turns).rpm == 350.0
 
@@ -73,8 +73,8 @@ def test_wrong_names_and_numbers_of_arguments():
         cam_rig.jump_speed(LAW)
 
 
-def test_a_level_is_calibrated_only_on_the_rig_that_was():
-    """Another follower, or a cam that would have to pull, was never measured."""
+def test_level_is_calibrated_only_for_the_measured_rig():
+    """It is not calibrated for another follower, or if the cam would have to pull the follower."""
     rig = cam_rig.load_rig("tm21")
     assert cam_rig.sound_level(cam_rig.simulate(LAW, rig, rpm=300)).calibrated
     lighter = rig.with_follower(mass=1.0, preload=100.0)
@@ -83,8 +83,8 @@ def test_a_level_is_calibrated_only_on_the_rig_that_was():
     assert not cam_rig.sound_level(pulled).calibrated
 
 
-#: Texts, numbers and things, most of them wrong wherever they are given.
-WRONG = [
+#: Texts, numbers and objects, most of which are invalid for every argument.
+INVALID = [
     *(None, True, False, 0, -1, 10**12, 2**63 - 1, 10**400, 10**5000, np.int64(-3), np.bool_(True)),
     *(-1.5, 0.5, 1e-300, 1e300, math.nan, math.inf, -math.inf, np.float64(math.nan), 1j),
     *("", "abc", "\0", "\ud800", "x" * 5000, "/dev/null", "../..", Path("a\0"), b"poly345"),
@@ -93,13 +93,13 @@ WRONG = [
     *(object(), object, math),
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
-#: What computes for many seconds: it is left out, after the arguments were looked at.
+#: Functions that compute for many seconds. They are replaced, so that only arguments are checked.
 LONG = {"noise": ["cam_rig.studies.noise.study.study_noise"]}
 
 
 @pytest.fixture(scope="module")
-def right(tmp_path_factory):
-    """Arguments of every function that are right, and cheap; its defaults where none is named."""
+def valid_arguments(tmp_path_factory):
+    """Return valid arguments of every function, with a short computation, including defaults."""
     folder, angle = tmp_path_factory.mktemp("measured"), np.arange(0.0, 360.0, 5.0)
     lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])
     head = "angle [deg],lift [mm]"
@@ -107,7 +107,7 @@ def right(tmp_path_factory):
     jumps = ["preload [N],jump speed [rpm]", "20,344.9", "30.6,413.4", "45,417.2"]
     (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
     levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
-    one, on_rig = {"cams": "poly345", "rig": "tm21"}, {"law": LAW, "rig": RIG}
+    on_tm21, on_rig = {"cams": "poly345", "rig": "tm21"}, {"law": LAW, "rig": RIG}
     fitted = {"damping": 8.6, "spring_stiffness": 4030.0}
     named = {
         "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates},
@@ -117,7 +117,7 @@ def right(tmp_path_factory):
         | {"out": tmp_path_factory.mktemp("out") / "campaign"},
         "check_contours": {"cams": "poly345"},
         "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"},
-        "contact": one | {"rpm": 200.0},
+        "contact": on_tm21 | {"rpm": 200.0},
         "contour": {"cam": CAM, "points": 36},
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration"}
         | {"pieces": 6, "joints": 1, "starts": 1, "points": 3},
@@ -125,7 +125,7 @@ def right(tmp_path_factory):
         "fit_rig": {"source": folder / "jumps.csv", "cam": "poly345", "rig": "tm21"}
         | {"given": fitted},
         "fit_sound": {"levels": levels, "scene": "tm21_sweep", "cam": "poly345"},
-        "jump": one | {"from_rest": 0.5},
+        "jump": on_tm21 | {"from_rest": 0.5},
         "jump_speed": on_rig | {"duration": 0.5},
         "law": {"names": "poly345"},
         "list_laws": {"family": "start"},
@@ -140,106 +140,107 @@ def right(tmp_path_factory):
         "run_scene": {"scene": "quick"},
         "simulate": on_rig | {"rpm": 450, "turns": 1},
         "sound_level": {"motion": cam_rig.simulate(LAW, RIG, rpm=450, turns=2)},
-        "sweep": one | {"rpm": [300.0], "turns": 2, "settle_turns": 1, "sample_rate": 1000},
-        "vibration": one | {"rpm": 300.0},
+        "sweep": on_tm21 | {"rpm": [300.0], "turns": 2, "settle_turns": 1, "sample_rate": 1000},
+        "vibration": on_tm21 | {"rpm": 300.0},
     }
     return {
         name: {
-            key: one.default for key, one in signature(getattr(cam_rig, name)).parameters.items()
+            key: parameter.default
+            for key, parameter in signature(getattr(cam_rig, name)).parameters.items()
         }
-        | given
-        for name, given in named.items()
+        | arguments
+        for name, arguments in named.items()
     }
 
 
-#: What is no argument's fault alone: a file that is not there, a place, a design without a law.
-OF_FILES = errors.BagError | errors.OutputError | errors.DesignError | errors.MissingLibraryError
+#: Errors that are not a ValueError: a missing file, an unwritable folder, a design without a law.
+FILE_ERRORS = errors.BagError | errors.OutputError | errors.DesignError | errors.MissingLibraryError
 
 
-def refuses_in_one_line(function, arguments):
-    """Calls; a refusal is the rig's own, of one line, short. Anything else is an error here."""
+def check_error_is_one_line(function, arguments):
+    """Call a function and check that an error is a short CamRigError of one line."""
     try:
         function(**arguments)
     except cam_rig.CamRigError as error:
         assert "\n" not in str(error)
         assert 0 < len(str(error)) < 12_000  # a path of 5000 characters is named
-        assert isinstance(error, ValueError | OF_FILES)
-        assert not OPTION.search(str(error)), error  # of a command: Python has parameters
+        assert isinstance(error, ValueError | FILE_ERRORS)
+        assert not OPTION.search(str(error)), error  # an option of a command, not a parameter
 
 
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", ["Law", *FUNCTIONS])
-def test_only_errors_of_the_rig_come_out(right, name, monkeypatch, tmp_path):
-    here = tmp_path / "a" / "b"  # some of the wrong values are places that can be written
+def test_functions_raise_only_errors_of_cam_rig(valid_arguments, name, monkeypatch, tmp_path):
+    here = tmp_path / "a" / "b"  # some of the invalid values are writable paths
     here.mkdir(parents=True)
     monkeypatch.chdir(here)
     for long in LONG.get(name, ()):
         monkeypatch.setattr(long, lambda *_arguments, **_named: None)
     function = getattr(cam_rig, name)
     parameters = signature(function).parameters
-    assert set(right[name]) == set(parameters)
-    for argument in right[name]:
-        for value in (one for one in WRONG if one is not parameters[argument].default):
-            refuses_in_one_line(function, right[name] | {argument: value})
+    assert set(valid_arguments[name]) == set(parameters)
+    for argument in valid_arguments[name]:
+        for value in (value for value in INVALID if value is not parameters[argument].default):
+            check_error_is_one_line(function, valid_arguments[name] | {argument: value})
 
 
-def takes_an_array(name):
-    """The parameters of a function that may be several numbers of numpy's."""
+def array_parameters(name):
+    """Return the parameters of a function that can be arrays."""
     hints = get_type_hints(unwrap(getattr(cam_rig, name)))
-    return [one for one, hint in hints.items() if "ndarray" in str(hint) and one != "return"]
+    return [key for key, hint in hints.items() if "ndarray" in str(hint) and key != "return"]
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_nothing_and_a_table_are_no_list_of_numbers(right, name):
-    """An empty list of cams is not the default, and no array of two axes is flattened."""
-    function, given = getattr(cam_rig, name), right[name]
-    for argument in takes_an_array(name):
+def test_empty_lists_and_matrices_are_refused(valid_arguments, name):
+    """An empty list of cams is not the default, and an array with two axes is not flattened."""
+    function, arguments = getattr(cam_rig, name), valid_arguments[name]
+    for argument in array_parameters(name):
         for value in ([], np.array([]), np.array([[300.0, 350.0]]), np.full((2, 1), 0.3)):
             with pytest.raises(errors.ConfigError, match=rf"{argument}: is"):
-                function(**given | {argument: value})
-    if "cams" in given:
+                function(**arguments | {argument: value})
+    if "cams" in arguments:
         for value in ([], ()):
             with pytest.raises(errors.ConfigError, match="cam"):
-                function(**given | {"cams": value})
+                function(**arguments | {"cams": value})
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_another_type_is_a_type_error_and_nan_a_value_error(right, name):
-    """As Python's users expect, beside the rig's own; so it is in each argument."""
-    function, given = getattr(cam_rig, name), right[name]
-    for argument, value in given.items():
+def test_wrong_type_is_a_type_error_and_nan_a_value_error(valid_arguments, name):
+    """Each error is also a CamRigError, for every argument."""
+    function, arguments = getattr(cam_rig, name), valid_arguments[name]
+    for argument, value in arguments.items():
         with pytest.raises(TypeError) as refused:
-            function(**given | {argument: object()})
+            function(**arguments | {argument: object()})
         assert isinstance(refused.value, cam_rig.CamRigError)
         if isinstance(value, float):
             with pytest.raises(ValueError, match=f"{argument}: is nan"):
-                function(**given | {argument: math.nan})
+                function(**arguments | {argument: math.nan})
 
 
 @pytest.mark.parametrize("make", [cam_rig.Cam, cam_rig.Rig])
-def test_a_cam_or_a_rig_of_wrong_things(make, tmp_path, monkeypatch):
-    """Made, changed, saved, or asked for its linear model."""
+def test_invalid_arguments_of_cam_and_rig(make, tmp_path, monkeypatch):
+    """The constructors, replace(), save() and the linear model raise only errors of cam_rig."""
     monkeypatch.chdir(tmp_path)
     base = CAM if make is cam_rig.Cam else RIG
     sections = dict(base)
     calls = [partial(partial, make, **sections), partial(partial, base.replace), base.save]
     for name in sections:
-        for value in WRONG:
+        for value in INVALID:
             for call in calls[:2]:
-                refuses_in_one_line(call(**{name: value}), {})
-    for value in WRONG:
-        refuses_in_one_line(partial(base.save, value), {})
+                check_error_is_one_line(call(**{name: value}), {})
+    for value in INVALID:
+        check_error_is_one_line(partial(base.save, value), {})
         if make is cam_rig.Rig:
-            refuses_in_one_line(partial(base.frequency_response, value), {})
-            refuses_in_one_line(partial(base.state_space, value), {})
+            check_error_is_one_line(partial(base.frequency_response, value), {})
+            check_error_is_one_line(partial(base.state_space, value), {})
             for number in ("mass", "spring", "roller_share"):
-                own = {"mass": 1.0, "spring": 1.0, "preload": 1.0} | {number: value}
-                refuses_in_one_line(partial(make, **own), {})
-                refuses_in_one_line(partial(base.replace, **{number: value}), {})
+                numbers = {"mass": 1.0, "spring": 1.0, "preload": 1.0} | {number: value}
+                check_error_is_one_line(partial(make, **numbers), {})
+                check_error_is_one_line(partial(base.replace, **{number: value}), {})
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.long)])
-def test_what_their_results_are_asked(every, monkeypatch, tmp_path):
+def test_invalid_arguments_of_methods_of_results(every, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     run = cam_rig.read_bag(GOLDEN)
     shape = cam_rig.contour(CAM, 36)
@@ -254,7 +255,7 @@ def test_what_their_results_are_asked(every, monkeypatch, tmp_path):
         (lambda value: RIG.with_follower(**{str(value)[:9]: 1.0})),
     ]
     for i, call in enumerate(calls):
-        for value in WRONG[i % every :: every]:
+        for value in INVALID[i % every :: every]:
             if isinstance(value, int) and abs(value) >= 2**63 and call is calls[-1]:
-                continue  # Python writes no text of so many digits
-            refuses_in_one_line(partial(call, value), {})
+                continue  # Python refuses to convert so many digits to text
+            check_error_is_one_line(partial(call, value), {})

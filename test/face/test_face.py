@@ -1,4 +1,4 @@
-"""``import cam_rig``: what it offers, that it is light, and that it gives what commands give."""
+"""Tests of ``import cam_rig``: public names, import time, and agreement with the commands."""
 
 import doctest
 import inspect
@@ -21,13 +21,13 @@ from cam_rig.show.result import enable_notebook_display
 
 from ..processes import ended
 
-#: Where the public names are: their docstrings have examples.
+#: Modules of the public names. Their docstrings have examples.
 WITH_EXAMPLES = sorted({"cam_rig"} | {getattr(cam_rig, name).__module__ for name in cam_rig._HOMES})
 
 
 @pytest.mark.variants(13)
 @pytest.mark.parametrize("module", WITH_EXAMPLES)
-def test_examples_in_docstrings_are_true(module, monkeypatch):
+def test_examples_in_docstrings_are_correct(module, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[2])
     assert doctest.testmod(import_module(module)).failed == 0
 
@@ -38,25 +38,25 @@ def test_every_public_function_has_an_example():
     assert [f.__name__ for f in functions if ">>> " not in f.__doc__] == []
 
 
-def test_importing_it_imports_no_library():
+def test_import_does_not_import_libraries():
     code = "import sys, cam_rig; print(sorted({'numpy', 'scipy', 'pydantic'} & set(sys.modules)))"
     assert ended(sys.executable, "-c", code).stdout.strip() == "[]"
 
 
-def test_a_name_that_is_not_there_is_an_attribute_error():
+def test_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'cam_rig' has no attribute 'simulat'"):
         cam_rig.simulat
     assert set(cam_rig.__all__) <= set(dir(cam_rig))
 
 
 def formatter(*known):
-    """One of IPython's: a printer for each type."""
+    """Return a fake formatter of IPython with a printer for each type."""
     printers = dict.fromkeys(known)
     return SimpleNamespace(type_printers=printers, for_type=printers.__setitem__)
 
 
 @pytest.mark.parametrize("known", [(), (Figure,)])
-def test_a_notebook_shows_pictures(monkeypatch, known):
+def test_notebook_displays_figures(monkeypatch, known):
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=60, turns=1, sample_rate=1000)
     figure, made = motion.plot(), {"image/png": formatter(), "image/svg+xml": formatter(*known)}
@@ -82,20 +82,20 @@ def rig():
     return cam_rig.load_rig("paper_table2")
 
 
-def test_the_jump_speed_is_drawn_where_the_force_is_zero(law, rig, figures):
-    found = cam_rig.jump_speed(law, rig)
-    assert found.to_pandas()["rpm"].tolist() == [found.rpm]
-    (axes,) = found.plot().axes
+def test_plotted_force_is_zero_at_the_jump_speed(law, rig, figures):
+    jump = cam_rig.jump_speed(law, rig)
+    assert jump.to_pandas()["rpm"].tolist() == [jump.rpm]
+    (axes,) = jump.plot().axes
     rpm, force = axes.lines[0].get_data()
-    assert np.interp(found.rpm, rpm, force) == pytest.approx(0.0, abs=0.2)
+    assert np.interp(jump.rpm, rpm, force) == pytest.approx(0.0, abs=0.2)
 
 
-def test_a_rig_of_other_numbers_is_another(rig):
+def test_with_follower_does_not_change_the_rig(rig):
     changed = rig.with_follower(roller_share=0.3)
     assert changed.follower.roller_share.si == 0.3 and rig.follower.roller_share.si == 0.4
 
 
-def test_the_points_of_a_contour_are_as_many_as_asked_for_and_cannot_be_changed():
+def test_contour_has_the_requested_number_of_read_only_points():
     shape = cam_rig.contour(cam_rig.load_cam("poly345"), points=90)
     assert shape.x.size == shape.y.size == 90
     assert shape.to_pandas()["x"].tolist() == shape.x.tolist()
@@ -103,7 +103,7 @@ def test_the_points_of_a_contour_are_as_many_as_asked_for_and_cannot_be_changed(
         shape.x[0] = 0.0
 
 
-def test_a_conjugate_cam_has_two_contours(figures):
+def test_conjugate_cam_has_two_contours(figures):
     shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
     assert len(shape.discs) == 2
     assert shape.to_pandas()["disc"].nunique() == 2
@@ -113,7 +113,7 @@ def test_a_conjugate_cam_has_two_contours(figures):
         shape.plot(positions=2)
 
 
-def test_a_bag_and_its_scene_give_one_run(figures):
+def test_bag_and_scene_give_the_same_run(figures):
     recording = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recording.loaded)
     assert recording.complete and computed.complete
@@ -123,9 +123,9 @@ def test_a_bag_and_its_scene_give_one_run(figures):
     assert table["level"].tolist()[:4] == recording.noise.curves["tm21"].level_db.tolist()
     (axes,) = recording.plot().axes
     assert axes.get_xlabel() == "cam speed [rpm]"
-    recorded, again = recording.samples("tm21", 350), computed.samples("tm21", 350.0)
-    away = np.abs(recorded.rows - again.rows).max(axis=1)
-    assert (away <= 1e-11 * np.abs(again.rows).max(axis=1)).all()
+    recorded, simulated = recording.samples("tm21", 350), computed.samples("tm21", 350.0)
+    difference = np.abs(recorded.rows - simulated.rows).max(axis=1)
+    assert (difference <= 1e-11 * np.abs(simulated.rows).max(axis=1)).all()
     np.testing.assert_allclose(np.diff(recorded.time), 1e-3, rtol=0, atol=1e-12)
     with pytest.raises(ValueError, match="read-only"):
         recorded.force[0] = 1.0
@@ -133,33 +133,33 @@ def test_a_bag_and_its_scene_give_one_run(figures):
         recording.samples("tm21", 360)
 
 
-def test_progress_is_told_tick_by_tick():
-    told = []
-    run = cam_rig.run_scene("quick", on_tick=lambda: told.append(1))
-    assert len(told) == len(run.ticks) == 16
+def test_on_tick_is_called_at_each_tick():
+    calls = []
+    run = cam_rig.run_scene("quick", on_tick=lambda: calls.append(1))
+    assert len(calls) == len(run.ticks) == 16
 
 
-def test_a_cam_is_loaded_by_its_name_or_path():
+def test_cam_is_loaded_by_name_or_path():
     path = Path(__file__).parents[2] / "config" / "cams" / "poly345.yaml"
     assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")
 
 
-# -- what a command computes, one function of it computes, asked by the same names
+# -- each command that computes has a function with the same parameter names
 
-#: Commands that compute no result: they start nodes, serve pages, or turn one file into another.
+#: Commands without a result: they start nodes, serve pages, or convert files.
 NO_COMPUTATION = {
     *("run", "replay", "panel", "view"),
     *("new", "export", "listen", "recover", "report", "urdf"),
 }
-#: Names of `import cam_rig` that no command has: what results are made of.
+#: Names of `import cam_rig` without a command, from which results are made.
 PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
     *("build_law", "load_cam", "load_rig", "load_scene"),
     *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
 }
-#: Options that say what is drawn or written, which a result is asked for in Python.
+#: Options for figures and files, which are methods of the result in Python.
 FILES = {
-    "bounce": {"basins"},  # a function of its own, `cam_rig.studies.bounce.basins`
+    "bounce": {"basins"},  # a separate function, `cam_rig.studies.bounce.basins`
     "contact": {"events", "sharpest"},
     "fit sound": {"dry-run"},
     "law": {"out", "save"},
@@ -171,21 +171,21 @@ FILES = {
         *("unit", "axis", "zero", "mirrored", "layer", "align"),
     },
 }
-#: Where processes are asked for, a function takes an executor, and how many it has.
-WORKPLACE = {"jobs", "dask"}
-#: Arguments of a command by their name in Python; one that stands first in both may differ.
-IN_PYTHON_ALONE = {"progress", "executor", "workers", "on_tick"}
+#: Options for processes. The function has the parameters executor and workers instead.
+WORKERS = {"jobs", "dask"}
+#: Parameters without an option.
+ONLY_IN_PYTHON = {"progress", "executor", "workers", "on_tick"}
 
 
 def verbs():
-    """Every command and subcommand, as click knows it."""
+    """Yield every command and subcommand as a click object, with its name."""
     for name in COMMANDS:
-        found = command(name)
-        parts = getattr(found, "commands", None)
+        verb = command(name)
+        parts = getattr(verb, "commands", None)
         yield from (
-            [(name, found)]
+            [(name, verb)]
             if parts is None
-            else ((f"{name} {word}", one) for word, one in parts.items())
+            else ((f"{name} {word}", part) for word, part in parts.items())
         )
 
 
@@ -194,10 +194,10 @@ COMPUTING = sorted(set(VERBS) - NO_COMPUTATION)
 
 
 def named_in_help(verb):
-    """The function that a command's help names."""
-    found = re.search(r"In Python: cam_rig\.(\w+)\(", VERBS[verb].help)
-    assert found, f"the help of {verb} names no function: In Python: cam_rig.NAME(…)"
-    return found[1]
+    """Return the name of the function in the help of a command."""
+    match = re.search(r"In Python: cam_rig\.(\w+)\(", VERBS[verb].help)
+    assert match, f"the help of {verb} names no function: In Python: cam_rig.NAME(…)"
+    return match[1]
 
 
 def test_every_command_is_known():
@@ -207,11 +207,10 @@ def test_every_command_is_known():
 
 
 @pytest.mark.parametrize("verb", COMPUTING)
-def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
-    """So what refuses an option refuses the parameter in Python, by its name.
+def test_command_names_its_function_whose_parameters_are_its_options(verb):
+    """An error of an option is therefore correct for the parameter in Python.
 
-    What the words of the help show as arguments are parameters of the function, whose docstring
-    names the command.
+    The arguments in the help are parameters of the function. Its docstring names the command.
     """
     function = getattr(cam_rig, named_in_help(verb))
     assert f"cam-rig {verb}" in function.__doc__
@@ -219,33 +218,34 @@ def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
     shown = re.search(r"In Python: cam_rig\.\w+\((.*?)\)", VERBS[verb].help, re.S)[1]
     assert {word.strip() for word in shown.split(",")} - {"…"} <= parameters
     options, arguments = set(), []
-    for one in VERBS[verb].params:
-        name = max(one.opts, key=len).removeprefix("--")
-        if one.param_type_name == "argument":
+    for param in VERBS[verb].params:
+        name = max(param.opts, key=len).removeprefix("--")
+        if param.param_type_name == "argument":
             arguments.append(name)
         elif (
-            name not in {*OUTPUT_OPTIONS, "help", *WORKPLACE, *FILES.get(verb, ())}
-            and not one.hidden
+            name not in {*OUTPUT_OPTIONS, "help", *WORKERS, *FILES.get(verb, ())}
+            and not param.hidden
         ):
             refused = in_python(f"--{name}: is wrong", parameters)
             options.add(refused.removesuffix(": is wrong"))
     assert options <= parameters
     first = list(inspect.signature(function).parameters)[: len(arguments)]
-    known = {*options, *arguments, *first, *IN_PYTHON_ALONE}
-    assert parameters - known == set()
-    if any(one.name in WORKPLACE for one in VERBS[verb].params):
+    # the first parameters are the arguments of the command, and can have other names
+    expected = {*options, *arguments, *first, *ONLY_IN_PYTHON}
+    assert parameters - expected == set()
+    if any(param.name in WORKERS for param in VERBS[verb].params):
         assert "executor" in parameters
 
 
-def test_every_function_is_of_a_command_or_a_part():
-    """And the other way round."""
+def test_every_function_belongs_to_a_command_or_is_a_part():
+    """Each command that computes names such a function."""
     assert {named_in_help(verb) for verb in COMPUTING} == set(cam_rig.__all__) - PARTS
 
 
-# -- a type checker of somebody who uses the package sees what its functions take and return
+# -- a type checker of a user's code knows the types of parameters and results
 
 
-#: What a user writes, and what a checker of types must make of it.
+#: Script of a user, with the type that a type checker must reveal in each comment.
 SCRIPT = """
 import numpy as np
 
@@ -283,8 +283,8 @@ cam_rig.simulat
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_mypy_sees_every_type_and_every_mistake(tmp_path):
-    """Strict, in a folder of his own, as `make setup` installs it; nothing it is shown is Any."""
+def test_mypy_reports_every_type_and_every_mistake(tmp_path):
+    """mypy --strict runs in another folder with the package of `make setup`. No type is Any."""
     file = tmp_path / "own.py"
     file.write_text(SCRIPT + WRONG, encoding="utf-8")
     options = ["--strict", "--follow-imports=silent", "--config-file", "/dev/null"]
@@ -294,19 +294,19 @@ def test_mypy_sees_every_type_and_every_mistake(tmp_path):
     lines = (SCRIPT + WRONG).split("\n")
     assert len(kinds) == SCRIPT.count("reveal_type"), done.stdout
     for number, kind in kinds:
-        wanted = lines[int(number) - 1].rpartition("# ")[2]
-        assert wanted in kind
+        expected = lines[int(number) - 1].rpartition("# ")[2]
+        assert expected in kind
         assert not kind.startswith("Any")
     wrong = [int(number) for number in re.findall(r"own\.py:(\d+): error", done.stdout)]
     first = SCRIPT.count("\n") + 2
     assert sorted(set(wrong)) == [*range(first, first + 4)], done.stdout
 
 
-def test_the_package_says_that_it_is_typed():
-    """No name of the face is without its type: each stands among the checker's imports."""
+def test_package_is_typed():
+    """The imports for type checkers contain every public name."""
     root = Path(cam_rig.__file__).parent
     assert (root / "py.typed").is_file()
     text = (root / "__init__.py").read_text(encoding="utf-8")
-    told = set(re.findall(r"(?:import|as|,) (\w+)", text[: text.index("_HOMES")]))
-    assert set(cam_rig.__all__) - {"__version__"} <= told
+    imported = set(re.findall(r"(?:import|as|,) (\w+)", text[: text.index("_HOMES")]))
+    assert set(cam_rig.__all__) - {"__version__"} <= imported
     assert "Any" not in text

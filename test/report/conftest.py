@@ -1,22 +1,22 @@
-"""A page of two sections, whose sentences take nothing but tables."""
+"""Fixture of a page with two sections, whose templates use only tables."""
 
 import pytest
 
 from cam_rig.report.document import Content, Made, Section, render
 from cam_rig.show.tables import DataTable, Header
 
-#: More columns than a narrow screen has room for, under a caption of more than one line there.
+#: Table that is too wide for a narrow screen, with a caption of several lines there.
 WIDE = DataTable(
     "A table of many columns, with a caption that a narrow screen cannot show in one line",
     tuple(Header(f"a long heading {i}", "mm/rad²", ".3f") for i in range(9)),
     tuple(tuple(float(i * j) for i in range(9)) for j in range(30)),
-    ("A note that is about as long as the caption, and is not to be cut at the side either.",),
+    ("A note that is about as long as the caption, and must not be cut at the side either.",),
 )
-#: What no sentence shows.
+#: Table that no template displays.
 SPARE = DataTable("A table to check", (Header("name"),), (("spare",),))
 
 
-#: Sections of the page: sentences alone, and tables.
+#: Templates of the sections: one with a sentence only, one with tables.
 TEMPLATES = {
     "summary": "{% call page.words() %}What came out.{% endcall %}",
     "reading": "{{ page.all(tables) }}",
@@ -25,7 +25,10 @@ TEMPLATES = {
 
 @pytest.fixture
 def rendered(tmp_path):
-    """A kind of page: sentences, a table that is wide and long, and one for the appendix."""
+    """Return a function that renders the page as HTML or Markdown.
+
+    The page has sentences, a wide and long table, and a table in the appendix.
+    """
     for name, text in TEMPLATES.items():
         (tmp_path / f"{name}.jinja").write_text(text, encoding="utf-8")
     made = Made("cam-rig report a.yaml --out 'a b.html'", "2023-11-14", "7 (draws)")

@@ -1,4 +1,4 @@
-"""The page in a real browser: wide and narrow, light and dark, and on paper."""
+"""Tests of the page in a browser: wide and narrow, light and dark, and in print."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from cam_rig.report.document import uris
 from cam_rig.show.figure import empty, strips, styled, write, write_strip
 
 pytestmark = pytest.mark.slow
-#: Relative luminance by WCAG 2: what its contrast ratio is made of.
-CONTRAST = """([one, other]) => {
+#: JavaScript function of the contrast ratio of two elements, from relative luminance (WCAG 2).
+CONTRAST = """([first, second]) => {
   const light = name => {
     const rgb = getComputedStyle(document.querySelector(name))[name == "body" ? "backgroundColor"
       : "color"].match(/[\\d.]+/g).slice(0, 3).map(x => x / 255)
       .map(x => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] + 0.05;
   };
-  const [a, b] = [light(one), light(other)];
+  const [a, b] = [light(first), light(second)];
   return Math.max(a, b) / Math.min(a, b);
 }"""
 
 
 @pytest.fixture
 def opened(chromium, rendered):
-    """The page in a window of a width, in a colour scheme."""
+    """Return a function that opens the page at a width (px) in a colour scheme."""
     text = rendered("html")
 
     def of(width, scheme="light"):
@@ -41,7 +41,7 @@ def opened(chromium, rendered):
 
 @pytest.mark.parametrize("width", [400, 1000, 1280])
 def test_nothing_is_cut(opened, width):
-    """The page does not scroll to the side; captions, notes and sentences end within it."""
+    """The page does not scroll sideways. Captions, notes and sentences end within it."""
     page = opened(width)
     assert page.evaluate("document.documentElement.scrollWidth") == width
     ends = page.eval_on_selector_all(
@@ -53,8 +53,8 @@ def test_nothing_is_cut(opened, width):
         assert page.eval_on_selector("#table-1", box) > 0
 
 
-def test_contents_at_the_side(opened):
-    """Beside the text where there is room; else a line that opens."""
+def test_contents_are_at_the_side_or_folded(opened):
+    """They are next to the text on a wide screen, and a line that opens on a narrow one."""
     wide, narrow = opened(1280), opened(400)
     link = wide.locator("nav a").last
     assert link.is_visible()
@@ -64,8 +64,8 @@ def test_contents_at_the_side(opened):
     assert narrow.locator("nav a").last.is_visible()
 
 
-def test_the_appendix_is_folded(opened):
-    """A link to a table of it opens its part."""
+def test_appendix_is_folded(opened):
+    """A link to one of its tables opens the part with the table."""
     page = opened(1280)
     spare = page.locator("#table-2")
     assert not spare.is_visible()
@@ -74,8 +74,8 @@ def test_the_appendix_is_folded(opened):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_can_be_read(opened, scheme):
-    """WCAG's contrast of 4.5 for text, names, notes and links on either ground."""
+def test_contrast_of_text_is_sufficient(opened, scheme):
+    """Text, names, notes and links have the contrast ratio 4.5 of WCAG in both schemes."""
     page = opened(1280, scheme)
     dark = "(prefers-color-scheme: dark)"
     assert page.evaluate(f"matchMedia('{dark}').matches") == (scheme == "dark")
@@ -83,8 +83,8 @@ def test_text_can_be_read(opened, scheme):
         assert page.evaluate(CONTRAST, [name, "body"]) > 4.5
 
 
-def test_on_paper(opened):
-    """No contents without page numbers; black on white from a dark screen too; whole A4 pages."""
+def test_printed_page(opened):
+    """It has A4 pages, no contents, and black text on white from a dark screen as well."""
     page = opened(1280, "dark")
     page.emulate_media(media="print")
     assert not page.locator("nav").is_visible()
@@ -93,7 +93,7 @@ def test_on_paper(opened):
     assert page.pdf(prefer_css_page_size=True).count(b"/Type /Page\n") >= 1
 
 
-# -- a tall figure is parted between its panels: nothing is lost, nothing is cut --------------
+# -- a tall figure is split into strips between its panels ------------------------------------
 
 
 DPI = 100
@@ -101,7 +101,7 @@ DPI = 100
 
 @styled
 def stacked(rows: int):
-    """Panels one above another, 1.5 inches each, with a title and a legend outside."""
+    """Draw stacked panels of 1.5 inches, with a title and a legend outside."""
     figure = empty(1.5 * rows + 0.6)
     for i, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
         axes.plot([0.0, 1.0], [0.0, i + 1.0], label=f"curve {i}")
@@ -116,8 +116,8 @@ def pixels(path: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rows", [1, 3, 12])
-def test_strips_make_up_the_figure(rows: int, tmp_path: Path) -> None:
-    """They lie on each other from the top to the foot, show as much ink, and are cut in white."""
+def test_strips_cover_the_figure(rows: int, tmp_path: Path) -> None:
+    """They are contiguous, contain all ink of the figure, and are cut through white."""
     figure = stacked(rows)
     parts = strips(figure)
     assert parts[0][1] == figure.get_figheight() and parts[-1][0] == 0.0
@@ -136,8 +136,8 @@ def test_strips_make_up_the_figure(rows: int, tmp_path: Path) -> None:
         assert whole[whole.shape[0] - round(low * DPI)].min() == 255
 
 
-def test_what_is_outside_is_not_in_the_file(tmp_path: Path) -> None:
-    """Parts of a figure weigh about as much as all of it."""
+def test_file_of_a_strip_contains_only_the_strip(tmp_path: Path) -> None:
+    """The files of all strips together are less than 1.5 times as large as the whole figure."""
     figure = stacked(4)
     sizes = []
     for low, high in strips(figure):
@@ -148,8 +148,8 @@ def test_what_is_outside_is_not_in_the_file(tmp_path: Path) -> None:
     assert all(axes.get_visible() for axes in figure.axes)
 
 
-def test_a_page_carries_the_strips():
-    """As SVG in its text, the same bytes each time."""
-    found = [uris(stacked(3)) for _ in range(2)]
-    assert found[0] == found[1] and len(found[0]) == 2
-    assert all(one.startswith("data:image/svg+xml;base64,") for one in found[0])
+def test_page_contains_the_strips_as_svg():
+    """The data URIs are the same in each call."""
+    first, second = (uris(stacked(3)) for _ in range(2))
+    assert first == second and len(first) == 2
+    assert all(uri.startswith("data:image/svg+xml;base64,") for uri in first)

@@ -1,11 +1,11 @@
-"""A page as a document: head, contents, numbers; text is escaped, words stand left."""
+"""Tests of a page: head, contents, numbering, escaping, alignment."""
 
 import re
 
 import pytest
 
 from cam_rig.report import document
-from cam_rig.report.document import Numbering, environment, percent, to
+from cam_rig.report.document import Numbering, environment, format_range, percent
 from cam_rig.show.tables import DataTable, Header
 
 TABLE = DataTable(
@@ -32,22 +32,22 @@ two
 
 
 def render(kind, parts=PARTS, figures=("pic",)):
-    """A paragraph, tables, a list and a figure."""
+    """Render a paragraph, tables, a list and a figure."""
     numbering, text = Numbering(), ""
-    given = {
+    variables = {
         "figures": {key: ["data:image/svg+xml;base64,AAAA"] for key in figures},
         "numbering": numbering,
         "numbers": {"start": 1, "end": 2},
     }
     for _ in range(2):
-        page = environment(kind).get_template(f"layout.{kind}").make_module(given)
+        page = environment(kind).get_template(f"layout.{kind}").make_module(variables)
         text = environment(kind).from_string(parts).render(page=page, table=TABLE, other=OTHER)
         numbering.restart()
     return text
 
 
-#: Text of a person is no markup, units stand under the headings; a screen reader says with each
-#: cell its column's and its row's head, and the table's name; references may precede their target.
+#: Parts of the page. Text of a user is escaped, and units are under the headings. A screen reader
+#: announces headings and table name with each cell. References may precede their target.
 HTML = (
     '<span id="caption-1"><b>Table 1.</b> A &lt; table</span></caption>',
     'aria-labelledby="caption-1"',
@@ -65,24 +65,24 @@ HTML = (
 
 
 def test_html():
-    """The page has each part; figures and tables are numbered apart."""
+    """The page has all parts. Figures and tables are numbered separately."""
     page = render("html").replace("&#39;", "'")
     assert [part for part in HTML if part not in page] == []
 
 
-def test_a_figure_of_what_could_not_be_found():
-    """Has no place and no number."""
+def test_figure_without_data_is_omitted():
+    """It has no element and no number."""
     assert "<figure" not in render("html", figures=())
 
 
-def test_a_reference_to_nothing():
-    """Is an error, not a page that says Table 0."""
+def test_reference_to_a_missing_table_is_an_error():
+    """It must not become a reference to Table 0."""
     with pytest.raises(KeyError, match="table"):
         render("html", "{{ page.see_table(table) }}")
 
 
 def test_markdown():
-    """Words, lists and tables with their numbers; no pictures."""
+    """The page has text, lists and numbered tables, but no figures."""
     text = render("md", figures=())
     assert "**Table 1. A < table**\n\n| name | value [rpm] |\n| --- | ---: |\n| a & b" in text
     assert "\nMore words, see Table 2 in section 2.\n" in text
@@ -91,14 +91,14 @@ def test_markdown():
 
 
 @pytest.mark.parametrize("kind", ["html", "md"])
-def test_no_point_is_empty(kind):
-    """A part of a list that has nothing to say leaves no bullet."""
+def test_empty_list_items_are_omitted(kind):
+    """A list has no bullet for an empty item."""
     text = "{% call page.points() %}\na\n\n\n\n \n\nb{% endcall %}"
     assert render(kind, text).count("- " if kind == "md" else "<li>") == 2
 
 
 def test_head_and_contents(rendered):
-    """Date, command, versions and seeds at the head; sections are numbered, and listed."""
+    """The head has date, command, versions and seeds. Sections are numbered and listed."""
     page, text = rendered("html"), rendered("md")
     assert "<dt>Date</dt><dd>2023-11-14</dd>" in page
     assert "<code>cam-rig report a.yaml --out &#39;a b.html&#39;</code>" in page
@@ -111,8 +111,8 @@ def test_head_and_contents(rendered):
     assert ", 2023-11-14;" in text
 
 
-def test_what_no_sentence_shows_is_in_the_appendix(rendered):
-    """Under its section, which leads there; tables of the main part have the first numbers."""
+def test_tables_not_displayed_in_a_section_are_in_the_appendix(rendered):
+    """The section has a link to them. Tables of the main part have the first numbers."""
     page, text = rendered("html"), rendered("md")
     main, appendix = page.split('<div id="appendix">')
     assert "A table to check" not in main
@@ -123,7 +123,7 @@ def test_what_no_sentence_shows_is_in_the_appendix(rendered):
 
 
 def test_equations_and_indices():
-    """MathML in HTML, the line itself in Markdown; an index is lowered, a name is not."""
+    """Equations are MathML in HTML and text in Markdown. Indices are subscripts, names are not."""
     parts = (
         "{% call page.equation() %}\nF = k_s s\n{% endcall %}"
         "{% call page.words() %}With k_s of paper_table2.{% endcall %}"
@@ -135,9 +135,9 @@ def test_equations_and_indices():
 
 
 def test_numbers_in_sentences():
-    """Shares as percentages, ranges from their ends; a true minus, powers raised."""
+    """Percentages and ranges have true minus signs and raised powers."""
     assert percent(0.7249) == "72 %"
     assert percent(-0.0053, "+.2f") == "−0.53 %"
-    assert to((0.71, 1.66), ".1f") == "0.7 to 1.7"
-    assert to((-2e-7, 3.3e8), ".2g") == "−2·10⁻⁷ to 3.3·10⁸"
+    assert format_range((0.71, 1.66), ".1f") == "0.7 to 1.7"
+    assert format_range((-2e-7, 3.3e8), ".2g") == "−2·10⁻⁷ to 3.3·10⁸"
     assert document.anchor("12 Given, assumed, identified") == "12-given-assumed-identified"

@@ -1,4 +1,4 @@
-"""A recording beside the run: the same levels, or a refusal that says what is wrong with it."""
+"""Tests of the comparison of a recording with the run, and of equations in MathML."""
 
 import re
 import shutil
@@ -19,35 +19,35 @@ from cam_rig.simulation.simulate import simulate, step_levels
 
 @pytest.fixture
 def quick(config_dir):
-    """The scene of the golden bag."""
+    """Return the scene of the golden bag."""
     return open_scene(config_dir / "scenes" / "quick.yaml")
 
 
 @pytest.fixture
 def golden(config_dir):
-    """A recording of it."""
+    """Return the golden bag, a recording of that scene."""
     return config_dir.parent / "bags" / "golden"
 
 
-def test_recorded_levels_are_the_simulated(quick, golden):
-    """Node graph and one process: the same numbers."""
-    found = read_recorded(golden, quick)
+def test_recorded_levels_equal_simulated_levels(quick, golden):
+    """The node graph and one process compute the same numbers."""
+    recorded = read_recorded(golden, quick)
     levels = step_levels(simulate(quick), quick.scene.program.settle_turns.si)
-    assert found.level_db.keys() == levels.keys()
+    assert recorded.level_db.keys() == levels.keys()
     for cam, steps in levels.items():
         expected = np.array([steps[speed] for speed in sorted(steps)])
-        assert found.level_db[cam] == pytest.approx(expected, abs=1e-9)
+        assert recorded.level_db[cam] == pytest.approx(expected, abs=1e-9)
 
 
-def test_bag_of_another_scene(golden, config_dir):
-    """The scene it is of, the scene it should be of, and what to do."""
+def test_bag_of_another_scene_is_refused(golden, config_dir):
+    """The error names both scenes and the remedy."""
     loaded = open_scene(config_dir / "scenes" / "tm21_sweep.yaml")
     with pytest.raises(BagError, match=r"scene 'quick'; allowed: of 'tm21_sweep'.*cam-rig run"):
         read_recorded(golden, loaded)
 
 
-def test_bag_of_an_older_rig(quick, golden):
-    """The same scene on a rig whose preload was changed since; words may change."""
+def test_bag_of_a_changed_rig_is_refused(quick, golden):
+    """The preload of the rig has changed since the recording. A changed title is allowed."""
     other = replace(quick, rig=quick.rig.with_follower(preload=99.0))
     with pytest.raises(BagError, match="recorded with another follower than the files have now"):
         read_recorded(golden, other)
@@ -55,8 +55,8 @@ def test_bag_of_an_older_rig(quick, golden):
     assert read_recorded(golden, renamed).messages > 0
 
 
-def test_truncated_bag(quick, golden, tmp_path):
-    """Half a file is no recording."""
+def test_truncated_bag_is_refused(quick, golden, tmp_path):
+    """The error suggests cam-rig recover."""
     bag = shutil.copytree(golden, tmp_path / "golden")
     (file,) = bag.glob("*.mcap")
     file.write_bytes(file.read_bytes()[:60_000])
@@ -64,21 +64,21 @@ def test_truncated_bag(quick, golden, tmp_path):
         read_recorded(bag, quick)
 
 
-# -- equations of a page: what a line of text becomes in MathML -------------------------------
+# -- equations of a page: conversion of a line of text to MathML ------------------------------
 
 
 def tree(text):
-    """The only row of a line; not well-formed XML is an error."""
+    """Convert a line to MathML, parse it as XML, and return its row."""
     return ElementTree.fromstring(mathml(text))[0]
 
 
 def shape(element):
-    """An element as nested tuples, its tag first, or its text."""
+    """Return an element as nested tuples with the tag first, or its text."""
     return element.text if element.text else (element.tag, *map(shape, element))
 
 
 def test_products_and_sums():
-    """Letters are variables, dots stand over them, primes above, digits are numbers."""
+    """Letters are variables with dots over and primes after them. Digits are numbers."""
     assert shape(tree("m ẍ + 2 c s′ = 0")) == (
         *("mrow", "m", ("mover", "x", "¨"), "+", "2", "c", ("msup", "s", "′"), "=", "0"),
     )
@@ -97,12 +97,12 @@ def test_products_and_sums():
     ("(a)", ("mrow", "(", ("mrow", "a"), ")")),
 ])  # fmt: skip
 def test_parts(text, inside):
-    """What is below, above, over; brackets that only hold such a part are not drawn."""
+    """Subscripts, superscripts, roots and fractions. Brackets that only group are not drawn."""
     assert shape(tree(text)) == ("mrow", inside)
 
 
 def test_lines_and_signs():
-    """Each line is an equation; what HTML would take for markup is not."""
+    """Each line is an equation, and characters of HTML markup are escaped."""
     assert mathml("a < b\n\nc & d\n").count("<math ") == 2
     assert tree("a < b")[1].text == "<"
 
@@ -111,9 +111,9 @@ def test_lines_and_signs():
 PAPER = Path(__file__).parents[2] / "examples" / "paper" / "templates"
 
 
-def test_every_equation_of_the_pages():
-    """Is well-formed, with each bracket closed and something on either side of a bar."""
-    found = 0
+def test_equations_of_all_templates_are_well_formed():
+    """Brackets are closed, and fractions and scripts have two parts."""
+    count = 0
     templates = environment("html", PAPER)
     for name in templates.list_templates():
         source = templates.loader.get_source(templates, name)[0]
@@ -125,5 +125,5 @@ def test_every_equation_of_the_pages():
                 assert not any(
                     a.tag in ("mfrac", "msub", "msup") and len(a) != 2 for a in tree(line).iter()
                 ), line
-                found += 1
-    assert found > 20
+                count += 1
+    assert count > 20

@@ -1,6 +1,7 @@
-"""A node that is forked is a process like any: its own pid, output, signals and exit code.
+"""Tests of forked nodes: separate pid, output, signals and exit code.
 
-Whatever is killed, nothing stays behind; without the server the node is started by itself.
+Killing a node, the server or the runner leaves no process. Without the server a node is started in
+a new interpreter.
 """
 
 import ctypes
@@ -15,7 +16,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cam_rig.runner import fork_server as runner_half
+from cam_rig.runner import fork_server as client
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import NodeProcess, environment
 
@@ -27,81 +28,82 @@ COMMAND = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
 
 @pytest.fixture
 def start(ros_domain, fork_server):
-    """Fork a node with arguments."""
+    """Return a function that forks a node with arguments."""
     return lambda *arguments: fork_server.start([*COMMAND, *arguments], environment(), None)
 
 
 def command_line(pid):
-    """What `ps` shows of a process."""
+    """Return the command line of a process, as displayed by `ps`."""
     return Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").split(b"\0")
 
 
-def test_a_forked_node_is_a_child_like_any(start, tmp_path):
-    """Its code is told, and so is what it writes; the file that is missing is its own finding."""
+def test_exit_code_and_output_of_a_forked_node(start, tmp_path):
+    """A node that reports a missing scene file ends with code 2."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
     assert node.wait(timeout=100) == 2 and "none.yaml: no such file" in node.stderr.read()
     assert node.stdout.read() == ""
 
 
-def test_each_is_a_process_of_its_own(start):
-    """With its own pid and session, under its own command line; its end is waited for in time."""
-    one, other = start("-p", "scene:=quick"), start()
-    assert len({one.pid, other.pid, os.getpid()}) == 3
-    assert [os.getsid(node.pid) for node in (one, other)] == [one.pid, other.pid]
-    until(lambda: command_line(one.pid)[-1] == b"scene:=quick")
-    assert command_line(one.pid) == [os.fsencode(part) for part in (*COMMAND, "-p", "scene:=quick")]
-    assert Path(f"/proc/{one.pid}/comm").read_text(encoding="utf-8") == "follower\n"
+def test_each_forked_node_is_a_separate_process(start):
+    """It has its pid, session and command line, and wait() raises after its timeout."""
+    node, other = start("-p", "scene:=quick"), start()
+    assert len({node.pid, other.pid, os.getpid()}) == 3
+    assert [os.getsid(process.pid) for process in (node, other)] == [node.pid, other.pid]
+    until(lambda: command_line(node.pid)[-1] == b"scene:=quick")
+    words = [*COMMAND, "-p", "scene:=quick"]
+    assert command_line(node.pid) == [os.fsencode(word) for word in words]
+    assert Path(f"/proc/{node.pid}/comm").read_text(encoding="utf-8") == "follower\n"
     with pytest.raises(subprocess.TimeoutExpired):
-        one.wait(0.0)
-    for node in (one, other):
-        node.kill()
-        assert node.wait(timeout=100) == -signal.SIGKILL
+        node.wait(0.0)
+    for process in (node, other):
+        process.kill()
+        assert process.wait(timeout=100) == -signal.SIGKILL
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_in_order_from_its_first_moment(start, number):
-    """As one that is started by itself: code 0, no traceback."""
+def test_signal_ends_a_forked_node_in_order_at_any_time(start, number):
+    """The exit code is 0 without a traceback, immediately after the start as well."""
     for pause in (0.0, 0.02, 0.1):
         node = start()
-        time.sleep(pause)  # any moment at all is right
+        time.sleep(pause)  # the node must end in order at every time
         node.send_signal(number)
         assert node.wait(timeout=100) == 0 and "Traceback" not in node.stderr.read()
 
 
-def test_other_orphans_go_where_they_went_before(start):
-    """The runner adopts while the server forks, and no longer; unless it did so before."""
+def test_adoption_of_orphans_is_restored(start):
+    """The runner adopts orphans while the server forks. Its earlier setting is restored."""
     prctl, adopts = ctypes.CDLL(None).prctl, ctypes.c_int()
     for wanted in (1, 0):
-        prctl(runner_half.ADOPT, wanted)
+        prctl(client.PR_SET_CHILD_SUBREAPER, wanted)
         start().kill()
-        prctl(runner_half.ADOPTS, ctypes.byref(adopts))
+        prctl(client.PR_GET_CHILD_SUBREAPER, ctypes.byref(adopts))
         assert adopts.value == wanted
 
 
-def test_an_import_that_fails_is_the_nodes_own_failure(ros_domain, fork_server):
-    """Beside its name, in its own words; the server goes on."""
+def test_failed_import_ends_only_the_node(ros_domain, fork_server):
+    """The node reports the missing module on stderr, and the server continues."""
     node = fork_server.start([*COMMAND[:3], "nowhere"], environment(), None)
     assert node.wait(timeout=100) == 1
     assert "No module named 'cam_rig.nodes.nowhere'" in node.stderr.read()
     assert is_running(fork_server._process.pid)
 
 
-def test_what_the_runner_has_no_time_for_does_not_run(ros_domain, fork_server, monkeypatch):
-    """A signal comes between the fork and the note of it: the node, that nobody knows, ends."""
+def test_node_ends_if_its_start_is_interrupted(ros_domain, fork_server, monkeypatch):
+    """A signal arrives after the fork, before the runner has stored the process."""
     forked = []
 
     def interrupted(pid, *_):
         forked.append(pid)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(runner_half, "ForkedProcess", interrupted)
+    monkeypatch.setattr(client, "ForkedProcess", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fork_server.start(COMMAND, environment(), None)
     assert os.waitpid(forked[0], 0)[1] == 0
 
 
-def test_a_killed_server_is_done_without(ros_domain):
-    """Its nodes stay, and the next is started by itself."""
+def test_nodes_start_without_a_killed_server(ros_domain):
+    """Forked nodes continue, and the next node is started in a new interpreter."""
     with ForkServer() as server:
         node = server.start(COMMAND, environment(), None)
         os.kill(server._process.pid, signal.SIGKILL)
@@ -114,9 +116,9 @@ def test_a_killed_server_is_done_without(ros_domain):
             process.wait(timeout=100)
 
 
-def test_where_it_cannot_be_a_node_is_started_by_itself(ros_domain, monkeypatch):
-    """As on a system that is not Linux."""
-    monkeypatch.setattr(runner_half, "sys", SimpleNamespace(platform="another"))
+def test_nodes_start_without_a_server_on_other_systems(ros_domain, monkeypatch):
+    """On a system that is not Linux, a node is started in a new interpreter."""
+    monkeypatch.setattr(client, "sys", SimpleNamespace(platform="another"))
     server = ForkServer()
     node = NodeProcess("follower", {}, False, print, server=server)
     node.process.kill()
@@ -135,8 +137,8 @@ input()
 """
 
 
-def test_a_killed_runner_leaves_nothing(ros_domain):
-    """Neither the server nor a node; the kernel tells both."""
+def test_server_and_nodes_end_with_a_killed_runner(ros_domain):
+    """The kernel notifies both of its end."""
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", RUNNER], text=True, **pipes) as runner:
         server, node, kind = runner.stdout.readline().split()
@@ -158,9 +160,11 @@ print(json.dumps([threads, sorted(before), sorted(set(sys.modules) - before)]))
 """
 
 
-def test_it_has_one_thread_and_all_that_nodes_share():
-    """A fork of a process with threads may wait for ever; of rclpy each node makes its own. What is
-    left to the nodes is rclpy with what only it needs, and the nodes themselves."""
+def test_server_has_one_thread_and_the_shared_imports():
+    """A fork of a process with several threads can block, so rclpy is imported in each node.
+
+    Nodes import only rclpy, its dependencies and their own modules after the fork.
+    """
     given = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = ended(sys.executable, "-c", PRELOAD, env=given)
     threads, loaded, left = json.loads(done.stdout)

@@ -1,4 +1,4 @@
-"""The runner: which exit ends the run, which node is named, and without which the run continues."""
+"""Tests of the runner: exits that end the run, the node named, and optional nodes."""
 
 import errno
 import os
@@ -28,7 +28,10 @@ KILLED = -signal.SIGKILL
 
 @pytest.fixture
 def made(monkeypatch, tmp_path):
-    """Makes graphs whose nodes have ended, with a code for each start, or end when asked to."""
+    """Return a factory of graphs with fake nodes.
+
+    A node has ended with the first of its codes, or ends when it receives a signal.
+    """
     did = SimpleNamespace(logged=[], stopped=[], cleaned=[])
 
     class Process:
@@ -63,7 +66,9 @@ def made(monkeypatch, tmp_path):
         return Graph(nodes, log=did.logged.append)
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr("cam_rig.runner.graph.clean", lambda since, **_: did.cleaned.append(since))
+    monkeypatch.setattr(
+        "cam_rig.runner.graph.remove_segments", lambda since, **_: did.cleaned.append(since)
+    )
     monkeypatch.setattr("cam_rig.runner.graph.LOCK_GRACE_S", 0.0)
     make.did = did
     return make
@@ -77,8 +82,8 @@ FAILED.append(("recorder", 1, r"node recorder ended with code 1 before .*: no sp
 
 
 @pytest.mark.parametrize(("node", "code", "words"), FAILED)
-def test_a_node_that_fails_beside_the_drive_is_named(made, node, code, words):
-    """Name the node and the last line of its stderr, not the drive, which ended as it should."""
+def test_failed_node_is_named_even_if_the_drive_has_finished(made, node, code, words):
+    """The error names the node and the last line of its stderr, not the drive, which succeeded."""
     graph = made(cam_drive=[0], **{node: [code]})
     graph._start_all()
     graph._progress.put('{"done": true}')
@@ -86,8 +91,8 @@ def test_a_node_that_fails_beside_the_drive_is_named(made, node, code, words):
         list(graph.progress())
 
 
-def test_the_fatal_error_of_a_node_is_its_reason(made):
-    """Whatever it writes to stderr afterwards."""
+def test_fatal_error_of_a_node_is_reported_as_its_reason(made):
+    """Later lines on stderr do not replace it."""
     graph = made(follower=[1])
     graph._start_all()
     lines = [
@@ -101,8 +106,8 @@ def test_the_fatal_error_of_a_node_is_its_reason(made):
 
 
 @pytest.mark.parametrize("code", [KILLED, 1, 0])
-def test_a_run_goes_on_without_its_viewer(made, code):
-    """However it ended; one line reports it, once."""
+def test_run_continues_without_its_viewer(made, code):
+    """A single line reports the end of the viewer, for every exit code."""
     graph, logged = made(screen="address", **{VIEWER: [code]}), made.did.logged
     graph._start_all()
     for _ in range(3):
@@ -111,30 +116,30 @@ def test_a_run_goes_on_without_its_viewer(made, code):
     assert [line.endswith("; the run continues without it") for line in logged] == [True]
 
 
-def test_a_drive_that_was_stopped_has_not_done_its_program(made):
-    """It ends in order, with code 0, and the run is not complete all the same."""
+def test_stopped_drive_is_an_error(made):
+    """The run is incomplete, although the drive ended in order with code 0."""
     words = "node cam_drive was stopped before the first tick"
     with pytest.raises(RunError, match=words), made(cam_drive=[0]) as graph:
         list(graph.progress())
 
 
 @pytest.mark.parametrize(("code", "cleans"), [(1, True), (KILLED, True), (0, False), (None, False)])
-def test_shared_memory_is_cleaned_after_a_run_that_failed(made, code, cleans):
-    """A node that could not write, on a full disk, leaves pieces as a killed one does."""
+def test_shared_memory_is_cleaned_after_a_failed_run(made, code, cleans):
+    """A node that could not write, on a full disk, leaves segments like a killed node."""
     with made(microphone=[code]):
         pass
     assert bool(made.did.cleaned) == cleans
 
 
-def test_an_interrupt_ends_all_and_the_recorder_last(made):
-    """Whatever ends a run ends its nodes."""
+def test_interrupt_ends_all_nodes_and_the_recorder_last(made):
+    """An exception in the block of the graph ends all five nodes."""
     with pytest.raises(KeyboardInterrupt), made():
         raise KeyboardInterrupt
     assert made.did.stopped[-1] == "recorder" and len(made.did.stopped) == 5
 
 
-def test_of_nodes_that_do_not_answer_the_first_of_the_chain_is_named():
-    """Whichever of them do not answer, in whatever order they are given."""
+def test_blocking_node_is_the_first_of_the_chain():
+    """held_by() names it first for every set of nodes, in any order of the argument."""
     order = ["law_server", "follower", "microphone", "viewer", "recorder"]
     assert [entry.name for entry in reversed(NODES)][1:] == order
     assert held_by(["recorder"]) == "recorder"
@@ -144,9 +149,9 @@ def test_of_nodes_that_do_not_answer_the_first_of_the_chain_is_named():
             assert held_by(names) == held_by(names[::-1]) == words
 
 
-# A node as a process, where the system has nothing left to start it with.
+# Start of a node if the system has no memory, process or thread left.
 
-FULL = "node follower cannot be started \\({}\\); end other programs, or raise what .*ulimit -v"
+FULL = "node follower cannot be started \\({}\\); end other programs, or raise the .*ulimit -v"
 
 
 def start(report=None):
@@ -154,9 +159,9 @@ def start(report=None):
 
 
 @pytest.mark.parametrize("reports", [False, True])
-def test_no_process_to_be_had(monkeypatch, reports):
-    """One line with what is short and what to do; no pipe is left, however often it is tried."""
-    for error, why in (
+def test_start_without_free_processes_or_memory(monkeypatch, reports):
+    """The error names the missing resource and the remedy, and no file descriptor is left open."""
+    for error, reason in (
         (MemoryError(), "no memory"),
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "Resource temporarily"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), "Cannot allocate memory"),
@@ -164,21 +169,21 @@ def test_no_process_to_be_had(monkeypatch, reports):
         refuse = Mock(side_effect=error)
         monkeypatch.setattr(process.subprocess, "Popen", refuse)
         before = len(list(Path("/proc/self/fd").iterdir()))
-        with pytest.raises(RunError, match=FULL.format(f"{why}.*")):
+        with pytest.raises(RunError, match=FULL.format(f"{reason}.*")):
             start(print if reports else None)
         assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 
 @pytest.mark.parametrize("which", [1, 2])
-def test_no_thread_to_be_had(monkeypatch, which):
-    """A node that could not be listened to does not stay behind."""
-    begin, started, count = threading.Thread.start, [], iter(range(1, 9))
+def test_start_without_free_threads_kills_the_node(monkeypatch, which):
+    """A node whose output cannot be read does not continue to run."""
+    start_thread, started, count = threading.Thread.start, [], iter(range(1, 9))
     popen = subprocess.Popen
 
     def refuse(self):
         if next(count) == which:
             raise RuntimeError("can't start new thread")
-        begin(self)
+        start_thread(self)
 
     def spied(*args, **more):
         started.append(popen(*args, **more))
@@ -188,14 +193,14 @@ def test_no_thread_to_be_had(monkeypatch, which):
     monkeypatch.setattr(threading.Thread, "start", refuse)
     with pytest.raises(RunError, match=FULL.format("can't start new thread")):
         start()
-    assert [one.poll() for one in started] == [-signal.SIGKILL]
+    assert [node.poll() for node in started] == [-signal.SIGKILL]
 
 
 @pytest.mark.ros
 @pytest.mark.long
 @pytest.mark.parametrize("mebibytes", [350, 450, 550, 700, 850, 1000, 1200, 1500])
-def test_a_run_with_little_memory(tmp_path, mebibytes):
-    """However little it may have, it ends with a line and leaves no process, or records whole."""
+def test_run_with_little_memory(tmp_path, mebibytes):
+    """The run is complete, or ends with an error line. It leaves no process in either case."""
     bag, limit = tmp_path / "bag", mebibytes * 2**20
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", str(bag)]
     done = ended(
@@ -207,8 +212,8 @@ def test_a_run_with_little_memory(tmp_path, mebibytes):
     assert ended("pgrep", "-f", bag).returncode == 1
 
 
-def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
-    """A service or a cron job has no home: ROS would end each node at once."""
+def test_log_folder_without_home(monkeypatch, tmp_path):
+    """A service or a cron job has no HOME, and ROS would end each node at once without a folder."""
     monkeypatch.delenv("HOME")
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
     tmp_path.chmod(0o700)
@@ -220,16 +225,16 @@ def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["HOME", "ROS_HOME", "ROS_LOG_DIR"])
-def test_log_files_go_elsewhere_where_they_cannot_be_written(monkeypatch, tmp_path, name):
-    """Each node would end at once; why and where is said."""
+def test_log_folder_that_is_not_writable_is_replaced(monkeypatch, tmp_path, name):
+    """The warning names the folder that is not writable and the private folder used instead."""
     for other in ("ROS_HOME", "ROS_LOG_DIR"):
         monkeypatch.delenv(other, raising=False)
     (tmp_path / "file").touch()
-    own = tmp_path / "own"
-    own.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(own))
+    runtime = tmp_path / "own"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     monkeypatch.setenv(name, str(tmp_path / "file"))
-    place, words = log_folder()
-    assert place.parent == own
-    assert words.startswith(str(tmp_path / "file")) and words.endswith(str(place))
-    assert environment()["ROS_LOG_DIR"] == str(place)
+    folder, warning = log_folder()
+    assert folder.parent == runtime
+    assert warning.startswith(str(tmp_path / "file")) and warning.endswith(str(folder))
+    assert environment()["ROS_LOG_DIR"] == str(folder)

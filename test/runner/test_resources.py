@@ -1,4 +1,4 @@
-"""What runs share on a machine: domains, namespaces, /dev/shm, folders; a second is refused."""
+"""Tests of the resources that runs share: ROS domains, namespaces, /dev/shm, lock folders."""
 
 import ctypes
 import fcntl
@@ -18,16 +18,22 @@ from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.runner import resources
-from cam_rig.runner.resources import clean, domain_number, own_domain, require_room, why_killed
+from cam_rig.runner.resources import (
+    domain_number,
+    explain_signal,
+    own_domain,
+    remove_segments,
+    require_shared_memory,
+)
 
 from ..processes import ended
 
-# A domain, and a namespace of it.
+# ROS domains and their namespaces.
 
 
 @pytest.fixture
 def temporary(monkeypatch, tmp_path):
-    """A temporary place of the test's own, of a user without a runtime folder."""
+    """Return a temporary folder for this test, without a runtime folder."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     return tmp_path
@@ -35,7 +41,7 @@ def temporary(monkeypatch, tmp_path):
 
 @pytest.fixture(params=["runtime", "temporary"])
 def place(request, monkeypatch, temporary):
-    """Where the lock is: in the user's runtime folder, or in a folder in the temporary place."""
+    """Return the folder of the lock: the runtime folder, or one in the temporary folder."""
     if request.param == "temporary":
         return temporary / f"cam_rig-{os.getuid()}"
     folder = temporary / "run"
@@ -45,13 +51,13 @@ def place(request, monkeypatch, temporary):
 
 
 def check_refused(error, words, namespace=""):
-    """Check that no run can begin now in the domain of the environment."""
+    """Check that no run can start now in the domain of the environment."""
     with pytest.raises(error, match=words), own_domain(namespace):
         pass
 
 
-def test_a_domain_is_held_once(monkeypatch, place):
-    """The second run names the domain that is taken; another domain, or a later run, is free."""
+def test_domain_is_reserved_by_one_run(monkeypatch, place):
+    """The error of a second run names the domain. Another domain or a later run is allowed."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain():
         check_refused(RunError, "another run is active in ROS domain 7")
@@ -68,10 +74,10 @@ def test_a_domain_is_held_once(monkeypatch, place):
     assert place.stat().st_mode & 0o777 == 0o700
 
 
-def test_the_same_number_is_the_same_domain(monkeypatch, place):
-    """ROS reads 030 as 24: whatever it is written like, there is one run in it."""
-    for one, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
-        monkeypatch.setenv("ROS_DOMAIN_ID", one)
+def test_different_texts_of_a_number_are_the_same_domain(monkeypatch, place):
+    """ROS reads 030 as 24, so a second run with ROS_DOMAIN_ID=24 is refused."""
+    for first, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
+        monkeypatch.setenv("ROS_DOMAIN_ID", first)
         with own_domain():
             monkeypatch.setenv("ROS_DOMAIN_ID", other)
             check_refused(RunError, f"ROS domain {int(other)}; ")
@@ -85,8 +91,8 @@ NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0")
     | st.sampled_from(NO_DOMAINS)
 )
 @settings(derandomize=True, max_examples=3 * settings.default.max_examples)
-def test_numbers_are_read_as_ros_reads_them(text):
-    """C's strtoul with base 0; what follows a number, or is too large, is refused in a line."""
+def test_domain_number_is_parsed_like_strtoul(text):
+    """C's strtoul with base 0. Trailing characters and too large numbers raise a short error."""
     library, end = ctypes.CDLL(None), ctypes.c_char_p()
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
@@ -100,8 +106,8 @@ def test_numbers_are_read_as_ros_reads_them(text):
 
 
 @pytest.mark.ros
-def test_ros_itself_reads_them_so(monkeypatch):
-    """How rclpy reads the environment's number."""
+def test_domain_number_agrees_with_rclpy(monkeypatch):
+    """rclpy reads the same domain from the environment."""
     import rclpy
 
     for text in ("030", "0x10"):
@@ -121,68 +127,67 @@ def open_to_all(folder):
     folder.chmod(0o777)
 
 
-@pytest.mark.parametrize("lay", [link, os.mkfifo, os.mkdir])
-def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, lay):
-    """Neither followed nor waited for, and left as it is."""
+@pytest.mark.parametrize("make_obstacle", [link, os.mkfifo, os.mkdir])
+def test_lock_that_is_not_a_regular_file_is_refused(monkeypatch, place, make_obstacle):
+    """A link is not followed, a pipe does not block, and the obstacle remains."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "9")
     with own_domain():
         pass
     lock = place / "cam_rig-domain-9.lock"
     lock.unlink()
-    lay(lock)
-    check_refused(OutputError, r"domain-9\.lock: is not a file of yours; remove")
+    make_obstacle(lock)
+    check_refused(OutputError, r"domain-9\.lock: is not a regular file owned by you; remove")
     assert not lock.with_name("other").exists()
 
 
-@pytest.mark.parametrize("lay", [link, open_to_all, Path.touch])
-def test_a_folder_that_others_can_write_to_is_not_used(temporary, lay):
-    """Another user may have been there first."""
+@pytest.mark.parametrize("make_obstacle", [link, open_to_all, Path.touch])
+def test_folder_that_is_not_private_is_refused(temporary, make_obstacle):
+    """Another user may have made it first."""
     (temporary / "other").mkdir(mode=0o700)
-    lay(temporary / f"cam_rig-{os.getuid()}")
-    check_refused(OutputError, "is not a folder of yours alone; remove it")
+    make_obstacle(temporary / f"cam_rig-{os.getuid()}")
+    check_refused(OutputError, "is not private to you; remove it")
     assert list((temporary / "other").iterdir()) == []
 
 
-@pytest.mark.parametrize("given", ["run", "/nowhere/at/all", "{open}", "\0"])
-def test_a_runtime_folder_that_is_none(monkeypatch, temporary, given):
-    """A relative one, one that is not there, one that all can write to: the temporary place."""
+@pytest.mark.parametrize("folder", ["run", "/nowhere/at/all", "{open}", "\0"])
+def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, temporary, folder):
+    """It is relative, missing, writable for all users, or not a path."""
     open_to_all(temporary / "open")
-    environment = {"XDG_RUNTIME_DIR": given.format(open=temporary / "open")}
+    environment = {"XDG_RUNTIME_DIR": folder.format(open=temporary / "open")}
     monkeypatch.setattr("cam_rig.runner.resources.os.environ", environment)
     with own_domain():
         assert (temporary / f"cam_rig-{os.getuid()}" / "cam_rig-domain-0.lock").is_file()
 
 
-def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, temporary):
-    """A disk that is full: one line, no traceback."""
+def test_lock_that_cannot_be_written_gives_the_remedy(monkeypatch, temporary):
+    """The error, like that of a full disk, names TMPDIR."""
     (temporary / "file").touch()
     monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
     check_refused(OutputError, "name a folder with room in TMPDIR")
 
 
-def test_each_namespace_of_a_domain_is_held_once(monkeypatch, place):
-    """Two rigs in one domain, each in its namespace; a third in one of them is refused by name."""
+def test_namespace_is_reserved_by_one_run(monkeypatch, place):
+    """Rigs in different namespaces share a domain. A second rig in a namespace is refused."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"):
         check_refused(RunError, r"domain 7, namespace /rig1; .*--namespace", "/rig1")
 
 
-def test_a_namespace_is_written_with_or_without_its_slash():
-    """As `ros2 run -r __ns:=/rig1` wants it; what ROS does not take is refused with the limit,
-    before any node is started."""
-    taken = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
-    assert {text: resources.namespace_named(text) for text in taken} == taken
+def test_namespace_with_or_without_its_slash():
+    """The result is the form of `ros2 run -r __ns:=/rig1`. Errors name the limit."""
+    valid = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
+    assert {text: resources.namespace_named(text) for text in valid} == valid
     for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
         words = f"namespace: is .*{resources.MAX_NAMESPACE} characters at most"
         with pytest.raises(ConfigError, match=words):
             resources.namespace_named(text)
 
 
-# /dev/shm: what a killed node leaves there is taken away, and nothing else.
+# /dev/shm: only the segments and ports of killed nodes are removed.
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
 NEW = "fastdds_00112233445566aa"
-#: Ports that are not domain 0's own: one that all share, the next domain's first.
+#: Ports that do not belong to domain 0: a shared port, and the first of domain 1.
 OTHERS = "fastdds_port7001", "fastdds_port7650"
 
 
@@ -194,83 +199,87 @@ def make(folder, name, age=5.0):
 
 
 def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
-    """A held lock, another time, another name, a port that others may take: each stays."""
+    """Locked files, files of another time or name, and ports of other domains remain."""
     since = time.time() - 60.0
     removable = [DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex"]
     for name in (*OTHERS, *removable, "other"):
         make(tmp_path, name)
     for name in (OLD, OLD + "_el"):
         make(tmp_path, name, age=3600.0)
-    make(tmp_path, NEW, age=-60.0)  # may just be in the making, however long this takes
+    make(tmp_path, NEW, age=-60.0)  # a future time, so that a slow test does not make it old
     make(tmp_path, LIVE)
     with make(tmp_path, LIVE + "_el").open("rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        removed = clean(since, tmp_path, domain=0)
+        removed = remove_segments(since, tmp_path, domain=0)
     assert sorted(removed) == sorted(removable)
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {"other", *OTHERS, OLD, OLD + "_el", NEW, LIVE, LIVE + "_el"}
 
 
-def test_a_port_that_a_process_has_open_stays(tmp_path):
-    """Fast DDS removes a port's name when it is closed last: even of one made anew."""
+def test_open_port_is_kept(tmp_path):
+    """The last process to close a port removes its file name, even if the file is a new one."""
     port = make(tmp_path, "fastdds_port7500")
     with port.open("rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ):
-        assert clean(0.0, tmp_path, domain=0) == []
+        assert remove_segments(0.0, tmp_path, domain=0) == []
     make(tmp_path, DEAD)
-    assert clean(0.0, tmp_path) == [DEAD]
-    assert clean(0.0, tmp_path, domain=0) == [port.name]
+    assert remove_segments(0.0, tmp_path) == [DEAD]
+    assert remove_segments(0.0, tmp_path, domain=0) == [port.name]
 
 
 def leave(monkeypatch, free):
-    """As if so many bytes were free."""
+    """Replace os.statvfs by a function that reports `free` bytes."""
     monkeypatch.setattr(
         os, "statvfs", lambda _: SimpleNamespace(f_bavail=free // 512, f_frsize=512)
     )
 
 
-def test_a_full_shared_memory_is_seen_before_a_run(monkeypatch, tmp_path):
-    """One line that names the place, the room, the limit and the remedy."""
-    leave(monkeypatch, resources.MIN_FREE)
-    require_room(tmp_path)
-    leave(monkeypatch, resources.MIN_FREE - 512)
+def test_full_shared_memory_is_detected_before_a_run(monkeypatch, tmp_path):
+    """The error names the folder, the free space, the limit and the remedy."""
+    leave(monkeypatch, resources.MIN_FREE_BYTES)
+    require_shared_memory(tmp_path)
+    leave(monkeypatch, resources.MIN_FREE_BYTES - 512)
     with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
-        require_room(tmp_path)
+        require_shared_memory(tmp_path)
 
 
-def test_a_bus_error_is_explained(monkeypatch, tmp_path):
-    """And no other signal or code is."""
+def test_only_a_bus_error_is_explained(monkeypatch, tmp_path):
+    """The text is empty for every other signal or exit code."""
     leave(monkeypatch, 4096)
-    assert why_killed(-signal.SIGBUS, tmp_path).startswith(f" (SIGBUS: {tmp_path} was full, 4 KiB")
-    assert [why_killed(code, tmp_path) for code in (0, 1, -signal.SIGKILL)] == ["", "", ""]
+    assert explain_signal(-signal.SIGBUS, tmp_path).startswith(
+        f" (SIGBUS: {tmp_path} was full, 4 KiB"
+    )
+    assert [explain_signal(code, tmp_path) for code in (0, 1, -signal.SIGKILL)] == ["", "", ""]
 
 
-def test_where_there_is_no_such_folder_nothing_is_asked(tmp_path):
-    """Other systems keep shared memory elsewhere."""
-    assert clean(0.0, tmp_path / "none") == []
-    require_room(tmp_path / "none")
-    assert why_killed(-signal.SIGBUS, tmp_path / "none") == ""
+def test_missing_shared_memory_folder_is_ignored(tmp_path):
+    """Systems other than Linux do not have it."""
+    assert remove_segments(0.0, tmp_path / "none") == []
+    require_shared_memory(tmp_path / "none")
+    assert explain_signal(-signal.SIGBUS, tmp_path / "none") == ""
 
 
-#: Runs a command where /dev/shm is another, of one page, which is full.
+#: Shell commands that mount a full /dev/shm of one page, before a command is executed.
 FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /dev/shm/fill && exec "
 
 
-def in_a_full_one(*command):
-    """What the command gives in a mount namespace of its own."""
+def run_in_full_memory(*command):
+    """Run a command with a full /dev/shm in a separate mount namespace."""
     unshare = shutil.which("unshare")
     if unshare is None or ended(unshare, "-m", "true").returncode:
-        pytest.skip("no mount namespace can be made here")
+        pytest.skip("mount namespaces are not allowed on this system")
     done = ended(unshare, "-m", "sh", "-c", FULL + shlex.join(command))
     if "mount:" in done.stderr:
-        pytest.skip("no file system can be mounted here")
+        pytest.skip("mounting a file system is not allowed on this system")
     return done
 
 
-def test_a_run_in_a_full_shared_memory_is_refused(tmp_path):
-    """Before a node is started; nothing is recorded."""
+def test_run_with_full_shared_memory_is_refused(tmp_path):
+    """The error comes before a node is started, and no bag is written."""
     bag = str(tmp_path / "bag")
-    done = in_a_full_one(sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag)
-    words = "cam-rig: /dev/shm: has 0 KiB free; allowed: at least 1024 KiB, so remove what fills it"
+    done = run_in_full_memory(
+        sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag
+    )
+    words = "cam-rig: /dev/shm: has 0 KiB free; allowed: at least 1024 KiB, so remove files from it"
     assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith(words)
     assert not (tmp_path / "bag").exists()
 
@@ -284,8 +293,8 @@ print(node.exit_summary())
 
 
 @pytest.mark.ros
-def test_a_node_in_a_full_shared_memory():
-    """It is ended by SIGBUS, and the exit summary names the cause."""
-    done = in_a_full_one(sys.executable, "-c", NODE)
+def test_exit_summary_of_a_node_with_full_shared_memory():
+    """SIGBUS ends the node, and the exit summary names the cause."""
+    done = run_in_full_memory(sys.executable, "-c", NODE)
     words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
     assert done.stdout.startswith(words), done.stderr

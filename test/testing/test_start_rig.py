@@ -1,4 +1,4 @@
-"""`cam_rig.testing` as a package of somebody else's uses it: in a pytest of its own."""
+"""Tests of `cam_rig.testing` as other packages use it, some of them in a separate pytest run."""
 
 import os
 import signal
@@ -21,19 +21,19 @@ from ..processes import ended, is_running, until
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]
-#: Of the pytest of somebody else; naming the rig's does no harm where it is found anyway.
+#: Options of the separate pytest run. Naming the plugin, which is loaded anyway, is allowed.
 PLUGINS = ("-p", "cam_rig.testing", "-p", "no:cacheprovider", "-p", "no:xdist")
 
 
-def test_pytest_finds_it_by_itself():
-    """By an entry point of the installed package; its name is the module's."""
-    (found,) = entry_points(group="pytest11", name="cam_rig.testing")
-    assert found.value == found.name
+def test_plugin_is_an_entry_point_of_the_package():
+    """pytest loads it automatically. Its name is that of the module."""
+    (entry,) = entry_points(group="pytest11", name="cam_rig.testing")
+    assert entry.value == entry.name
 
 
 @pytest.mark.usefixtures("forked")
-def test_the_rig_is_driven_listened_to_and_read(start_rig, monkeypatch):
-    """Commands, messages, its end by itself, its bag; another rig beside hears nothing of it."""
+def test_rig_takes_commands_and_is_independent_of_another(start_rig, monkeypatch):
+    """Commands, messages, the end of the run and the bag, with a second rig running."""
     before = dict(os.environ)
     with start_rig("quick", autostart=False) as rig, start_rig("quick") as other:
         assert rig.scene.name == "quick.yaml"
@@ -57,7 +57,7 @@ def test_the_rig_is_driven_listened_to_and_read(start_rig, monkeypatch):
         with pytest.raises(RunError, match="another tick: the rig has been ended"):
             rig.wait_for(lambda: False, "another tick")
     assert run.complete and rig.bag.is_dir()
-    stamps = {stamp_ns(message.header.stamp) for message in pressures}  # some may be sent again
+    stamps = {stamp_ns(message.header.stamp) for message in pressures}  # some can be repeated
     assert stamps == {tick.stop_ns for tick in run.ticks}
     assert len(run.ticks) == 16
     assert rig.ticks[-1]["cam"] == "bezier15"
@@ -70,8 +70,8 @@ def says_contact_lost(message):
 
 
 @pytest.mark.usefixtures("forked")
-def test_a_node_that_died_is_named_with_its_last_line(start_rig, tmp_path):
-    """Where the test waits, and at its end where it does not."""
+def test_failed_node_is_reported_with_its_last_line(start_rig, tmp_path):
+    """A wait raises the error of a recorder whose folder exists."""
     (tmp_path / "occupied").mkdir()
     rig = start_rig("quick", bag=tmp_path / "occupied")
     with pytest.raises(RunError, match=r"node recorder ended with code \d.*occupied"):
@@ -79,8 +79,8 @@ def test_a_node_that_died_is_named_with_its_last_line(start_rig, tmp_path):
 
 
 @pytest.mark.usefixtures("forked")
-def test_a_program_that_failed_is_named_with_its_last_line(start_rig):
-    """Beside the rig, as a node of it."""
+def test_failed_program_is_reported_with_its_last_line(start_rig):
+    """A wait raises the error of a program started next to the rig."""
     rig = start_rig("quick", autostart=False)
     rig.start_program(sys.executable, "-c", "raise SystemExit('no lathe found')")
     with pytest.raises(RunError, match=r"ended with code 1: no lathe found"):
@@ -100,8 +100,8 @@ time.sleep(1000)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_a_program_ends_with_a_terminated_pytest(number):
-    """The program and its child, although no fixture of the process is torn down."""
+def test_program_ends_with_a_terminated_pytest(number):
+    """The program and its child end, although no fixture of the process is torn down."""
     command = [sys.executable, "-c", ABANDONED]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as tests:
         pids = [int(pid) for pid in tests.stdout.readline().split()]
@@ -112,8 +112,8 @@ def test_a_program_ends_with_a_terminated_pytest(number):
 
 @pytest.mark.long
 @pytest.mark.usefixtures("forked")
-def test_the_page_s_examples_run(start_rig):
-    """The tests of its module, each with the fixture that this pytest has found by itself."""
+def test_examples_of_the_page_on_nodes_run(start_rig):
+    """The three tests of the page, each with the fixture of the plugin."""
     example = next(c for lang, _, c in blocks(DOCS / "nodes.md") if "def test_" in c)
     module = {}
     exec(compile(example, "nodes.md", "exec"), module)
@@ -124,8 +124,8 @@ def test_the_page_s_examples_run(start_rig):
 
 
 @pytest.mark.long
-def test_nothing_is_left_whatever_a_test_does(pytester):
-    """A failing test, a node killed unnoticed: both reported, and no process of theirs remains."""
+def test_failures_are_reported_and_all_processes_end(pytester):
+    """One test fails, in another a node is killed. Both are reported, and no process remains."""
     pytester.makepyfile(
         """
         import os
@@ -134,9 +134,9 @@ def test_nothing_is_left_whatever_a_test_does(pytester):
         def test_fails(start_rig):
             rig = start_rig("quick", pacing="real_time")
             rig.wait_for_tick(1)
-            raise AssertionError("of the test's own")
+            raise AssertionError("failure of the test")
 
-        def test_looks_away(start_rig):
+        def test_kills_a_node(start_rig):
             rig = start_rig("quick", pacing="real_time")
             rig.wait_for_tick(1)
             pid = rig.pids["follower"]
@@ -149,38 +149,38 @@ def test_nothing_is_left_whatever_a_test_does(pytester):
     done = pytester.runpytest_subprocess(*PLUGINS)
     done.assert_outcomes(failed=1, passed=1, errors=1)
     text = done.stdout.str()
-    assert "of the test's own" in text
+    assert "failure of the test" in text
     assert "node follower was ended by signal 9" in text
     assert "[cam_drive]" in text
     assert ended("pgrep", "-f", pytester.path).stdout == ""
 
 
-# A client beside a rig, where DDS loses an answer.
+# Client of a rig if DDS loses an answer.
 
 
-class Deaf:
-    """A service's client of which the first answers are lost."""
+class LossyClient:
+    """Client of a service that does not receive the first `lost` answers."""
 
     def __init__(self, lost):
-        self.lost, self.asked = lost, 0
+        self.lost, self.requests = lost, 0
 
     def service_is_ready(self):
         return True
 
     def call_async(self, _request):
-        self.asked += 1
+        self.requests += 1
         future = Future()
-        if self.asked > self.lost:
-            future.set_result(self.asked)
+        if self.requests > self.lost:
+            future.set_result(self.requests)
         return future
 
 
-def test_a_lost_answer_is_asked_for_again(monkeypatch):
-    """A service that has not discovered its client drops what it answers."""
-    monkeypatch.setattr(client, "ANSWER_S", 0.05)
-    with isolated_domain() as domain, client.RigClient(domain) as asking:
+def test_request_is_repeated_after_a_lost_answer(monkeypatch):
+    """A service that has not discovered its client drops its answers."""
+    monkeypatch.setattr(client, "ANSWER_TIMEOUT_S", 0.05)
+    with isolated_domain() as domain, client.RigClient(domain) as rig:
         for lost in (0, 1, 3):
-            deaf = Deaf(lost)
-            monkeypatch.setattr(asking.node, "create_client", lambda *_, deaf=deaf: deaf)
-            monkeypatch.setattr(asking.node, "destroy_client", lambda _: None)
-            assert asking.ask(Trigger, "/any", Trigger.Request()) == lost + 1
+            lossy = LossyClient(lost)
+            monkeypatch.setattr(rig.node, "create_client", lambda *_, lossy=lossy: lossy)
+            monkeypatch.setattr(rig.node, "destroy_client", lambda _: None)
+            assert rig.ask(Trigger, "/any", Trigger.Request()) == lost + 1
