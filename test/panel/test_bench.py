@@ -35,14 +35,14 @@ def test_a_set_up_is_a_scene(tmp_path):
     runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
     for model in runner.allowed_models(RIG):
         given = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
-        loaded = open_scene(OWN.changed(given, RIG).write(tmp_path, RIG))
+        loaded = open_scene(OWN.with_changes(given, RIG).write(tmp_path, RIG))
         follower = loaded.rig.follower
         assert follower.mass.si == pytest.approx(RIG.follower.mass.si + 0.5)
         assert follower.preload.si == 45.0
         assert follower.spring_stiffness == RIG.follower.spring_stiffness
         assert loaded.scene.model == model
         rpm = np.array(loaded.scene.program.speeds.si_list) * 30 / np.pi
-        np.testing.assert_allclose(rpm, [321.0, runner.DRAWN_RPM])
+        np.testing.assert_allclose(rpm, [321.0, runner.AXIS_RPM])
 
 
 def test_the_bench_begins_with_the_follower_of_the_board():
@@ -85,7 +85,7 @@ def test_a_wrong_set_up_is_refused():
         ({"rpm": 1e5}, f"rpm: is 100000; allowed: 1 to {runner.MAX_RPM:g}"),
     ):
         with pytest.raises(RefusedError) as raised:
-            OWN.changed(given, RIG)
+            OWN.with_changes(given, RIG)
         assert words in str(raised.value) and "\n" not in str(raised.value)
 
 
@@ -96,10 +96,12 @@ def test_a_wrong_set_up_is_refused():
 def live():
     """A bench whose nodes run."""
     state = LiveState(OWN)
-    state.happened({"graph": "starting", "domain": 7})
-    state.heard({"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "stopped", "waits_for": ""}]})
-    state.heard({"node": "microphone", "values": {"frequency_weighting": "A"}})
-    state.heard({"node": "microphone", "values": {"time_weighting": "F"}})
+    state.on_runner_event({"graph": "starting", "domain": 7})
+    state.on_node_message(
+        {"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "stopped", "waits_for": ""}]}
+    )
+    state.on_node_message({"node": "microphone", "values": {"frequency_weighting": "A"}})
+    state.on_node_message({"node": "microphone", "values": {"time_weighting": "F"}})
     return state
 
 
@@ -107,17 +109,19 @@ def turn(live, first, count):
     """Ticks of a speed, each with its level."""
     for k in range(first, first + count):
         times = [round(n * 60.0 / SPEED / TICKS * NS) for n in (k, k + 1)]
-        live.heard({"state": {"time_ns": times[0], "cam": "poly345", "rpm": SPEED, "angle": 0.0}})
-        live.heard({"level": 80.0, "time_ns": times[1]})
+        live.on_node_message(
+            {"state": {"time_ns": times[0], "cam": "poly345", "rpm": SPEED, "angle": 0.0}}
+        )
+        live.on_node_message({"level": 80.0, "time_ns": times[1]})
 
 
 def test_a_contact_that_was_lost_in_the_mean_is_noted(live):
     """Though the last tick was in contact; long after, it is not."""
-    live.heard({"health": ["follower", 0, {}]})
+    live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 0, 150)
     assert live.note().contact == "in contact"
-    live.heard({"health": ["follower", 1, {}]})
-    live.heard({"health": ["follower", 0, {}]})
+    live.on_node_message({"health": ["follower", 1, {}]})
+    live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 150, 20)
     assert live.note().contact == "contact lost"
     assert live.losses == 1
@@ -129,30 +133,30 @@ def test_a_contact_that_was_lost_in_the_mean_is_noted(live):
 def test_the_drive_is_what_it_says(live):
     """Stopped, waiting, turning, stopped in an emergency until it says that it turns again."""
     assert (live.graph, live.drive) == ("running", "stopped")
-    live.heard(
+    live.on_node_message(
         {"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "waiting", "waits_for": "viewer"}]}
     )
     assert live.waits_for == "viewer"
     turn(live, 0, 1)
     assert (live.drive, live.waits_for) == ("turning", "")
-    live.heard({"health": ["cam_drive", 2, {}]})
+    live.on_node_message({"health": ["cam_drive", 2, {}]})
     turn(live, 1, 1)
     assert live.drive == "emergency"
-    live.heard({"health": ["cam_drive", 0, {}]})
+    live.on_node_message({"health": ["cam_drive", 0, {}]})
     assert live.drive == "turning"
-    live.heard({"health": [PACE, 1, {}]})
+    live.on_node_message({"health": [PACE, 1, {}]})
     assert live.late == "lagging"
-    live.heard({"health": [PACE, 0, {}]})
+    live.on_node_message({"health": [PACE, 0, {}]})
     assert live.late == ""
 
 
 def test_what_is_in_flight_after_a_stop_does_not_turn(live):
     """Four ticks may still come; more of them, and somebody else has started it."""
     turn(live, 0, 150)
-    live.stopped()
+    live.on_stop()
     turn(live, 150, 4)
-    assert (live.drive, live.shown()["level"]) == ("stopped", None)
-    with pytest.raises(RefusedError, match="the cam stands"):
+    assert (live.drive, live.page_data()["level"]) == ("stopped", None)
+    with pytest.raises(RefusedError, match="the cam is stopped"):
         live.note()
     turn(live, 154, 2)
     assert live.drive == "turning"
@@ -160,17 +164,17 @@ def test_what_is_in_flight_after_a_stop_does_not_turn(live):
 
 def test_a_set_up_or_a_weighting_begins_anew_and_keeps_what_was_noted(live):
     """Cam and speed are carried over; contact and level are of the old run."""
-    live.heard({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
-    live.heard({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
+    live.on_node_message({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
+    live.on_node_message({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
     turn(live, 0, 150)
     live.note()
-    live.heard({"node": "microphone", "values": {"frequency_weighting": "C"}})
+    live.on_node_message({"node": "microphone", "values": {"frequency_weighting": "C"}})
     with pytest.raises(RefusedError):
         live.note()
-    assert live.mounted() == {"cam": "poly345", "rpm": 280.0}
-    assert live.chosen()["cam_drive"] == {"pacing": "5x"}
-    live.happened({"graph": "starting"})
-    shown = live.shown()
+    assert live.mounted_cam_and_speed() == {"cam": "poly345", "rpm": 280.0}
+    assert live.node_settings()["cam_drive"] == {"pacing": "5x"}
+    live.on_runner_event({"graph": "starting"})
+    shown = live.page_data()
     assert (shown["state"], shown["level"]) == ({}, None)
     assert len(shown["readings"]) == 1
 
@@ -195,8 +199,8 @@ def turned(meter, rpm, seconds, level, begin=0.0):
     tick = 60.0 / rpm / 12
     count = round(seconds / tick)
     for k in range(count):
-        meter.state(round((begin + k * tick) * NS), rpm)
-        meter.level(round((begin + (k + 1) * tick) * NS), level)
+        meter.add_speed(round((begin + k * tick) * NS), rpm)
+        meter.add_level(round((begin + (k + 1) * tick) * NS), level)
     return begin + count * tick
 
 
@@ -206,31 +210,31 @@ def test_a_steady_speed_is_read_as_the_mean_square_of_whole_turns():
         meter = Meter()
         end = turned(meter, 50.0, 3.0, 60.0)
         end = turned(meter, rpm, 2.0 * (1.0 + 60.0 / rpm), 80.0, end)
-        assert meter.steady(0.125)[:2] == pytest.approx((rpm, 80.0))
+        assert meter.steady_mean(0.125)[:2] == pytest.approx((rpm, 80.0))
     with pytest.raises(RefusedError, match=r"after 9\.0 s"):
-        meter.steady(1.0)
+        meter.steady_mean(1.0)
     for _ in range(300):
         end = turned(meter, 3000.0, 1 / 60, 80.0, end)
         end = turned(meter, 3000.0, 1 / 60, 90.0, end)
-    assert meter.steady(0.125)[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
+    assert meter.steady_mean(0.125)[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
 
 
 def test_what_has_just_changed_or_stands_is_refused():
     """With how long it takes; before the first tick, and while the cam stands."""
     meter = Meter()
-    meter.level(1000, 80.0)
+    meter.add_level(1000, 80.0)
     assert meter.latest is None
-    with pytest.raises(RefusedError, match="nothing turns"):
-        meter.steady(0.125)
+    with pytest.raises(RefusedError, match="the cam is stopped"):
+        meter.steady_mean(0.125)
     end = turned(meter, 300.0, 5.0, 80.0)
     end = turned(meter, 310.0, 0.5, 90.0, end)
     words = r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
     with pytest.raises(RefusedError, match=words):
-        meter.steady(0.125)
-    meter.state(round(end * NS), 0.0)
-    meter.level(round((end + 1.0) * NS), 40.0)
-    with pytest.raises(RefusedError, match="nothing turns"):
-        meter.steady(0.125)
+        meter.steady_mean(0.125)
+    meter.add_speed(round(end * NS), 0.0)
+    meter.add_level(round((end + 1.0) * NS), 40.0)
+    with pytest.raises(RefusedError, match="the cam is stopped"):
+        meter.steady_mean(0.125)
 
 
 def test_the_readings_as_csv_are_read_back():
@@ -263,8 +267,8 @@ def test_the_follower_is_drawn_where_the_profile_has_it(name):
     turned = drawn["turn"] + drawn["turns"] * lift * 1e3
     assert turned == pytest.approx(shape.turn(lift), abs=1e-12)
     contour, touch = np.array(drawn["contour"]), np.array(drawn["touch"])
-    for i in range(0, drawing.POINTS, 30):
-        angle = TURN * i / drawing.POINTS
+    for i in range(0, drawing.CONTOUR_POINTS, 30):
+        angle = TURN * i / drawing.CONTOUR_POINTS
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         away = np.hypot(*((turn @ contour).T - touch[:, i]).T)
         assert away.min() < 1e-3
@@ -275,14 +279,14 @@ def test_the_follower_is_drawn_where_the_profile_has_it(name):
 )
 def test_what_is_expected_is_what_a_long_run_does(model, above):
     """Below and above the jump speed: lift, force and flight of the turns once they repeat."""
-    law, setup = law_of("poly345")[1], OWN.changed({"model": model}, RIG)
+    law, setup = law_of("poly345")[1], OWN.with_changes({"model": model}, RIG)
     for rpm in (250.0, above):
-        found = drawing.expected(setup.changed({"rpm": rpm}, RIG), law, RIG)
+        found = drawing.predict_turn(setup.with_changes({"rpm": rpm}, RIG), law, RIG)
         assert found["settled"]
         turn = np.frombuffer(base64.b64decode(found["curves"]), "<f4").reshape(6, -1)
         run = cam_rig.simulate(law, RIG, model=model, rpm=rpm, turns=30, sample_rate=48_000)
         last = run.angle >= run.angle[-1] - TURN
-        whole = drawing.curves(law, run.angle[last], run.rows[:, last])
+        whole = drawing.turn_curves(law, run.angle[last], run.rows[:, last])
         place = np.argsort(whole[0] % TURN)
         for row, near in ((1, 2e-3), (4, 0.03 * whole[4].max())):
             shown = np.interp(turn[0], (whole[0] % TURN)[place], whole[row][place])
@@ -309,7 +313,7 @@ def test_a_block_has_the_angle_and_the_gap_of_its_samples(tmp_path, rpm):
     run = cam_rig.simulate(law, rig, rpm=rpm, turns=1, sample_rate=4000)
     live = LiveMotion(Cams(tmp_path))
     assert live.block(run.rows) is None
-    live.state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"})
+    live.add_state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"})
     block = live.block(run.rows)
     assert block is not None
     ((begin, step, rows),) = blocks_of(block)
@@ -320,5 +324,5 @@ def test_a_block_has_the_angle_and_the_gap_of_its_samples(tmp_path, rpm):
     gap = np.where(run.force == 0.0, run.lift - law(run.angle), 0.0)[::every]
     assert rows[5] == pytest.approx(1e6 * gap, rel=1e-5, abs=1e-3)
     for change in ({"cam": "gone"}, {"rpm": 0.0}):
-        live.state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"} | change)
+        live.add_state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"} | change)
         assert (live.block(run.rows[:, :1]) is None) == ("cam" in change)

@@ -52,7 +52,7 @@ def test_one_page_holds_the_controls(shared):
         first.running()
         assert second.running()["holds"] is False
         refused = second.ask("set", name="rpm", value=100)
-        assert refused["words"] == ("another page holds the controls; allowed: after taking over")
+        assert refused["words"] == "another page has the controls; take over first"
         for wrong in ({"do": "keep"}, {"do": "clear"}, {"do": "set", "name": "rpm"}):
             assert not second.ask(**wrong, value="emergency_stop")["success"]
         first.do("call", value="start")

@@ -74,7 +74,7 @@ def test_what_is_sent_is_of_its_type(served, tmp_path):
             sent[kind] = (kind.capitalize(), message)
     live = served.bench.live
     live.readings.append(NotedReading("a", "one_mass", 300.0, 80.0, "LZF", "in contact", 0, 1, 2))
-    live.heard({"state": {"time_ns": 1, "cam": "poly345", "angle": 0.5, "rpm": 300.0}})
+    live.on_node_message({"state": {"time_ns": 1, "cam": "poly345", "angle": 0.5, "rpm": 300.0}})
     with served.page(BENCH) as socket:
         socket.send(json.dumps({"number": 1, "do": "clear"}))
         sent |= {

@@ -296,8 +296,8 @@ UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
 @pytest.mark.parametrize("path", [BOARD, BENCH])
 def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
     """While it sleeps others are answered and follow; then it is no page any more."""
-    monkeypatch.setattr(server, "TELL_EVERY_S", 0.0)
-    monkeypatch.setattr(server, "READS_WITHIN_S", 1.0)
+    monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.0)
+    monkeypatch.setattr(server, "SEND_TIMEOUT_S", 1.0)
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
     with panel.page(path) as one, panel.page(path) as two:
         until(lambda: len(pages) == 2)
@@ -329,7 +329,7 @@ def test_a_request_that_never_ends_holds_no_other_up(panel):
 
 def test_the_newest_state_alone_waits(panel, monkeypatch):
     """A page that is told once in a while misses what was between, and never the last."""
-    monkeypatch.setattr(server, "TELL_EVERY_S", 0.5)
+    monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.5)
     with panel.page(BOARD) as one, panel.page(BOARD) as two:
         for number in range(1, 41):
             one.send(json.dumps(panel.right(BOARD) | {"number": number, "rpm": 300 + number}))

@@ -26,7 +26,7 @@ from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import shown
 from cam_rig.laws import Law
-from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
+from cam_rig.panel.bench.live_state import FULL_SCALE_PA, MIN_RATE_HZ
 from cam_rig.panel.lab.sheet import (
     CURVE,
     KNOB_FROM,
@@ -47,7 +47,7 @@ from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 # What one sees and hears of the rig at a speed: a turn of its steady state, and its contact.
 
 #: Samples of the force a second, Hz; the sound has as many.
-RATE_HZ = LEAST_RATE
+RATE_HZ = MIN_RATE_HZ
 #: Points of a turn that are shown.
 POINTS = 720
 #: What the force sensor resolves, N.
@@ -61,7 +61,7 @@ def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm
     block = blocks[-1]
     grid = block.interval.grid(RATE_HZ)
     angles = block.interval.angle + speed * grid.since_start()
-    source = SoundSource(radiation, RATE_HZ, LEAST_RATE)
+    source = SoundSource(radiation, RATE_HZ, MIN_RATE_HZ)
     # Heard twice: the second time the structure is already in motion, and the ends meet.
     for _ in range(2):
         pressure = source.pressure(block.force, block.impulse, speed)

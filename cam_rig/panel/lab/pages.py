@@ -15,7 +15,7 @@ from cam_rig.panel.bench.drawing import cam_picture
 from cam_rig.panel.lab.labs import RATE_HZ, SCATTER_DB, JumpSheet, NoiseSheet
 from cam_rig.panel.lab.recorded import MAX_NAME, Notebook, to_text
 from cam_rig.panel.lab.sheet import CURVE, LabSheet
-from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
+from cam_rig.panel.server import Handler, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 
 #: Where a panel's only sheet is, and what the places of a class's begin with.
@@ -93,7 +93,7 @@ class LabPages(PanelPages):
         book = self.notebook
         return csv_file(book.path.name if book.path else "lab_readings.csv", to_text(book.recorded))
 
-    def _alone(self, path: str, answer: Answer) -> Route:
+    def _alone(self, path: str, answer: Handler) -> Route:
         async def answered(body: dict[str, Any]) -> dict[str, Any] | Response:
             async with self._busy:
                 return await answer(body)
