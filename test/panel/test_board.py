@@ -12,7 +12,7 @@ from shapely import Point, Polygon
 import cam_rig
 from cam_rig.errors import ConfigError, MissingLibraryError, OutputError, ProfileError, RefusedError
 from cam_rig.panel.board.board import MAX_RPM, Board
-from cam_rig.panel.board.drawable import at_rest, level
+from cam_rig.panel.board.drawable import evaluate_full, level
 from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
@@ -28,15 +28,15 @@ def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
     unit[handle.index] += 1.0
     lever = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
     for wanted in (0.05, -0.05):
-        board.take(with_one_moved(board, wanted / lever), 300)
-        assert board.at_once()["faults"] == []
-        board.take(board.drawn.ordinates.tolist(), 300)
+        board.update(with_one_moved(board, wanted / lever), 300)
+        assert board.evaluate_fast()["faults"] == []
+        board.update(board.drawn.ordinates.tolist(), 300)
 
 
 def test_a_change_moves_free_ordinates_alone(board):
     """The ends of segments stay, whatever a page sends."""
     start = board.ordinates
-    board.take([x + 0.01 for x in start.tolist()], 450)
+    board.update([x + 0.01 for x in start.tolist()], 450)
     free = [handle.index for handle in board.drawn.handles]
     moved = np.flatnonzero(board.ordinates != start)
     assert moved.tolist() == free
@@ -49,22 +49,22 @@ def test_what_is_not_right_is_refused_and_changes_nothing(board):
     assert count == 42
     for wrong in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
         with pytest.raises(RefusedError, match="ordinates: allowed"):
-            board.take(wrong, 300)
+            board.update(wrong, 300)
     for rpm in (None, "300", True, 0, -1, math.inf, math.nan, 2 * MAX_RPM):
         with pytest.raises(RefusedError, match="rpm: is"):
-            board.take(before.tolist(), rpm)
+            board.update(before.tolist(), rpm)
     assert board.ordinates is before and board.version == version
 
 
 def test_what_is_said_at_once_is_the_cores(board):
     """Rigid jump speed and contour are those of the law that `build_law` makes of the file."""
-    board.take(with_one_moved(board, 0.01), 300)
+    board.update(with_one_moved(board, 0.01), 300)
     law = cam_rig.build_law(cam_rig.load_cam(board.save("moved", board.ordinates.tolist())))
     kinds = ("mass", "spring_stiffness", "damping", "preload", "stem_stiffness")
     own = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
     # without the split of the mass its follower is one rigid mass
     rig = cam_rig.load_rig("tm21").with_follower(**own)
-    found = board.at_once()
+    found = board.evaluate_fast()
     assert found["faults"] == []
     assert found["jump_rigid"]["value"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-9)
     points = np.array(found["discs"][0]["points"])
@@ -75,7 +75,7 @@ def test_what_is_said_at_once_is_the_cores(board):
 def test_what_is_said_at_rest_is_the_cores(board):
     """Jump speed of two masses, residual vibration, level, each by its own command's function."""
     law = board.law()
-    found = at_rest(board.cam, law, board.rig, 300.0)
+    found = evaluate_full(board.cam, law, board.rig, 300.0)
     assert found["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
     motion = cam_rig.simulate(law, board.rig, rpm=300, turns=6)
     assert found["level_db"]["value"] == pytest.approx(
@@ -87,7 +87,7 @@ def test_what_is_said_at_rest_is_the_cores(board):
 
 def test_the_level_goes_on_where_contact_is_lost(board):
     """Above the jump speed the landings are heard: it is simulated, not held on the cam."""
-    rpm = 1.1 * board.at_once()["jump_rigid"]["value"]
+    rpm = 1.1 * board.evaluate_fast()["jump_rigid"]["value"]
     jumping = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
     held = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
     found = level(board.law(), board.rig, rpm)
@@ -98,21 +98,21 @@ def test_the_level_goes_on_where_contact_is_lost(board):
 def test_an_undercut_law_is_a_fault_everywhere(board, monkeypatch):
     """Name the check that fails with its angle on the page, in the saved file and for a DXF."""
     ordinates = with_one_moved(board, 0.5)
-    saved = board.saved("undercut", ordinates)
+    saved = board.save_for_page("undercut", ordinates)
     assert cam_rig.load_cam(saved["path"]).cannot_be_made == saved["why_not"]
     assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", saved["why_not"])
     with pytest.raises(ProfileError, match="cannot be made: convex radius of curvature"):
         board.dxf(ordinates)
-    board.take(ordinates, 300)
-    found = board.at_once()
+    board.update(ordinates, 300)
+    found = board.evaluate_fast()
     keys = {fault["key"]: fault["angle_deg"] for fault in found["faults"]}
     assert keys["undercut"] == pytest.approx(92.0, abs=4.0)
     assert found["discs"][0]["undercut"]
-    checks = at_rest(board.cam, board.law(), board.rig, 300.0)["checks"]
+    checks = evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
     assert any("convex radius of curvature" in words for words in checks)
 
-    board.take(board.drawn.ordinates.tolist(), 300)
-    good = board.saved("good", with_one_moved(board, 0.05))
+    board.update(board.drawn.ordinates.tolist(), 300)
+    good = board.save_for_page("good", with_one_moved(board, 0.05))
     assert good["why_not"] is cam_rig.load_cam(good["path"]).cannot_be_made is None
     monkeypatch.setattr("cam_rig.extras.find_spec", lambda _: None)
     with pytest.raises(MissingLibraryError, match=r"ezdxf is not installed: .*cam_rig\[cad\]"):
@@ -124,18 +124,18 @@ def test_a_follower_out_of_reach_is_a_fault_in_words(tmp_path):
     cam = cam_rig.load_cam("oscillating_roller")
     short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
-    found = board.at_once()
+    found = board.evaluate_fast()
     assert found["discs"] == [] and [fault["key"] for fault in found["faults"]] == ["error"]
     assert "out of reach" in found["faults"][0]["words"]
-    assert at_rest(board.cam, board.law(), board.rig, 300.0)["checks"]
+    assert evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
 
 
 def test_another_law_is_a_shipped_cams(board):
     """By its name, and by nothing that looks like a path."""
-    assert board.other("cycloidal")["name"] == "cycloidal"
+    assert board.shipped_law("cycloidal")["name"] == "cycloidal"
     for name in ("nobody", "../rigs/tm21", ""):
         with pytest.raises((ConfigError, cam_rig.errors.LawError)):
-            board.other(name)
+            board.shipped_law(name)
 
 
 @pytest.mark.variants(3)
@@ -146,22 +146,22 @@ def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path, name):
     random = np.random.default_rng(5)
     for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
         moved = board.drawn.ordinates + size * random.uniform(-1.0, 1.0, board.ordinates.size)
-        board.take(np.clip(moved, -100.0, 100.0).tolist(), 300)
-        found = board.at_once()
+        board.update(np.clip(moved, -100.0, 100.0).tolist(), 300)
+        found = board.evaluate_fast()
         json.dumps(found, allow_nan=False)
         assert found["discs"] or found["faults"]
-        json.dumps(board.page(), allow_nan=False)
+        json.dumps(board.page_data(), allow_nan=False)
 
 
 def test_extreme_speeds_and_a_velocity_jump_have_numbers_or_words(board, tmp_path):
     """Answer at both ends of the knob; a law whose velocity jumps has a contour, no jump speed."""
     for rpm in (1.0, MAX_RPM):
-        found = at_rest(board.cam, board.law(), board.rig, rpm)
+        found = evaluate_full(board.cam, board.law(), board.rig, rpm)
         assert {*found["residual_um"], *found["level_db"]} <= {"value", "words"}
         assert "value" in found["jump"]
         json.dumps(found, allow_nan=False)
     corners = cam_rig.load_cam("worked_example_constant_velocity")
-    found = Board(corners, cam_rig.load_rig("tm21"), tmp_path).at_once()
+    found = Board(corners, cam_rig.load_rig("tm21"), tmp_path).evaluate_fast()
     assert found["discs"] and "velocity" in found["jump_rigid"]["words"]
 
 
@@ -175,7 +175,7 @@ def test_a_saved_file_is_the_law_on_the_page(tmp_path):
         board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
         ordinates = with_one_moved(board, 0.0123456789, 3)
         path = board.save("drawn", ordinates)
-        board.take(ordinates, 300)
+        board.update(ordinates, 300)
         saved = cam_rig.load_cam(path)
         law, wanted = cam_rig.build_law(saved), board.law()
         assert np.abs(law.breaks - wanted.breaks).max() <= 1e-12
@@ -198,8 +198,8 @@ def test_a_pressure_angle_alone_can_be_made(tmp_path):
     strict = Quantity(given=1.0, unit="deg", source="test")
     follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
     board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
-    assert board.saved("steep", board.ordinates.tolist())["why_not"] is None
-    found = at_rest(board.cam, board.law(), board.rig, 300.0)
+    assert board.save_for_page("steep", board.ordinates.tolist())["why_not"] is None
+    found = evaluate_full(board.cam, board.law(), board.rig, 300.0)
     assert found["made"] and any("pressure angle" in words for words in found["checks"])
 
 
@@ -209,8 +209,8 @@ def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
     path = tmp_path / "cam.dxf"
     path.write_text(board.dxf(ordinates), encoding="utf-8")
     (points,) = read_dxf(path).curves
-    board.take(ordinates, 300)
-    wanted = np.array(board.at_once()["discs"][0]["points"])
+    board.update(ordinates, 300)
+    wanted = np.array(board.evaluate_fast()["discs"][0]["points"])
     drawn = Polygon(1e3 * points.T)
     off = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
     assert max(off) <= 2e-3  # 1 µm of chord, and the rounding of what is shown
@@ -223,7 +223,7 @@ def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path):
     rig = "config/rigs/paper_table2.yaml"
     out = tmp_path / "my cams"
     board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), out, rig)
-    found = board.saved("mine", board.ordinates.tolist())
+    found = board.save_for_page("mine", board.ordinates.tolist())
     words = shlex.split(found["command"])
     assert words[:3] == ["cam-rig", "design", found["path"]]
     assert words[words.index("--rig") + 1] == rig
@@ -254,7 +254,7 @@ def test_a_file_is_opened_as_it_is_loaded(board):
         fresh = Board(cam_rig.load_cam(path), board.rig, board.out)
         assert board.file.name == fresh.file.name
         assert board.ordinates.tolist() == fresh.ordinates.tolist()
-        assert board.page()["picture"] == fresh.page()["picture"]
+        assert board.page_data()["picture"] == fresh.page_data()["picture"]
         opened += 1
     assert opened > 4
     before = board.file, board.version

@@ -11,7 +11,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.board import START_RPM, Board
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.drawn_law import MOTION_POINTS, ORDERS, table_angles
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.command import REDIRECT
 from cam_rig.panel.server import serve
@@ -93,7 +93,7 @@ def window(chromium):
 def page(window, served, tmp_path):
     """The board as it begins; nothing may go wrong, and no other host be asked."""
     served.board.out = tmp_path / "out"
-    served.board.take(served.board.drawn.ordinates.tolist(), START_RPM)
+    served.board.update(served.board.drawn.ordinates.tolist(), START_RPM)
     window.page.set_viewport_size(SIZE)
     window.open(served.address)
     window.settled()
@@ -106,7 +106,7 @@ def page(window, served, tmp_path):
 def in_page(page, ordinates, rpm):
     """``(5, n)`` s to s''' and force of some ordinates, by the page's modules."""
     found = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
-    return np.frombuffer(base64.b64decode(found), dtype="<f8").reshape(ORDERS + 1, POINTS)
+    return np.frombuffer(base64.b64decode(found), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
 
 
 def core(board, ordinates, rpm):
@@ -130,9 +130,12 @@ def test_the_pages_law_force_and_spectrum_are_the_cores(page, board):
     ordinates[board.drawn.handles[7].index] += 1e-6
     control = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
     assert (control.max(axis=1) > 1e3 * SAME).all()
-    values = np.random.default_rng(1).standard_normal(POINTS)
+    values = np.random.default_rng(1).standard_normal(MOTION_POINTS)
     found = page.page.evaluate(SPECTRUM_IN_PAGE, values.tolist())
-    assert np.abs(np.array(found) - 2.0 / POINTS * np.abs(np.fft.rfft(values))[1:41]).max() <= SAME
+    assert (
+        np.abs(np.array(found) - 2.0 / MOTION_POINTS * np.abs(np.fft.rfft(values))[1:41]).max()
+        <= SAME
+    )
 
 
 def test_a_dragged_handle_moves_the_law_and_all_that_follows(page, board):
@@ -445,7 +448,7 @@ def test_a_stroboscope_shows_the_phase_of_each_flash(page):
 
 def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium, served, board):
     """What is drawn without a connection is sent when it is back, not the server's older state."""
-    board.take(board.drawn.ordinates.tolist(), START_RPM)
+    board.update(board.drawn.ordinates.tolist(), START_RPM)
     sockets = []
     with in_browser(chromium, BoardPage) as shown:
         shown.page.route_web_socket(
@@ -509,7 +512,7 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
     wrong = board.out / "wrong.yaml"
     wrong.write_text("name: wrong\n")
     page.page.locator("#file").set_input_files(wrong)
-    page.until(lambda: "Not opened: wrong.yaml: no cam file" in page.text("status"))
+    page.until(lambda: "Not opened: wrong.yaml: not a cam file" in page.text("status"))
     forget(page)
     first = board.drawn, board.file
     try:
@@ -534,7 +537,7 @@ def test_a_link_opens_the_same_law(page, board, served, chromium):
     page.page.locator("#link").click()
     page.until(lambda: "link to this law" in page.text("status"))
     drawn, link = board.ordinates.tolist(), page.page.url
-    board.take(board.drawn.ordinates.tolist(), START_RPM)
+    board.update(board.drawn.ordinates.tolist(), START_RPM)
     with in_browser(chromium, BoardPage) as other:
         other.open(served.address)
         other.page.goto(link)

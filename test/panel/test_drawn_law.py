@@ -8,7 +8,7 @@ from cam_rig import load_cam
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import joints
-from cam_rig.panel.board.drawable import _nearest, as_b_splines, with_own_ordinates
+from cam_rig.panel.board.drawable import _nearest, to_b_splines, with_file_ordinates
 from cam_rig.panel.board.drawn_law import ORDERS, DrawnLaw, table_angles
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE
 from cam_rig.studies.design.space import events
@@ -72,12 +72,12 @@ def test_a_law_of_ordinates_has_its_own_where_some_may_be_moved():
     for name in ("bezier15", "designed"):
         config = load_cam(name)
         start = DrawnLaw.of(config).start
-        assert start.cam is config and start.own
+        assert start.cam is config and start.has_file_ordinates
         assert start.distance == 0.0
-    own = with_own_ordinates(load_cam("b_spline"))
+    own = with_file_ordinates(load_cam("b_spline"))
     assert DrawnLaw(own).handles == []
     start = DrawnLaw.of(load_cam("b_spline")).start
-    assert not start.own and start.exact
+    assert not start.has_file_ordinates and start.exact
 
 
 def test_a_law_of_polynomials_is_drawn_exactly():
@@ -87,7 +87,7 @@ def test_a_law_of_polynomials_is_drawn_exactly():
         law = build_law(load_cam(name))
         if law.degree > MAX_B_SPLINE_DEGREE:
             continue
-        start, drawn = as_b_splines(load_cam(name)), drawn + 1
+        start, drawn = to_b_splines(load_cam(name)), drawn + 1
         assert start.exact, name
         for order in range(3):
             off = np.abs(start.law(angles, order) - law(angles, order)).max()
@@ -120,7 +120,7 @@ def test_joints_of_what_is_drawn_are_the_laws_own():
     corners = "worked_example_constant_velocity"
     for name in ("poly345", "cycloidal", "measured", "half_rises", corners):
         wanted = {round(j.angle, 9): j.continuity for j in joints(build_law(load_cam(name)))}
-        found = {round(j.angle, 9): j.continuity for j in joints(as_b_splines(load_cam(name)).law)}
+        found = {round(j.angle, 9): j.continuity for j in joints(to_b_splines(load_cam(name)).law)}
         assert {angle: found[angle] for angle in wanted} == wanted, name
         assert all(found[angle] == 4 for angle in found.keys() - wanted.keys())
 

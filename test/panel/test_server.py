@@ -25,7 +25,7 @@ from websockets.sync.client import connect
 import cam_rig
 from cam_rig.errors import ConfigError
 from cam_rig.panel import server
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.drawn_law import MOTION_POINTS, ORDERS, table_angles
 from cam_rig.panel.board.pages import DESIGN, WORKER
 from cam_rig.panel.server import STATIC, PanelPages, serve
 from cam_rig.viewer.web_server import MAX_MESSAGE
@@ -382,7 +382,7 @@ def test_one_design_at_a_time_and_it_can_be_stopped(panel):
     with panel.page(BOARD) as page:
         assert design(panel, "start")[0] == 202
         status, words = design(panel, "other")
-        assert status == 409 and "so stop it" in words["words"]
+        assert status == 409 and "stop it first" in words["words"]
         assert panel.post("/design/stop")[0] == 200
         while not received(page, "design")["design"].get("stopped"):
             pass
@@ -426,6 +426,6 @@ def test_a_design_is_told_as_it_grows_and_written(panel):
     motion = np.frombuffer(base64.b64decode(message["motion"]), dtype="<f8")
     wanted = np.stack([law(table_angles(), order) for order in range(ORDERS)])
     largest = np.abs(wanted).max(axis=1, keepdims=True)
-    assert (np.abs(motion.reshape(ORDERS, POINTS) - wanted) / largest).max() <= 1e-9
+    assert (np.abs(motion.reshape(ORDERS, MOTION_POINTS) - wanted) / largest).max() <= 1e-9
     status, words = design(panel, "begin")
     assert status == 409 and "begin_designed.yaml: exists already" in words["words"]

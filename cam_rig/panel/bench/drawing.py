@@ -166,8 +166,8 @@ def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
     """Return the jump speeds (rpm) of one rigid mass and of two elastic masses.
 
     The entry of `model` comes first. A speed is None if contact is never lost. Two masses are left
-    out if the rig does not split its mass. A speed that cannot be computed is left out, as for a
-    follower that is held on its cam.
+    out if the rig does not split its mass. A speed that cannot be computed is left out, such as
+    that of a desmodromic follower.
     """
     speeds: list[dict[str, Any]] = []
     try:
@@ -177,7 +177,7 @@ def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
         if isinstance(follower := follower_of(rig), TwoMassParameters):
             speeds.append(_jump("two_mass", find_jump(law, follower, FROM_REST).rpm))
     except CamRigError:
-        pass  # a follower that is closed by form has no jump speed
+        pass  # a desmodromic follower has no jump speed
     return sorted(speeds, key=lambda entry: entry["model"] != model)
 
 

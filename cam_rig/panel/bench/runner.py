@@ -162,8 +162,8 @@ def allowed_models(rig: RigConfig) -> tuple[str, ...]:
 def cam_names(cams: Path) -> list[str]:
     """Return the names of the cams that can be mounted.
 
-    They are the shipped cams and those in the folder `cams`. Cams whose follower is held on them
-    are left out, because no model turns them.
+    They are the shipped cams and those in the folder `cams`. Cams with a desmodromic follower are
+    left out, because no model turns them.
     """
     # A cam of the bench's folder replaces a shipped cam of the same name, as in `Cams`.
     folders = (config_root() / "cams", cams)
