@@ -134,10 +134,10 @@ def filled(sheet, folder, off=0.0, student="Ana"):
     With a reading before, where what is read is not yet the answer.
     """
     book = Notebook(sheet, folder)
-    book.name(student)
+    book.set_student(student)
     if sheet.answer:
         book.record(vars(sheet.setups[0]) | {"rpm": sheet.knob[0] + 1.0})
-    for setup in sheet.asked_setups[:ANSWERS]:
+    for setup in sheet.answerable_setups[:ANSWERS]:
         found = sheet.true(setup) * (1.0 + off)
         if sheet.answer:
             book.answer(vars(setup) | {"answer": f"{found:.3f}"})

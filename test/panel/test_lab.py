@@ -12,10 +12,10 @@ import cam_rig
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_min_force
 from cam_rig.errors import ConfigError
-from cam_rig.panel.lab.labs import LABS, POINTS, TOLERANCES, lab_sheet
+from cam_rig.panel.lab.labs import LABS, TOLERANCES, TURN_POINTS, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
-from cam_rig.panel.lab.sheet import LabSetup, drawn
+from cam_rig.panel.lab.sheet import LabSetup, hidden_factor
 from cam_rig.units import RPM
 
 from ..cli.conftest import call
@@ -31,7 +31,7 @@ ALPHA_MASS = 1.0175396720583243
 
 def test_a_seed_is_the_same_rig_everywhere():
     """Numbers that were computed once: another version or machine must give them again."""
-    assert drawn("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
+    assert hidden_factor("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
     sheet = sheet_of(seed="alpha")
     assert sheet.true(LabSetup(4030.0, 0.0, 30.6)) == pytest.approx(408.900, abs=0.01)
 
@@ -39,7 +39,7 @@ def test_a_seed_is_the_same_rig_everywhere():
 def test_every_number_is_drawn_evenly_within_its_tolerance():
     """Over 2000 names: both ends are come near, the mean is the sheet's."""
     for kind, tolerance in TOLERANCES.items():
-        found = np.array([drawn("jump", f"n{i}", kind, tolerance) for i in range(2000)])
+        found = np.array([hidden_factor("jump", f"n{i}", kind, tolerance) for i in range(2000)])
         assert np.abs(found - 1.0).max() <= tolerance and found.max() > 1.0 + 0.98 * tolerance
         assert found.min() < 1.0 - 0.98 * tolerance
         # standard error of the mean: tolerance / sqrt(3 n)
@@ -75,8 +75,8 @@ def test_what_has_no_sheet_is_refused(tmp_path):
         ("jump", [one], rig.with_follower(preload=0.0), "preload of 0 N"),
         ("jump", [one, two], rig, "allowed in lab 'jump': one"),
         ("vibration", [one], rig, r"periods of the stem .* allowed: 60"),
-        ("noise", [one, two], rig, r"the same is the louder from \d+ to \d+ rpm"),
-        ("noise", [arcs], rig, "allowed in lab 'noise': two that differ"),
+        ("noise", [one, two], rig, r"the same cam is louder from \d+ to \d+ rpm"),
+        ("noise", [arcs], rig, "allowed in lab 'noise': two different cams"),
         *((lab, [held], rig, "closing spring alone") for lab in LABS),
     ):
         with pytest.raises(ConfigError, match=words):
@@ -115,7 +115,9 @@ def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass():
     sheet = sheet_of("tm21")
     rpm = 300.0
     follower, speed = follower_of(sheet.true_rig(sheet.setups[0], None)), rpm * RPM
-    motion = np.array([sheet.law.at(a) for a in np.arange(POINTS) * (2.0 * np.pi / POINTS)]).T
+    motion = np.array(
+        [sheet.law.at(a) for a in np.arange(TURN_POINTS) * (2.0 * np.pi / TURN_POINTS)]
+    ).T
     force = (
         follower.spring_stiffness * motion[0]
         + follower.damping * motion[1] * speed
@@ -305,15 +307,15 @@ def test_a_spreadsheet_may_have_saved_it(tmp_path):
 
 
 DAMAGED = (
-    ("# cam_rig lab sheet: jump\n", "", "no lab sheet; allowed: a file that cam-rig panel"),
+    ("# cam_rig lab sheet: jump\n", "", "not a lab sheet; allowed: a file that cam-rig panel"),
     ("sheet: jump", "sheet: fly", "is 'fly'; allowed: jump, vibration"),
     ("cam: poly345", "cam: ../../x", "cam is '../../x'; allowed: a name"),
     ("cam: poly345", "cam: nothing", "no such file"),
     ("seed: alpha", "seed: a b", "--seed: is 'a b'; allowed"),
-    ("speed_rpm", "speed", "the columns are others; allowed: reading, spring_N_m"),
+    ("speed_rpm", "speed", "the columns differ; allowed: reading, spring_N_m"),
     ("3020.0,0.0", "3020.0,abc", "added_mass_kg is 'abc'; allowed: a number"),
     ("3020.0,0.0", "3020.0,nan", "added_mass_kg is 'nan'; allowed: a number"),
-    ("3020.0,0.0", "999,0.0", "999 N/m, 0 kg, 30.6 N is no set-up of this sheet; allowed"),
+    ("3020.0,0.0", "999,0.0", "999 N/m, 0 kg, 30.6 N is not a set-up of this sheet; allowed"),
     ("3020.0,0.0", "3020.0", "has 4 cells; allowed: 5"),
     ("3020.0,0.0", "3" * 131_073, "characters; allowed: 10000"),
     ("# title: ", "# title: " + "x" * 131_073, "characters; allowed: 10000"),
@@ -332,7 +334,7 @@ def test_a_damaged_sheet_is_one_line(tmp_path):
     path.write_text(to_text(replace(read_sheet(path), readings=())), "utf-8")
     refused("has 0 readings; allowed: 1 to 1000", path)
     path.write_bytes(b"\xff\xfe\x00")
-    refused("is no text in UTF-8", path)
+    refused("is not UTF-8 text", path)
 
 
 def test_no_name_becomes_a_formula_or_moves_the_cursor(tmp_path):
@@ -357,11 +359,11 @@ def test_another_cam_or_rig_is_one_line(tmp_path):
     assert mark(path)[0] == 0
     assert mark("poly345", path, "--rig", "tm21")[0] == 0
     for arguments, words in (
-        (("cycloidal", path), "is of cam 'poly345', marked with 'cycloidal'"),
-        ((path, "--rig", "paper_table2"), "is of rig 'tm21', marked with 'paper_table2'"),
+        (("cycloidal", path), "the sheet names cam 'poly345', not 'cycloidal'"),
+        ((path, "--rig", "paper_table2"), "the sheet names rig 'tm21', not 'paper_table2'"),
         ((tmp_path / "none.csv",), "No such file"),
-        ((), "no sheet is named"),
+        ((), "--mark requires a sheet"),
         ((path, "--seed", "x"), "--seed"),
-        ((path, "--lab", "jump"), "--mark serves no page"),
+        ((path, "--lab", "jump"), "--mark cannot be combined with --lab"),
     ):
         refused(words, *arguments)

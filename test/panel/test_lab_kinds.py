@@ -13,8 +13,8 @@ import cam_rig
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.panel.command import ClassRoom, mark_sheets
 from cam_rig.panel.lab.labs import LABS, SCATTER_DB
-from cam_rig.panel.lab.recorded import Notebook, number_in, read_sheet
-from cam_rig.panel.lab.sheet import CURVE
+from cam_rig.panel.lab.recorded import Notebook, parse_number, read_sheet
+from cam_rig.panel.lab.sheet import CURVE_POINTS
 from cam_rig.panel.server import serve
 
 from ..processes import WAIT_S
@@ -30,12 +30,12 @@ pytestmark = pytest.mark.variants(2)
 def test_true_answers_are_right_and_those_ten_percent_off_wrong(lab, seed, tmp_path):
     """Within what the lab says; beside the tolerance it is wrong, within it right."""
     sheet = sheet_of(seed=seed, lab=lab)
-    for off, right in ((0.0, 1), (0.1, 0), (-0.1, 0), (0.0099 * sheet.within, 1)):
+    for off, right in ((0.0, 1), (0.1, 0), (-0.1, 0), (0.0099 * sheet.default_tolerance, 1)):
         (marked,) = mark_sheets([filled(sheet, tmp_path, off)], [], None, None).sheets
-        assert len(marked.marks) == min(ANSWERS, len(sheet.asked_setups))
-        assert marked.right == right * len(marked.marks)
+        assert len(marked.marks) == min(ANSWERS, len(sheet.answerable_setups))
+        assert marked.correct_count == right * len(marked.marks)
     (wide,) = mark_sheets([filled(sheet, tmp_path, 0.1)], [], None, 12.0).sheets
-    assert wide.right == len(wide.marks)
+    assert wide.correct_count == len(wide.marks)
 
 
 def test_the_class_of_each_lab_is_drawn(tmp_path):
@@ -46,7 +46,7 @@ def test_the_class_of_each_lab_is_drawn(tmp_path):
         sheets = [filled(sheet, tmp_path, off, f"off {off:g}") for off in (0.2, 0.0)]
         if LABS[lab].answer:
             book = Notebook(sheet_of(lab=lab), tmp_path)
-            book.name("none")
+            book.set_student("none")
             book.record(vars(book.sheet.setups[0]) | {"rpm": book.sheet.knob[0] + 1.0})
             sheets.append(book.path)
         found = mark_sheets(sheets, [], None, None)
@@ -58,7 +58,7 @@ def test_the_class_of_each_lab_is_drawn(tmp_path):
         assert len(points) == answers
         assert all((colour != "none") == (row == 1) for row, colour in points)
         assert sum(bar.get_height() for bar in below.containers[0]) == answers
-        assert LABS[lab].asked in below.get_xlabel()
+        assert LABS[lab].question in below.get_xlabel()
         assert ("no answer" in found.summary()[-1]) is bool(LABS[lab].answer)
 
 
@@ -72,7 +72,7 @@ def test_the_peaks_of_residual_vibration_tell_the_frequency(cam, seed):
     """To half a rpm; the waves of a turn say roughly which, the others exactly: f to 0.5 %."""
     sheet = sheet_of(seed=seed, cam=cam, lab="vibration")
     for setup in sheet.setups:
-        top = min(sheet.knob[1], sheet.held_to[setup])
+        top = min(sheet.knob[1], sheet.contact_lost_rpm[setup])
         rpm = np.arange(0.8 * top, top, 0.5)
         seen = np.array([sheet.turn(setup, n, 1).measured for n in rpm])
         inside = (seen[1:-1] > seen[:-2]) & (seen[1:-1] > seen[2:])
@@ -93,7 +93,7 @@ def test_where_contact_is_lost_nothing_is_measured(tmp_path):
     """The lamp says so, and no reading is taken."""
     sheet = sheet_of(lab="vibration")
     heavy = sheet.setups[-1]
-    rpm = 1.01 * sheet.held_to[heavy]
+    rpm = 1.01 * sheet.contact_lost_rpm[heavy]
     turn = sheet.turn(heavy, rpm, 1)
     assert turn.contact_lost and turn.measured is None
     with pytest.raises(cam_rig.CamRigError, match=r"contact is lost at .* rpm; allowed: below"):
@@ -108,7 +108,7 @@ def test_where_contact_is_lost_nothing_is_measured(tmp_path):
 def test_the_readings_tell_where_two_cams_are_equally_loud(rig, seed):
     """A line through each cam's readings near the crossing; below it the same is the louder."""
     sheet = sheet_of(rig, seed, lab="noise")
-    true = sheet.true(sheet.asked_setups[0])
+    true = sheet.true(sheet.answerable_setups[0])
     below = np.linspace(sheet.knob[0], 0.999 * true, 25)
     one, two = (sheet.level(cam, below, seed) for cam in sheet.cams)
     assert len(set(np.sign(two - one))) == 1
@@ -120,7 +120,7 @@ def test_the_readings_tell_where_two_cams_are_equally_loud(rig, seed):
         read = [sheet.turn(setup, n, i).measured for i, n in enumerate(near.tolist())]
         lines.append(np.polynomial.Polynomial.fit(near, read, 1).convert().coef)
     constant, slope = lines[0] - lines[1]
-    assert -constant / slope == pytest.approx(true, rel=0.01 * sheet.within)
+    assert -constant / slope == pytest.approx(true, rel=0.01 * sheet.default_tolerance)
 
 
 def test_readings_scatter_as_is_said_and_the_next_one_is_what_is_seen():
@@ -144,7 +144,7 @@ def test_readings_scatter_as_is_said_and_the_next_one_is_what_is_seen():
 )
 def test_a_number_has_a_point_or_a_comma(words, number):
     """Of a Spanish keyboard too; what could be read in two ways is none."""
-    assert number_in(words) == number
+    assert parse_number(words) == number
 
 
 @pytest.mark.parametrize("lab", ["vibration", "noise"])
@@ -161,13 +161,13 @@ def test_a_page_answers_with_a_comma_and_is_told_nothing_of_the_true_numbers(lab
         said = lab_page.get("/lab/sheet").decode()
         said += json.dumps(ask("/lab/record", setup | {"rpm": 240.0}))
         assert not ask("/lab/turn", setup | {"rpm": 240.0})[1]["was_lost"]
-        for asked in sheet.asked_setups:
+        for asked in sheet.answerable_setups:
             assert f"{sheet.true(asked):.2f}"[:-1] not in said
     assert read_sheet(tmp_path / f"lab_{lab}_group-3.csv").readings[0].answer == 250.5
     with served_lab(sheet_of(lab=lab), tmp_path) as lab_page:
         theory = json.loads(lab_page.get("/lab/theory"))["curves"]
         assert len(theory) == len(sheet.options[sheet.marker])
-        assert 0.5 * CURVE < max(map(len, theory)) <= CURVE
+        assert 0.5 * CURVE_POINTS < max(map(len, theory)) <= CURVE_POINTS
         assert all(np.isfinite(curve).all() for curve in theory)
 
 
@@ -247,7 +247,7 @@ def test_each_group_has_a_rig_and_a_page_of_its_own(tmp_path):
         one, two = (Visitor(served.access.address(place)) for place in pages)
         assert (one.home, two.home) == ("/lab/one", "/lab/two")
         assert json.loads(two.get("/lab/two/sheet"))["seed"] == "two"
-    with pytest.raises(ConfigError, match="one is named twice"):
+    with pytest.raises(ConfigError, match="one is repeated"):
         ClassRoom("jump", ("one", "one"), None).pages([*cams], rig, tmp_path / "other")
 
 
@@ -256,13 +256,13 @@ def test_a_sheet_of_something_else_is_not_gone_on_with(tmp_path):
     sheet = sheet_of("tm21", seed="one")
     book = Notebook(sheet, tmp_path)
     book.record(vars(sheet.setups[0]) | {"rpm": 300.0})
-    again = Notebook(sheet, tmp_path, goes_on=True)
+    again = Notebook(sheet, tmp_path, resumes=True)
     assert again.recorded == read_sheet(book.path)
-    with pytest.raises(OutputError, match="another panel writes it; allowed: to end that one"):
-        Notebook(sheet, tmp_path, goes_on=True)
+    with pytest.raises(OutputError, match="another panel writes it; end that panel"):
+        Notebook(sheet, tmp_path, resumes=True)
     del again
-    with pytest.raises(ConfigError, match="is of rig tm21; allowed: of paper_table2"):
-        Notebook(sheet_of(seed="one"), tmp_path, goes_on=True)
+    with pytest.raises(ConfigError, match="rig is tm21; allowed: paper_table2"):
+        Notebook(sheet_of(seed="one"), tmp_path, resumes=True)
 
 
 def test_an_address_of_this_machine_answers_to_its_name_alone():

@@ -147,10 +147,8 @@ class DrawnLaw:
         u = (angle - law.breaks[piece]) / law.spans[piece]
         width = max(matrix.shape[1] for _, matrix in self._pieces)
         first, count = np.zeros(MOTION_POINTS), self.ordinates.size
-        table, constant = (
-            np.zeros((ORDERS, MOTION_POINTS, width)),
-            np.zeros((ORDERS, MOTION_POINTS)),
-        )
+        table = np.zeros((ORDERS, MOTION_POINTS, width))
+        constant = np.zeros((ORDERS, MOTION_POINTS))
         for i in np.unique(piece):
             rows, (start, matrix) = np.flatnonzero(piece == i), self._pieces[i]
             if not matrix.shape[1]:
