@@ -263,7 +263,7 @@ class LivePage:
         self._has_queued.set()
 
     def refusal(self, number: Any, words: str) -> Message:
-        """Return the answer to a refused message. `number` is None if it has none."""
+        """Return the answer to a refused message. `number` is None if the message has no number."""
         return {"type": "refused", "number": number, "words": words}
 
     async def serve(self, obey: Callable[[Message], Awaitable[Message]]) -> None:

@@ -1,4 +1,4 @@
-"""The board without HTTP: what it takes, what it says of a law, and the files it saves."""
+"""The board without HTTP: its input, the results of a law, and the saved files."""
 
 import json
 import math
@@ -18,23 +18,23 @@ from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 
 from ..cli.conftest import done
-from .conftest import with_one_moved
+from .conftest import with_moved_ordinate
 
 
 def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
-    """With the pull as a page begins, up and down: no undercut."""
+    """Move it up and down without undercut."""
     law, handle = board.drawn.start.law, board.drawn.handles[7]
     unit = board.drawn.ordinates.copy()
     unit[handle.index] += 1.0
-    lever = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
+    effect = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
     for wanted in (0.05, -0.05):
-        board.update(with_one_moved(board, wanted / lever), 300)
+        board.update(with_moved_ordinate(board, wanted / effect), 300)
         assert board.evaluate_fast()["faults"] == []
         board.update(board.drawn.ordinates.tolist(), 300)
 
 
 def test_a_change_moves_free_ordinates_alone(board):
-    """The ends of segments stay, whatever a page sends."""
+    """Keep the ordinates at the ends of segments, whatever a page sends."""
     start = board.ordinates
     board.update([x + 0.01 for x in start.tolist()], 450)
     free = [handle.index for handle in board.drawn.handles]
@@ -43,27 +43,27 @@ def test_a_change_moves_free_ordinates_alone(board):
     assert board.rpm == 450.0
 
 
-def test_what_is_not_right_is_refused_and_changes_nothing(board):
-    """As many finite numbers as there are ordinates, and a speed from 1 to 1e5 rpm."""
+def test_invalid_values_are_refused_and_change_nothing(board):
+    """Require one finite number per ordinate, and a speed from 1 to 1e5 rpm."""
     before, version, count = board.ordinates, board.version, board.ordinates.size
     assert count == 42
-    for wrong in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
+    for invalid in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
         with pytest.raises(RefusedError, match="ordinates: allowed"):
-            board.update(wrong, 300)
+            board.update(invalid, 300)
     for rpm in (None, "300", True, 0, -1, math.inf, math.nan, 2 * MAX_RPM):
         with pytest.raises(RefusedError, match="rpm: is"):
             board.update(before.tolist(), rpm)
     assert board.ordinates is before and board.version == version
 
 
-def test_what_is_said_at_once_is_the_cores(board):
-    """Rigid jump speed and contour are those of the law that `build_law` makes of the file."""
-    board.update(with_one_moved(board, 0.01), 300)
+def test_fast_results_are_those_of_the_library(board):
+    """Compare rigid jump speed and contour with those of the saved file's law."""
+    board.update(with_moved_ordinate(board, 0.01), 300)
     law = cam_rig.build_law(cam_rig.load_cam(board.save("moved", board.ordinates.tolist())))
     kinds = ("mass", "spring_stiffness", "damping", "preload", "stem_stiffness")
-    own = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
-    # without the split of the mass its follower is one rigid mass
-    rig = cam_rig.load_rig("tm21").with_follower(**own)
+    numbers = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
+    # a rig without a split mass has a follower of one rigid mass
+    rig = cam_rig.load_rig("tm21").with_follower(**numbers)
     found = board.evaluate_fast()
     assert found["faults"] == []
     assert found["jump_rigid"]["value"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-9)
@@ -72,8 +72,11 @@ def test_what_is_said_at_once_is_the_cores(board):
     assert np.abs(points - 1e3 * np.stack([contour.x, contour.y])).max() <= 1e-4
 
 
-def test_what_is_said_at_rest_is_the_cores(board):
-    """Jump speed of two masses, residual vibration, level, each by its own command's function."""
+def test_full_results_are_those_of_the_library(board):
+    """Compare jump speed and level with those of the library's functions.
+
+    The residual vibration is positive, and no check fails.
+    """
     law = board.law()
     found = evaluate_full(board.cam, law, board.rig, 300.0)
     assert found["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
@@ -85,8 +88,8 @@ def test_what_is_said_at_rest_is_the_cores(board):
     assert found["checks"] == []
 
 
-def test_the_level_goes_on_where_contact_is_lost(board):
-    """Above the jump speed the landings are heard: it is simulated, not held on the cam."""
+def test_the_level_above_the_jump_speed_is_simulated(board):
+    """Include the noise of the landings above the jump speed."""
     rpm = 1.1 * board.evaluate_fast()["jump_rigid"]["value"]
     jumping = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
     held = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
@@ -95,9 +98,9 @@ def test_the_level_goes_on_where_contact_is_lost(board):
     assert found > cam_rig.sound_level(held).level_db + 0.5
 
 
-def test_an_undercut_law_is_a_fault_everywhere(board, monkeypatch):
-    """Name the check that fails with its angle on the page, in the saved file and for a DXF."""
-    ordinates = with_one_moved(board, 0.5)
+def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
+    """Name the failed check with its angle on the page, in the file, and for a DXF."""
+    ordinates = with_moved_ordinate(board, 0.5)
     saved = board.save_for_page("undercut", ordinates)
     assert cam_rig.load_cam(saved["path"]).cannot_be_made == saved["why_not"]
     assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", saved["why_not"])
@@ -112,15 +115,15 @@ def test_an_undercut_law_is_a_fault_everywhere(board, monkeypatch):
     assert any("convex radius of curvature" in words for words in checks)
 
     board.update(board.drawn.ordinates.tolist(), 300)
-    good = board.save_for_page("good", with_one_moved(board, 0.05))
+    good = board.save_for_page("good", with_moved_ordinate(board, 0.05))
     assert good["why_not"] is cam_rig.load_cam(good["path"]).cannot_be_made is None
     monkeypatch.setattr("cam_rig.extras.find_spec", lambda _: None)
     with pytest.raises(MissingLibraryError, match=r"ezdxf is not installed: .*cam_rig\[cad\]"):
         board.dxf(board.drawn.ordinates.tolist())
 
 
-def test_a_follower_out_of_reach_is_a_fault_in_words(tmp_path):
-    """Where there is no contour, the reason is all there is."""
+def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
+    """Report the reason if there is no contour."""
     cam = cam_rig.load_cam("oscillating_roller")
     short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
@@ -130,8 +133,8 @@ def test_a_follower_out_of_reach_is_a_fault_in_words(tmp_path):
     assert evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
 
 
-def test_another_law_is_a_shipped_cams(board):
-    """By its name, and by nothing that looks like a path."""
+def test_another_law_is_that_of_a_shipped_cam(board):
+    """Find a shipped cam by its name, and refuse a path."""
     assert board.shipped_law("cycloidal")["name"] == "cycloidal"
     for name in ("nobody", "../rigs/tm21", ""):
         with pytest.raises((ConfigError, cam_rig.errors.LawError)):
@@ -140,8 +143,8 @@ def test_another_law_is_a_shipped_cams(board):
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", ["bezier15", "poly345", "flat", "oscillating_point", "conjugate"])
-def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path, name):
-    """Numbers or words, and nothing that JSON does not have, however wild the law."""
+def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
+    """Return values or reasons that JSON can contain for any ordinates."""
     board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
     random = np.random.default_rng(5)
     for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
@@ -153,8 +156,11 @@ def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path, name):
         json.dumps(board.page_data(), allow_nan=False)
 
 
-def test_extreme_speeds_and_a_velocity_jump_have_numbers_or_words(board, tmp_path):
-    """Answer at both ends of the knob; a law whose velocity jumps has a contour, no jump speed."""
+def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
+    """Return results at both ends of the knob.
+
+    A law with a velocity jump has a contour but no jump speed.
+    """
     for rpm in (1.0, MAX_RPM):
         found = evaluate_full(board.cam, board.law(), board.rig, rpm)
         assert {*found["residual_um"], *found["level_db"]} <= {"value", "words"}
@@ -165,15 +171,15 @@ def test_extreme_speeds_and_a_velocity_jump_have_numbers_or_words(board, tmp_pat
     assert found["discs"] and "velocity" in found["jump_rigid"]["words"]
 
 
-# -- what the board writes: cam files, the contour as DXF, the command that designs on ---------
+# -- output of the board: cam files, contour as DXF, design command ---------------------------
 
 
-def test_a_saved_file_is_the_law_on_the_page(tmp_path):
-    """`build_law` of the file gives the same ordinates, follower and spans."""
+def test_a_saved_file_contains_the_displayed_law(tmp_path):
+    """Reproduce ordinates, follower and spans by `build_law` of the file."""
     for name in ("poly345", "bezier15", "tm21", "measured", "conjugate"):
         cam = cam_rig.load_cam(name)
         board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
-        ordinates = with_one_moved(board, 0.0123456789, 3)
+        ordinates = with_moved_ordinate(board, 0.0123456789, 3)
         path = board.save("drawn", ordinates)
         board.update(ordinates, 300)
         saved = cam_rig.load_cam(path)
@@ -184,16 +190,16 @@ def test_a_saved_file_is_the_law_on_the_page(tmp_path):
 
 
 def test_a_file_is_never_overwritten(board):
-    """The second of the same name is refused, and the first stays as it was."""
+    """Refuse a second file of a name, and leave the first unchanged."""
     path = board.save("mine", board.ordinates.tolist())
     before = path.read_bytes()
     with pytest.raises(OutputError, match="exists already"):
-        board.save("mine", with_one_moved(board, 0.1))
+        board.save("mine", with_moved_ordinate(board, 0.1))
     assert path.read_bytes() == before
 
 
-def test_a_pressure_angle_alone_can_be_made(tmp_path):
-    """A bad cam is not one that cannot exist: what `cannot_be_made` says is of that alone."""
+def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
+    """Report a failed check that is not fatal without `cannot_be_made`."""
     cam = cam_rig.load_cam("poly345")
     strict = Quantity(given=1.0, unit="deg", source="test")
     follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
@@ -204,22 +210,25 @@ def test_a_pressure_angle_alone_can_be_made(tmp_path):
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
-    """Every point of the drawing is on the exact contour, to 1e-6 mm, and none is missing."""
-    ordinates = with_one_moved(board, 0.05)
+    """Write all points of the contour within the chord error and the rounding."""
+    ordinates = with_moved_ordinate(board, 0.05)
     path = tmp_path / "cam.dxf"
     path.write_text(board.dxf(ordinates), encoding="utf-8")
     (points,) = read_dxf(path).curves
     board.update(ordinates, 300)
     wanted = np.array(board.evaluate_fast()["discs"][0]["points"])
     drawn = Polygon(1e3 * points.T)
-    off = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
-    assert max(off) <= 2e-3  # 1 µm of chord, and the rounding of what is shown
+    distances = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
+    assert max(distances) <= 2e-3  # mm: chord error of 1 µm and rounding of the displayed points
     assert drawn.area == pytest.approx(Polygon(wanted.T).area, rel=1e-3)
 
 
 @pytest.mark.long
-def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path):
-    """Words for a shell, also in a folder with a space; the start and the rig are the board's."""
+def test_the_design_command_can_be_run(tmp_path):
+    """Quote the command for a shell, also in a folder with a space.
+
+    Start and rig are those of the board.
+    """
     rig = "config/rigs/paper_table2.yaml"
     out = tmp_path / "my cams"
     board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), out, rig)
@@ -234,16 +243,19 @@ def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path):
     assert cam_rig.jump_speed(cam_rig.build_law(designed), board.rig).rpm > start
 
 
-def test_a_name_that_no_cam_may_have_is_refused(board):
-    """Nothing is written, inside of the folder or outside."""
+def test_an_invalid_cam_name_is_refused(board):
+    """Write nothing, neither inside the folder nor outside."""
     for name in ("", "../x", "A", "a/b", "a.yaml", "a" * 101, None, 3, "cam"):
         with pytest.raises(ConfigError, match="name"):
             board.save(name, board.ordinates.tolist())
     assert not board.out.exists()
 
 
-def test_a_file_is_opened_as_it_is_loaded(board):
-    """Every shipped cam without a table; what is none is refused, and changes nothing."""
+def test_an_opened_file_is_the_loaded_file(board):
+    """Open shipped cams without a table as `load_cam` loads them.
+
+    Refuse a text that is not a cam file, and change nothing.
+    """
     paths = sorted((config_root() / "cams").glob("*.yaml"))
     opened = 0
     for path in paths[::4]:

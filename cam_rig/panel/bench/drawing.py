@@ -94,7 +94,7 @@ class LiveMotion:
 
 
 def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
-    """Return the cam in its own frame and its follower, in mm and rad.
+    """Return the cam in the frame of the cam, and its follower, in mm and rad.
 
     The origin of the follower is linear in the lift.
     """

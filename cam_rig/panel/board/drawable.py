@@ -292,7 +292,7 @@ def level(law: Law, rig: RigConfig, rpm: float) -> float:
 
 
 def _page_value(compute: Callable[[], float]) -> PageValue:
-    """Return a computed value for the page, or the reason why there is none."""
+    """Return a computed value for the page, or the reason why it cannot be computed."""
     try:
         value = compute()
     except CamRigError as error:

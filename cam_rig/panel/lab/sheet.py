@@ -65,7 +65,7 @@ class LabTurn:
     `curve` has the resolution of its sensor, at equal steps of the cam angle from 0. `sound` is of
     full scale and is played in a loop. `measured` is the reading of the lab's instrument.
     `was_lost` is true if contact was lost on the way up to this speed. The arrays are empty if
-    nothing can be observed.
+    the turn cannot be observed.
     """
 
     contact_lost: bool
