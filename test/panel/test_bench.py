@@ -65,18 +65,20 @@ def test_every_cam_can_be_added_to_the_bench(name, tmp_path):
     """Preserve every number of the law, also for a law from a table."""
     cam = cam_rig.load_cam(name)
     runner.add_cam(cam, tmp_path)
-    own, law = (
+    added_law, law = (
         cam_rig.build_law(cam_rig.load_cam(tmp_path / f"{name}.yaml")),
         cam_rig.build_law(cam),
     )
-    assert np.array_equal(law.breaks, own.breaks) and np.array_equal(law.ordinates, own.ordinates)
+    assert np.array_equal(law.breaks, added_law.breaks) and np.array_equal(
+        law.ordinates, added_law.ordinates
+    )
     # no model turns a cam with a desmodromic follower, so the bench does not offer it
     assert (name in runner.cam_names(tmp_path)) is cam.follower.sprung
 
 
 def test_an_invalid_set_up_is_refused():
     """Name the rule in one line."""
-    for given, words in (
+    for changes, text in (
         ({"model": "soft"}, "model: is 'soft'; allowed on this rig"),
         ({"added_mass": -1}, "added mass: is -1 kg"),
         ({"added_mass": float("nan")}, "added mass: is nan"),
@@ -88,8 +90,8 @@ def test_an_invalid_set_up_is_refused():
         ({"rpm": 1e5}, f"rpm: is 100000; allowed: 1 to {runner.MAX_RPM:g}"),
     ):
         with pytest.raises(RefusedError) as raised:
-            DEFAULT_SETUP.with_changes(given, RIG)
-        assert words in str(raised.value) and "\n" not in str(raised.value)
+            DEFAULT_SETUP.with_changes(changes, RIG)
+        assert text in str(raised.value) and "\n" not in str(raised.value)
 
 
 # -- the displayed state follows the node messages, in any order ------------------------------
@@ -183,9 +185,9 @@ def test_a_new_set_up_or_weighting_clears_the_meter_and_keeps_readings(live):
     assert live.mounted_cam_and_speed() == {"cam": "poly345", "rpm": 280.0}
     assert live.node_settings()["cam_drive"] == {"pacing": "5x"}
     live.on_runner_event({"graph": "starting"})
-    shown = live.page_data()
-    assert (shown["state"], shown["level"]) == ({}, None)
-    assert len(shown["readings"]) == 1
+    data = live.page_data()
+    assert (data["state"], data["level"]) == ({}, None)
+    assert len(data["readings"]) == 1
 
 
 def test_the_number_of_readings_is_bounded(live, monkeypatch):
@@ -243,8 +245,8 @@ def test_no_level_is_read_after_a_change_or_at_standstill():
         meter.steady_mean(0.125)
     end = turned(meter, 300.0, 5.0, 80.0)
     end = turned(meter, 310.0, 0.5, 90.0, end)
-    words = r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
-    with pytest.raises(RefusedError, match=words):
+    message = r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
+    with pytest.raises(RefusedError, match=message):
         meter.steady_mean(0.125)
     meter.add_speed(round(end * NS), 0.0)
     meter.add_level(round((end + 1.0) * NS), 40.0)
@@ -278,13 +280,13 @@ def test_the_drawn_follower_is_that_of_the_profile(name):
     The contact point lies on the contour.
     """
     cam, law = law_of(name)
-    shape, drawn = follower_shape(cam, law), drawing.cam_picture(cam, law)
+    shape, picture = follower_shape(cam, law), drawing.cam_picture(cam, law)
     lift = np.linspace(0.0, 1.3 * law.lift, 7)
-    way = np.array(drawn["origin"]) + np.outer(lift, drawn["along"]) * 1e3
+    way = np.array(picture["origin"]) + np.outer(lift, picture["along"]) * 1e3
     assert way == pytest.approx(shape.origin(lift) * 1e3, abs=1e-9)
-    turned = drawn["turn"] + drawn["turns"] * lift * 1e3
+    turned = picture["turn"] + picture["turns"] * lift * 1e3
     assert turned == pytest.approx(shape.turn(lift), abs=1e-12)
-    contour, touch = np.array(drawn["contour"]), np.array(drawn["touch"])
+    contour, touch = np.array(picture["contour"]), np.array(picture["touch"])
     for i in range(0, drawing.CONTOUR_POINTS, 30):
         angle = TURN * i / drawing.CONTOUR_POINTS
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
@@ -322,10 +324,10 @@ def test_the_marks_of_the_knob_are_the_jump_speeds():
     A rig without two masses has only that of one mass.
     """
     law = law_of("poly345")[1]
-    two, one = drawing.jump_speeds(law, RIG, "two_mass")
-    assert (two["model"], one["model"]) == ("two_mass", "one_mass")
-    assert two["rpm"] == pytest.approx(cam_rig.jump_speed(law, RIG).rpm, rel=1e-6)
-    assert one["rpm"] > two["rpm"]
+    two_masses, one_mass = drawing.jump_speeds(law, RIG, "two_mass")
+    assert (two_masses["model"], one_mass["model"]) == ("two_mass", "one_mass")
+    assert two_masses["rpm"] == pytest.approx(cam_rig.jump_speed(law, RIG).rpm, rel=1e-6)
+    assert one_mass["rpm"] > two_masses["rpm"]
     (alone,) = drawing.jump_speeds(law, cam_rig.load_rig("tm21"), "one_mass")
     assert alone["rpm"] == pytest.approx(438.28969763, rel=1e-8)
 

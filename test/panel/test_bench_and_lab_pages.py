@@ -39,7 +39,7 @@ class Bench(BrowserPage):
 
         Elements inside another element of the selector are left out.
         """
-        found = self.page.evaluate(
+        boxes = self.page.evaluate(
             """(things) => [...document.querySelectorAll(things)]
               .filter((one) => one.checkVisibility() && !one.closest(".unseen"))
               .filter((one) => !one.parentElement.closest(things))
@@ -48,7 +48,7 @@ class Bench(BrowserPage):
               .map(([name, { left, top, right, bottom }]) => [name, [left, top, right, bottom]])""",
             selector,
         )
-        return {name: (box[0], box[1], box[2], box[3]) for name, box in found}
+        return {name: (box[0], box[1], box[2], box[3]) for name, box in boxes}
 
 
 @pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
@@ -65,8 +65,8 @@ def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served,
             (stop,) = bench.boxes("#emergency").values()
             assert stop[1] >= 0 and stop[3] <= height
         assert bench.page.locator("#model").input_value() == "two_mass"
-        words = {"en": "two elastic masses", "es": "dos masas elásticas"}[language]
-        assert bench.text("title") == f"paper_table2, {words}"
+        model = {"en": "two elastic masses", "es": "dos masas elásticas"}[language]
+        assert bench.text("title") == f"paper_table2, {model}"
         assert served.bench.live.setup.model == "two_mass"
 
 
@@ -230,13 +230,13 @@ def test_readings_and_an_answer_are_recorded_by_keyboard(chromium, tmp_path, lab
         before = page.path("force")
         page.press("PageUp")
         page.until(lambda: page.path("force") != before)
-        shown = page.number("measured")
+        displayed = page.number("measured")
         page.page.locator("#record").press("Enter")
         page.until(lambda: page.page.locator("#rows tr").count() == 1)
         page.enter("answer", "251,5")
         page.until(lambda: page.page.locator("#rows tr").count() == 2)
         reading, answer = pages.notebook.recorded.readings
-        assert (reading.measured, answer.answer) == (shown, 251.5)
+        assert (reading.measured, answer.answer) == (displayed, 251.5)
         assert page.text("recorded").startswith("Respuesta 2: 251.5 ")
         page.page.locator("#plot_it").press("Enter")
         assert page.page.locator("#plot .point").count() == 1

@@ -156,13 +156,13 @@ def test_the_knob_sets_and_follows_the_speed(chromium, shared):
         bench.page.mouse.down()
         bench.page.mouse.move(x + 50, y, steps=8)
         bench.page.mouse.up()
-        turned = bench.knob_rpm()
-        assert turned > 400.0  # a third of the logarithmic scale
-        bench.until(lambda: bench.text("speed") == f"{turned:.0f}")
+        dragged_rpm = bench.knob_rpm()
+        assert dragged_rpm > 400.0  # a third of the logarithmic scale
+        bench.until(lambda: bench.text("speed") == f"{dragged_rpm:.0f}")
         with RigClient(domain) as outside:
             outside.set_parameter("cam_drive", "rpm", 333.0)
-        shown = bench.page.locator("#rpm")
-        bench.until(lambda: bench.knob_rpm() == 333.0 and shown.input_value() == "333")
+        rpm_field = bench.page.locator("#rpm")
+        bench.until(lambda: bench.knob_rpm() == 333.0 and rpm_field.input_value() == "333")
 
 
 #: Count the changes of controls and of the rig's picture in three seconds.
@@ -196,9 +196,9 @@ def test_controls_do_not_change_while_the_cam_turns(chromium, shared):
         bench.start_cam()
         bench.set_speed(300)
         bench.page.locator("#rpm").blur()
-        found = bench.page.evaluate(CHANGES)
-        assert found["controls"] == []
-        assert found["turned"] > 3
+        changes = bench.page.evaluate(CHANGES)
+        assert changes["controls"] == []
+        assert changes["turned"] > 3
 
 
 def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):

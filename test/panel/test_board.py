@@ -27,8 +27,8 @@ def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
     unit = board.drawn.ordinates.copy()
     unit[handle.index] += 1.0
     effect = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
-    for wanted in (0.05, -0.05):
-        board.update(with_moved_ordinate(board, wanted / effect), 300)
+    for change in (0.05, -0.05):
+        board.update(with_moved_ordinate(board, change / effect), 300)
         assert board.evaluate_fast()["faults"] == []
         board.update(board.drawn.ordinates.tolist(), 300)
 
@@ -64,10 +64,12 @@ def test_fast_results_are_those_of_the_library(board):
     numbers = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
     # a rig without a split mass has a follower of one rigid mass
     rig = cam_rig.load_rig("tm21").with_follower(**numbers)
-    found = board.evaluate_fast()
-    assert found["faults"] == []
-    assert found["jump_rigid"]["value"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-9)
-    points = np.array(found["discs"][0]["points"])
+    results = board.evaluate_fast()
+    assert results["faults"] == []
+    assert results["jump_rigid"]["value"] == pytest.approx(
+        cam_rig.jump_speed(law, rig).rpm, rel=1e-9
+    )
+    points = np.array(results["discs"][0]["points"])
     contour = cam_rig.contour(cam_rig.load_cam(board.out / "moved.yaml"), points=360)
     assert np.abs(points - 1e3 * np.stack([contour.x, contour.y])).max() <= 1e-4
 
@@ -78,24 +80,24 @@ def test_full_results_are_those_of_the_library(board):
     The residual vibration is positive, and no check fails.
     """
     law = board.law()
-    found = evaluate_full(board.cam, law, board.rig, 300.0)
-    assert found["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
+    results = evaluate_full(board.cam, law, board.rig, 300.0)
+    assert results["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
     motion = cam_rig.simulate(law, board.rig, rpm=300, turns=6)
-    assert found["level_db"]["value"] == pytest.approx(
+    assert results["level_db"]["value"] == pytest.approx(
         cam_rig.sound_level(motion).level_db, abs=0.01
     )
-    assert found["residual_um"]["value"] > 0.0
-    assert found["checks"] == []
+    assert results["residual_um"]["value"] > 0.0
+    assert results["checks"] == []
 
 
 def test_the_level_above_the_jump_speed_is_simulated(board):
     """Include the noise of the landings above the jump speed."""
     rpm = 1.1 * board.evaluate_fast()["jump_rigid"]["value"]
-    jumping = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
-    held = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
-    found = level(board.law(), board.rig, rpm)
-    assert found == cam_rig.sound_level(jumping).level_db
-    assert found > cam_rig.sound_level(held).level_db + 0.5
+    jumping_run = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
+    contact_run = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
+    level_db = level(board.law(), board.rig, rpm)
+    assert level_db == cam_rig.sound_level(jumping_run).level_db
+    assert level_db > cam_rig.sound_level(contact_run).level_db + 0.5
 
 
 def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
@@ -107,12 +109,12 @@ def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
     with pytest.raises(ProfileError, match="cannot be made: convex radius of curvature"):
         board.dxf(ordinates)
     board.update(ordinates, 300)
-    found = board.evaluate_fast()
-    keys = {fault["key"]: fault["angle_deg"] for fault in found["faults"]}
+    results = board.evaluate_fast()
+    keys = {fault["key"]: fault["angle_deg"] for fault in results["faults"]}
     assert keys["undercut"] == pytest.approx(92.0, abs=4.0)
-    assert found["discs"][0]["undercut"]
+    assert results["discs"][0]["undercut"]
     checks = evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
-    assert any("convex radius of curvature" in words for words in checks)
+    assert any("convex radius of curvature" in check for check in checks)
 
     board.update(board.drawn.ordinates.tolist(), 300)
     good = board.save_for_page("good", with_moved_ordinate(board, 0.05))
@@ -127,9 +129,9 @@ def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
     cam = cam_rig.load_cam("oscillating_roller")
     short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
-    found = board.evaluate_fast()
-    assert found["discs"] == [] and [fault["key"] for fault in found["faults"]] == ["error"]
-    assert "out of reach" in found["faults"][0]["words"]
+    results = board.evaluate_fast()
+    assert results["discs"] == [] and [fault["key"] for fault in results["faults"]] == ["error"]
+    assert "out of reach" in results["faults"][0]["words"]
     assert evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
 
 
@@ -150,9 +152,9 @@ def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
     for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
         moved = board.drawn.ordinates + size * random.uniform(-1.0, 1.0, board.ordinates.size)
         board.update(np.clip(moved, -100.0, 100.0).tolist(), 300)
-        found = board.evaluate_fast()
-        json.dumps(found, allow_nan=False)
-        assert found["discs"] or found["faults"]
+        results = board.evaluate_fast()
+        json.dumps(results, allow_nan=False)
+        assert results["discs"] or results["faults"]
         json.dumps(board.page_data(), allow_nan=False)
 
 
@@ -162,13 +164,13 @@ def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
     A law with a velocity jump has a contour but no jump speed.
     """
     for rpm in (1.0, MAX_RPM):
-        found = evaluate_full(board.cam, board.law(), board.rig, rpm)
-        assert {*found["residual_um"], *found["level_db"]} <= {"value", "words"}
-        assert "value" in found["jump"]
-        json.dumps(found, allow_nan=False)
+        results = evaluate_full(board.cam, board.law(), board.rig, rpm)
+        assert {*results["residual_um"], *results["level_db"]} <= {"value", "words"}
+        assert "value" in results["jump"]
+        json.dumps(results, allow_nan=False)
     corners = cam_rig.load_cam("worked_example_constant_velocity")
-    found = Board(corners, cam_rig.load_rig("tm21"), tmp_path).evaluate_fast()
-    assert found["discs"] and "velocity" in found["jump_rigid"]["words"]
+    results = Board(corners, cam_rig.load_rig("tm21"), tmp_path).evaluate_fast()
+    assert results["discs"] and "velocity" in results["jump_rigid"]["words"]
 
 
 # -- output of the board: cam files, contour as DXF, design command ---------------------------
@@ -183,9 +185,9 @@ def test_a_saved_file_contains_the_displayed_law(tmp_path):
         path = board.save("drawn", ordinates)
         board.update(ordinates, 300)
         saved = cam_rig.load_cam(path)
-        law, wanted = cam_rig.build_law(saved), board.law()
-        assert np.abs(law.breaks - wanted.breaks).max() <= 1e-12
-        assert np.abs(law.ordinates - wanted.ordinates).max() <= 1e-12 * wanted.lift
+        law, displayed = cam_rig.build_law(saved), board.law()
+        assert np.abs(law.breaks - displayed.breaks).max() <= 1e-12
+        assert np.abs(law.ordinates - displayed.ordinates).max() <= 1e-12 * displayed.lift
         assert saved.follower == cam.follower
 
 
@@ -205,8 +207,8 @@ def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
     follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
     board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
     assert board.save_for_page("steep", board.ordinates.tolist())["why_not"] is None
-    found = evaluate_full(board.cam, board.law(), board.rig, 300.0)
-    assert found["made"] and any("pressure angle" in words for words in found["checks"])
+    results = evaluate_full(board.cam, board.law(), board.rig, 300.0)
+    assert results["made"] and any("pressure angle" in check for check in results["checks"])
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
@@ -216,11 +218,11 @@ def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
     path.write_text(board.dxf(ordinates), encoding="utf-8")
     (points,) = read_dxf(path).curves
     board.update(ordinates, 300)
-    wanted = np.array(board.evaluate_fast()["discs"][0]["points"])
-    drawn = Polygon(1e3 * points.T)
-    distances = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
+    displayed = np.array(board.evaluate_fast()["discs"][0]["points"])
+    polygon = Polygon(1e3 * points.T)
+    distances = [polygon.exterior.distance(Point(*point)) for point in displayed.T]
     assert max(distances) <= 2e-3  # mm: chord error of 1 µm and rounding of the displayed points
-    assert drawn.area == pytest.approx(Polygon(wanted.T).area, rel=1e-3)
+    assert polygon.area == pytest.approx(Polygon(displayed.T).area, rel=1e-3)
 
 
 @pytest.mark.long
@@ -232,12 +234,12 @@ def test_the_design_command_can_be_run(tmp_path):
     rig = "config/rigs/paper_table2.yaml"
     out = tmp_path / "my cams"
     board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), out, rig)
-    found = board.save_for_page("mine", board.ordinates.tolist())
-    words = shlex.split(found["command"])
-    assert words[:3] == ["cam-rig", "design", found["path"]]
-    assert words[words.index("--rig") + 1] == rig
-    assert words[words.index("--out") + 1] == str(out / "mine_designed.yaml")
-    done(*words[1:], "--pieces", "4", "--joints", "C2")
+    reply = board.save_for_page("mine", board.ordinates.tolist())
+    arguments = shlex.split(reply["command"])
+    assert arguments[:3] == ["cam-rig", "design", reply["path"]]
+    assert arguments[arguments.index("--rig") + 1] == rig
+    assert arguments[arguments.index("--out") + 1] == str(out / "mine_designed.yaml")
+    done(*arguments[1:], "--pieces", "4", "--joints", "C2")
     designed = cam_rig.load_cam(out / "mine_designed.yaml")
     start = cam_rig.jump_speed(board.law(), board.rig).rpm
     assert cam_rig.jump_speed(cam_rig.build_law(designed), board.rig).rpm > start

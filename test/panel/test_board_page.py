@@ -105,8 +105,8 @@ def page(window, served, tmp_path):
 
 def in_page(page, ordinates, rpm):
     """Return s to s''' and force of ordinates by the page's modules, ``(5, n)``."""
-    found = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
-    return np.frombuffer(base64.b64decode(found), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
+    data = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
+    return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
 
 
 def library_curves(board, ordinates, rpm):
@@ -126,17 +126,17 @@ def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board
     ordinates = board.ordinates.tolist()
     for i, handle in enumerate(board.drawn.handles):
         ordinates[handle.index] += 0.01 * np.sin(3.0 * i)
-    wanted = library_curves(board, ordinates, 431.0)
-    largest = np.abs(wanted).max(axis=1, keepdims=True)
-    off = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
+    expected = library_curves(board, ordinates, 431.0)
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    off = np.abs(in_page(page, ordinates, 431.0) - expected) / largest
     assert off.max() <= RTOL
     ordinates[board.drawn.handles[7].index] += 1e-6
-    control = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
+    control = np.abs(in_page(page, ordinates, 431.0) - expected) / largest
     assert (control.max(axis=1) > 1e3 * RTOL).all()
     values = np.random.default_rng(1).standard_normal(MOTION_POINTS)
-    found = page.page.evaluate(SPECTRUM_IN_PAGE, values.tolist())
+    spectrum = page.page.evaluate(SPECTRUM_IN_PAGE, values.tolist())
     assert (
-        np.abs(np.array(found) - 2.0 / MOTION_POINTS * np.abs(np.fft.rfft(values))[1:41]).max()
+        np.abs(np.array(spectrum) - 2.0 / MOTION_POINTS * np.abs(np.fft.rfft(values))[1:41]).max()
         <= RTOL
     )
 
@@ -160,7 +160,7 @@ def test_a_dragged_handle_changes_the_law_and_its_results(page, board):
     assert page.number("jump_rigid") == pytest.approx(rigid, rel=1e-4)
     assert page.number("jump") == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm, rel=1e-4)
     after = [page.path(chart) for chart in charts]
-    assert all(one != other for one, other in zip(before, after, strict=True))
+    assert all(old != new for old, new in zip(before, after, strict=True))
 
     handle, y = page.page.locator(".handle").nth(10), []
     for down in (0.0, 5.0):
@@ -184,8 +184,8 @@ def test_a_dragged_handle_changes_the_law_and_its_results(page, board):
 
 def handle_error_mm(page, board, i):
     """Return the difference (mm) of a handle's ordinate between page and board."""
-    shown = float(page.page.locator(".handle").nth(i).get_attribute("aria-valuenow") or "nan")
-    return abs(board.ordinates[board.drawn.handles[i].index] * 1e3 * board.cam.lift.si - shown)
+    displayed = float(page.page.locator(".handle").nth(i).get_attribute("aria-valuenow") or "nan")
+    return abs(board.ordinates[board.drawn.handles[i].index] * 1e3 * board.cam.lift.si - displayed)
 
 
 @pytest.mark.long
@@ -227,7 +227,7 @@ def test_the_keyboard_moves_undoes_and_resets(page, board):
     page.press("Tab", 6)
     assert page.page.evaluate(FOCUSED) == index
     start = board.drawn.ordinates[index]
-    for press, wanted in (
+    for press, offset in (
         ("ArrowUp", 0.005),
         ("Shift+ArrowDown", 0.0045),
         ("PageUp", 0.0545),
@@ -238,7 +238,7 @@ def test_the_keyboard_moves_undoes_and_resets(page, board):
         ("Control+z", 0.0045),
     ):
         page.press(press)
-        page.until(lambda w=wanted: abs(board.ordinates[index] - start - w) < 1e-12)
+        page.until(lambda w=offset: abs(board.ordinates[index] - start - w) < 1e-12)
         assert page.page.evaluate(FOCUSED) == index
     page.page.locator("#reset").press("Enter")
     page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
@@ -399,18 +399,18 @@ def test_a_wide_pull_moves_the_neighbouring_ordinates(page, board):
     """
     page.page.locator("#width").select_option("20")
     page.page.locator(".handle").nth(7).focus()
-    version, own = board.version, board.drawn.handles[7]
+    version, pulled = board.version, board.drawn.handles[7]
     page.press("PageUp", 2)
     page.until(lambda: board.version >= version + 2)
     page.settled()
     moved = board.ordinates - board.drawn.ordinates
     for handle in board.drawn.handles:
-        away = abs(handle.angle - own.angle) / np.radians(20.0)
-        wanted = 0.05 * (1.0 + np.cos(np.pi * away)) if away < 1.0 else 0.0
-        assert moved[handle.index] == pytest.approx(wanted, abs=1e-12)
+        away = abs(handle.angle - pulled.angle) / np.radians(20.0)
+        expected = 0.05 * (1.0 + np.cos(np.pi * away)) if away < 1.0 else 0.0
+        assert moved[handle.index] == pytest.approx(expected, abs=1e-12)
     assert page.page.locator("#not_made").is_hidden()
     page.press("Home")
-    page.until(lambda: abs(board.ordinates - board.drawn.ordinates)[own.index] < 1e-15)
+    page.until(lambda: abs(board.ordinates - board.drawn.ordinates)[pulled.index] < 1e-15)
     page.page.locator("#reset").press("Enter")
     page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
 
@@ -463,14 +463,14 @@ def test_a_stroboscope_displays_the_phase_of_each_flash(page):
     assert browser.locator("#run").get_attribute("aria-pressed") == "true"
     angles = set()
 
-    def seen():
+    def all_phases_seen():
         angles.add(browser.locator("#strobe svg").get_attribute("data-degrees"))
         return len(angles) >= 4
 
-    page.until(seen)
+    page.until(all_phases_seen)
     browser.locator("#run").click()
-    found = np.sort([float(angle or "nan") for angle in angles])
-    assert np.diff(found) == pytest.approx([90.0] * 3, abs=0.01)
+    phases = np.sort([float(angle or "nan") for angle in angles])
+    assert np.diff(phases) == pytest.approx([90.0] * 3, abs=0.01)
 
 
 def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board):
@@ -524,14 +524,16 @@ def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
         ]
         omega = START_RPM * RPM
         numbers = [float(x) for x in re.findall(r"= (-?[\d.e-]+)", page.text("at_cursor"))]
-        wanted = [1e3 * s, omega * slope, omega**2 * second, force]
-        assert numbers == pytest.approx(wanted, rel=6e-3)
+        expected = [1e3 * s, omega * slope, omega**2 * second, force]
+        assert numbers == pytest.approx(expected, rel=6e-3)
         turned = page.page.locator("#contour > svg > g").nth(1).get_attribute("transform")
         assert float(re.match(r"rotate\((-?[\d.]+) ", turned)[1]) == pytest.approx(-angle)
-        held = page.page.locator("#contour .held").get_attribute("transform")
-        unit, at = re.search(r"scale\(([\d.]+) .*translate\(0 ([\d.]+)\)", held).groups()
+        transform = page.page.locator("#contour .held").get_attribute("transform")
+        unit, distance = re.search(r"scale\(([\d.]+) .*translate\(0 ([\d.]+)\)", transform).groups()
         follower = cam_rig.load_cam("poly345").follower
-        assert float(at) == pytest.approx(1e3 * (follower.base_radius.si + follower.roller + s))
+        assert float(distance) == pytest.approx(
+            1e3 * (follower.base_radius.si + follower.roller + s)
+        )
         assert float(unit) > 0.5
 
 
@@ -558,10 +560,10 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
             other.open(served.address)
             other.settled()
             page.page.locator("#file").set_input_files(board.out / "mine.yaml")
-            for one in (page, other):
-                one.page.locator("#title", has_text="mine, ").wait_for()
-                one.settled()
-                assert one.text("class") == "The law's own ordinates."
+            for board_page in (page, other):
+                board_page.page.locator("#title", has_text="mine, ").wait_for()
+                board_page.settled()
+                assert board_page.text("class") == "The law's own ordinates."
         assert board.ordinates.tolist() == pytest.approx(drawn.tolist(), abs=1e-12)
     finally:
         board._draw(first[1], first[0])
@@ -593,4 +595,4 @@ def test_a_link_opens_the_same_law(page, board, served, chromium):
 
 def clear_refusals(page):
     """Remove the browser's messages about refused requests from the errors."""
-    page.errors[:] = [words for words in page.errors if REFUSED not in words]
+    page.errors[:] = [error for error in page.errors if REFUSED not in error]

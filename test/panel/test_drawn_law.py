@@ -43,17 +43,17 @@ def test_any_ordinates_give_the_law_of_the_library(name):
     """
     drawn = DrawnLaw.of(load_cam(name))
     law = build_law(drawn.start.cam)
-    found = drawn.law(drawn.ordinates, law.name)
-    assert np.array_equal(found.breaks, law.breaks)
-    assert np.abs(found.ordinates - law.ordinates).max() <= RTOL * law.lift
+    start_law = drawn.law(drawn.ordinates, law.name)
+    assert np.array_equal(start_law.breaks, law.breaks)
+    assert np.abs(start_law.ordinates - law.ordinates).max() <= RTOL * law.lift
 
     ordinates = moved(drawn)
     law = drawn.law(ordinates, "moved")
-    wanted = np.stack([law(table_angles(), order) for order in range(ORDERS)])
-    largest = np.abs(wanted).max(axis=1, keepdims=True)
-    assert (np.abs(from_table(drawn, ordinates) - wanted) / largest).max() <= RTOL
+    expected = np.stack([law(table_angles(), order) for order in range(ORDERS)])
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(from_table(drawn, ordinates) - expected) / largest).max() <= RTOL
     ordinates[drawn.handles[0].index] += 1e-6
-    off = (np.abs(from_table(drawn, ordinates) - wanted) / largest).max(axis=1)
+    off = (np.abs(from_table(drawn, ordinates) - expected) / largest).max(axis=1)
     assert (off > 1e3 * RTOL).all()
 
     before = {joint.angle: joint.continuity for joint in joints(drawn.start.law)}
@@ -80,25 +80,25 @@ def test_a_law_keeps_its_ordinates_if_some_may_be_moved():
         start = DrawnLaw.of(config).start
         assert start.cam is config and start.has_file_ordinates
         assert start.distance == 0.0
-    own = with_file_ordinates(load_cam("b_spline"))
-    assert DrawnLaw(own).handles == []
+    file_cam = with_file_ordinates(load_cam("b_spline"))
+    assert DrawnLaw(file_cam).handles == []
     start = DrawnLaw.of(load_cam("b_spline")).start
     assert not start.has_file_ordinates and start.exact
 
 
 def test_a_law_of_polynomials_is_drawn_exactly():
     """Reproduce the law and its derivatives within rounding after knot insertion."""
-    angles, drawn = np.linspace(0.0, 2.0 * np.pi, 1801), 0
+    angles, count = np.linspace(0.0, 2.0 * np.pi, 1801), 0
     for name in CAM_NAMES[::3]:
         law = build_law(load_cam(name))
         if law.degree > MAX_B_SPLINE_DEGREE:
             continue
-        start, drawn = to_b_splines(load_cam(name)), drawn + 1
+        start, count = to_b_splines(load_cam(name)), count + 1
         assert start.exact, name
         for order in range(3):
-            off = np.abs(start.law(angles, order) - law(angles, order)).max()
-            assert off <= RTOL * 10.0**order * law.lift, name
-    assert drawn > 5
+            error = np.abs(start.law(angles, order) - law(angles, order)).max()
+            assert error <= RTOL * 10.0**order * law.lift, name
+    assert count > 5
 
 
 def test_any_other_law_is_drawn_as_the_nearest_b_spline():
@@ -116,9 +116,9 @@ def test_the_drawn_law_has_the_jump_speed_of_the_files_law():
     """Preserve the jerk at the ends of an event, to which two masses are sensitive."""
     rig = cam_rig.load_rig("paper_table2")
     for name in ("poly345", "cycloidal", "tm21", "modified_trapezoid"):
-        drawn = cam_rig.jump_speed(DrawnLaw.of(load_cam(name)).start.law, rig).rpm
-        own = cam_rig.jump_speed(build_law(load_cam(name)), rig).rpm
-        assert drawn == pytest.approx(own, rel=1e-4), name
+        drawn_rpm = cam_rig.jump_speed(DrawnLaw.of(load_cam(name)).start.law, rig).rpm
+        file_rpm = cam_rig.jump_speed(build_law(load_cam(name)), rig).rpm
+        assert drawn_rpm == pytest.approx(file_rpm, rel=1e-4), name
 
 
 def test_the_drawn_law_has_the_joints_of_the_files_law():
@@ -128,10 +128,12 @@ def test_the_drawn_law_has_the_joints_of_the_files_law():
     """
     corners = "worked_example_constant_velocity"
     for name in ("poly345", "cycloidal", "measured", "half_rises", corners):
-        wanted = {round(j.angle, 9): j.continuity for j in joints(build_law(load_cam(name)))}
-        found = {round(j.angle, 9): j.continuity for j in joints(to_b_splines(load_cam(name)).law)}
-        assert {angle: found[angle] for angle in wanted} == wanted, name
-        assert all(found[angle] == 4 for angle in found.keys() - wanted.keys())
+        file_joints = {round(j.angle, 9): j.continuity for j in joints(build_law(load_cam(name)))}
+        drawn_joints = {
+            round(j.angle, 9): j.continuity for j in joints(to_b_splines(load_cam(name)).law)
+        }
+        assert {angle: drawn_joints[angle] for angle in file_joints} == file_joints, name
+        assert all(drawn_joints[angle] == 4 for angle in drawn_joints.keys() - file_joints.keys())
 
 
 def test_a_law_with_too_many_pieces_is_refused():

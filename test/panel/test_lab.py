@@ -39,11 +39,11 @@ def test_a_seed_gives_the_same_rig_on_every_machine():
 def test_every_hidden_factor_is_uniform_within_its_tolerance():
     """Reach both ends of the tolerance in 2000 names, with the mean of the sheet."""
     for kind, tolerance in TOLERANCES.items():
-        found = np.array([hidden_factor("jump", f"n{i}", kind, tolerance) for i in range(2000)])
-        assert np.abs(found - 1.0).max() <= tolerance and found.max() > 1.0 + 0.98 * tolerance
-        assert found.min() < 1.0 - 0.98 * tolerance
+        factors = np.array([hidden_factor("jump", f"n{i}", kind, tolerance) for i in range(2000)])
+        assert np.abs(factors - 1.0).max() <= tolerance and factors.max() > 1.0 + 0.98 * tolerance
+        assert factors.min() < 1.0 - 0.98 * tolerance
         # standard error of the mean: tolerance / sqrt(3 n)
-        assert abs(found.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * found.size)
+        assert abs(factors.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * factors.size)
 
 
 def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
@@ -51,14 +51,14 @@ def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
     sheet = sheet_of()
 
     def factor(setup):
-        found = sheet.true_rig(setup, "alpha").follower.spring_stiffness.si
-        return found / setup.spring_stiffness
+        hidden_stiffness = sheet.true_rig(setup, "alpha").follower.spring_stiffness.si
+        return hidden_stiffness / setup.spring_stiffness
 
     first = factor(LabSetup(4030.0, 0.0, 30.6))
     assert factor(LabSetup(4030.0, 1.0, 61.2)) == first
     assert factor(LabSetup(3020.0, 0.0, 30.6)) != first
-    own = sheet.true_rig(LabSetup(4030.0, 0.5, 30.6), None).follower
-    assert (own.mass.si, own.preload.si) == (1.8, 30.6)
+    follower = sheet.true_rig(LabSetup(4030.0, 0.5, 30.6), None).follower
+    assert (follower.mass.si, follower.preload.si) == (1.8, 30.6)
 
 
 def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
@@ -66,29 +66,34 @@ def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
             sheet_of(seed=seed)
-    one, two, arcs, held = map(
+    poly345, bezier15, arcs, conjugate = map(
         cam_rig.load_cam, ("poly345", "bezier15", "arcs_convex", "conjugate")
     )
     rig = cam_rig.load_rig("tm21")
-    for lab, cams, on, words in (
-        ("jmp", [one], rig, r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)"),
-        ("jump", [one], rig.with_follower(preload=0.0), "preload of 0 N"),
-        ("jump", [one, two], rig, "allowed in lab 'jump': one"),
-        ("vibration", [one], rig, r"periods of the stem .* allowed: 60"),
-        ("noise", [one, two], rig, r"the same cam is louder from \d+ to \d+ rpm"),
+    for lab, cams, lab_rig, message in (
+        (
+            "jmp",
+            [poly345],
+            rig,
+            r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)",
+        ),
+        ("jump", [poly345], rig.with_follower(preload=0.0), "preload of 0 N"),
+        ("jump", [poly345, bezier15], rig, "allowed in lab 'jump': one"),
+        ("vibration", [poly345], rig, r"periods of the stem .* allowed: 60"),
+        ("noise", [poly345, bezier15], rig, r"the same cam is louder from \d+ to \d+ rpm"),
         ("noise", [arcs], rig, "allowed in lab 'noise': two different cams"),
-        *((lab, [held], rig, "closing spring alone") for lab in LABS),
+        *((lab, [conjugate], rig, "closing spring alone") for lab in LABS),
     ):
-        with pytest.raises(ConfigError, match=words):
-            LabPages(lab_sheet(lab, cams, on), tmp_path)
+        with pytest.raises(ConfigError, match=message):
+            LabPages(lab_sheet(lab, cams, lab_rig), tmp_path)
 
 
 def test_the_line_of_theory_is_the_jump_speed_of_a_rigid_follower():
     """Check n² = (k s + preload) / (m |s''|) for the sheet's set-up without damping."""
     rig = cam_rig.load_rig("tm21").with_follower(damping=0.0)
     sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], rig)
-    own = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
-    speed = np.sqrt(sheet.load(own) / abs(sheet.critical[1]))
+    setup = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
+    speed = np.sqrt(sheet.load(setup) / abs(sheet.critical[1]))
     assert speed * 30.0 / np.pi == pytest.approx(cam_rig.jump_speed(sheet.law, rig).rpm, rel=1e-4)
 
 
@@ -127,8 +132,8 @@ def test_a_turn_in_contact_is_the_kinetostatic_force_of_one_mass():
     turn = sheet.turn(sheet.setups[0], rpm, 1)
     # 0.05 N of rounding, and a straight line between two samples of 16 kHz
     assert np.abs(turn.curve - force).max() < 0.1
-    least = rigid_min_force(sheet.law, follower, np.array([speed]))[0]
-    assert turn.curve.min() == pytest.approx(least, abs=0.15)
+    min_force = rigid_min_force(sheet.law, follower, np.array([speed]))[0]
+    assert turn.curve.min() == pytest.approx(min_force, abs=0.15)
 
 
 # -- the page receives observations, but no number of the hidden rig --------------------------
@@ -229,18 +234,18 @@ def test_every_reading_is_written_at_once_and_no_file_is_overwritten(tmp_path):
             assert lab.send("/lab/student", {"student": 'Ñ, "x'})[0] == 200
             assert lab.home == "/lab"
             assert lab.get("/lab/readings.csv") == (tmp_path / name).read_bytes()
-            shown = json.loads(lab.get("/lab/sheet"))  # the data of a reload
-            assert [r["rpm"] for r in shown["readings"]] == [300.0 + number] * 3
-            assert shown["file"] == str(tmp_path / name)
-        found = read_sheet(tmp_path / name)
-        assert found.student.startswith("Ñ")
-        assert found.readings == lab.pages.notebook.recorded.readings
+            data = json.loads(lab.get("/lab/sheet"))  # the data of a reload
+            assert [r["rpm"] for r in data["readings"]] == [300.0 + number] * 3
+            assert data["file"] == str(tmp_path / name)
+        stored = read_sheet(tmp_path / name)
+        assert stored.student.startswith("Ñ")
+        assert stored.readings == lab.pages.notebook.recorded.readings
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plain, tmp_path):
     """Name the invalid value. The displayed readings are the recorded ones."""
-    for change, words in (
+    for change, text in (
         ({"rpm": "fast"}, "rpm: is 'fast'; allowed: "),
         ({"rpm": 1e9}, "rpm: is '1000000000.0'; allowed: "),
         ({"rpm": None}, "rpm"),
@@ -251,7 +256,7 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
     ):
         for path in ("/lab/turn", "/lab/record"):
             status, body = plain.send(path, plain.request_data(0, 300.0) | change)
-            assert status == 409 and words in body["words"]
+            assert status == 409 and text in body["words"]
     for student in (None, 7, "a\nb", "x" * 81):
         assert plain.send("/lab/student", {"student": student})[0] == 409
     assert plain.pages.notebook.recorded.readings == ()
@@ -267,14 +272,14 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
 
 def mark(*arguments):
     """Return exit code, stdout and stderr of `cam-rig panel --mark`."""
-    found = call("panel", "--mark", *arguments)
-    return found.exit_code, found.stdout, found.stderr
+    result = call("panel", "--mark", *arguments)
+    return result.exit_code, result.stdout, result.stderr
 
 
-def refused(words, *arguments):
+def refused(text, *arguments):
     """Check that sheets are refused in one line, and return it."""
     code, _, err = mark(*arguments)
-    assert (code, err.count("\n"), words in err) == (2, 1, True), err
+    assert (code, err.count("\n"), text in err) == (2, 1, True), err
     return err
 
 
@@ -289,14 +294,14 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     code, out, err = mark(right, wrong, "--json", "-", "--csv", target, "--plot", picture)
     assert code == 0
     assert picture.stat().st_size > 5000
-    found = json.loads(out)
-    sheets = {row["file"]: row["within"] for row in found["sheets"]}
+    result = json.loads(out)
+    sheets = {row["file"]: row["within"] for row in result["sheets"]}
     assert [sheets[str(p)] for p in (right, wrong)] == [ANSWERS, 0]
     assert "Ana: 4 of 4 within 1 %" in err and "0 of 4 within 1 %; mean +2.00 %" in err
-    own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
+    rig = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    first = next(row for row in found["answers"] if row["file"] == str(wrong))
-    true = cam_rig.jump_speed(law, own, duration=None).rpm
+    first = next(row for row in result["answers"] if row["file"] == str(wrong))
+    true = cam_rig.jump_speed(law, rig, duration=None).rpm
     assert first["true"] == pytest.approx(true, abs=0.01)
     assert first["difference"] == pytest.approx(0.02, abs=1e-4)
     assert mark(wrong, "--tolerance", 2.5)[2].count("4 of 4 within 2.5 %") == 1
@@ -338,10 +343,10 @@ def test_a_damaged_sheet_is_refused_in_one_line(tmp_path):
     """Name file, fault and rule. A sheet without readings cannot be marked."""
     path = filled(sheet_of(seed="alpha"), tmp_path)
     text = path.read_text("utf-8")
-    for old, new, words in DAMAGED:
+    for old, new, message in DAMAGED:
         assert old in text
         path.write_text(text.replace(old, new, 1), "utf-8")
-        assert str(path) in refused(words, path) or "no such file" in words
+        assert str(path) in refused(message, path) or "no such file" in message
     path.write_text(text, "utf-8")
     path.write_text(to_text(replace(read_sheet(path), readings=())), "utf-8")
     refused("has 0 readings; allowed: 1 to 1000", path)
@@ -370,7 +375,7 @@ def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
     path = filled(sheet_of("tm21"), tmp_path)
     assert mark(path)[0] == 0
     assert mark("poly345", path, "--rig", "tm21")[0] == 0
-    for arguments, words in (
+    for arguments, text in (
         (("cycloidal", path), "the sheet names cam 'poly345', not 'cycloidal'"),
         ((path, "--rig", "paper_table2"), "the sheet names rig 'tm21', not 'paper_table2'"),
         ((tmp_path / "none.csv",), "No such file"),
@@ -378,4 +383,4 @@ def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
         ((path, "--seed", "x"), "--seed"),
         ((path, "--lab", "jump"), "--mark cannot be combined with --lab"),
     ):
-        refused(words, *arguments)
+        refused(text, *arguments)

@@ -51,17 +51,17 @@ def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
             book.set_student("none")
             book.record(vars(book.sheet.setups[0]) | {"rpm": book.sheet.knob[0] + 1.0})
             sheets.append(book.path)
-        found = mark_sheets(sheets, [], None, None)
-        above, below = found.plot().axes
+        result = mark_sheets(sheets, [], None, None)
+        above, below = result.plot().axes
         names = [tick.get_text() for tick in above.get_yticklabels()]
         assert names == ["off 0", "off 0.2", "none"][: len(sheets)]
-        answers = sum(len(sheet.marks) for sheet in found.sheets)
+        answers = sum(len(sheet.marks) for sheet in result.sheets)
         points = [(line.get_ydata()[0], line.get_markerfacecolor()) for line in above.lines]
         assert len(points) == answers
         assert all((colour != "none") == (row == 1) for row, colour in points)
         assert sum(bar.get_height() for bar in below.containers[0]) == answers
         assert LABS[lab].question in below.get_xlabel()
-        assert ("no answer" in found.summary()[-1]) is bool(LABS[lab].answer)
+        assert ("no answer" in result.summary()[-1]) is bool(LABS[lab].answer)
 
 
 # -- vibration: peaks at a whole number of periods per turn -----------------------------------
@@ -79,9 +79,9 @@ def test_the_peaks_of_residual_vibration_give_the_frequency(cam, seed):
     for setup in sheet.setups:
         top = min(sheet.knob[1], sheet.contact_lost_rpm[setup])
         rpm = np.arange(0.8 * top, top, 0.5)
-        seen = np.array([sheet.turn(setup, n, 1).measured for n in rpm])
-        inside = (seen[1:-1] > seen[:-2]) & (seen[1:-1] > seen[2:])
-        peaks, high = rpm[1:-1][inside], seen[1:-1][inside]
+        amplitudes = np.array([sheet.turn(setup, n, 1).measured for n in rpm])
+        inside = (amplitudes[1:-1] > amplitudes[:-2]) & (amplitudes[1:-1] > amplitudes[2:])
+        peaks, high = rpm[1:-1][inside], amplitudes[1:-1][inside]
         highest = peaks[np.argmax(high)]
         curve = sheet.turn(setup, highest, 1).curve
         counted = int(((curve > np.roll(curve, 1)) & (curve >= np.roll(curve, -1))).sum())
@@ -118,15 +118,15 @@ def test_the_readings_give_the_crossing_of_two_cams(rig, seed):
     sheet = sheet_of(rig, seed, lab="noise")
     true = sheet.true(sheet.answerable_setups[0])
     below = np.linspace(sheet.knob[0], 0.999 * true, 25)
-    one, two = (sheet.level(cam, below, seed) for cam in sheet.cams)
-    assert len(set(np.sign(two - one))) == 1
-    at = [float(sheet.level(cam, np.array([true]), seed)[0]) for cam in sheet.cams]
-    assert at[0] == pytest.approx(at[1], abs=0.01)
+    first, second = (sheet.level(cam, below, seed) for cam in sheet.cams)
+    assert len(set(np.sign(second - first))) == 1
+    levels = [float(sheet.level(cam, np.array([true]), seed)[0]) for cam in sheet.cams]
+    assert levels[0] == pytest.approx(levels[1], abs=0.01)
     near = np.linspace(0.94 * true, 1.06 * true, 24)
     lines = []
     for setup in sheet.setups:
-        read = [sheet.turn(setup, n, i).measured for i, n in enumerate(near.tolist())]
-        lines.append(np.polynomial.Polynomial.fit(near, read, 1).convert().coef)
+        readings = [sheet.turn(setup, n, i).measured for i, n in enumerate(near.tolist())]
+        lines.append(np.polynomial.Polynomial.fit(near, readings, 1).convert().coef)
     constant, slope = lines[0] - lines[1]
     assert -constant / slope == pytest.approx(true, rel=0.01 * sheet.default_tolerance)
 
@@ -150,12 +150,12 @@ def test_readings_scatter_normally_and_reproducibly():
 
 
 @pytest.mark.parametrize(
-    ("words", "number"),
+    ("text", "number"),
     [("157,3", 157.3), ("157.3", 157.3), (" 1e2 ", 100.0), ("1.234,5", None), ("nan", None)],
 )
-def test_a_number_may_have_a_decimal_comma(words, number):
+def test_a_number_may_have_a_decimal_comma(text, number):
     """Read a number from a Spanish keyboard, and refuse an ambiguous number."""
-    assert parse_number(words) == number
+    assert parse_number(text) == number
 
 
 @pytest.mark.parametrize("lab", ["vibration", "noise"])
@@ -264,7 +264,7 @@ def test_each_group_has_a_separate_rig_and_page(tmp_path):
     assert list(pages) == ["/lab/one", "/lab/two"]
     assert list(ClassRoom("jump", ("one",), None).pages([*cams], rig, tmp_path)) == ["/lab"]
     with serve(*pages.values(), home="/lab/one") as served:
-        one, two = (Visitor(served.access.address(place)) for place in pages)
+        one, two = (Visitor(served.access.address(path)) for path in pages)
         assert (one.home, two.home) == ("/lab/one", "/lab/two")
         assert json.loads(two.get("/lab/two/sheet"))["seed"] == "two"
     with pytest.raises(ConfigError, match="one is repeated"):
@@ -287,10 +287,10 @@ def test_a_sheet_of_another_rig_is_not_continued(tmp_path):
 
 def test_an_address_of_this_machine_accepts_only_its_name():
     """Accept only requests to `--host`, and refuse an address of another machine."""
-    own = "127.0.0.2"  # a loopback address of every machine, other than 127.0.0.1
-    with serve(home="/lab", host=own) as served:
-        assert served.access.netloc == f"{own}:{served.access.port}"
+    address = "127.0.0.2"  # a loopback address of every machine, other than 127.0.0.1
+    with serve(home="/lab", host=address) as served:
+        assert served.access.netloc == f"{address}:{served.access.port}"
         assert Visitor(served.address).home == "/lab"
-    words = r"--host: is '203\.0\.113\.1' .*an address of this machine"
-    with pytest.raises(ConfigError, match=words), serve(host="203.0.113.1"):
+    message = r"--host: is '203\.0\.113\.1' .*an address of this machine"
+    with pytest.raises(ConfigError, match=message), serve(host="203.0.113.1"):
         pass

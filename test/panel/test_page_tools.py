@@ -25,9 +25,9 @@ SCRIPTS = sorted((ROOT / "cam_rig/panel/static").rglob("*.js"))
 TSC = TOOLS / "node_modules/.bin/tsc"
 
 
-def tsc(*words):
+def tsc(*arguments):
     """Run TypeScript's compiler and return the ended process."""
-    return ended(TSC, *words, cwd=TOOLS)
+    return ended(TSC, *arguments, cwd=TOOLS)
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
@@ -94,8 +94,8 @@ def test_every_sent_message_has_its_declared_type(served, tmp_path):
             if book.sheet.answer:
                 book.answer(setup | {"answer": "1,5"})
             with serve(pages) as panel:
-                found = json.loads(Visitor(panel.address).get("/lab/sheet"))
-            sent[f"{lab}_{seed}".lower()] = ("LabSheet", found)
+                data = json.loads(Visitor(panel.address).get("/lab/sheet"))
+            sent[f"{lab}_{seed}".lower()] = ("LabSheet", data)
     assert wrong_types(tmp_path, sent) == ""
     control = sent["board"][1] | {"rpm": "300", "unknown": 1}
     del control["start"]

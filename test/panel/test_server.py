@@ -56,23 +56,23 @@ def test_every_path_needs_cookie_and_origin(panel):
     policy = answered["Content-Security-Policy"]
     assert status == 200 and "unsafe" not in policy
     assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
-    own = {"Cookie": panel.cookie}
-    foreign = own | {"Origin": "http://evil.example"}
+    cookie = {"Cookie": panel.cookie}
+    foreign = cookie | {"Origin": "http://evil.example"}
     for path in PATHS:
         assert [ask(panel.address, path, **headers)[0] for headers in ({}, foreign)] == [403, 403]
-    for headers in (own, foreign):
+    for headers in (cookie, foreign):
         assert ask(panel.address, "/save", "POST", "{}", **headers)[0] == 403
 
 
 def test_a_websocket_needs_cookie_and_origin(panel):
     """Refuse a websocket without the cookie or the origin of the panel."""
-    url, own = f"ws://{panel.url.netloc}/changes", panel.headers
-    with connect(url, sock=local(panel.url.port), additional_headers=own, origin=None):
+    url, valid_headers = f"ws://{panel.url.netloc}/changes", panel.headers
+    with connect(url, sock=local(panel.url.port), additional_headers=valid_headers, origin=None):
         pass
     for headers in (
         {"Cookie": panel.cookie},
-        own | {"Cookie": ""},
-        own | {"Origin": "http://x"},
+        valid_headers | {"Cookie": ""},
+        valid_headers | {"Origin": "http://x"},
     ):
         with pytest.raises(InvalidStatus, match="403"):
             connect(url, sock=local(panel.url.port), additional_headers=headers, origin=None)
@@ -86,8 +86,8 @@ def test_only_the_files_of_the_pages_are_served(panel):
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
         named = re.findall(r'(?:from|src=|href=)\s*"(\.[^"]+|/static/[^"]+)"', text)
-        own = f"/static/{path.relative_to(STATIC)}"
-        for name in [own, *(urljoin(own, name) for name in named)]:
+        url_path = f"/static/{path.relative_to(STATIC)}"
+        for name in [url_path, *(urljoin(url_path, name) for name in named)]:
             status, headers, _ = ask(panel.address, name, Cookie=panel.cookie)
             assert (name, status) == (name, 200)
             assert "text/plain" not in headers["Content-Type"]
@@ -140,10 +140,10 @@ def test_an_aborted_post_prints_nothing(panel, caplog, capfd):
 def test_pages_receive_the_requested_language():
     """Refuse another language by name before anything is served."""
     with serve(OnePage(), language="es") as served:
-        found = json.loads(Visitor(served.address).get("/languages"))
-    assert found == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
-    words = "--lang: is 'fr'; allowed: en, es"
-    with pytest.raises(ConfigError, match=words), serve(OnePage(), language="fr"):
+        offers = json.loads(Visitor(served.address).get("/languages"))
+    assert offers == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
+    message = "--lang: is 'fr'; allowed: en, es"
+    with pytest.raises(ConfigError, match=message), serve(OnePage(), language="fr"):
         pass
 
 
@@ -154,11 +154,13 @@ def test_every_language_has_all_texts_and_no_unused_text():
     """
     texts = [json.loads(p.read_text(encoding="utf-8")) for p in STATIC.glob("texts/*.json")]
     assert len(texts) == 2
-    words, other = texts
-    assert list(words) == list(other)
-    for key, sentence in words.items():
-        assert sorted(re.findall(r"{\w+}", sentence)) == sorted(re.findall(r"{\w+}", other[key]))
-        assert (sentence == "") == (other[key] == "")
+    texts_of_first, texts_of_second = texts
+    assert list(texts_of_first) == list(texts_of_second)
+    for key, sentence in texts_of_first.items():
+        assert sorted(re.findall(r"{\w+}", sentence)) == sorted(
+            re.findall(r"{\w+}", texts_of_second[key])
+        )
+        assert (sentence == "") == (texts_of_second[key] == "")
     used, requested = {f"s{i}" for i in range(4)} | {"undercut", "pressure"}, set()
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
@@ -170,8 +172,8 @@ def test_every_language_has_all_texts_and_no_unused_text():
             prefixes = re.findall(
                 r"`([a-z_]+_)\$\{", text
             )  # a composed key, such as `drive_${state}`
-            used |= {key for key in words if key.startswith(tuple(prefixes))}
-    assert requested <= set(words) <= used | requested
+            used |= {key for key in texts_of_first if key.startswith(tuple(prefixes))}
+    assert requested <= set(texts_of_first) <= used | requested
 
 
 # -- invalid messages -------------------------------------------------------------------------
@@ -180,11 +182,11 @@ def test_every_language_has_all_texts_and_no_unused_text():
 def answer_to(page, number):
     """Return the answer to the message of a number."""
     while True:
-        found = json.loads(page.recv(timeout=WAIT_S))
-        if found["type"] in ("exact", "refused") and found["number"] == number:
-            return found
-        if found["type"] == "answer" and found["answer"] == number:
-            return found
+        message = json.loads(page.recv(timeout=WAIT_S))
+        if message["type"] in ("exact", "refused") and message["number"] == number:
+            return message
+        if message["type"] == "answer" and message["answer"] == number:
+            return message
 
 
 TEXTS = ["", "x", "\\ud800", "\\udfff\\ud800", "\\u0000", "é" * 200, "__proto__", "/../..", "\\n"]
@@ -258,7 +260,7 @@ def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel
     """Answer 400 for a body that is not a JSON object, 409 for a refusal, never 500."""
     connection = HTTPConnection("127.0.0.1", panel.url.port, timeout=WAIT_S)
     connection.connect()
-    kept = connection.sock
+    open_socket = connection.sock
     for path, names in POSTS.items():
         rng, statuses = random.Random(path), set()
         bodies = [
@@ -267,17 +269,17 @@ def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel
         for body in (*bodies, rng.randbytes(50), b"", b"{}"):
             connection.request("POST", path, body, panel.headers | {"Host": panel.url.netloc})
             answer = connection.getresponse()
-            words = json.loads(answer.read())["words"]
+            text = json.loads(answer.read())["words"]
             statuses.add(answer.status)
-            assert len(words.splitlines()) == 1 and len(words) < 400
-            assert connection.sock is kept
+            assert len(text.splitlines()) == 1 and len(text) < 400
+            assert connection.sock is open_socket
         assert statuses == {400, 409}, path
     connection.close()
     assert [record.getMessage() for record in caplog.records if record.exc_info] == []
     for name in ("no_such", "%00", "%ff", "%ED%A0%80", "a" * 5000, "..%2f..", "%C3%A9"):
         for path in ("/other", "/bench/cam"):
-            status, _, found = ask(panel.address, f"{path}/{name}", **panel.headers)
-            assert status in (400, 404) and len(found.splitlines()) == 1
+            status, _, body_text = ask(panel.address, f"{path}/{name}", **panel.headers)
+            assert status in (400, 404) and len(body_text.splitlines()) == 1
 
 
 def test_a_huge_message_closes_only_its_page(panel):
@@ -316,22 +318,22 @@ def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
     monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.0)
     monkeypatch.setattr(server, "SEND_TIMEOUT_S", 1.0)
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
-    with panel.page(path) as one, panel.page(path) as two:
+    with panel.page(path) as first, panel.page(path) as second:
         until(lambda: len(pages) == 2)
         sleeper = open_request(panel, f"GET {path} HTTP/1.1", UPGRADE)
         until(lambda: len(pages) == 3)
-        number, end = 0, time.monotonic() + WAIT_S
+        number, deadline = 0, time.monotonic() + WAIT_S
         while len(pages) == 3:
-            assert time.monotonic() < end, "the page that reads nothing was not dropped"
+            assert time.monotonic() < deadline, "the page that reads nothing was not dropped"
             number += 1
             # a large state, which soon fills the network buffers
             monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000 + str(number)])
-            one.send(json.dumps(panel.valid_message(path) | {"number": number}))
-            answer_to(one, number)
-            two.recv(timeout=WAIT_S)
+            first.send(json.dumps(panel.valid_message(path) | {"number": number}))
+            answer_to(first, number)
+            second.recv(timeout=WAIT_S)
         assert number > 10
-        two.send(json.dumps({"number": -1}))
-        assert answer_to(two, -1)["words"]
+        second.send(json.dumps({"number": -1}))
+        assert answer_to(second, -1)["words"]
         assert len(pages) == 2
         sleeper.close()
 
@@ -347,17 +349,17 @@ def test_an_incomplete_request_blocks_no_other(panel):
 def test_only_the_newest_state_is_queued(panel, monkeypatch):
     """Skip intermediate states for a page that is notified rarely, but not the last."""
     monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.5)
-    with panel.page(BOARD) as one, panel.page(BOARD) as two:
+    with panel.page(BOARD) as first, panel.page(BOARD) as second:
         for number in range(1, 41):
-            one.send(
+            first.send(
                 json.dumps(panel.valid_message(BOARD) | {"number": number, "rpm": 300 + number})
             )
-            answer_to(one, number)
-        told = []
-        while not told or told[-1] != 340.0:
-            message = json.loads(two.recv(timeout=WAIT_S))
-            told += [message["rpm"]] if message["type"] == "moved" else []
-    assert told == sorted(told) and len(told) < 40
+            answer_to(first, number)
+        speeds = []
+        while not speeds or speeds[-1] != 340.0:
+            message = json.loads(second.recv(timeout=WAIT_S))
+            speeds += [message["rpm"]] if message["type"] == "moved" else []
+    assert speeds == sorted(speeds) and len(speeds) < 40
 
 
 # -- slow results and designs -----------------------------------------------------------------
@@ -385,9 +387,9 @@ def test_slow_results_are_those_of_the_last_law_and_a_killed_worker_is_replaced(
         assert "jump" in received(page, "rest")["rest"]
 
 
-def child_processes(*wanted):
+def child_processes(*arguments):
     """Return the child processes whose commands contain these words."""
-    return [pid for pid, words in children(os.getpid()).items() if {*wanted} <= {*words}]
+    return [pid for pid, command in children(os.getpid()).items() if {*arguments} <= {*command}]
 
 
 def design(panel, name):
@@ -403,8 +405,8 @@ def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
         panel.board.save(name, panel.board.drawn.ordinates.tolist())
     with panel.page(BOARD) as page:
         assert design(panel, "start")[0] == 202
-        status, words = design(panel, "other")
-        assert status == 409 and "stop it first" in words["words"]
+        status, reply = design(panel, "other")
+        assert status == 409 and "stop it first" in reply["words"]
         assert panel.post("/design/stop")[0] == 200
         while not received(page, "design")["design"].get("stopped"):
             pass
@@ -415,11 +417,11 @@ def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
 @pytest.mark.slow
 def test_a_design_that_fails_reports_the_reason(panel):
     """Report a start that is not saved, a path as a name, and an unsupported follower."""
-    status, words = design(panel, "nothing")
-    assert status == 409 and "nothing.yaml" in words["words"]
+    status, reply = design(panel, "nothing")
+    assert status == 409 and "nothing.yaml" in reply["words"]
     for name in ("../poly345", "", "A"):
-        status, words = design(panel, name)
-        assert status == 409 and words["words"].startswith("name: allowed")
+        status, reply = design(panel, name)
+        assert status == 409 and reply["words"].startswith("name: allowed")
     frame = Path(__file__).parents[2] / "config/cams/constant_breadth.yaml"
     panel.board.out.mkdir(exist_ok=True)
     (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
@@ -449,8 +451,8 @@ def test_a_design_reports_its_progress_and_is_written(panel):
     assert message["rpm"] == pytest.approx(jump, rel=1e-3)
     assert jump > 1.2 * cam_rig.jump_speed(board.drawn.start.law, board.rig).rpm
     motion = np.frombuffer(base64.b64decode(message["motion"]), dtype="<f8")
-    wanted = np.stack([law(table_angles(), order) for order in range(ORDERS)])
-    largest = np.abs(wanted).max(axis=1, keepdims=True)
-    assert (np.abs(motion.reshape(ORDERS, MOTION_POINTS) - wanted) / largest).max() <= 1e-9
-    status, words = design(panel, "begin")
-    assert status == 409 and "begin_designed.yaml: exists already" in words["words"]
+    expected = np.stack([law(table_angles(), order) for order in range(ORDERS)])
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(motion.reshape(ORDERS, MOTION_POINTS) - expected) / largest).max() <= 1e-9
+    status, reply = design(panel, "begin")
+    assert status == 409 and "begin_designed.yaml: exists already" in reply["words"]

@@ -76,7 +76,8 @@ class Board:
     def open(self, text: Any) -> None:
         """Draw on the cam of a file's text.
 
-        Raises RefusedError or ConfigError if the text is not a cam file. The board is then unchanged.
+        Raises RefusedError or ConfigError if the text is not a cam file, and leaves the board
+        unchanged.
         """
         if not isinstance(text, str):
             raise RefusedError("text: missing; allowed: the text of a cam file")
