@@ -110,9 +110,9 @@ def mark_sheet(
         sheet = lab_sheet(recorded.lab, cams, rig, recorded.seed)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    tolerance = sheet.default_tolerance if tolerance is None else tolerance
-    marks = (_mark(path, sheet, reading, tolerance) for reading in recorded.readings)
-    return MarkedSheet(path, recorded, tuple(mark for mark in marks if mark), tolerance)
+    percent = sheet.default_tolerance if tolerance is None else tolerance
+    marks = (_mark(path, sheet, reading, percent) for reading in recorded.readings)
+    return MarkedSheet(path, recorded, tuple(mark for mark in marks if mark), percent)
 
 
 def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> AnswerMark | None:
@@ -153,7 +153,7 @@ class MarksResult(Result):
         "answers": (
             Column("file"),
             Column("reading", "", "d", of="reading.number"),
-            Column("asked", of="lab.asked"),
+            Column("asked", of="lab.question"),
             Column("spring_stiffness", "N/m", "g", "spring", "reading.setup.spring_stiffness"),
             Column("added_mass", "kg", "g", of="reading.setup.added_mass"),
             Column("preload", "N", "g", of="reading.setup.preload"),
@@ -168,7 +168,7 @@ class MarksResult(Result):
             Column("lab", of="recorded.lab", hidden=True),
             Column("cam", of="recorded.cam"),
             Column("rig", of="recorded.rig"),
-            Column("seed", of="recorded.seed", missing="the rig's own numbers"),
+            Column("seed", of="recorded.seed", missing="the numbers of the rig"),
             Column("student", of="recorded.student"),
             Column("date", of="recorded.date", hidden=True),
             Column("tolerance", "%", "g", of=lambda sheet: 0.01 * sheet.tolerance),
