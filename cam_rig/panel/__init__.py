@@ -6,6 +6,6 @@ import math
 from typing import TypeGuard
 
 
-def is_number(given: object) -> TypeGuard[float]:
-    """Whether a page has sent a finite number."""
-    return isinstance(given, int | float) and not isinstance(given, bool) and math.isfinite(given)
+def is_number(value: object) -> TypeGuard[float]:
+    """Return True if a value that a page has sent is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -22,52 +22,79 @@ if TYPE_CHECKING:
 
 File = TypeVar("File", "CamConfig", "RigConfig")
 
-# cam-rig panel --mark: the marks of lab sheets.
+# The marks of lab sheets: cam-rig panel --mark.
 
 
 def mark_sheets(
     sheets: list[Path], cams: list[str], rig: str | None, tolerance: float | None
 ) -> MarksResult:
-    """Mark lab sheets of cams and a rig, by default shipped ones of the names on the sheets."""
+    """Return the marks of lab sheets.
+
+    Parameters
+    ----------
+    sheets : list of Path
+        Files of the sheets.
+    cams : list of str
+        Cam files or names. By default, shipped cams of the names on the sheets are used.
+    rig : str or None
+        Rig file or name. By default, a shipped rig of the name on each sheet is used.
+    tolerance : float or None
+        Tolerance of the answers in %, or None for that of each lab.
+
+    Returns
+    -------
+    MarksResult
+        The marks of all sheets.
+
+    Raises
+    ------
+    ConfigError
+        If no sheet is given, if a file is not a lab sheet, or if cam or rig has another name.
+    """
     from cam_rig.panel.lab.marking import MarksResult, mark_sheet
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
 
     if not sheets:
-        raise ConfigError("--mark: no sheet is named; allowed: .csv files of cam-rig panel --lab")
-    own = [load_cam(cam_path(cam)) for cam in cams]
+        raise ConfigError("--mark requires a sheet: a .csv file of cam-rig panel --lab")
+    custom_cams = [load_cam(cam_path(cam)) for cam in cams]
 
     def cam_of(name: str) -> CamConfig:
-        named = next((cam for cam in own if cam.name == name), own[0] if own else None)
-        return _of_name("cam", name, lambda: named or load_cam(cam_path(name)))
+        default = custom_cams[0] if custom_cams else None
+        custom = next((cam for cam in custom_cams if cam.name == name), default)
+        return _load_named("cam", name, lambda: custom or load_cam(cam_path(name)))
 
     def rig_of(name: str) -> RigConfig:
-        return _of_name("rig", name, lambda: load_rig(rig_path(rig or name)))
+        return _load_named("rig", name, lambda: load_rig(rig_path(rig or name)))
 
     return MarksResult(tuple(mark_sheet(path, tolerance, cam_of, rig_of) for path in sheets))
 
 
-def _of_name(kind: str, name: str, load: Callable[[], File]) -> File:
-    """What is loaded, if it has the name that a sheet says, which is no path to somewhere."""
+def _load_named(kind: str, name: str, load: Callable[[], File]) -> File:
+    """Load a cam or rig and check that it has the name on the sheet.
+
+    The name on a sheet must not be a path.
+    """
     from cam_rig.files import shown
     from cam_rig.schema.load import NAME
 
     if not NAME.fullmatch(name):
-        raise ConfigError(f"{kind} is {shown(name)}; allowed: a name as {kind} files have it")
-    if (found := load()).name != name:
-        option = "--rig FILE" if kind == "rig" else "the cam's file"
-        words = f"is of {kind} {name!r}, marked with {found.name!r}"
-        raise ConfigError(f"{words}; allowed: the same, so name {option}")
-    return found
+        raise ConfigError(f"{kind} is {shown(name)}; allowed: a name of a {kind} file")
+    if (config := load()).name != name:
+        remedy = "use --rig FILE" if kind == "rig" else "name the cam's file"
+        raise ConfigError(f"the sheet names {kind} {name!r}, not {config.name!r}; {remedy}")
+    return config
 
 
-#: What is drawn and turned if nothing else is named.
-CAM, RIG = "poly345", "paper_table2"
+#: Cam that is drawn and turned by default.
+DEFAULT_CAM = "poly345"
+#: Rig on which the cam turns by default.
+DEFAULT_RIG = "paper_table2"
 
-#: Bytes of a Unix socket's path, at most (unix(7)).
-LONGEST = 107
+#: Largest number of bytes of a Unix socket's path, see unix(7).
+MAX_SOCKET_PATH_BYTES = 107
 
-#: A page that leads to an address.
+#: HTML page that redirects to an address.
 REDIRECT = """<!doctype html>
 <meta charset="utf-8">
 <meta name="referrer" content="no-referrer">
@@ -80,21 +107,21 @@ Names = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="CAM|SHEETS",
-        help=f"Cam file, or a name in config/cams, by default {CAM}; two for --lab noise; with "
-        "--mark lab sheets, files that end in .csv.",
+        help=f"Cam file, or a name in config/cams, by default {DEFAULT_CAM}; two for --lab noise; "
+        "with --mark also lab sheets, which end in .csv.",
     ),
 ]
-RigOfPanel = Annotated[
-    str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {RIG}.")
+Rig = Annotated[
+    str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {DEFAULT_RIG}.")
 ]
 Port = Annotated[
     int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
 ]
-Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files, bags and sheets go.")]
+Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for cam files, bags and sheets.")]
 Lang = Annotated[
-    str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
+    str | None, typer.Option(help="Language of the pages, en or es; by default the browser's.")
 ]
-NoRerun = Annotated[bool, typer.Option("--no-rerun", help="The bench without Record in Rerun.")]
+NoRerun = Annotated[bool, typer.Option("--no-rerun", help="Disable recording in Rerun.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
 LabName = Annotated[
     str | None,
@@ -104,24 +131,24 @@ Seeds = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME",
-        help="With --lab: measure a rig of hidden numbers; several are a class, a page each.",
+        help="With --lab: hide the rig's numbers; repeat it for a class with one page per seed.",
     ),
 ]
 Host = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="With --lab: serve the lab alone, on this address, to the machines that reach it.",
+        help="With --lab: serve only the lab, on this address of the network.",
     ),
 ]
-ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
+ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead of serving pages.")]
 Tolerance = Annotated[
     float | None,
     typer.Option(
         metavar="PERCENT",
         min=0.0,
         max=100.0,
-        help="With --mark: what an answer may be off; by default the lab's, 1, of noise 2.",
+        help="With --mark: tolerance of an answer; by default that of the lab, 1, or 2 for noise.",
     ),
 ]
 
@@ -129,7 +156,7 @@ Tolerance = Annotated[
 @command("json", "csv", "plot")
 def panel(
     names: Names = None,
-    rig: RigOfPanel = None,
+    rig: Rig = None,
     port: Port = 0,
     out: Out = Path("out"),
     lang: Lang = None,
@@ -147,15 +174,17 @@ def panel(
 ) -> Result | None:
     """Turn the rig by hand in a browser, and draw the laws of its cams.
 
-    Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
-    ordinates of a law are handles on its curve; s to s''', contact force, spectrum and jump speeds
-    follow. The bench runs the nodes: knob, the rig as it moves, level meter, sound, readings. The
-    address has a token: without it no page, user or machine gets anything of the pages, Rerun's
-    among them. The bench's nodes are open to ROS on this machine, as those of every run.
+    The command prints an address on this machine and serves it until Ctrl-C. On the drawing board
+    the ordinates of a law are handles on its curve. The curves s to s''', the contact force, the
+    spectrum and the jump speeds follow each change. The bench runs the nodes, with a speed knob,
+    the moving rig, a level meter, sound and readings. The address contains a token. Without it no
+    page, user or machine has access to the pages or to Rerun's. ROS programs on this machine can
+    reach the nodes of the bench, as those of every run.
 
-    A lab sheet keeps a student's readings and answers as CSV. It asks for jump speeds of springs,
-    masses and preloads, the natural frequency of the stem, or the speed at which two cams are
-    equally loud. A seed hides another rig behind it; the marks say how far an answer is off.
+    A lab sheet saves a student's readings and answers as CSV. Its question is the jump speed of
+    springs, masses and preloads, the natural frequency of the stem, or the speed at which two cams
+    are equally loud. A seed replaces the rig by one with hidden numbers. The marks are the
+    differences between the answers and the true values.
 
     Examples
     --------
@@ -175,54 +204,60 @@ def panel(
     """
     sheets = [name for name in names or [] if mark and name.endswith(".csv")]
     cams = [name for name in names or [] if name not in sheets]
-    for_marks = any(given is not None for given in (tolerance, json, csv, plot))
-    _require_together(cams, lab, seed or host, mark, open_browser, for_marks)
+    has_mark_options = any(value is not None for value in (tolerance, json, csv, plot))
+    _require_compatible(cams, lab, seed or host, mark, open_browser, has_mark_options)
     if mark:
         return mark_sheets([*map(Path, sheets)], cams, rig, tolerance)
     room = ClassRoom(lab, tuple(seed or ()), host) if lab else None
-    _serve(cams or [CAM], rig or RIG, port, out, not no_rerun, open_browser, room, lang)
+    _serve(
+        cams or [DEFAULT_CAM], rig or DEFAULT_RIG, port, out, not no_rerun, open_browser, room, lang
+    )
     return None
 
 
 class ClassRoom(NamedTuple):
-    """A lab, the seeds of its groups, and the address that it is served on."""
+    """Lab, seeds of its groups, and the address on which it is served."""
 
     lab: str
     seeds: tuple[str, ...]
     host: str | None
 
     def pages(self, cams: list[CamConfig], rig: RigConfig, out: Path) -> dict[str, LabPages]:
-        """The sheet of each group, by its place; without groups, or of one, the only one."""
+        """Return the pages of the groups by path.
+
+        With one seed or none, there is a single sheet at `LAB`. Raises ConfigError for a repeated
+        seed.
+        """
         from cam_rig.panel.lab.labs import lab_sheet
         from cam_rig.panel.lab.pages import LAB, LabPages
 
         if len(self.seeds) < 2:
             sheet = lab_sheet(self.lab, cams, rig, next(iter(self.seeds), None))
             return {LAB: LabPages(sheet, out)}
-        found: dict[str, LabPages] = {}
+        pages: dict[str, LabPages] = {}
         for seed in self.seeds:
-            if (place := f"{LAB}/{seed}") in found:
-                raise ConfigError(f"--seed: {seed} is named twice; allowed: a name a group")
-            found[place] = LabPages(lab_sheet(self.lab, cams, rig, seed), out, place, goes_on=True)
-        return found
+            if (path := f"{LAB}/{seed}") in pages:
+                raise ConfigError(f"--seed: {seed} is repeated; allowed: one seed per group")
+            pages[path] = LabPages(lab_sheet(self.lab, cams, rig, seed), out, path, resumes=True)
+        return pages
 
 
-def _require_together(
+def _require_compatible(
     cams: list[str],
     lab: str | None,
-    of_lab: list[str] | str | None,
+    lab_options: list[str] | str | None,
     mark: bool,
     open_browser: bool,
-    for_marks: bool,
+    has_mark_options: bool,
 ) -> None:
-    if len(cams) > 1 and not (mark or lab):  # which of them a lab compares, it says itself
+    if len(cams) > 1 and not (mark or lab):  # a lab checks the number of its cams itself
         raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
-    if of_lab and lab is None:
-        raise ConfigError("--seed, --host: are of a lab sheet; allowed: with --lab")
+    if lab_options and lab is None:
+        raise ConfigError("--seed and --host require --lab")
     if mark and (lab is not None or open_browser):
-        raise ConfigError("--mark serves no page; allowed: without --lab, --seed and --open")
-    if for_marks and not mark:
-        raise ConfigError("--tolerance, --json, --csv, --plot: are of marks; allowed: with --mark")
+        raise ConfigError("--mark cannot be combined with --lab, --seed or --open")
+    if has_mark_options and not mark:
+        raise ConfigError("--tolerance, --json, --csv and --plot require --mark")
 
 
 def _serve(
@@ -252,38 +287,41 @@ def _serve(
     from cam_rig.runner.resources import user_folder
 
     expect_many()
-    named, own = [load_cam(cam_path(cam)) for cam in cams], load_rig(rig_path(rig))
-    first = named[0]
+    cam_configs, rig_config = [load_cam(cam_path(cam)) for cam in cams], load_rig(rig_path(rig))
+    first = cam_configs[0]
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
-        runner = BenchRunner(own, folder, out, rerun)
-        if (size := len(os.fsencode(runner.socket))) > LONGEST:
+        runner = BenchRunner(rig_config, folder, out, rerun)
+        if (size := len(os.fsencode(runner.socket))) > MAX_SOCKET_PATH_BYTES:
             raise ConfigError(
-                f"{runner.socket}: a socket's path of {size} bytes; allowed: {LONGEST}; remedy: a "
-                "shorter XDG_RUNTIME_DIR or TMPDIR"
+                f"{runner.socket}: socket path of {size} bytes; allowed: {MAX_SOCKET_PATH_BYTES}; "
+                "remedy: a shorter XDG_RUNTIME_DIR or TMPDIR"
             )
-        board = Board(first, own, out, rig)
-        sheets = room.pages(named, own, out) if room else {}
+        board = Board(first, rig_config, out, rig)
+        sheets = room.pages(cam_configs, rig_config, out) if room else {}
         host = room.host if room else None
         pages: list[PanelPages] = [*sheets.values()]
-        if host is None:  # board and bench are for who sits at this machine
+        if host is None:  # board and bench are served only to this machine
             pages += [BoardPages(board), BenchPages(runner, first, board)]
         home = next(iter(sheets), "/")
         with serve(*pages, port=port, language=lang, home=home, host=host or LOOPBACK) as served:
             if len(sheets) > 1:
-                for place in sheets:
-                    group = place.rpartition("/")[2]
-                    print(f"{group}: {served.access.address(place)}", flush=True)
+                for path in sheets:
+                    group = path.rpartition("/")[2]
+                    print(f"{group}: {served.access.address(path)}", flush=True)
             else:
                 print(served.address, flush=True)
             say("Ctrl-C ends the panel")
             if open_browser:
-                _open(served.address, folder)
+                _open_browser(served.address, folder)
             runner.run(served.alive)
-    raise CamRigError("the panel's server ended")
+    raise CamRigError("the server of the panel has ended")
 
 
-def _open(address: str, folder: Path) -> None:
-    """Open the browser by a file of this user's alone: every user sees a process's arguments."""
+def _open_browser(address: str, folder: Path) -> None:
+    """Open the browser with a file that only this user can read.
+
+    The file hides the token, because every user can read the arguments of a process.
+    """
     import webbrowser
 
     page = folder / "panel.html"

@@ -1,4 +1,4 @@
-"""The panel's pages as one application, and what they send, read in one place for all of them."""
+"""Web application of the panel's pages, and the parser of the messages they send."""
 
 from __future__ import annotations
 
@@ -24,64 +24,74 @@ from cam_rig.show import looks
 from cam_rig.show.looks import web
 from cam_rig.viewer.web_server import MAX_MESSAGE, Served, serve_application
 
-#: The page takes nothing from another host, and is shown in no other's frame.
+#: Content-Security-Policy of every page: nothing from other hosts, no display in a frame of
+#: another.
 POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
 )
 
+#: Folder of the pages' files.
 STATIC = Path(__file__).parent / "static"
 
-# What pages send: JSON objects of a bounded size.
+# Requests of pages: JSON objects of a bounded size.
 
-Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any] | Response]]
+#: Function that answers the data of a request with a JSON object or a response.
+Handler = Callable[[dict[str, Any]], Awaitable[dict[str, Any] | Response]]
 
 
-def page_file(path: str, folder: str, opened: Callable[[], None] = lambda: None) -> Route:
-    """A route of a page's own file; ``opened`` is told."""
+def page_file(path: str, folder: str, on_open: Callable[[], None] = lambda: None) -> Route:
+    """Return the route of a page's HTML file. `on_open` is called at each request."""
 
-    async def answered(_: Request) -> Response:
-        opened()
+    async def respond(_: Request) -> Response:
+        on_open()
         return FileResponse(STATIC / folder / "index.html")
 
-    return Route(path, answered)
+    return Route(path, respond)
 
 
-def get(path: str, answer: Answer) -> Route:
-    """A route that answers the names in its path; with 404 where ``answer`` raises, as `post`."""
+def get(path: str, answer: Handler) -> Route:
+    """Return a GET route that answers the parameters of its path.
 
-    async def answered(request: Request) -> Response:
-        return await _answered(answer, request.path_params, 404)
+    The status is 404 if `answer` raises CamRigError, and 409 for RefusedError.
+    """
 
-    return Route(path, answered)
+    async def respond(request: Request) -> Response:
+        return await _respond(answer, request.path_params, 404)
+
+    return Route(path, respond)
 
 
-def post(path: str, answer: Answer) -> Route:
-    """A route that answers a request's object; 400 where it is none, 409 where it is refused."""
+def post(path: str, answer: Handler) -> Route:
+    """Return a POST route that answers the JSON object of a request.
 
-    async def answered(request: Request) -> Response:
+    The status is 400 if the body is not an allowed JSON object, and 409 if `answer` raises
+    CamRigError.
+    """
+
+    async def respond(request: Request) -> Response:
         try:
             body = await _read_body(request)
-        except ClientDisconnect:  # the request is cut off, and no one reads the response
+        except ClientDisconnect:  # the connection is closed, so the response is not read
             return Response(status_code=400)
         except RefusedError as error:
             return JSONResponse({"words": str(error)}, 400)
-        return await _answered(answer, body, 409)
+        return await _respond(answer, body, 409)
 
-    return Route(path, answered, methods=["POST"])
+    return Route(path, respond, methods=["POST"])
 
 
-async def _answered(answer: Answer, asked: dict[str, Any], status: int) -> Response:
+async def _respond(answer: Handler, request_data: dict[str, Any], status: int) -> Response:
     try:
-        found = await answer(asked)
+        reply = await answer(request_data)
     except CamRigError as error:
         status = 409 if isinstance(error, RefusedError) else status
         return JSONResponse({"words": str(error)}, status)
-    return found if isinstance(found, Response) else JSONResponse(found)
+    return reply if isinstance(reply, Response) else JSONResponse(reply)
 
 
 def csv_file(name: str, text: str) -> Response:
-    """A table to be saved under a name."""
+    """Return a CSV response that a browser saves under a name."""
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return Response(text, headers=headers, media_type="text/csv")
 
@@ -91,12 +101,15 @@ async def _read_body(request: Request) -> dict[str, Any]:
     async for chunk in request.stream():
         data += chunk
         if len(data) > MAX_MESSAGE:
-            raise RefusedError(f"request: allowed: {MAX_MESSAGE} bytes")
+            raise RefusedError(f"request: must not exceed {MAX_MESSAGE} bytes")
     return read_object(data)
 
 
 async def read_frame(socket: WebSocket) -> dict[str, Any]:
-    """The object in a page's next message."""
+    """Return the JSON object of a page's next message.
+
+    Raises WebSocketDisconnect if the page is closed, and RefusedError for any other content.
+    """
     message = await socket.receive()
     if message["type"] == "websocket.disconnect":
         raise WebSocketDisconnect(message.get("code", 1005))
@@ -104,49 +117,59 @@ async def read_frame(socket: WebSocket) -> dict[str, Any]:
 
 
 def read_object(text: str | bytes) -> dict[str, Any]:
-    """A JSON object that can be answered as JSON: finite numbers, and text that is Unicode."""
+    """Return the JSON object of a text that can be sent back as JSON.
+
+    Raises RefusedError unless all numbers are finite and all text is valid Unicode.
+    """
     try:
-        found = json.loads(text, parse_int=_number)
-        # Python reads NaN, 1e999 and half a surrogate pair, and no page could be sent them back.
-        json.dumps(found, allow_nan=False, ensure_ascii=False).encode()
+        data = json.loads(text, parse_int=_number)
+        # json.loads accepts NaN, 1e999 and half a surrogate pair, which a response cannot contain.
+        json.dumps(data, allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        data = None
+    if not isinstance(data, dict):
         raise RefusedError("message: allowed: a JSON object, of finite numbers and Unicode text")
-    return found
+    return data
 
 
 def _number(digits: str) -> int | float:
-    """A whole number; one that a double does not hold is infinite."""
-    found = float(digits)
-    return int(digits) if abs(found) < 2.0**53 else found
+    """Return an integer, or a float if a double cannot represent it exactly."""
+    value = float(digits)
+    return int(digits) if abs(value) < 2.0**53 else value
 
 
 class PanelPages:
-    """Some pages of the panel: what is asked of them, and what runs as long as they are served."""
+    """Pages of one part of the panel: their routes and their background tasks."""
 
     routes: Sequence[BaseRoute]
 
     @asynccontextmanager
     async def alive(self) -> AsyncIterator[None]:
-        """Entered in the server's loop before the first request, left after the last."""
+        """Run the background tasks while the context is active.
+
+        The server enters the context in its event loop before the first request and leaves it after
+        the last.
+        """
         yield
 
 
 def languages() -> list[str]:
-    """Those that the pages have texts in, by their two letters."""
+    """Return the two-letter codes of the languages in which the pages have texts."""
     return sorted(path.stem for path in (STATIC / "texts").glob("*.json"))
 
 
 async def _looks(_: Request) -> Response:
-    """Colours and sizes of every page, and the figures' colours of what is drawn, as variables."""
+    """Return the colours and sizes of pages and figures as CSS variables."""
     names = "LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER"
     rows = "".join(f"--of-{n.lower().replace('_', '-')}:{web(getattr(looks, n))};" for n in names)
     return Response(f"{looks.tokens()}:root{{{rows}}}", media_type="text/css")
 
 
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:
-    """All pages of a panel with the files that they share; ``language`` None is the browser's."""
+    """Return the application of all pages and of the files that they share.
+
+    If `language` is None, each page uses the language of its browser.
+    """
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -155,20 +178,19 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
                 await stack.enter_async_context(part.alive())
             yield
 
-    async def offered(_: Request) -> Response:
-        served = [route.path for route in own if isinstance(route, Route)]
-        offers = {"language": language, "languages": languages(), "pages": served}
-        return JSONResponse(offers)
+    async def list_languages(_: Request) -> Response:
+        paths = [route.path for route in page_routes if isinstance(route, Route)]
+        return JSONResponse({"language": language, "languages": languages(), "pages": paths})
 
-    own = [route for part in pages for route in part.routes]
-    common = (
-        Route("/languages", offered),
+    page_routes = [route for part in pages for route in part.routes]
+    common_routes = (
+        Route("/languages", list_languages),
         Route("/looks.css", _looks),
         Mount("/static", StaticFiles(directory=STATIC)),
     )
-    routes = [*own, *common]
-    packed = Middleware(GZipMiddleware, compresslevel=5)
-    return Starlette(routes=routes, lifespan=lifespan, middleware=[packed])
+    routes = [*page_routes, *common_routes]
+    gzip = Middleware(GZipMiddleware, compresslevel=5)
+    return Starlette(routes=routes, lifespan=lifespan, middleware=[gzip])
 
 
 @contextmanager
@@ -179,7 +201,31 @@ def serve(
     home: str = "/",
     host: str = LOOPBACK,
 ) -> Iterator[Served]:
-    """Serve pages as long as the context lasts; the printed address leads to ``home``."""
+    """Serve pages while the context is active.
+
+    Parameters
+    ----------
+    pages : PanelPages
+        Parts of the panel.
+    port : int
+        Port, or 0 for a free one (default).
+    language : str or None
+        Language of the pages, or None for that of the browser (default).
+    home : str
+        Path to which the printed address leads.
+    host : str
+        Address on which the pages are served (default: the loopback address).
+
+    Yields
+    ------
+    Served
+        The address with its token, and a check that the server is running.
+
+    Raises
+    ------
+    ConfigError
+        If the pages have no texts in the language.
+    """
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     app = application(*pages, language=language)
@@ -187,50 +233,57 @@ def serve(
         yield served
 
 
-# A page's websocket: what it asks is done, and what is new it is told, as fast as it reads.
+# A page's websocket: commands are executed, and changes are sent as fast as the page reads.
 
-#: Wall time (s) between two messages of a kind, at least.
-TELL_EVERY_S = 0.05
-#: Wall time (s) in which a page must have room for a message, or it is dropped.
-READS_WITHIN_S = 30.0
+#: Shortest wall time (s) between two rounds of queued messages.
+MESSAGE_PERIOD_S = 0.05
+#: Wall time (s) within which a page must accept a message, or it is dropped.
+SEND_TIMEOUT_S = 30.0
+#: Message of a websocket: a JSON object.
 Message = dict[str, Any]
 
 
 class LivePage:
-    """A page that holds nobody up: of each kind of message only the newest waits for it."""
+    """Websocket of a page, with a queue that never blocks the sender.
+
+    Only the newest message of each kind is queued.
+    """
 
     def __init__(self, socket: WebSocket) -> None:
         self.socket = socket
-        self._newest: dict[str, Callable[[], Message]] = {}
-        self._new = asyncio.Event()
+        self._queued: dict[str, Callable[[], Message]] = {}
+        self._has_queued = asyncio.Event()
 
-    def tell(self, kind: str, message: Callable[[], Message]) -> None:
-        """Have it told, in place of what still waits of a kind; made when sent, empty is none."""
-        self._newest[kind] = message
-        self._new.set()
+    def queue(self, kind: str, message: Callable[[], Message]) -> None:
+        """Queue a message in place of an older one of its kind.
 
-    def refused(self, number: Any, words: str) -> Message:
-        """The answer to a refused message of a number, None where it has none."""
+        `message` is called when the message is sent. An empty message is not sent.
+        """
+        self._queued[kind] = message
+        self._has_queued.set()
+
+    def refusal(self, number: Any, words: str) -> Message:
+        """Return the answer to a refused message. `number` is None if the message has no number."""
         return {"type": "refused", "number": number, "words": words}
 
     async def serve(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
-        """Do what it asks, by ``obey``, and tell it what is new, until it is closed."""
+        """Execute the page's commands by `obey` and send queued messages until it closes."""
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._obey(obey))
-                for telling in self.telling():
-                    group.create_task(telling)
-        # Closed; closed while another task sends; reads nothing.
+                for task in self.sender_tasks():
+                    group.create_task(task)
+        # In order: the page is closed, closed while another task sends, or reads nothing.
         except* (WebSocketDisconnect, RuntimeError, TimeoutError):
             pass
 
-    def telling(self) -> list[Any]:
-        """What runs beside, as long as the page is there."""
-        return [self._tell()]
+    def sender_tasks(self) -> list[Any]:
+        """Return the coroutines that send messages while the page is open."""
+        return [self._send_queued()]
 
     async def send(self, message: Message | bytes) -> None:
-        """Send a message; TimeoutError where the page reads nothing."""
-        async with asyncio.timeout(READS_WITHIN_S):
+        """Send a message, or raise TimeoutError if the page does not read."""
+        async with asyncio.timeout(SEND_TIMEOUT_S):
             if isinstance(message, bytes):
                 await self.socket.send_bytes(message)
             else:
@@ -240,18 +293,18 @@ class LivePage:
         while True:
             number = None
             try:
-                asked = await read_frame(self.socket)
-                number = asked.get("number")
-                answer = await obey(asked)
+                request_data = await read_frame(self.socket)
+                number = request_data.get("number")
+                answer = await obey(request_data)
             except RefusedError as error:
-                answer = self.refused(number, str(error))
+                answer = self.refusal(number, str(error))
             await self.send(answer)
 
-    async def _tell(self) -> None:
+    async def _send_queued(self) -> None:
         while True:
-            await self._new.wait()
-            self._new.clear()
-            while self._newest:
-                if message := self._newest.pop(next(iter(self._newest)))():
+            await self._has_queued.wait()
+            self._has_queued.clear()
+            while self._queued:
+                if message := self._queued.pop(next(iter(self._queued)))():
                     await self.send(message)
-            await asyncio.sleep(TELL_EVERY_S)
+            await asyncio.sleep(MESSAGE_PERIOD_S)

@@ -1,4 +1,4 @@
-"""A panel that is served, without nodes or with them, and its pages, in a browser or without."""
+"""Fixtures and helpers: a served panel with or without nodes, and its pages."""
 
 import json
 import signal
@@ -28,7 +28,7 @@ from ..processes import WAIT_S, children, until
 from ..viewer.asking import Visitor, local
 
 BOARD, BENCH = "/changes", "/bench/live"
-#: On a sheet that a test fills: of the lab with the most set-ups.
+#: Largest number of answers on a sheet that a test fills.
 ANSWERS = 4
 
 
@@ -37,8 +37,8 @@ def board(tmp_path):
     return Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path / "out")
 
 
-def with_one_moved(board, lifts, handle=7):
-    """The ordinates, one of them moved (by default in the middle of the rise)."""
+def with_moved_ordinate(board, lifts, handle=7):
+    """Return the ordinates with one moved, by default in the middle of the rise."""
     ordinates = board.ordinates.tolist()
     ordinates[board.drawn.handles[handle].index] += lifts
     return ordinates
@@ -49,7 +49,7 @@ def sheet_of(rig="paper_table2", seed=None, cam="poly345", lab="jump"):
 
 
 def socket_of(visitor, path):
-    """A page's websocket."""
+    """Return a connection to the websocket of a page."""
     return connect(
         f"ws://{visitor.url.netloc}{path}",
         sock=local(visitor.url.port),
@@ -60,27 +60,27 @@ def socket_of(visitor, path):
 
 
 def received(socket, *kinds):
-    """The first message of each kind that comes, answers to what was sent among them."""
-    found = {}
-    while set(found) != set(kinds):
+    """Return the first message of each kind, answers to sent messages included."""
+    messages = {}
+    while set(messages) != set(kinds):
         message = socket.recv(timeout=WAIT_S)
         if isinstance(message, str) and (read := json.loads(message))["type"] in kinds:
-            found.setdefault(read["type"], read)
-    return found
+            messages.setdefault(read["type"], read)
+    return messages
 
 
 def blocks_of(data):
-    """Begin and step (s), and the rows of each tick's block, as a page is sent them."""
-    found = []
+    """Return start (s), step (s) and rows of each tick's block in a page's message."""
+    blocks = []
     while data:
-        begin, step, count = np.frombuffer(data, "<f8", 3).tolist()
+        start, step, count = np.frombuffer(data, "<f8", 3).tolist()
         rows, data = data[24 : 24 + round(24 * count)], data[24 + round(24 * count) :]
-        found.append((begin, step, np.frombuffer(rows, "<f4").reshape(6, -1)))
-    return found
+        blocks.append((start, step, np.frombuffer(rows, "<f4").reshape(6, -1)))
+    return blocks
 
 
 class ServedPages(Visitor):
-    """A panel with board, bench and lab, without nodes, and who has its whole address."""
+    """Visitor of a panel with board, bench and lab but without nodes."""
 
     def __init__(self, board, bench, lab, address):
         super().__init__(address)
@@ -90,8 +90,8 @@ class ServedPages(Visitor):
     def page(self, path):
         return socket_of(self, path)
 
-    def right(self, path):
-        """A message that a page may send."""
+    def valid_message(self, path):
+        """Return a message that a page may send."""
         if path == BENCH:
             return {"do": "clear"}
         return {"ordinates": self.board.ordinates.tolist(), "rpm": 250}
@@ -99,7 +99,7 @@ class ServedPages(Visitor):
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
-    """One panel for the tests of a file."""
+    """Serve one panel for the tests of a file."""
     folder, sheet = tmp_path_factory.mktemp("panel"), sheet_of()
     pages = BoardPages(Board(sheet.cam, sheet.rig, folder / "out"))
     bench = BenchPages(BenchRunner(sheet.rig, folder, folder / "out"), sheet.cam, pages.board)
@@ -109,14 +109,14 @@ def served(tmp_path_factory):
 
 
 class ServedLab(Visitor):
-    """A lab sheet as its page asks it."""
+    """Lab sheet as its page requests it."""
 
     def __init__(self, pages, address):
         super().__init__(address)
         self.pages = pages
 
-    def asked(self, index, rpm):
-        """What the page sends of a set-up at a speed."""
+    def request_data(self, index, rpm):
+        """Return the data that the page sends for a set-up at a speed (rpm)."""
         return vars(self.pages.notebook.sheet.setups[index]) | {"rpm": rpm}
 
 
@@ -128,20 +128,21 @@ def served_lab(sheet, out):
 
 
 def filled(sheet, folder, off=0.0, student="Ana"):
-    """The sheet's file with answers, each of another set-up, so far (relative) off.
+    """Return the path of a sheet with answers, each of another set-up.
 
-    With a reading before, where what is read is not yet the answer.
+    `off` is the relative error of the answers. If the speed that is read is not the answer, the
+    sheet also has a reading.
     """
     book = Notebook(sheet, folder)
-    book.name(student)
+    book.set_student(student)
     if sheet.answer:
         book.record(vars(sheet.setups[0]) | {"rpm": sheet.knob[0] + 1.0})
-    for setup in sheet.asked_setups[:ANSWERS]:
-        found = sheet.true(setup) * (1.0 + off)
+    for setup in sheet.answerable_setups[:ANSWERS]:
+        answer = sheet.true(setup) * (1.0 + off)
         if sheet.answer:
-            book.answer(vars(setup) | {"answer": f"{found:.3f}"})
+            book.answer(vars(setup) | {"answer": f"{answer:.3f}"})
         else:
-            book.record(vars(setup) | {"rpm": found})
+            book.record(vars(setup) | {"rpm": answer})
     return book.path
 
 
@@ -157,7 +158,7 @@ def chromium():
 
 
 class BrowserPage:
-    """A page of the panel: what it shows, and what went wrong or to another host."""
+    """Page of the panel in a browser, with its errors and requests to other hosts."""
 
     def __init__(self, page):
         self.page = page
@@ -165,7 +166,7 @@ class BrowserPage:
         self.outside = []
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
-        page.on("request", lambda asked: self._note(asked.url))
+        page.on("request", lambda request: self._note(request.url))
         page.on("websocket", lambda socket: self._note(socket.url))
 
     def _note(self, url):
@@ -176,14 +177,14 @@ class BrowserPage:
             self.outside.append(url)
 
     def open(self, address, path=""):
-        """Open what a printed address leads to, and a path from there."""
+        """Open the page of a printed address, and then a path on its server."""
         self.page.goto(address)
         self.page.wait_for_url(lambda url: "token" not in url)
         if path:
             self.page.goto(f"http://{urlsplit(address).netloc}{path}")
 
     def enter(self, name, value):
-        """Fill a field, and press Enter."""
+        """Fill a field and press Enter."""
         self.page.locator(f"#{name}").fill(str(value))
         self.page.locator(f"#{name}").press("Enter")
 
@@ -191,14 +192,14 @@ class BrowserPage:
         return str(self.page.evaluate("id => document.getElementById(id)?.textContent", name))
 
     def number(self, name):
-        """The first word of a readout, if it is a number."""
+        """Return the first word of a readout as a number, None if it is not a number."""
         try:
             return float(self.text(name).split()[0])
         except (ValueError, IndexError):
             return None
 
     def path(self, chart, kind=""):
-        """The points of the curve itself, or of another kind of it."""
+        """Return the path of a chart's main curve, or of another kind of curve."""
         script = """([id, kind]) => [...document.querySelectorAll(`#${id} .curve`)].find(
             (path) => kind ? path.classList.contains(kind)
               : !["ghost", "second"].some((other) => path.classList.contains(other))
@@ -206,14 +207,14 @@ class BrowserPage:
         return str(self.page.evaluate(script, [chart, kind]))
 
     def until(self, condition):
-        """Wait for what is to be seen on the page."""
-        until(condition, self._said, lambda: self.page.wait_for_timeout(40), TIMEOUT_S)
+        """Wait for a condition of the page."""
+        until(condition, self._page_texts, lambda: self.page.wait_for_timeout(40), TIMEOUT_S)
 
-    def _said(self):
+    def _page_texts(self):
         return [self.text(name) for name in ("status", "graph", "speed", "level")]
 
     def width(self, width):
-        """How wide the page is that is shown in so many pixels."""
+        """Return the width (px) of the page in a window of a width (px)."""
         self.page.set_viewport_size({"width": width, "height": 800})
         drawn = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
         self.page.evaluate(drawn)
@@ -222,7 +223,7 @@ class BrowserPage:
 
 @contextmanager
 def in_browser(chromium, kind, **context):
-    """A page of its own; nothing may go wrong on it, and no other host be asked."""
+    """Open a page in a new context, and check for errors and requests to other hosts."""
     page = chromium.new_context(**context).new_page() if context else new_page(chromium)
     shown = kind(page)
     yield shown
@@ -234,7 +235,7 @@ def in_browser(chromium, kind, **context):
 
 
 class BenchPage:
-    """A page of the bench without a browser: what it is told, and what it commands."""
+    """Page of the bench without a browser, with its received values and commands."""
 
     def __init__(self, socket):
         self.socket, self.number, self.sound = socket, 0, b""
@@ -249,61 +250,61 @@ class BenchPage:
             else:
                 self.motion += blocks_of(message.removeprefix(MOTION))
             return {}
-        found = json.loads(message)
-        if found["type"] == "live":
-            self.live = self.live | found  # what has changed
-        return found
+        data = json.loads(message)
+        if data["type"] == "live":
+            self.live = self.live | data  # the message contains only changed values
+        return data
 
     def until(self, condition):
-        """Wait until the bench is so; what it then shows."""
+        """Wait for a condition of the bench, and return its values."""
         until(lambda: self.live and condition(self.live), lambda: self.live, self._next)
         return self.live
 
-    def ask(self, do, **more):
-        """What a command is answered with."""
+    def request(self, do, **more):
+        """Send a command and return its answer."""
         self.number += 1
         self.socket.send(json.dumps({"number": self.number, "do": do, **more}))
         return self.answer(self.number)
 
     def answer(self, number):
-        """The answer to the command of a number; None of one without."""
+        """Return the answer to the command of a number, None for one without a number."""
         while (message := self._next()).get("type") != "answer" or message["answer"] != number:
             pass
         return message
 
     def do(self, do, **more):
-        """A command that must not be refused."""
-        answer = self.ask(do, **more)
+        """Send a command that must not be refused, and return its answer."""
+        answer = self.request(do, **more)
         assert answer["success"], answer["words"]
         return answer
 
     def running(self):
-        """Wait until the nodes are there and have told their parameters."""
+        """Wait until the nodes run and have reported their parameters."""
         return self.until(lambda live: live["graph"] == "running" and len(live["values"]) == 3)
 
     def turning(self, rpm):
-        """Wait until the cam turns at a speed."""
+        """Wait until the cam turns at a speed (rpm)."""
         return self.until(lambda live: abs(live["state"].get("rpm", 0.0) - rpm) < 1e-6)
 
     def turned(self, seconds):
-        """Start, and wait until the cam has turned for some rig time (s)."""
+        """Start the cam and wait until it has turned for a rig time (s)."""
         self.do("call", value="start")
-        return self.comes_to(seconds)
+        return self.wait_for_rig_time(seconds)
 
-    def comes_to(self, seconds):
-        """Watch until the follower has come to a rig time (s)."""
+    def wait_for_rig_time(self, seconds):
+        """Wait until the follower's samples have reached a rig time (s)."""
         self.do("watch", value=True)
         return self.until(lambda _: self.motion and self.motion[-1][0] > seconds)
 
     def keep(self):
-        """Keep the bag that is recorded; its path."""
+        """Keep the bag that is recorded, and return its path."""
         kept = len(self.live["kept"])
         self.do("keep")
         return Path(self.until(lambda live: len(live["kept"]) > kept)["kept"][-1])
 
 
 class RunningPanel(Visitor):
-    """cam-rig panel as a process that keeps its bags in a folder ``out``."""
+    """Process of cam-rig panel that keeps its bags in the folder `out`."""
 
     def __init__(self, process, out):
         self.process, self.out = process, out
@@ -311,33 +312,33 @@ class RunningPanel(Visitor):
 
     @contextmanager
     def page(self):
-        """A page of the bench, which begins the nodes."""
+        """Open a page of the bench, which starts the nodes."""
         self.get("/bench")
         with socket_of(self, BENCH) as socket:
             yield BenchPage(socket)
 
     def nodes(self):
-        """The processes of its nodes by name."""
-        found = children(self.process.pid).items()
-        return {words[3]: pid for pid, words in found if words[2:3] == ["cam_rig.nodes"]}
+        """Return the process ids of its nodes by name."""
+        processes = children(self.process.pid).items()
+        return {words[3]: pid for pid, words in processes if words[2:3] == ["cam_rig.nodes"]}
 
     def end(self, number):
-        """End it by a signal; its exit code."""
+        """End the process by a signal and return its exit code."""
         self.process.send_signal(number)
         return self.process.wait(WAIT_S)
 
 
-def begin_panel(out, *options, stderr=subprocess.PIPE):
-    """A process of `cam-rig panel` without Rerun."""
+def start_panel(out, *options, stderr=subprocess.PIPE):
+    """Start a process of `cam-rig panel` without Rerun."""
     command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
-    words = [*map(str, command), *options]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=stderr, text=True)
+    arguments = [*map(str, command), *options]
+    return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=stderr, text=True)
 
 
 @contextmanager
 def panel_process(out, *options):
-    """A panel without Rerun, as long as the context lasts."""
-    with begin_panel(out, *options) as process:
+    """Run a panel without Rerun while the context is active."""
+    with start_panel(out, *options) as process:
         try:
             yield RunningPanel(process, out)
         finally:

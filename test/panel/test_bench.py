@@ -1,4 +1,4 @@
-"""The bench without nodes: set-ups, what pages are shown and draw of what nodes say, readings."""
+"""The bench without nodes: set-ups, displayed state, drawn data, and readings."""
 
 import base64
 import csv
@@ -24,29 +24,32 @@ from ..conftest import CAM_NAMES
 from .conftest import blocks_of
 
 RIG = cam_rig.load_rig("paper_table2")
-OWN = Setup.of(RIG, "poly345")
+DEFAULT_SETUP = Setup.of(RIG, "poly345")
 SPEED, TICKS = 300.0, 12
 
 # -- set-ups ----------------------------------------------------------------------------------
 
 
-def test_a_set_up_is_a_scene(tmp_path):
-    """Its rig has the chosen numbers, and what was not chosen as the file has it."""
+def test_a_set_up_is_written_as_a_scene(tmp_path):
+    """Write the chosen numbers. Other numbers are those of the file."""
     runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
     for model in runner.allowed_models(RIG):
-        given = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
-        loaded = open_scene(OWN.changed(given, RIG).write(tmp_path, RIG))
+        changes = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
+        loaded = open_scene(DEFAULT_SETUP.with_changes(changes, RIG).write(tmp_path, RIG))
         follower = loaded.rig.follower
         assert follower.mass.si == pytest.approx(RIG.follower.mass.si + 0.5)
         assert follower.preload.si == 45.0
         assert follower.spring_stiffness == RIG.follower.spring_stiffness
         assert loaded.scene.model == model
         rpm = np.array(loaded.scene.program.speeds.si_list) * 30 / np.pi
-        np.testing.assert_allclose(rpm, [321.0, runner.DRAWN_RPM])
+        np.testing.assert_allclose(rpm, [321.0, runner.AXIS_RPM])
 
 
-def test_the_bench_begins_with_the_follower_of_the_board():
-    """Two masses where the rig splits its mass; a model where the rig has its numbers."""
+def test_the_bench_starts_with_the_follower_of_the_board():
+    """Start with two masses if the rig splits its mass.
+
+    A model is allowed if the rig has its numbers.
+    """
     for path in (config_root() / "rigs").glob("*.yaml"):
         rig = cam_rig.load_rig(path)
         model = Setup.of(rig, "poly345").model
@@ -58,22 +61,24 @@ def test_the_bench_begins_with_the_follower_of_the_board():
 
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("name", CAM_NAMES)
-def test_every_cam_can_be_put_among_the_benchs_own(name, tmp_path):
-    """Its law is the same number by number, one of a table too."""
+def test_every_cam_can_be_added_to_the_bench(name, tmp_path):
+    """Preserve every number of the law, also for a law from a table."""
     cam = cam_rig.load_cam(name)
     runner.add_cam(cam, tmp_path)
-    own, law = (
+    added_law, law = (
         cam_rig.build_law(cam_rig.load_cam(tmp_path / f"{name}.yaml")),
         cam_rig.build_law(cam),
     )
-    assert np.array_equal(law.breaks, own.breaks) and np.array_equal(law.ordinates, own.ordinates)
-    # one whose follower is held on it is turned by no model, and is not offered
+    assert np.array_equal(law.breaks, added_law.breaks) and np.array_equal(
+        law.ordinates, added_law.ordinates
+    )
+    # no model turns a cam with a desmodromic follower, so the bench does not offer it
     assert (name in runner.cam_names(tmp_path)) is cam.follower.sprung
 
 
-def test_a_wrong_set_up_is_refused():
-    """In one line with what is allowed."""
-    for given, words in (
+def test_an_invalid_set_up_is_refused():
+    """Name the rule in one line."""
+    for changes, text in (
         ({"model": "soft"}, "model: is 'soft'; allowed on this rig"),
         ({"added_mass": -1}, "added mass: is -1 kg"),
         ({"added_mass": float("nan")}, "added mass: is nan"),
@@ -85,39 +90,46 @@ def test_a_wrong_set_up_is_refused():
         ({"rpm": 1e5}, f"rpm: is 100000; allowed: 1 to {runner.MAX_RPM:g}"),
     ):
         with pytest.raises(RefusedError) as raised:
-            OWN.changed(given, RIG)
-        assert words in str(raised.value) and "\n" not in str(raised.value)
+            DEFAULT_SETUP.with_changes(changes, RIG)
+        assert text in str(raised.value) and "\n" not in str(raised.value)
 
 
-# -- what pages are shown follows from what the nodes say, in whatever order it comes ---------
+# -- the displayed state follows the node messages, in any order ------------------------------
 
 
 @pytest.fixture
 def live():
-    """A bench whose nodes run."""
-    state = LiveState(OWN)
-    state.happened({"graph": "starting", "domain": 7})
-    state.heard({"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "stopped", "waits_for": ""}]})
-    state.heard({"node": "microphone", "values": {"frequency_weighting": "A"}})
-    state.heard({"node": "microphone", "values": {"time_weighting": "F"}})
+    """Return the state of a bench whose nodes run."""
+    state = LiveState(DEFAULT_SETUP)
+    state.on_runner_event({"graph": "starting", "domain": 7})
+    state.on_node_message(
+        {"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "stopped", "waits_for": ""}]}
+    )
+    state.on_node_message({"node": "microphone", "values": {"frequency_weighting": "A"}})
+    state.on_node_message({"node": "microphone", "values": {"time_weighting": "F"}})
     return state
 
 
 def turn(live, first, count):
-    """Ticks of a speed, each with its level."""
+    """Add ticks of a constant speed, each with its level."""
     for k in range(first, first + count):
         times = [round(n * 60.0 / SPEED / TICKS * NS) for n in (k, k + 1)]
-        live.heard({"state": {"time_ns": times[0], "cam": "poly345", "rpm": SPEED, "angle": 0.0}})
-        live.heard({"level": 80.0, "time_ns": times[1]})
+        live.on_node_message(
+            {"state": {"time_ns": times[0], "cam": "poly345", "rpm": SPEED, "angle": 0.0}}
+        )
+        live.on_node_message({"level": 80.0, "time_ns": times[1]})
 
 
-def test_a_contact_that_was_lost_in_the_mean_is_noted(live):
-    """Though the last tick was in contact; long after, it is not."""
-    live.heard({"health": ["follower", 0, {}]})
+def test_a_loss_of_contact_within_the_averaged_time_is_noted(live):
+    """Note a loss of contact even if the last tick was in contact.
+
+    Long afterwards the contact is noted as kept.
+    """
+    live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 0, 150)
     assert live.note().contact == "in contact"
-    live.heard({"health": ["follower", 1, {}]})
-    live.heard({"health": ["follower", 0, {}]})
+    live.on_node_message({"health": ["follower", 1, {}]})
+    live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 150, 20)
     assert live.note().contact == "contact lost"
     assert live.losses == 1
@@ -126,57 +138,60 @@ def test_a_contact_that_was_lost_in_the_mean_is_noted(live):
     assert [reading.weighting for reading in live.readings] == ["LAF"] * 3
 
 
-def test_the_drive_is_what_it_says(live):
-    """Stopped, waiting, turning, stopped in an emergency until it says that it turns again."""
+def test_the_drive_has_its_reported_state(live):
+    """Follow the drive: stopped, waiting, turning, emergency until it turns again."""
     assert (live.graph, live.drive) == ("running", "stopped")
-    live.heard(
+    live.on_node_message(
         {"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "waiting", "waits_for": "viewer"}]}
     )
     assert live.waits_for == "viewer"
     turn(live, 0, 1)
     assert (live.drive, live.waits_for) == ("turning", "")
-    live.heard({"health": ["cam_drive", 2, {}]})
+    live.on_node_message({"health": ["cam_drive", 2, {}]})
     turn(live, 1, 1)
     assert live.drive == "emergency"
-    live.heard({"health": ["cam_drive", 0, {}]})
+    live.on_node_message({"health": ["cam_drive", 0, {}]})
     assert live.drive == "turning"
-    live.heard({"health": [PACE, 1, {}]})
+    live.on_node_message({"health": [PACE, 1, {}]})
     assert live.late == "lagging"
-    live.heard({"health": [PACE, 0, {}]})
+    live.on_node_message({"health": [PACE, 0, {}]})
     assert live.late == ""
 
 
-def test_what_is_in_flight_after_a_stop_does_not_turn(live):
-    """Four ticks may still come; more of them, and somebody else has started it."""
+def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
+    """Ignore four ticks after a stop.
+
+    More ticks mean that another program has started the drive.
+    """
     turn(live, 0, 150)
-    live.stopped()
+    live.on_stop()
     turn(live, 150, 4)
-    assert (live.drive, live.shown()["level"]) == ("stopped", None)
-    with pytest.raises(RefusedError, match="the cam stands"):
+    assert (live.drive, live.page_data()["level"]) == ("stopped", None)
+    with pytest.raises(RefusedError, match="the cam is stopped"):
         live.note()
     turn(live, 154, 2)
     assert live.drive == "turning"
 
 
-def test_a_set_up_or_a_weighting_begins_anew_and_keeps_what_was_noted(live):
-    """Cam and speed are carried over; contact and level are of the old run."""
-    live.heard({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
-    live.heard({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
+def test_a_new_set_up_or_weighting_clears_the_meter_and_keeps_readings(live):
+    """Keep cam and speed for the next run, but not contact and level."""
+    live.on_node_message({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
+    live.on_node_message({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
     turn(live, 0, 150)
     live.note()
-    live.heard({"node": "microphone", "values": {"frequency_weighting": "C"}})
+    live.on_node_message({"node": "microphone", "values": {"frequency_weighting": "C"}})
     with pytest.raises(RefusedError):
         live.note()
-    assert live.mounted() == {"cam": "poly345", "rpm": 280.0}
-    assert live.chosen()["cam_drive"] == {"pacing": "5x"}
-    live.happened({"graph": "starting"})
-    shown = live.shown()
-    assert (shown["state"], shown["level"]) == ({}, None)
-    assert len(shown["readings"]) == 1
+    assert live.mounted_cam_and_speed() == {"cam": "poly345", "rpm": 280.0}
+    assert live.node_settings()["cam_drive"] == {"pacing": "5x"}
+    live.on_runner_event({"graph": "starting"})
+    data = live.page_data()
+    assert (data["state"], data["level"]) == ({}, None)
+    assert len(data["readings"]) == 1
 
 
-def test_readings_are_bounded(live, monkeypatch):
-    """A button that is held down does not fill the memory."""
+def test_the_number_of_readings_is_bounded(live, monkeypatch):
+    """Refuse a reading above the limit, so that the memory stays bounded."""
     monkeypatch.setattr(live_state, "MAX_READINGS", 2)
     turn(live, 0, 150)
     live.note()
@@ -190,60 +205,66 @@ def test_readings_are_bounded(live, monkeypatch):
 # -- a reading is the mean square of a second at one speed, or it is refused ------------------
 
 
-def turned(meter, rpm, seconds, level, begin=0.0):
-    """Twelve ticks a turn at a speed, of one level; the time (s) of the end."""
+def turned(meter, rpm, seconds, level, start=0.0):
+    """Add 12 ticks per turn of a constant speed and level, and return the end (s)."""
     tick = 60.0 / rpm / 12
     count = round(seconds / tick)
     for k in range(count):
-        meter.state(round((begin + k * tick) * NS), rpm)
-        meter.level(round((begin + (k + 1) * tick) * NS), level)
-    return begin + count * tick
+        meter.add_speed(round((start + k * tick) * NS), rpm)
+        meter.add_level(round((start + (k + 1) * tick) * NS), level)
+    return start + count * tick
 
 
-def test_a_steady_speed_is_read_as_the_mean_square_of_whole_turns():
-    """After as many turns to settle, or 8 time constants; half 80 dB, half 90 is their energy."""
+def test_a_steady_level_is_the_mean_square_of_whole_turns():
+    """Read a level after as many turns to settle, or after 8 time constants.
+
+    The mean of half 80 dB and half 90 dB is that of their energy.
+    """
     for rpm in (20.0, 97.0, 300.0, 3000.0):
         meter = Meter()
         end = turned(meter, 50.0, 3.0, 60.0)
         end = turned(meter, rpm, 2.0 * (1.0 + 60.0 / rpm), 80.0, end)
-        assert meter.steady(0.125)[:2] == pytest.approx((rpm, 80.0))
+        assert meter.steady_mean(0.125)[:2] == pytest.approx((rpm, 80.0))
     with pytest.raises(RefusedError, match=r"after 9\.0 s"):
-        meter.steady(1.0)
+        meter.steady_mean(1.0)
     for _ in range(300):
         end = turned(meter, 3000.0, 1 / 60, 80.0, end)
         end = turned(meter, 3000.0, 1 / 60, 90.0, end)
-    assert meter.steady(0.125)[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
+    assert meter.steady_mean(0.125)[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
 
 
-def test_what_has_just_changed_or_stands_is_refused():
-    """With how long it takes; before the first tick, and while the cam stands."""
+def test_no_level_is_read_after_a_change_or_at_standstill():
+    """Report the time to wait after a change of speed.
+
+    Refuse a reading before the first tick and at 0 rpm.
+    """
     meter = Meter()
-    meter.level(1000, 80.0)
+    meter.add_level(1000, 80.0)
     assert meter.latest is None
-    with pytest.raises(RefusedError, match="nothing turns"):
-        meter.steady(0.125)
+    with pytest.raises(RefusedError, match="the cam is stopped"):
+        meter.steady_mean(0.125)
     end = turned(meter, 300.0, 5.0, 80.0)
     end = turned(meter, 310.0, 0.5, 90.0, end)
-    words = r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
-    with pytest.raises(RefusedError, match=words):
-        meter.steady(0.125)
-    meter.state(round(end * NS), 0.0)
-    meter.level(round((end + 1.0) * NS), 40.0)
-    with pytest.raises(RefusedError, match="nothing turns"):
-        meter.steady(0.125)
+    message = r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
+    with pytest.raises(RefusedError, match=message):
+        meter.steady_mean(0.125)
+    meter.add_speed(round(end * NS), 0.0)
+    meter.add_level(round((end + 1.0) * NS), 40.0)
+    with pytest.raises(RefusedError, match="the cam is stopped"):
+        meter.steady_mean(0.125)
 
 
-def test_the_readings_as_csv_are_read_back():
-    """A row each, units in the names, whatever the cam's name."""
-    one = NotedReading("a,b", "one_mass", 300.0, 83.25, "LAF", "in contact", 0.5, 4030.0, 30.6)
-    (row,) = csv.DictReader(to_csv([one]).splitlines())
+def test_readings_are_written_as_csv():
+    """Write one row per reading, units in the headings, and quoted names."""
+    reading = NotedReading("a,b", "one_mass", 300.0, 83.25, "LAF", "in contact", 0.5, 4030.0, 30.6)
+    (row,) = csv.DictReader(to_csv([reading]).splitlines())
     assert row["cam"] == "a,b" and float(row["level_db"]) == 83.25
     assert float(row["preload_n"]) == 30.6
 
 
-# -- what the page draws is the rig's own motion: cam, follower, force and gap -------------------
+# -- the page draws the motion of the rig: cam, follower, force and gap -----------------------
 
-#: One of each follower: roller, flat, inclined, on an arm.
+#: One cam per follower type.
 CAMS = ("poly345", "flat", "inclined_flat", "oscillating_roller", "oscillating_flat", "point")
 
 
@@ -253,18 +274,21 @@ def law_of(name):
 
 
 @pytest.mark.parametrize("name", CAMS)
-def test_the_follower_is_drawn_where_the_profile_has_it(name):
-    """A straight line of the lift stands for its way, exactly; it is touched on the contour."""
+def test_the_drawn_follower_is_that_of_the_profile(name):
+    """Draw the follower's position as a linear function of the lift.
+
+    The contact point lies on the contour.
+    """
     cam, law = law_of(name)
-    shape, drawn = follower_shape(cam, law), drawing.cam_picture(cam, law)
+    shape, picture = follower_shape(cam, law), drawing.cam_picture(cam, law)
     lift = np.linspace(0.0, 1.3 * law.lift, 7)
-    way = np.array(drawn["origin"]) + np.outer(lift, drawn["along"]) * 1e3
+    way = np.array(picture["origin"]) + np.outer(lift, picture["along"]) * 1e3
     assert way == pytest.approx(shape.origin(lift) * 1e3, abs=1e-9)
-    turned = drawn["turn"] + drawn["turns"] * lift * 1e3
+    turned = picture["turn"] + picture["turns"] * lift * 1e3
     assert turned == pytest.approx(shape.turn(lift), abs=1e-12)
-    contour, touch = np.array(drawn["contour"]), np.array(drawn["touch"])
-    for i in range(0, drawing.POINTS, 30):
-        angle = TURN * i / drawing.POINTS
+    contour, touch = np.array(picture["contour"]), np.array(picture["touch"])
+    for i in range(0, drawing.CONTOUR_POINTS, 30):
+        angle = TURN * i / drawing.CONTOUR_POINTS
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         away = np.hypot(*((turn @ contour).T - touch[:, i]).T)
         assert away.min() < 1e-3
@@ -273,52 +297,58 @@ def test_the_follower_is_drawn_where_the_profile_has_it(name):
 @pytest.mark.parametrize(
     ("model", "above"), [("one_mass", 480.0), ("two_mass", 430.0), ("kinetostatic", 480.0)]
 )
-def test_what_is_expected_is_what_a_long_run_does(model, above):
-    """Below and above the jump speed: lift, force and flight of the turns once they repeat."""
-    law, setup = law_of("poly345")[1], OWN.changed({"model": model}, RIG)
+def test_the_predicted_turn_is_that_of_a_long_run(model, above):
+    """Compare lift, force and contact with the last turn of a run of 30 turns.
+
+    One speed is below the jump speed and one above.
+    """
+    law, setup = law_of("poly345")[1], DEFAULT_SETUP.with_changes({"model": model}, RIG)
     for rpm in (250.0, above):
-        found = drawing.expected(setup.changed({"rpm": rpm}, RIG), law, RIG)
-        assert found["settled"]
-        turn = np.frombuffer(base64.b64decode(found["curves"]), "<f4").reshape(6, -1)
+        predicted = drawing.predict_turn(setup.with_changes({"rpm": rpm}, RIG), law, RIG)
+        assert predicted["settled"]
+        turn = np.frombuffer(base64.b64decode(predicted["curves"]), "<f4").reshape(6, -1)
         run = cam_rig.simulate(law, RIG, model=model, rpm=rpm, turns=30, sample_rate=48_000)
         last = run.angle >= run.angle[-1] - TURN
-        whole = drawing.curves(law, run.angle[last], run.rows[:, last])
-        place = np.argsort(whole[0] % TURN)
-        for row, near in ((1, 2e-3), (4, 0.03 * whole[4].max())):
-            shown = np.interp(turn[0], (whole[0] % TURN)[place], whole[row][place])
-            assert np.abs(shown - turn[row]).max() < near
-        assert found["lost"] == bool((whole[4] == 0.0).any())
-        assert found["least_n"] == pytest.approx(whole[4].min(), abs=0.5)
+        curves = drawing.turn_curves(law, run.angle[last], run.rows[:, last])
+        order = np.argsort(curves[0] % TURN)
+        for row, tolerance in ((1, 2e-3), (4, 0.03 * curves[4].max())):
+            simulated = np.interp(turn[0], (curves[0] % TURN)[order], curves[row][order])
+            assert np.abs(simulated - turn[row]).max() < tolerance
+        assert predicted["lost"] == bool((curves[4] == 0.0).any())
+        assert predicted["least_n"] == pytest.approx(curves[4].min(), abs=0.5)
 
 
-def test_the_marks_on_the_knob_are_the_jump_speeds():
-    """By the set-up's own model first; of a rig without two masses by one alone."""
+def test_the_marks_of_the_knob_are_the_jump_speeds():
+    """List the jump speed of the set-up's model first.
+
+    A rig without two masses has only that of one mass.
+    """
     law = law_of("poly345")[1]
-    two, one = drawing.jump_speeds(law, RIG, "two_mass")
-    assert (two["model"], one["model"]) == ("two_mass", "one_mass")
-    assert two["rpm"] == pytest.approx(cam_rig.jump_speed(law, RIG).rpm, rel=1e-6)
-    assert one["rpm"] > two["rpm"]
+    two_masses, one_mass = drawing.jump_speeds(law, RIG, "two_mass")
+    assert (two_masses["model"], one_mass["model"]) == ("two_mass", "one_mass")
+    assert two_masses["rpm"] == pytest.approx(cam_rig.jump_speed(law, RIG).rpm, rel=1e-6)
+    assert one_mass["rpm"] > two_masses["rpm"]
     (alone,) = drawing.jump_speeds(law, cam_rig.load_rig("tm21"), "one_mass")
     assert alone["rpm"] == pytest.approx(438.28969763, rel=1e-8)
 
 
 @pytest.mark.parametrize("rpm", [20.0, 333.3, 1000.0])
-def test_a_block_has_the_angle_and_the_gap_of_its_samples(tmp_path, rpm):
-    """About one sample a degree; of an unknown state nothing."""
+def test_a_block_contains_angle_and_gap_of_its_samples(tmp_path, rpm):
+    """Send about one sample per degree, and no block without a cam state."""
     law, rig = law_of("poly345")[1], cam_rig.load_rig("tm21")
     run = cam_rig.simulate(law, rig, rpm=rpm, turns=1, sample_rate=4000)
     live = LiveMotion(Cams(tmp_path))
     assert live.block(run.rows) is None
-    live.state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"})
+    live.add_state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"})
     block = live.block(run.rows)
     assert block is not None
-    ((begin, step, rows),) = blocks_of(block)
-    assert begin == 0.0
-    every = round(step * 4000)
-    assert rows[0] == pytest.approx(run.angle[::every], abs=1e-5)
+    ((start, step, rows),) = blocks_of(block)
+    assert start == 0.0
+    stride = round(step * 4000)
+    assert rows[0] == pytest.approx(run.angle[::stride], abs=1e-5)
     assert math.degrees(step * rpm * RPM) < max(1.01, math.degrees(rpm * RPM / 4000) * 1.01)
-    gap = np.where(run.force == 0.0, run.lift - law(run.angle), 0.0)[::every]
+    gap = np.where(run.force == 0.0, run.lift - law(run.angle), 0.0)[::stride]
     assert rows[5] == pytest.approx(1e6 * gap, rel=1e-5, abs=1e-3)
     for change in ({"cam": "gone"}, {"rpm": 0.0}):
-        live.state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"} | change)
+        live.add_state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"} | change)
         assert (live.block(run.rows[:, :1]) is None) == ("cam" in change)

@@ -1,4 +1,4 @@
-"""Bench and lab sheet in a real browser, without nodes: what is where, and a sheet by its keys."""
+"""Bench and lab sheet in a real browser without nodes: layout and keyboard."""
 
 import itertools
 
@@ -16,73 +16,82 @@ from .conftest import BrowserPage, in_browser, sheet_of
 
 pytestmark = pytest.mark.slow
 SIZES = [(360, 640), (768, 1024), (1000, 700), (1280, 800), (1600, 910), (2560, 1440)]
-#: What a person reads or takes hold of.
-THINGS = (
+#: Elements that a person reads or operates.
+ELEMENTS = (
     "button, input, select, output, meter, h1, h2, a, li, dt, dd, .chip, #knob, #lamp, .chart, "
     "#rig, #forecast, #jumps, #relative, .quiet"
 )
 
 
 class Bench(BrowserPage):
-    """The bench as a browser shows it, whose nodes never come."""
+    """Page of the bench in a browser, without nodes."""
 
-    def begin(self, address, language):
-        """Open it in a language."""
+    def open_bench(self, address, language):
+        """Open the page in a language."""
         chosen = f"sessionStorage.setItem('language', '{language}')"
         self.page.context.add_init_script(chosen)
         self.open(address, "/bench")
         self.until(lambda: self.text("graph") != "")
         assert self.page.evaluate("document.documentElement.lang") == language
 
-    def boxes(self, things=THINGS):
-        """Left, top, right and bottom of what can be seen; what is in another has no own."""
-        found = self.page.evaluate(
+    def boxes(self, selector=ELEMENTS):
+        """Return left, top, right and bottom (px) of the visible elements.
+
+        Elements inside another element of the selector are left out.
+        """
+        boxes = self.page.evaluate(
             """(things) => [...document.querySelectorAll(things)]
               .filter((one) => one.checkVisibility() && !one.closest(".unseen"))
               .filter((one) => !one.parentElement.closest(things))
               .map((one, i) => [`${one.id || one.textContent} ${i}`, one.getBoundingClientRect()])
               .filter(([, box]) => box.width && box.height)
               .map(([name, { left, top, right, bottom }]) => [name, [left, top, right, bottom]])""",
-            things,
+            selector,
         )
-        return {name: (box[0], box[1], box[2], box[3]) for name, box in found}
+        return {name: (box[0], box[1], box[2], box[3]) for name, box in boxes}
 
 
 @pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
-def test_nothing_lies_over_anything_and_the_stop_is_in_sight(chromium, served, language):
-    """By the boxes of all that is read or taken hold of; the heading names the model."""
+def test_no_element_overlaps_and_the_emergency_stop_is_visible(chromium, served, language):
+    """Compare the boxes of all elements that are read or operated.
+
+    The heading names the model.
+    """
     with in_browser(chromium, Bench) as bench:
-        bench.begin(served.address, language)
+        bench.open_bench(served.address, language)
         for width, height in SIZES:
             bench.page.set_viewport_size({"width": width, "height": height})
             require_apart(bench, width)
             (stop,) = bench.boxes("#emergency").values()
             assert stop[1] >= 0 and stop[3] <= height
         assert bench.page.locator("#model").input_value() == "two_mass"
-        words = {"en": "two elastic masses", "es": "dos masas elásticas"}[language]
-        assert bench.text("title") == f"paper_table2, {words}"
+        model = {"en": "two elastic masses", "es": "dos masas elásticas"}[language]
+        assert bench.text("title") == f"paper_table2, {model}"
         assert served.bench.live.setup.model == "two_mass"
 
 
 def require_apart(bench, width):
-    """Nothing lies over anything, or sticks out of its column or the page."""
+    """Check that no element overlaps another or sticks out of its column or the page."""
     boxes = bench.boxes()
     assert len(boxes) > 25
-    for (one, a), (other, b) in itertools.combinations(boxes.items(), 2):
+    for (name, a), (other, b) in itertools.combinations(boxes.items(), 2):
         apart = a[2] <= b[0] + 0.5 or b[2] <= a[0] + 0.5 or a[3] <= b[1] + 0.5 or b[3] <= a[1] + 0.5
-        assert apart, f"{one} lies over {other}: {a}, {b}"
+        assert apart, f"{name} overlaps {other}: {a}, {b}"
     columns = list(bench.boxes("main > section, main > div").values())
     for name, (left, top, right, bottom) in boxes.items():
         assert left >= 0 and right <= width, f"{name} sticks out of the page"
         if bottom > columns[0][1] and top >= min(column[1] for column in columns):
-            held = any(c[0] <= left + 0.5 and right <= c[2] + 0.5 for c in columns)
-            assert held, f"{name} sticks out of its column"
+            is_inside = any(c[0] <= left + 0.5 and right <= c[2] + 0.5 for c in columns)
+            assert is_inside, f"{name} sticks out of its column"
 
 
-def test_the_rig_is_drawn_before_it_turns_and_says_what_a_speed_will_do(chromium, served):
-    """Cam, follower and curves by the exact model; the pointer on a curve turns the cam."""
+def test_the_rig_and_its_prediction_are_drawn_before_it_turns(chromium, served):
+    """Draw cam, follower and curves by the exact model.
+
+    The pointer on a curve turns the cam.
+    """
     with in_browser(chromium, Bench) as bench:
-        bench.begin(served.address, "en")
+        bench.open_bench(served.address, "en")
         cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
         jump = cam_rig.jump_speed(cam_rig.build_law(cam), rig).rpm
         bench.until(lambda: bench.page.evaluate(RIG_DRAWN))
@@ -106,20 +115,20 @@ def test_the_rig_is_drawn_before_it_turns_and_says_what_a_speed_will_do(chromium
 
 # -- the lab sheet ----------------------------------------------------------------------------
 
-#: Whether what is shown is of the speed that is set.
+#: True if the displayed turn is that of the selected speed.
 SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
   === document.getElementById("rpm").valueAsNumber"""
 
 
 class LabPage(BrowserPage):
-    """A page of a lab sheet, worked by keys."""
+    """Page of a lab sheet that is operated by keyboard."""
 
     def settle(self):
-        """Wait until the force is that of the knob's speed."""
+        """Wait until the displayed force is that of the knob's speed."""
         self.until(lambda: self.page.evaluate(SHOWN))
 
     def press(self, key):
-        """A key on the knob."""
+        """Press a key on the knob and wait for the turn."""
         self.page.locator("#knob").press(key)
         self.settle()
 
@@ -130,14 +139,21 @@ class LabPage(BrowserPage):
         until(condition, step=lambda: self.press(key), wait=TIMEOUT_S)
 
 
-def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(chromium, tmp_path):
-    """Up by tens, down by ones; a reading in contact is asked about, and taken if so said."""
-    pages, asked, answers = LabPages(sheet_of(seed="group-3"), tmp_path), list[str](), [False, True]
+def test_a_reading_by_keyboard_is_within_1_rpm_of_the_true_value(chromium, tmp_path):
+    """Step up by tens and down by ones.
+
+    A reading in contact is recorded only after a confirmation.
+    """
+    pages, questions, answers = (
+        LabPages(sheet_of(seed="group-3"), tmp_path),
+        list[str](),
+        [False, True],
+    )
     sheet = pages.notebook.sheet
     low, high = sheet.knob
 
     def answer(dialog):
-        asked.append(dialog.message)
+        questions.append(dialog.message)
         (dialog.accept if answers.pop(0) else dialog.dismiss)()
 
     with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:
@@ -170,20 +186,23 @@ def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(chromium, tmp_path
         page.page.on("dialog", answer)
         assert not page.lost()
         record.click()
-        page.until(lambda: asked)
+        page.until(lambda: questions)
         record.click()
         page.until(lambda: len(pages.notebook.recorded.readings) == 2)
-        assert all(f" {low:g} rpm" in words for words in asked)
-        # At once: what is asked about is the speed that is recorded, not the one the lamp was of.
+        assert all(f" {low:g} rpm" in words for words in questions)
+        # Record at once: the page checks the recorded speed, not the speed of the displayed turn.
         page.enter("rpm", high)
         record.click()
         page.until(lambda: len(pages.notebook.recorded.readings) == 3)
-        assert len(asked) == 2
+        assert len(questions) == 2
         assert [r.rpm for r in pages.notebook.recorded.readings[1:]] == [low, high]
 
 
-def test_the_theory_is_shown_when_it_is_asked_for(chromium, tmp_path):
-    """Without a seed; the line goes away again. Of other pages those alone that are served."""
+def test_the_theory_is_displayed_on_request(chromium, tmp_path):
+    """Switch the line of theory on and off, on a sheet without a seed.
+
+    The page links only to pages that are served.
+    """
     pages = LabPages(sheet_of("tm21"), tmp_path)
     with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:
         page.open(panel.address)
@@ -202,8 +221,8 @@ def test_the_theory_is_shown_when_it_is_asked_for(chromium, tmp_path):
 
 
 @pytest.mark.parametrize("lab", ["noise", pytest.param("vibration", marks=pytest.mark.long)])
-def test_readings_and_an_answer_are_recorded_by_keys(chromium, tmp_path, lab):
-    """What is shown is what is kept; the answer with a decimal comma, in Spanish."""
+def test_readings_and_an_answer_are_recorded_by_keyboard(chromium, tmp_path, lab):
+    """Record the displayed reading, and an answer with a decimal comma in Spanish."""
     pages = LabPages(sheet_of(seed="group-3", lab=lab), tmp_path)
     with serve(pages, home="/lab", language="es") as panel, in_browser(chromium, LabPage) as page:
         page.open(panel.address)
@@ -211,13 +230,13 @@ def test_readings_and_an_answer_are_recorded_by_keys(chromium, tmp_path, lab):
         before = page.path("force")
         page.press("PageUp")
         page.until(lambda: page.path("force") != before)
-        shown = page.number("measured")
+        displayed = page.number("measured")
         page.page.locator("#record").press("Enter")
         page.until(lambda: page.page.locator("#rows tr").count() == 1)
         page.enter("answer", "251,5")
         page.until(lambda: page.page.locator("#rows tr").count() == 2)
         reading, answer = pages.notebook.recorded.readings
-        assert (reading.measured, answer.answer) == (shown, 251.5)
+        assert (reading.measured, answer.answer) == (displayed, 251.5)
         assert page.text("recorded").startswith("Respuesta 2: 251.5 ")
         page.page.locator("#plot_it").press("Enter")
         assert page.page.locator("#plot .point").count() == 1

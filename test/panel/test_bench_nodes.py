@@ -1,4 +1,4 @@
-"""The bench with its nodes: pages steer them, others too, and what is recorded is what was done."""
+"""The bench with its nodes: control by pages and other programs, and its bags."""
 
 import json
 import signal
@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory):
-    """One panel with its nodes and its ROS domain, until a test ends it."""
+    """Run one panel in its ROS domain for the tests of this file."""
     out = tmp_path_factory.mktemp("bench") / "out"
     with isolated_domain() as domain, panel_process(out) as panel:
         yield panel, domain
@@ -34,27 +34,30 @@ def shared(tmp_path_factory):
 
 @pytest.fixture
 def running_panel(ros_domain, tmp_path):
-    """A panel of a test's own."""
+    """Run a panel for a single test."""
     with panel_process(tmp_path / "out") as panel:
         yield panel
 
 
 def contiguous(bag):
-    """The rig time (s) that a bag has samples of, each tick beginning where the last one ended."""
+    """Return the rig time (s) of a bag's samples, whose ticks must join without a gap."""
     ticks = [tick.interval for tick in read_ticks(bag)]
-    assert all(one.stop_ns == other.start_ns for one, other in pairwise(ticks))
+    assert all(tick.stop_ns == following.start_ns for tick, following in pairwise(ticks))
     return (ticks[-1].stop_ns - ticks[0].start_ns) / NS
 
 
-def test_one_page_holds_the_controls(shared):
-    """Another may stop in an emergency and take over; the bag is kept on demand, a run follows."""
+def test_one_page_has_the_controls(shared):
+    """Let another page call an emergency stop and take over, but nothing else.
+
+    A bag is kept on request, and a new run follows.
+    """
     with shared[0].page() as first, shared[0].page() as second:
         first.running()
         assert second.running()["holds"] is False
-        refused = second.ask("set", name="rpm", value=100)
-        assert refused["words"] == ("another page holds the controls; allowed: after taking over")
+        refused = second.request("set", name="rpm", value=100)
+        assert refused["words"] == "another page has the controls; take over first"
         for wrong in ({"do": "keep"}, {"do": "clear"}, {"do": "set", "name": "rpm"}):
-            assert not second.ask(**wrong, value="emergency_stop")["success"]
+            assert not second.request(**wrong, value="emergency_stop")["success"]
         first.do("call", value="start")
         second.until(lambda live: live["level"])
         second.do("call", value="emergency_stop")
@@ -63,7 +66,7 @@ def test_one_page_holds_the_controls(shared):
         second.do("call", value="reset")
         second.do("call", value="start")
         second.until(lambda live: live["drive"] == "turning")
-        assert not first.ask("call", value="stop")["success"]
+        assert not first.request("call", value="stop")["success"]
         second.socket.close()
         first.until(lambda live: live["holds"])
         first.do("call", value="stop")
@@ -72,8 +75,11 @@ def test_one_page_holds_the_controls(shared):
     assert not is_unclosed(bag)
 
 
-def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
-    """Blocks join without a gap at the commanded speed; what nobody watches is not sent."""
+def test_a_watching_page_receives_every_tick_and_another_none(shared):
+    """Send blocks that join without a gap at the commanded speed.
+
+    A page that does not watch receives no blocks.
+    """
     panel, _ = shared
     with panel.page() as page, panel.page() as other:
         page.running()
@@ -84,56 +90,59 @@ def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
         page.turning(250.0)
         page.motion.clear()
         page.until(lambda _: len(page.motion) > 40)
-        begins, steps, rows = zip(*page.motion, strict=True)
-        ends = [b + s * r.shape[1] for b, s, r in zip(begins, steps, rows, strict=True)]
-        assert begins[1:] == pytest.approx(ends[:-1], abs=1.01 * max(steps))
+        starts, steps, rows = zip(*page.motion, strict=True)
+        ends = [b + s * r.shape[1] for b, s, r in zip(starts, steps, rows, strict=True)]
+        assert starts[1:] == pytest.approx(ends[:-1], abs=1.01 * max(steps))
         angles = np.unwrap(np.concatenate([row[0] for row in rows[5:]]))
         times = np.concatenate(
-            [b + s * np.arange(r.shape[1]) for b, s, r in zip(begins, steps, rows, strict=True)][5:]
+            [b + s * np.arange(r.shape[1]) for b, s, r in zip(starts, steps, rows, strict=True)][5:]
         )
         assert np.ptp(angles - 250.0 * RPM * times) < 1e-3
         page.do("watch", value=False)
         page.do("set", name="rpm", value=200)
-        other.ask("note")
+        other.request("note")
         assert other.motion == []
 
 
 class BenchInBrowser(BrowserPage):
-    """The bench's page as a browser shows it."""
+    """Page of the bench in a browser."""
 
-    def begin(self, panel):
-        """Open the bench, and wait for its nodes."""
+    def open_bench(self, panel):
+        """Open the bench and wait for its nodes."""
         self.open(panel.address, "/bench")
         self.until(lambda: self.page.locator("#emergency").is_enabled())
 
-    def turn(self):
-        """Have the cam turn, if it does not."""
+    def start_cam(self):
+        """Start the cam if it is stopped."""
         if self.page.locator("#start").is_enabled():
             self.page.locator("#start").focus()
             self.page.keyboard.press("Enter")
 
-    def command(self, rpm):
-        """Type a speed, and wait until the cam turns so."""
+    def set_speed(self, rpm):
+        """Type a speed (rpm) and wait until the cam turns at it."""
         self.enter("rpm", rpm)
         self.until(lambda: self.text("speed") == str(rpm))
 
-    def noted(self, rpm):
-        """Press the button; whether a reading at a speed is noted."""
+    def note(self, rpm):
+        """Press the button, and return True if a reading at the speed (rpm) is noted."""
         self.page.locator("#note").click()
         self.page.wait_for_timeout(200)
         return f" {rpm} rpm, " in self.text("noted") and "dB" in self.text("noted")
 
-    def knob(self):
-        """Where the knob stands, rpm."""
+    def knob_rpm(self):
+        """Return the speed (rpm) of the knob."""
         return float(self.page.locator("#knob").get_attribute("aria-valuenow") or "nan")
 
 
-def test_the_knob_turns_the_cam_and_is_turned(chromium, shared):
-    """By keys and by the pointer; what another program sets is where it then stands."""
+def test_the_knob_sets_and_follows_the_speed(chromium, shared):
+    """Set the speed by keys and by the pointer.
+
+    The knob follows a speed that another program sets.
+    """
     panel, domain = shared
     with in_browser(chromium, BenchInBrowser) as bench:
-        bench.begin(panel)
-        bench.turn()
+        bench.open_bench(panel)
+        bench.start_cam()
         bench.until(lambda: bench.text("speed") == "200")
         knob = bench.page.locator("#knob")
         knob.focus()
@@ -147,16 +156,16 @@ def test_the_knob_turns_the_cam_and_is_turned(chromium, shared):
         bench.page.mouse.down()
         bench.page.mouse.move(x + 50, y, steps=8)
         bench.page.mouse.up()
-        turned = bench.knob()
-        assert turned > 400.0  # a third of the way round, on a scale of equal ratios
-        bench.until(lambda: bench.text("speed") == f"{turned:.0f}")
+        dragged_rpm = bench.knob_rpm()
+        assert dragged_rpm > 400.0  # a third of the logarithmic scale
+        bench.until(lambda: bench.text("speed") == f"{dragged_rpm:.0f}")
         with RigClient(domain) as outside:
             outside.set_parameter("cam_drive", "rpm", 333.0)
-        shown = bench.page.locator("#rpm")
-        bench.until(lambda: bench.knob() == 333.0 and shown.input_value() == "333")
+        rpm_field = bench.page.locator("#rpm")
+        bench.until(lambda: bench.knob_rpm() == 333.0 and rpm_field.input_value() == "333")
 
 
-#: Changes of controls, and of the picture of the rig as it is looked at, in three seconds.
+#: Count the changes of controls and of the rig's picture in three seconds.
 CHANGES = """() => new Promise((done) => {
   const found = { controls: [], turned: 0 };
   const canvas = document.querySelector("#rig canvas");
@@ -176,21 +185,24 @@ CHANGES = """() => new Promise((done) => {
 })"""
 
 
-def test_controls_are_left_alone_while_the_cam_turns(chromium, shared):
-    """Each message says what they are: a page that wrote it again would be laid out anew."""
+def test_controls_do_not_change_while_the_cam_turns(chromium, shared):
+    """Write no attribute of a control whose value has not changed.
+
+    A page that rewrote them with every message would be laid out again each time.
+    """
     panel, _ = shared
     with in_browser(chromium, BenchInBrowser) as bench:
-        bench.begin(panel)
-        bench.turn()
-        bench.command(300)
+        bench.open_bench(panel)
+        bench.start_cam()
+        bench.set_speed(300)
         bench.page.locator("#rpm").blur()
-        found = bench.page.evaluate(CHANGES)
-        assert found["controls"] == []
-        assert found["turned"] > 3
+        changes = bench.page.evaluate(CHANGES)
+        assert changes["controls"] == []
+        assert changes["turned"] > 3
 
 
-def test_nothing_stays_of_a_panel_that_is_killed(shared):
-    """Its nodes end by themselves, the bag is closed, and whole over the node that was killed."""
+def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
+    """End the nodes, and close a bag without a gap."""
     panel, _ = shared
     with panel.page() as page:
         page.running()
@@ -206,8 +218,11 @@ def test_nothing_stays_of_a_panel_that_is_killed(shared):
 
 
 @pytest.mark.long
-def test_a_page_turns_the_rig_and_so_does_anybody_else(running_panel, ros_domain):
-    """By the nodes' own parameters; what is set outside is shown; after a reload they turn on."""
+def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
+    """Set the nodes' parameters from a page and from another program.
+
+    The page displays a value that was set outside. The cam keeps turning after a reload.
+    """
     with running_panel.page() as page:
         live = page.running()
         assert (live["drive"], live["domain"], live["holds"]) == ("stopped", ros_domain, True)
@@ -228,20 +243,23 @@ def test_a_page_turns_the_rig_and_so_does_anybody_else(running_panel, ros_domain
         page.until(lambda live: live["state"]["cam"] == "cycloidal" and live["level"])
         page.do("call", value="stop")
         page.until(lambda live: live["drive"] == "stopped")
-        answer = page.ask("set", name="cam", value="no_such")
+        answer = page.request("set", name="cam", value="no_such")
         assert not answer["success"] and "no_such" in answer["words"]
 
 
 @pytest.mark.long
-def test_a_noted_level_is_the_exact_one(running_panel):
-    """To what the sample rate of the bench and the background leave of the mean of a second."""
+def test_a_noted_level_is_that_of_the_exact_model(running_panel):
+    """Note the level of the exact model within 0.2 dB.
+
+    Sample rate and background of the bench cause the difference.
+    """
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
     with running_panel.page() as page:
         page.running()
         page.do("set", name="rpm", value=350)
         page.do("call", value="start")
         page.do("listen", value=True)
-        while not (answer := page.ask("note"))["success"]:
+        while not (answer := page.request("note"))["success"]:
             assert "allowed" in answer["words"]
             time.sleep(0.2)
         page.until(lambda _: len(page.sound) > 4 * 8000)
@@ -256,8 +274,8 @@ def test_a_noted_level_is_the_exact_one(running_panel):
 
 
 @pytest.mark.long
-def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel):
-    """The kept bag holds the chosen numbers and every tick up to where it was closed."""
+def test_another_set_up_starts_another_run_and_a_bag_can_be_kept(running_panel):
+    """Record the chosen numbers and every tick up to the end of the run."""
     with running_panel.page() as page:
         page.running()
         page.do("set", name="time_weighting", value="S")
@@ -266,7 +284,7 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel):
         live = page.running()
         assert live["setup"]["preload"] == 55.0
         assert live["values"]["microphone"]["time_weighting"] == "S"
-        refused = page.ask("keep")
+        refused = page.request("keep")
         assert "nothing is recorded yet" in refused["words"]
         page.do("set", name="rpm", value=400)
         page.turned(1.0)
@@ -282,19 +300,19 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel):
 @pytest.mark.long
 @pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
 def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
-    """Whether it comes while nodes are ended, or while the next ones begin."""
+    """End the panel while nodes are ended or started."""
     with running_panel.page() as page:
         page.running()
         page.do("set_up", value={"preload": 40})
-        time.sleep(wait)  # the promise holds for any; these are where it did not
+        time.sleep(wait)  # any time must work, and these times failed once
         nodes = running_panel.nodes()
         assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
     until(lambda: not any(map(is_running, nodes.values())))
 
 
 @pytest.mark.long
-def test_what_is_drawn_is_put_on_the_bench(running_panel):
-    """The law that turns is the one of the handles; drawn again, it is another cam."""
+def test_a_drawn_law_is_mounted_on_the_bench(running_panel):
+    """Turn the law of the handles. A law that is drawn again is another cam."""
     board = json.loads(running_panel.get("/board"))
     ordinates = list(board["ordinates"])
     ordinates[board["handles"][10]["index"]] += 0.01
@@ -305,14 +323,14 @@ def test_what_is_drawn_is_put_on_the_bench(running_panel):
             answer = running_panel.send("/bench/mount", {"ordinates": ordinates})
             assert answer == (200, {"cam": name})
             page.until(lambda live, name=name: live["state"].get("cam") == name)
-        page.comes_to(2.0)
+        page.wait_for_rig_time(2.0)
         bag = page.keep()
     assert {tick.cam for tick in read_ticks(bag)} == {"poly345", "drawn_1", "drawn_2"}
 
 
 @pytest.mark.long
 def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
-    """A second publisher on a topic of the rig ends it; what was recorded is named, and stays."""
+    """Name the second publisher that ended the run, and keep the bag."""
     with running_panel.page() as page:
         page.running()
         page.turned(1.0)
@@ -328,16 +346,16 @@ def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
 
 
 @pytest.mark.long
-def test_levels_are_noted_and_drawn(chromium, running_panel):
-    """Draw the noted levels above the jump speed with full markers, and record the contact."""
+def test_noted_levels_are_drawn(chromium, running_panel):
+    """Draw levels above the jump speed with full markers, and record the contact."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
-    jump = find_jump(law, follower_of(rig), None).rpm  # the model that the bench begins with
+    jump = find_jump(law, follower_of(rig), None).rpm  # the model with which the bench starts
     with in_browser(chromium, BenchInBrowser) as bench:
-        bench.begin(running_panel)
+        bench.open_bench(running_panel)
         bench.page.locator("#start").click()
         for rpm in (round(0.8 * jump), round(1.3 * jump)):
-            bench.command(rpm)
-            bench.until(lambda rpm=rpm: bench.noted(rpm))
+            bench.set_speed(rpm)
+            bench.until(lambda rpm=rpm: bench.note(rpm))
         full = bench.page.evaluate(
             """() => [...document.querySelectorAll("#noise .point")]
               .map((one) => getComputedStyle(one)).map(({ fill, stroke }) => fill === stroke)"""

@@ -1,4 +1,4 @@
-"""The board without HTTP: what it takes, what it says of a law, and the files it saves."""
+"""The board without HTTP: its input, the results of a law, and the saved files."""
 
 import json
 import math
@@ -12,238 +12,252 @@ from shapely import Point, Polygon
 import cam_rig
 from cam_rig.errors import ConfigError, MissingLibraryError, OutputError, ProfileError, RefusedError
 from cam_rig.panel.board.board import MAX_RPM, Board
-from cam_rig.panel.board.drawable import at_rest, level
+from cam_rig.panel.board.drawable import evaluate_full, level
 from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 
 from ..cli.conftest import done
-from .conftest import with_one_moved
+from .conftest import with_moved_ordinate
 
 
 def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board):
-    """With the pull as a page begins, up and down: no undercut."""
+    """Move it up and down without undercut."""
     law, handle = board.drawn.start.law, board.drawn.handles[7]
     unit = board.drawn.ordinates.copy()
     unit[handle.index] += 1.0
-    lever = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
-    for wanted in (0.05, -0.05):
-        board.take(with_one_moved(board, wanted / lever), 300)
-        assert board.at_once()["faults"] == []
-        board.take(board.drawn.ordinates.tolist(), 300)
+    effect = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
+    for change in (0.05, -0.05):
+        board.update(with_moved_ordinate(board, change / effect), 300)
+        assert board.evaluate_fast()["faults"] == []
+        board.update(board.drawn.ordinates.tolist(), 300)
 
 
 def test_a_change_moves_free_ordinates_alone(board):
-    """The ends of segments stay, whatever a page sends."""
+    """Keep the ordinates at the ends of segments, whatever a page sends."""
     start = board.ordinates
-    board.take([x + 0.01 for x in start.tolist()], 450)
+    board.update([x + 0.01 for x in start.tolist()], 450)
     free = [handle.index for handle in board.drawn.handles]
     moved = np.flatnonzero(board.ordinates != start)
     assert moved.tolist() == free
     assert board.rpm == 450.0
 
 
-def test_what_is_not_right_is_refused_and_changes_nothing(board):
-    """As many finite numbers as there are ordinates, and a speed from 1 to 1e5 rpm."""
+def test_invalid_values_are_refused_and_change_nothing(board):
+    """Require one finite number per ordinate, and a speed from 1 to 1e5 rpm."""
     before, version, count = board.ordinates, board.version, board.ordinates.size
     assert count == 42
-    for wrong in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
+    for invalid in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
         with pytest.raises(RefusedError, match="ordinates: allowed"):
-            board.take(wrong, 300)
+            board.update(invalid, 300)
     for rpm in (None, "300", True, 0, -1, math.inf, math.nan, 2 * MAX_RPM):
         with pytest.raises(RefusedError, match="rpm: is"):
-            board.take(before.tolist(), rpm)
+            board.update(before.tolist(), rpm)
     assert board.ordinates is before and board.version == version
 
 
-def test_what_is_said_at_once_is_the_cores(board):
-    """Rigid jump speed and contour are those of the law that `build_law` makes of the file."""
-    board.take(with_one_moved(board, 0.01), 300)
+def test_fast_results_are_those_of_the_library(board):
+    """Compare rigid jump speed and contour with those of the saved file's law."""
+    board.update(with_moved_ordinate(board, 0.01), 300)
     law = cam_rig.build_law(cam_rig.load_cam(board.save("moved", board.ordinates.tolist())))
     kinds = ("mass", "spring_stiffness", "damping", "preload", "stem_stiffness")
-    own = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
-    # without the split of the mass its follower is one rigid mass
-    rig = cam_rig.load_rig("tm21").with_follower(**own)
-    found = board.at_once()
-    assert found["faults"] == []
-    assert found["jump_rigid"]["value"] == pytest.approx(cam_rig.jump_speed(law, rig).rpm, rel=1e-9)
-    points = np.array(found["discs"][0]["points"])
+    numbers = {kind: getattr(board.rig.follower, kind).si for kind in kinds}
+    # a rig without a split mass has a follower of one rigid mass
+    rig = cam_rig.load_rig("tm21").with_follower(**numbers)
+    results = board.evaluate_fast()
+    assert results["faults"] == []
+    assert results["jump_rigid"]["value"] == pytest.approx(
+        cam_rig.jump_speed(law, rig).rpm, rel=1e-9
+    )
+    points = np.array(results["discs"][0]["points"])
     contour = cam_rig.contour(cam_rig.load_cam(board.out / "moved.yaml"), points=360)
     assert np.abs(points - 1e3 * np.stack([contour.x, contour.y])).max() <= 1e-4
 
 
-def test_what_is_said_at_rest_is_the_cores(board):
-    """Jump speed of two masses, residual vibration, level, each by its own command's function."""
+def test_full_results_are_those_of_the_library(board):
+    """Compare jump speed and level with those of the library's functions.
+
+    The residual vibration is positive, and no check fails.
+    """
     law = board.law()
-    found = at_rest(board.cam, law, board.rig, 300.0)
-    assert found["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
+    results = evaluate_full(board.cam, law, board.rig, 300.0)
+    assert results["jump"]["value"] == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm)
     motion = cam_rig.simulate(law, board.rig, rpm=300, turns=6)
-    assert found["level_db"]["value"] == pytest.approx(
+    assert results["level_db"]["value"] == pytest.approx(
         cam_rig.sound_level(motion).level_db, abs=0.01
     )
-    assert found["residual_um"]["value"] > 0.0
-    assert found["checks"] == []
+    assert results["residual_um"]["value"] > 0.0
+    assert results["checks"] == []
 
 
-def test_the_level_goes_on_where_contact_is_lost(board):
-    """Above the jump speed the landings are heard: it is simulated, not held on the cam."""
-    rpm = 1.1 * board.at_once()["jump_rigid"]["value"]
-    jumping = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
-    held = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
-    found = level(board.law(), board.rig, rpm)
-    assert found == cam_rig.sound_level(jumping).level_db
-    assert found > cam_rig.sound_level(held).level_db + 0.5
+def test_the_level_above_the_jump_speed_is_simulated(board):
+    """Include the noise of the landings above the jump speed."""
+    rpm = 1.1 * board.evaluate_fast()["jump_rigid"]["value"]
+    jumping_run = cam_rig.simulate(board.law(), board.rig, rpm=rpm, turns=6)
+    contact_run = cam_rig.simulate(board.law(), board.rig, model="kinetostatic", rpm=rpm, turns=6)
+    level_db = level(board.law(), board.rig, rpm)
+    assert level_db == cam_rig.sound_level(jumping_run).level_db
+    assert level_db > cam_rig.sound_level(contact_run).level_db + 0.5
 
 
-def test_an_undercut_law_is_a_fault_everywhere(board, monkeypatch):
-    """Name the check that fails with its angle on the page, in the saved file and for a DXF."""
-    ordinates = with_one_moved(board, 0.5)
-    saved = board.saved("undercut", ordinates)
+def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
+    """Name the failed check with its angle on the page, in the file, and for a DXF."""
+    ordinates = with_moved_ordinate(board, 0.5)
+    saved = board.save_for_page("undercut", ordinates)
     assert cam_rig.load_cam(saved["path"]).cannot_be_made == saved["why_not"]
     assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", saved["why_not"])
     with pytest.raises(ProfileError, match="cannot be made: convex radius of curvature"):
         board.dxf(ordinates)
-    board.take(ordinates, 300)
-    found = board.at_once()
-    keys = {fault["key"]: fault["angle_deg"] for fault in found["faults"]}
+    board.update(ordinates, 300)
+    results = board.evaluate_fast()
+    keys = {fault["key"]: fault["angle_deg"] for fault in results["faults"]}
     assert keys["undercut"] == pytest.approx(92.0, abs=4.0)
-    assert found["discs"][0]["undercut"]
-    checks = at_rest(board.cam, board.law(), board.rig, 300.0)["checks"]
-    assert any("convex radius of curvature" in words for words in checks)
+    assert results["discs"][0]["undercut"]
+    checks = evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
+    assert any("convex radius of curvature" in check for check in checks)
 
-    board.take(board.drawn.ordinates.tolist(), 300)
-    good = board.saved("good", with_one_moved(board, 0.05))
+    board.update(board.drawn.ordinates.tolist(), 300)
+    good = board.save_for_page("good", with_moved_ordinate(board, 0.05))
     assert good["why_not"] is cam_rig.load_cam(good["path"]).cannot_be_made is None
     monkeypatch.setattr("cam_rig.extras.find_spec", lambda _: None)
     with pytest.raises(MissingLibraryError, match=r"ezdxf is not installed: .*cam_rig\[cad\]"):
         board.dxf(board.drawn.ordinates.tolist())
 
 
-def test_a_follower_out_of_reach_is_a_fault_in_words(tmp_path):
-    """Where there is no contour, the reason is all there is."""
+def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
+    """Report the reason if there is no contour."""
     cam = cam_rig.load_cam("oscillating_roller")
     short = cam.follower.model_copy(update={"arm": cam.lift})  # 20 mm, and the pivot is 90 mm away
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
-    found = board.at_once()
-    assert found["discs"] == [] and [fault["key"] for fault in found["faults"]] == ["error"]
-    assert "out of reach" in found["faults"][0]["words"]
-    assert at_rest(board.cam, board.law(), board.rig, 300.0)["checks"]
+    results = board.evaluate_fast()
+    assert results["discs"] == [] and [fault["key"] for fault in results["faults"]] == ["error"]
+    assert "out of reach" in results["faults"][0]["words"]
+    assert evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
 
 
-def test_another_law_is_a_shipped_cams(board):
-    """By its name, and by nothing that looks like a path."""
-    assert board.other("cycloidal")["name"] == "cycloidal"
+def test_another_law_is_that_of_a_shipped_cam(board):
+    """Find a shipped cam by its name, and refuse a path."""
+    assert board.shipped_law("cycloidal")["name"] == "cycloidal"
     for name in ("nobody", "../rigs/tm21", ""):
         with pytest.raises((ConfigError, cam_rig.errors.LawError)):
-            board.other(name)
+            board.shipped_law(name)
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("name", ["bezier15", "poly345", "flat", "oscillating_point", "conjugate"])
-def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path, name):
-    """Numbers or words, and nothing that JSON does not have, however wild the law."""
+def test_any_law_that_a_page_may_draw_has_results(tmp_path, name):
+    """Return values or reasons that JSON can contain for any ordinates."""
     board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
     random = np.random.default_rng(5)
     for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
         moved = board.drawn.ordinates + size * random.uniform(-1.0, 1.0, board.ordinates.size)
-        board.take(np.clip(moved, -100.0, 100.0).tolist(), 300)
-        found = board.at_once()
-        json.dumps(found, allow_nan=False)
-        assert found["discs"] or found["faults"]
-        json.dumps(board.page(), allow_nan=False)
+        board.update(np.clip(moved, -100.0, 100.0).tolist(), 300)
+        results = board.evaluate_fast()
+        json.dumps(results, allow_nan=False)
+        assert results["discs"] or results["faults"]
+        json.dumps(board.page_data(), allow_nan=False)
 
 
-def test_extreme_speeds_and_a_velocity_jump_have_numbers_or_words(board, tmp_path):
-    """Answer at both ends of the knob; a law whose velocity jumps has a contour, no jump speed."""
+def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
+    """Return results at both ends of the knob.
+
+    A law with a velocity jump has a contour but no jump speed.
+    """
     for rpm in (1.0, MAX_RPM):
-        found = at_rest(board.cam, board.law(), board.rig, rpm)
-        assert {*found["residual_um"], *found["level_db"]} <= {"value", "words"}
-        assert "value" in found["jump"]
-        json.dumps(found, allow_nan=False)
+        results = evaluate_full(board.cam, board.law(), board.rig, rpm)
+        assert {*results["residual_um"], *results["level_db"]} <= {"value", "words"}
+        assert "value" in results["jump"]
+        json.dumps(results, allow_nan=False)
     corners = cam_rig.load_cam("worked_example_constant_velocity")
-    found = Board(corners, cam_rig.load_rig("tm21"), tmp_path).at_once()
-    assert found["discs"] and "velocity" in found["jump_rigid"]["words"]
+    results = Board(corners, cam_rig.load_rig("tm21"), tmp_path).evaluate_fast()
+    assert results["discs"] and "velocity" in results["jump_rigid"]["words"]
 
 
-# -- what the board writes: cam files, the contour as DXF, the command that designs on ---------
+# -- output of the board: cam files, contour as DXF, design command ---------------------------
 
 
-def test_a_saved_file_is_the_law_on_the_page(tmp_path):
-    """`build_law` of the file gives the same ordinates, follower and spans."""
+def test_a_saved_file_contains_the_displayed_law(tmp_path):
+    """Reproduce ordinates, follower and spans by `build_law` of the file."""
     for name in ("poly345", "bezier15", "tm21", "measured", "conjugate"):
         cam = cam_rig.load_cam(name)
         board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
-        ordinates = with_one_moved(board, 0.0123456789, 3)
+        ordinates = with_moved_ordinate(board, 0.0123456789, 3)
         path = board.save("drawn", ordinates)
-        board.take(ordinates, 300)
+        board.update(ordinates, 300)
         saved = cam_rig.load_cam(path)
-        law, wanted = cam_rig.build_law(saved), board.law()
-        assert np.abs(law.breaks - wanted.breaks).max() <= 1e-12
-        assert np.abs(law.ordinates - wanted.ordinates).max() <= 1e-12 * wanted.lift
+        law, displayed = cam_rig.build_law(saved), board.law()
+        assert np.abs(law.breaks - displayed.breaks).max() <= 1e-12
+        assert np.abs(law.ordinates - displayed.ordinates).max() <= 1e-12 * displayed.lift
         assert saved.follower == cam.follower
 
 
 def test_a_file_is_never_overwritten(board):
-    """The second of the same name is refused, and the first stays as it was."""
+    """Refuse a second file of a name, and leave the first unchanged."""
     path = board.save("mine", board.ordinates.tolist())
     before = path.read_bytes()
     with pytest.raises(OutputError, match="exists already"):
-        board.save("mine", with_one_moved(board, 0.1))
+        board.save("mine", with_moved_ordinate(board, 0.1))
     assert path.read_bytes() == before
 
 
-def test_a_pressure_angle_alone_can_be_made(tmp_path):
-    """A bad cam is not one that cannot exist: what `cannot_be_made` says is of that alone."""
+def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
+    """Report a failed check that is not fatal without `cannot_be_made`."""
     cam = cam_rig.load_cam("poly345")
     strict = Quantity(given=1.0, unit="deg", source="test")
     follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
     board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
-    assert board.saved("steep", board.ordinates.tolist())["why_not"] is None
-    found = at_rest(board.cam, board.law(), board.rig, 300.0)
-    assert found["made"] and any("pressure angle" in words for words in found["checks"])
+    assert board.save_for_page("steep", board.ordinates.tolist())["why_not"] is None
+    results = evaluate_full(board.cam, board.law(), board.rig, 300.0)
+    assert results["made"] and any("pressure angle" in check for check in results["checks"])
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):
-    """Every point of the drawing is on the exact contour, to 1e-6 mm, and none is missing."""
-    ordinates = with_one_moved(board, 0.05)
+    """Write all points of the contour within the chord error and the rounding."""
+    ordinates = with_moved_ordinate(board, 0.05)
     path = tmp_path / "cam.dxf"
     path.write_text(board.dxf(ordinates), encoding="utf-8")
     (points,) = read_dxf(path).curves
-    board.take(ordinates, 300)
-    wanted = np.array(board.at_once()["discs"][0]["points"])
-    drawn = Polygon(1e3 * points.T)
-    off = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
-    assert max(off) <= 2e-3  # 1 µm of chord, and the rounding of what is shown
-    assert drawn.area == pytest.approx(Polygon(wanted.T).area, rel=1e-3)
+    board.update(ordinates, 300)
+    displayed = np.array(board.evaluate_fast()["discs"][0]["points"])
+    polygon = Polygon(1e3 * points.T)
+    distances = [polygon.exterior.distance(Point(*point)) for point in displayed.T]
+    assert max(distances) <= 2e-3  # mm: chord error of 1 µm and rounding of the displayed points
+    assert polygon.area == pytest.approx(Polygon(displayed.T).area, rel=1e-3)
 
 
 @pytest.mark.long
-def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path):
-    """Words for a shell, also in a folder with a space; the start and the rig are the board's."""
+def test_the_design_command_can_be_run(tmp_path):
+    """Quote the command for a shell, also in a folder with a space.
+
+    Start and rig are those of the board.
+    """
     rig = "config/rigs/paper_table2.yaml"
     out = tmp_path / "my cams"
     board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), out, rig)
-    found = board.saved("mine", board.ordinates.tolist())
-    words = shlex.split(found["command"])
-    assert words[:3] == ["cam-rig", "design", found["path"]]
-    assert words[words.index("--rig") + 1] == rig
-    assert words[words.index("--out") + 1] == str(out / "mine_designed.yaml")
-    done(*words[1:], "--pieces", "4", "--joints", "C2")
+    reply = board.save_for_page("mine", board.ordinates.tolist())
+    arguments = shlex.split(reply["command"])
+    assert arguments[:3] == ["cam-rig", "design", reply["path"]]
+    assert arguments[arguments.index("--rig") + 1] == rig
+    assert arguments[arguments.index("--out") + 1] == str(out / "mine_designed.yaml")
+    done(*arguments[1:], "--pieces", "4", "--joints", "C2")
     designed = cam_rig.load_cam(out / "mine_designed.yaml")
     start = cam_rig.jump_speed(board.law(), board.rig).rpm
     assert cam_rig.jump_speed(cam_rig.build_law(designed), board.rig).rpm > start
 
 
-def test_a_name_that_no_cam_may_have_is_refused(board):
-    """Nothing is written, inside of the folder or outside."""
+def test_an_invalid_cam_name_is_refused(board):
+    """Write nothing, neither inside the folder nor outside."""
     for name in ("", "../x", "A", "a/b", "a.yaml", "a" * 101, None, 3, "cam"):
         with pytest.raises(ConfigError, match="name"):
             board.save(name, board.ordinates.tolist())
     assert not board.out.exists()
 
 
-def test_a_file_is_opened_as_it_is_loaded(board):
-    """Every shipped cam without a table; what is none is refused, and changes nothing."""
+def test_an_opened_file_is_the_loaded_file(board):
+    """Open shipped cams without a table as `load_cam` loads them.
+
+    Refuse a text that is not a cam file, and change nothing.
+    """
     paths = sorted((config_root() / "cams").glob("*.yaml"))
     opened = 0
     for path in paths[::4]:
@@ -254,7 +268,7 @@ def test_a_file_is_opened_as_it_is_loaded(board):
         fresh = Board(cam_rig.load_cam(path), board.rig, board.out)
         assert board.file.name == fresh.file.name
         assert board.ordinates.tolist() == fresh.ordinates.tolist()
-        assert board.page()["picture"] == fresh.page()["picture"]
+        assert board.page_data()["picture"] == fresh.page_data()["picture"]
         opened += 1
     assert opened > 4
     before = board.file, board.version

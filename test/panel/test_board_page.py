@@ -1,4 +1,4 @@
-"""The drawing board in a real browser: its numbers are the core's, by pointer and by keyboard."""
+"""The drawing board in a real browser, by pointer and keyboard."""
 
 import base64
 import re
@@ -11,19 +11,19 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.board import START_RPM, Board
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.drawn_law import MOTION_POINTS, ORDERS, table_angles
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.command import REDIRECT
 from cam_rig.panel.server import serve
 from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.units import RPM
 
-from .conftest import BrowserPage, in_browser, with_one_moved
+from .conftest import BrowserPage, in_browser, with_moved_ordinate
 
 pytestmark = pytest.mark.slow
-#: What the page computes differs from the core by no more than this part of the largest value.
-SAME = 1e-12
-#: The page's own modules, asked as the page asks them.
+#: Tolerance of the page's results, relative to their largest value.
+RTOL = 1e-12
+#: Script that evaluates a law by the modules of the page.
 LAW_IN_PAGE = """async ([ordinates, rpm]) => {
   const { readTable, motion, contactForce } = await import("/static/board/law.js");
   const board = await (await fetch("/board")).json();
@@ -37,24 +37,24 @@ SPECTRUM_IN_PAGE = """async (values) => {
 }"""
 FOCUSED = "() => Number(document.activeElement.dataset.index)"
 SIZE = {"width": 1280, "height": 900}
-REFUSED = "Failed to load resource"  # what Chromium says of a 409
+REFUSED = "Failed to load resource"  # Chromium's message for status 409
 
 
 class BoardPage(BrowserPage):
-    """A page of the board."""
+    """Page of the board."""
 
     def stale(self, name):
         script = "id => document.getElementById(id).classList.contains('stale')"
         return bool(self.page.evaluate(script, name))
 
     def settled(self):
-        """Wait until all numbers are of the law that is shown."""
+        """Wait until all numbers are those of the displayed law."""
         names = ("jump_rigid", "jump", "residual", "level")
         self.until(lambda: self.number("jump_rigid") is not None)
         self.until(lambda: not any(self.stale(name) for name in names))
 
     def grab(self, handle):
-        """Take a handle with the pointer; where it is."""
+        """Press the pointer on a handle, and return its position."""
         box = self.page.locator(".handle").nth(handle).bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         self.page.mouse.move(x, y)
@@ -62,7 +62,7 @@ class BoardPage(BrowserPage):
         return x, y
 
     def drag(self, handle, down):
-        """Take a handle with the pointer, move it, and let go."""
+        """Press the pointer on a handle, move it, and release it."""
         x, y = self.grab(handle)
         self.page.mouse.move(x, y + down, steps=6)
         self.page.mouse.up()
@@ -78,22 +78,22 @@ class BoardPage(BrowserPage):
 
 @pytest.fixture
 def board(served):
-    """The one that the page shows."""
+    """Return the board that the page displays."""
     return served.board
 
 
 @pytest.fixture(scope="module")
 def window(chromium):
-    """One window for all tests of the page: each begins with the start anew."""
+    """Open one window for all tests of the page, each of which restores the start."""
     with in_browser(chromium, BoardPage) as page:
         yield page
 
 
 @pytest.fixture
 def page(window, served, tmp_path):
-    """The board as it begins; nothing may go wrong, and no other host be asked."""
+    """Return the board's page in its initial state, and check for errors afterwards."""
     served.board.out = tmp_path / "out"
-    served.board.take(served.board.drawn.ordinates.tolist(), START_RPM)
+    served.board.update(served.board.drawn.ordinates.tolist(), START_RPM)
     window.page.set_viewport_size(SIZE)
     window.open(served.address)
     window.settled()
@@ -104,13 +104,13 @@ def page(window, served, tmp_path):
 
 
 def in_page(page, ordinates, rpm):
-    """``(5, n)`` s to s''' and force of some ordinates, by the page's modules."""
-    found = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
-    return np.frombuffer(base64.b64decode(found), dtype="<f8").reshape(ORDERS + 1, POINTS)
+    """Return s to s''' and force of ordinates by the page's modules, ``(5, n)``."""
+    data = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
+    return np.frombuffer(base64.b64decode(data), dtype="<f8").reshape(ORDERS + 1, MOTION_POINTS)
 
 
-def core(board, ordinates, rpm):
-    """The same of the board's law."""
+def library_curves(board, ordinates, rpm):
+    """Return s to s''' and force of the board's law, ``(5, n)``."""
     law, rig = board.law(np.array(ordinates)), FollowerParameters.from_rig(board.rig)
     rows = [law(table_angles(), order) for order in range(ORDERS)]
     force = rig.mass * rows[2] * (rpm * RPM) ** 2 + rig.damping * rows[1] * (rpm * RPM)
@@ -118,25 +118,34 @@ def core(board, ordinates, rpm):
     return np.stack([*rows, force])
 
 
-def test_the_pages_law_force_and_spectrum_are_the_cores(page, board):
-    """To 1e-12 of the largest value; an ordinate off by 1e-6 is seen. The spectrum is numpy's."""
+def test_law_force_and_spectrum_of_the_page_are_those_of_the_library(page, board):
+    """Compare the page's curves within 1e-12 of the largest value.
+
+    A change of 1e-6 of an ordinate is detected. The spectrum is that of numpy.
+    """
     ordinates = board.ordinates.tolist()
     for i, handle in enumerate(board.drawn.handles):
         ordinates[handle.index] += 0.01 * np.sin(3.0 * i)
-    wanted = core(board, ordinates, 431.0)
-    largest = np.abs(wanted).max(axis=1, keepdims=True)
-    off = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
-    assert off.max() <= SAME
+    expected = library_curves(board, ordinates, 431.0)
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    off = np.abs(in_page(page, ordinates, 431.0) - expected) / largest
+    assert off.max() <= RTOL
     ordinates[board.drawn.handles[7].index] += 1e-6
-    control = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
-    assert (control.max(axis=1) > 1e3 * SAME).all()
-    values = np.random.default_rng(1).standard_normal(POINTS)
-    found = page.page.evaluate(SPECTRUM_IN_PAGE, values.tolist())
-    assert np.abs(np.array(found) - 2.0 / POINTS * np.abs(np.fft.rfft(values))[1:41]).max() <= SAME
+    control = np.abs(in_page(page, ordinates, 431.0) - expected) / largest
+    assert (control.max(axis=1) > 1e3 * RTOL).all()
+    values = np.random.default_rng(1).standard_normal(MOTION_POINTS)
+    spectrum = page.page.evaluate(SPECTRUM_IN_PAGE, values.tolist())
+    assert (
+        np.abs(np.array(spectrum) - 2.0 / MOTION_POINTS * np.abs(np.fft.rfft(values))[1:41]).max()
+        <= RTOL
+    )
 
 
-def test_a_dragged_handle_moves_the_law_and_all_that_follows(page, board):
-    """Numbers are `jump_speed`'s; the handle is under the pointer; the server has what is shown."""
+def test_a_dragged_handle_changes_the_law_and_its_results(page, board):
+    """Display the numbers of `jump_speed` after a drag.
+
+    The handle follows the pointer, and the server has the displayed ordinates.
+    """
     charts = ("chart0", "chart1", "chart2", "chart3", "force", "spectrum")
     before = [page.path(chart) for chart in charts]
     page.drag(7, -12.0)
@@ -151,7 +160,7 @@ def test_a_dragged_handle_moves_the_law_and_all_that_follows(page, board):
     assert page.number("jump_rigid") == pytest.approx(rigid, rel=1e-4)
     assert page.number("jump") == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm, rel=1e-4)
     after = [page.path(chart) for chart in charts]
-    assert all(one != other for one, other in zip(before, after, strict=True))
+    assert all(old != new for old, new in zip(before, after, strict=True))
 
     handle, y = page.page.locator(".handle").nth(10), []
     for down in (0.0, 5.0):
@@ -167,21 +176,24 @@ def test_a_dragged_handle_moves_the_law_and_all_that_follows(page, board):
 
     for down in (3.0, -5.0, 2.0):
         page.drag(9, down)
-    page.until(lambda: off_board(page, board, 9) <= 1e-3)
+    page.until(lambda: handle_error_mm(page, board, 9) <= 1e-3)
     page.settled()
     index = board.drawn.handles[9].index
     assert board.ordinates[index] != board.drawn.ordinates[index]
 
 
-def off_board(page, board, i):
-    """How far (mm) a handle's ordinate on the page is from the board's."""
-    shown = float(page.page.locator(".handle").nth(i).get_attribute("aria-valuenow") or "nan")
-    return abs(board.ordinates[board.drawn.handles[i].index] * 1e3 * board.cam.lift.si - shown)
+def handle_error_mm(page, board, i):
+    """Return the difference (mm) of a handle's ordinate between page and board."""
+    displayed = float(page.page.locator(".handle").nth(i).get_attribute("aria-valuenow") or "nan")
+    return abs(board.ordinates[board.drawn.handles[i].index] * 1e3 * board.cam.lift.si - displayed)
 
 
 @pytest.mark.long
-def test_all_pages_show_the_one_board_and_a_reload_keeps_it(chromium, page, board, served):
-    """The last change wins; less motion is a button's; a browser in Spanish has Spanish pages."""
+def test_all_pages_display_the_same_board_and_a_reload_keeps_it(chromium, page, board, served):
+    """Apply the last change on all pages.
+
+    With reduced motion, a button makes each flash. A browser in Spanish has Spanish pages.
+    """
     with in_browser(chromium, BoardPage, locale="es-EC") as other:
         other.page.emulate_media(reduced_motion="reduce")
         other.open(served.address)
@@ -205,14 +217,17 @@ def test_all_pages_show_the_one_board_and_a_reload_keeps_it(chromium, page, boar
     assert np.array_equal(board.ordinates, ordinates)
 
 
-def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
-    """Tab, arrows, Ctrl-Z, Ctrl-Y, Home, focus stays; the knob's keys turn the force alone."""
+def test_the_keyboard_moves_undoes_and_resets(page, board):
+    """Keep the focus with Tab, arrows, Ctrl-Z, Ctrl-Y and Home.
+
+    The keys of the knob change only the force.
+    """
     index = board.drawn.handles[5].index
     page.page.locator("#link").focus()
     page.press("Tab", 6)
     assert page.page.evaluate(FOCUSED) == index
     start = board.drawn.ordinates[index]
-    for press, wanted in (
+    for press, offset in (
         ("ArrowUp", 0.005),
         ("Shift+ArrowDown", 0.0045),
         ("PageUp", 0.0545),
@@ -223,7 +238,7 @@ def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
         ("Control+z", 0.0045),
     ):
         page.press(press)
-        page.until(lambda w=wanted: abs(board.ordinates[index] - start - w) < 1e-12)
+        page.until(lambda w=offset: abs(board.ordinates[index] - start - w) < 1e-12)
         assert page.page.evaluate(FOCUSED) == index
     page.page.locator("#reset").press("Enter")
     page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
@@ -240,8 +255,11 @@ def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
     assert np.array_equal(board.ordinates, board.drawn.ordinates)
 
 
-def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(page, board):
-    """Undercut: red, with its angle, and no DXF; undone, all is well again."""
+def test_a_law_that_cannot_be_made_is_reported_and_the_last_good_force_stays(page, board):
+    """Display an undercut in red with its angle, and refuse a DXF.
+
+    After an undo the page has no faults.
+    """
     force = page.path("force")
     assert page.page.locator("#file_jump_row[hidden]").count() == 1
     page.page.locator(".handle").nth(7).focus()
@@ -263,15 +281,15 @@ def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(page, 
     assert page.page.locator("#not_made").is_hidden()
 
 
-def test_what_is_drawn_can_be_taken_along(page, board, tmp_path):
-    """As a file, never over another; as the command that designs on; as DXF."""
+def test_the_drawn_law_can_be_saved_copied_and_downloaded(page, board, tmp_path):
+    """Save a file without overwriting, copy the design command, download a DXF."""
     assert page.page.locator("#design").is_hidden()
     page.drag(16, 3.0)
     page.settled()
     page.save("mine")
     page.until(lambda: "Saved" in page.text("status"))
     law = cam_rig.build_law(cam_rig.load_cam(board.out / "mine.yaml"))
-    assert np.abs(law.ordinates - board.law().ordinates).max() <= SAME * law.lift
+    assert np.abs(law.ordinates - board.law().ordinates).max() <= RTOL * law.lift
     assert page.text("command").startswith(f"cam-rig design {board.out}/mine.yaml --maximise")
     page.page.locator("#copy").click()
     page.until(lambda: page.text("status") in ("Copied.", "Selected: copy it by Ctrl-C."))
@@ -288,8 +306,8 @@ def test_what_is_drawn_can_be_taken_along(page, board, tmp_path):
 
 
 @pytest.mark.long
-def test_the_start_another_law_and_a_design_are_shown_beside(page, board):
-    """Show each as a curve of its own; the board answers while its design runs."""
+def test_the_start_another_law_and_a_design_are_displayed_for_comparison(page, board):
+    """Draw each as a separate curve. The board stays responsive during its design."""
     assert page.path("chart2", "ghost") != ""
     page.page.locator("#second").select_option("cycloidal")
     page.until(lambda: page.page.locator("#chart2 .second").count() == 1)
@@ -310,8 +328,11 @@ def test_the_start_another_law_and_a_design_are_shown_beside(page, board):
     assert page.page.locator("#design_run").is_visible()
 
 
-def test_nothing_sticks_out_and_the_language_that_is_chosen_stays(page):
-    """At any width each handle is within its chart; numbers keep their point in both languages."""
+def test_no_element_sticks_out_and_the_chosen_language_stays(page):
+    """Keep each handle within its chart at any width.
+
+    Numbers have a decimal point in both languages.
+    """
     page.page.locator("#languages [lang=es]").click()
     page.until(lambda: "Velocidad de la leva" in page.page.locator("#controls").inner_text())
     page.page.reload()
@@ -335,7 +356,10 @@ def test_nothing_sticks_out_and_the_language_that_is_chosen_stays(page):
     "cams", [["trigonometric"], pytest.param(["bezier15", "conjugate"], marks=pytest.mark.long)]
 )
 def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
-    """Only a stand-in shows the file's jump speed; opened from a file, the token goes."""
+    """Display the jump speed of the file only if B-splines replace its law.
+
+    The token disappears from the address after the redirection from a file.
+    """
     opened = tmp_path / "panel.html"
     for name in cams:
         stands_in = name == "trigonometric"
@@ -357,10 +381,10 @@ def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
 
 
 @pytest.mark.long
-def test_a_start_that_cannot_be_made_has_the_force_of_its_motion(chromium, tmp_path):
-    """There is no last good one, and the page does not speak of one."""
+def test_a_start_that_cannot_be_made_displays_the_force_of_its_motion(chromium, tmp_path):
+    """Do not mention a last good law if there is none."""
     good = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path)
-    cam = cam_rig.load_cam(good.save("undercut", with_one_moved(good, 0.5)))
+    cam = cam_rig.load_cam(good.save("undercut", with_moved_ordinate(good, 0.5)))
     board = BoardPages(Board(cam, good.rig, tmp_path))
     with serve(board) as panel, in_browser(chromium, BoardPage) as shown:
         shown.open(panel.address)
@@ -368,22 +392,25 @@ def test_a_start_that_cannot_be_made_has_the_force_of_its_motion(chromium, tmp_p
         assert shown.path("force") == shown.path("force", "ghost")
 
 
-def test_a_wide_pull_takes_its_neighbours_along(page, board):
-    """By a raised cosine of the cam angle, shorter beside a dwell, whose joint stays as smooth."""
+def test_a_wide_pull_moves_the_neighbouring_ordinates(page, board):
+    """Move the neighbours by a raised cosine of the cam angle.
+
+    The pull is shorter next to a dwell, and the joint stays as smooth.
+    """
     page.page.locator("#width").select_option("20")
     page.page.locator(".handle").nth(7).focus()
-    version, own = board.version, board.drawn.handles[7]
+    version, pulled = board.version, board.drawn.handles[7]
     page.press("PageUp", 2)
     page.until(lambda: board.version >= version + 2)
     page.settled()
     moved = board.ordinates - board.drawn.ordinates
     for handle in board.drawn.handles:
-        away = abs(handle.angle - own.angle) / np.radians(20.0)
-        wanted = 0.05 * (1.0 + np.cos(np.pi * away)) if away < 1.0 else 0.0
-        assert moved[handle.index] == pytest.approx(wanted, abs=1e-12)
+        away = abs(handle.angle - pulled.angle) / np.radians(20.0)
+        expected = 0.05 * (1.0 + np.cos(np.pi * away)) if away < 1.0 else 0.0
+        assert moved[handle.index] == pytest.approx(expected, abs=1e-12)
     assert page.page.locator("#not_made").is_hidden()
     page.press("Home")
-    page.until(lambda: abs(board.ordinates - board.drawn.ordinates)[own.index] < 1e-15)
+    page.until(lambda: abs(board.ordinates - board.drawn.ordinates)[pulled.index] < 1e-15)
     page.page.locator("#reset").press("Enter")
     page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
 
@@ -401,8 +428,11 @@ def test_a_wide_pull_takes_its_neighbours_along(page, board):
 
 
 @pytest.mark.long
-def test_a_stroboscope_shows_the_phase_of_each_flash(page):
-    """It goes on by the rest of a turn, the roller at its lift; late frames take none away."""
+def test_a_stroboscope_displays_the_phase_of_each_flash(page):
+    """Advance by the fraction of a turn between flashes, with the roller at its lift.
+
+    Late frames do not skip a phase.
+    """
     browser = page.page
     degrees = "() => Number(document.querySelector('#strobe svg').dataset.degrees)"
     assert "stand still" in page.text("seems")
@@ -410,10 +440,10 @@ def test_a_stroboscope_shows_the_phase_of_each_flash(page):
     for _ in range(3):
         browser.locator("#flash").click()
     assert browser.evaluate(degrees) == before
-    browser.locator("#flashes").fill("150")  # a whole fraction: two turns from flash to flash
+    browser.locator("#flashes").fill("150")  # two turns between flashes
     browser.locator("#flash").click()
     assert browser.evaluate(degrees) == before
-    browser.locator("#flashes").fill("288")  # 300/288 turns: 15° more with every flash
+    browser.locator("#flashes").fill("288")  # 300/288 turns: 15° more per flash
     assert "forwards at 12 rpm" in page.text("seems")
     for step in range(1, 7):
         browser.locator("#flash").click()
@@ -428,24 +458,27 @@ def test_a_stroboscope_shows_the_phase_of_each_flash(page):
     browser.locator("#flashes").fill("312.5")
     assert "backwards at 12.5 rpm" in page.text("seems")
 
-    browser.locator("#flashes").fill("240")  # 300/240 turns: four places
+    browser.locator("#flashes").fill("240")  # 300/240 turns: four phases
     browser.locator("#run").click()
     assert browser.locator("#run").get_attribute("aria-pressed") == "true"
     angles = set()
 
-    def seen():
+    def all_phases_seen():
         angles.add(browser.locator("#strobe svg").get_attribute("data-degrees"))
         return len(angles) >= 4
 
-    page.until(seen)
+    page.until(all_phases_seen)
     browser.locator("#run").click()
-    found = np.sort([float(angle or "nan") for angle in angles])
-    assert np.diff(found) == pytest.approx([90.0] * 3, abs=0.01)
+    phases = np.sort([float(angle or "nan") for angle in angles])
+    assert np.diff(phases) == pytest.approx([90.0] * 3, abs=0.01)
 
 
-def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium, served, board):
-    """What is drawn without a connection is sent when it is back, not the server's older state."""
-    board.take(board.drawn.ordinates.tolist(), START_RPM)
+def test_a_lost_connection_during_a_drag_loses_no_change(chromium, served, board):
+    """Send the changes after the connection is restored.
+
+    The server's older state does not replace them.
+    """
+    board.update(board.drawn.ordinates.tolist(), START_RPM)
     sockets = []
     with in_browser(chromium, BoardPage) as shown:
         shown.page.route_web_socket(
@@ -461,7 +494,7 @@ def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium
         before = board.version
         shown.page.mouse.move(x, y - 15.0, steps=5)
         shown.until(lambda: sockets)
-        shown.until(lambda: off_board(shown, board, 7) <= 1e-4)
+        shown.until(lambda: handle_error_mm(shown, board, 7) <= 1e-4)
         index = board.drawn.handles[7].index
         assert board.version > before
         assert board.ordinates[index] > board.drawn.ordinates[index]
@@ -469,11 +502,14 @@ def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium
         shown.settled()
 
 
-# -- the cursor, files that are opened, links -------------------------------------------------
+# -- cursor, opened files, links --------------------------------------------------------------
 
 
 def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
-    """By the pointer on any chart, or the slider: s, v, a and F are the core's at that angle."""
+    """Compare s, v, a and F at the cursor with those of the library.
+
+    The cursor follows the pointer on any chart, or a slider.
+    """
     for move in ("chart2", "force", "slider"):
         if move == "slider":
             page.page.locator("#cursor").fill("201")
@@ -483,22 +519,29 @@ def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
         page.until(lambda: page.text("at_cursor") != "At 0°")
         angle = int(page.page.locator("#cursor").input_value())
         assert angle == 201 or 60 < angle < 120
-        s, slope, second, _, force = core(board, board.ordinates.tolist(), START_RPM)[:, 2 * angle]
+        s, slope, second, _, force = library_curves(board, board.ordinates.tolist(), START_RPM)[
+            :, 2 * angle
+        ]
         omega = START_RPM * RPM
         numbers = [float(x) for x in re.findall(r"= (-?[\d.e-]+)", page.text("at_cursor"))]
-        wanted = [1e3 * s, omega * slope, omega**2 * second, force]
-        assert numbers == pytest.approx(wanted, rel=6e-3)
+        expected = [1e3 * s, omega * slope, omega**2 * second, force]
+        assert numbers == pytest.approx(expected, rel=6e-3)
         turned = page.page.locator("#contour > svg > g").nth(1).get_attribute("transform")
         assert float(re.match(r"rotate\((-?[\d.]+) ", turned)[1]) == pytest.approx(-angle)
-        held = page.page.locator("#contour .held").get_attribute("transform")
-        unit, at = re.search(r"scale\(([\d.]+) .*translate\(0 ([\d.]+)\)", held).groups()
+        transform = page.page.locator("#contour .held").get_attribute("transform")
+        unit, distance = re.search(r"scale\(([\d.]+) .*translate\(0 ([\d.]+)\)", transform).groups()
         follower = cam_rig.load_cam("poly345").follower
-        assert float(at) == pytest.approx(1e3 * (follower.base_radius.si + follower.roller + s))
+        assert float(distance) == pytest.approx(
+            1e3 * (follower.base_radius.si + follower.roller + s)
+        )
         assert float(unit) > 0.5
 
 
 def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromium):
-    """Its ordinates are what is drawn then; what is no cam is said, and changes nothing."""
+    """Draw the ordinates of an opened file on every page.
+
+    A file that is not a cam is reported, and changes nothing.
+    """
     page.drag(7, -12.0)
     page.settled()
     page.save("mine")
@@ -509,32 +552,35 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
     wrong = board.out / "wrong.yaml"
     wrong.write_text("name: wrong\n")
     page.page.locator("#file").set_input_files(wrong)
-    page.until(lambda: "Not opened: wrong.yaml: no cam file" in page.text("status"))
-    forget(page)
+    page.until(lambda: "Not opened: wrong.yaml: not a cam file" in page.text("status"))
+    clear_refusals(page)
     first = board.drawn, board.file
     try:
         with in_browser(chromium, BoardPage) as other:
             other.open(served.address)
             other.settled()
             page.page.locator("#file").set_input_files(board.out / "mine.yaml")
-            for one in (page, other):
-                one.page.locator("#title", has_text="mine, ").wait_for()
-                one.settled()
-                assert one.text("class") == "The law's own ordinates."
+            for board_page in (page, other):
+                board_page.page.locator("#title", has_text="mine, ").wait_for()
+                board_page.settled()
+                assert board_page.text("class") == "The law's own ordinates."
         assert board.ordinates.tolist() == pytest.approx(drawn.tolist(), abs=1e-12)
     finally:
         board._draw(first[1], first[0])
 
 
 def test_a_link_opens_the_same_law(page, board, served, chromium):
-    """Speed and ordinates; undone as one step. One of another cam is refused in words."""
+    """Restore speed and ordinates, which one undo reverts.
+
+    A link of another cam is refused.
+    """
     page.drag(9, 9.0)
     page.enter("rpm", 412)
     page.settled()
     page.page.locator("#link").click()
     page.until(lambda: "link to this law" in page.text("status"))
     drawn, link = board.ordinates.tolist(), page.page.url
-    board.take(board.drawn.ordinates.tolist(), START_RPM)
+    board.update(board.drawn.ordinates.tolist(), START_RPM)
     with in_browser(chromium, BoardPage) as other:
         other.open(served.address)
         other.page.goto(link)
@@ -547,6 +593,6 @@ def test_a_link_opens_the_same_law(page, board, served, chromium):
         other.until(lambda: "The link is of cam tm21" in other.text("status"))
 
 
-def forget(page):
-    """What a browser says of a refused request is no fault of the page."""
-    page.errors[:] = [words for words in page.errors if REFUSED not in words]
+def clear_refusals(page):
+    """Remove the browser's messages about refused requests from the errors."""
+    page.errors[:] = [error for error in page.errors if REFUSED not in error]

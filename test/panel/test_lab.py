@@ -1,4 +1,4 @@
-"""Lab sheets: the hidden rig, what is seen of it, what a page is told, and the marks."""
+"""Lab sheets: the hidden rig, its observations, the data of a page, and the marks."""
 
 import csv
 import json
@@ -12,110 +12,117 @@ import cam_rig
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_min_force
 from cam_rig.errors import ConfigError
-from cam_rig.panel.lab.labs import LABS, POINTS, TOLERANCES, lab_sheet
+from cam_rig.panel.lab.labs import LABS, TOLERANCES, TURN_POINTS, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
-from cam_rig.panel.lab.sheet import LabSetup, drawn
+from cam_rig.panel.lab.sheet import LabSetup, hidden_factor
 from cam_rig.units import RPM
 
 from ..cli.conftest import call
 from ..viewer.asking import ask
 from .conftest import ANSWERS, filled, served_lab, sheet_of
 
-# -- the hidden rig: the same on every machine, within its tolerances -------------------------
+# -- the hidden rig: equal on every machine, within its tolerances ----------------------------
 
-#: 1 + 0.04 (2 x/(2^64 - 1) - 1), x the first eight bytes of the SHA-256 of the four words, a line
-#: each.
+#: 1 + 0.04 (2 x/(2^64 - 1) - 1). x is the first eight bytes of the SHA-256 of the four words, one
+#: per line.
 ALPHA_MASS = 1.0175396720583243
 
 
-def test_a_seed_is_the_same_rig_everywhere():
-    """Numbers that were computed once: another version or machine must give them again."""
-    assert drawn("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
+def test_a_seed_gives_the_same_rig_on_every_machine():
+    """Reproduce numbers that were computed once on another machine."""
+    assert hidden_factor("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
     sheet = sheet_of(seed="alpha")
     assert sheet.true(LabSetup(4030.0, 0.0, 30.6)) == pytest.approx(408.900, abs=0.01)
 
 
-def test_every_number_is_drawn_evenly_within_its_tolerance():
-    """Over 2000 names: both ends are come near, the mean is the sheet's."""
+def test_every_hidden_factor_is_uniform_within_its_tolerance():
+    """Reach both ends of the tolerance in 2000 names, with the mean of the sheet."""
     for kind, tolerance in TOLERANCES.items():
-        found = np.array([drawn("jump", f"n{i}", kind, tolerance) for i in range(2000)])
-        assert np.abs(found - 1.0).max() <= tolerance and found.max() > 1.0 + 0.98 * tolerance
-        assert found.min() < 1.0 - 0.98 * tolerance
+        factors = np.array([hidden_factor("jump", f"n{i}", kind, tolerance) for i in range(2000)])
+        assert np.abs(factors - 1.0).max() <= tolerance and factors.max() > 1.0 + 0.98 * tolerance
+        assert factors.min() < 1.0 - 0.98 * tolerance
         # standard error of the mean: tolerance / sqrt(3 n)
-        assert abs(found.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * found.size)
+        assert abs(factors.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * factors.size)
 
 
-def test_a_spring_is_the_same_in_every_set_up_and_two_differ():
-    """What is hidden is a rig, and not noise on a reading."""
+def test_a_spring_is_the_same_in_every_set_up_and_two_springs_differ():
+    """Hide the numbers of a rig, and not add noise to the readings."""
     sheet = sheet_of()
 
     def factor(setup):
-        found = sheet.true_rig(setup, "alpha").follower.spring_stiffness.si
-        return found / setup.spring_stiffness
+        hidden_stiffness = sheet.true_rig(setup, "alpha").follower.spring_stiffness.si
+        return hidden_stiffness / setup.spring_stiffness
 
     first = factor(LabSetup(4030.0, 0.0, 30.6))
     assert factor(LabSetup(4030.0, 1.0, 61.2)) == first
     assert factor(LabSetup(3020.0, 0.0, 30.6)) != first
-    own = sheet.true_rig(LabSetup(4030.0, 0.5, 30.6), None).follower
-    assert (own.mass.si, own.preload.si) == (1.8, 30.6)
+    follower = sheet.true_rig(LabSetup(4030.0, 0.5, 30.6), None).follower
+    assert (follower.mass.si, follower.preload.si) == (1.8, 30.6)
 
 
-def test_what_has_no_sheet_is_refused(tmp_path):
+def test_a_seed_cam_or_rig_without_a_sheet_is_refused(tmp_path):
     """Refuse a seed that is not a name, and cams and rigs that a lab cannot measure."""
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
             sheet_of(seed=seed)
-    one, two, arcs, held = map(
+    poly345, bezier15, arcs, conjugate = map(
         cam_rig.load_cam, ("poly345", "bezier15", "arcs_convex", "conjugate")
     )
     rig = cam_rig.load_rig("tm21")
-    for lab, cams, on, words in (
-        ("jmp", [one], rig, r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)"),
-        ("jump", [one], rig.with_follower(preload=0.0), "preload of 0 N"),
-        ("jump", [one, two], rig, "allowed in lab 'jump': one"),
-        ("vibration", [one], rig, r"periods of the stem .* allowed: 60"),
-        ("noise", [one, two], rig, r"the same is the louder from \d+ to \d+ rpm"),
-        ("noise", [arcs], rig, "allowed in lab 'noise': two that differ"),
-        *((lab, [held], rig, "only a closing spring") for lab in LABS),
+    for lab, cams, lab_rig, message in (
+        (
+            "jmp",
+            [poly345],
+            rig,
+            r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)",
+        ),
+        ("jump", [poly345], rig.with_follower(preload=0.0), "preload of 0 N"),
+        ("jump", [poly345, bezier15], rig, "allowed in lab 'jump': one"),
+        ("vibration", [poly345], rig, r"periods of the stem .* allowed: 60"),
+        ("noise", [poly345, bezier15], rig, r"the same cam is louder from \d+ to \d+ rpm"),
+        ("noise", [arcs], rig, "allowed in lab 'noise': two different cams"),
+        *((lab, [conjugate], rig, "only a closing spring") for lab in LABS),
     ):
-        with pytest.raises(ConfigError, match=words):
-            LabPages(lab_sheet(lab, cams, on), tmp_path)
+        with pytest.raises(ConfigError, match=message):
+            LabPages(lab_sheet(lab, cams, lab_rig), tmp_path)
 
 
-def test_the_line_is_the_jump_speed_of_a_rigid_follower():
-    """n² = (k s + preload) / (m |s''|): for the sheet's own set-up exactly, without damping."""
+def test_the_line_of_theory_is_the_jump_speed_of_a_rigid_follower():
+    """Check n² = (k s + preload) / (m |s''|) for the sheet's set-up without damping."""
     rig = cam_rig.load_rig("tm21").with_follower(damping=0.0)
     sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], rig)
-    own = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
-    speed = np.sqrt(sheet.load(own) / abs(sheet.critical[1]))
+    setup = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
+    speed = np.sqrt(sheet.load(setup) / abs(sheet.critical[1]))
     assert speed * 30.0 / np.pi == pytest.approx(cam_rig.jump_speed(sheet.law, rig).rpm, rel=1e-4)
 
 
-# -- what is seen is what is marked -----------------------------------------------------------
+# -- the observation agrees with the true answer ----------------------------------------------
 
-#: How far above and below the marked speed the model is asked, relative: 0.008 rpm at 400 rpm.
-NEAR = 2e-5
+#: Relative distance from the true speed at which contact is checked: 0.008 rpm at 400 rpm.
+SPEED_RTOL = 2e-5
 
 
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", [None, "Z9", "group-3", "alpha"])
 @pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
-def test_the_model_leaves_the_cam_exactly_above_the_marked_speed(rig, seed):
-    """In steady state, two masses and one, with each third set-up of the sheet."""
+def test_contact_is_lost_exactly_above_the_true_speed(rig, seed):
+    """Check the steady state of one and two masses with each third set-up."""
     sheet = sheet_of(rig, seed)
     for setup in sheet.setups[::3]:
         jump = sheet.true(setup)
-        assert not sheet.turn(setup, jump * (1.0 - NEAR), 1).contact_lost, setup
-        assert sheet.turn(setup, jump * (1.0 + NEAR), 1).contact_lost, setup
+        assert not sheet.turn(setup, jump * (1.0 - SPEED_RTOL), 1).contact_lost, setup
+        assert sheet.turn(setup, jump * (1.0 + SPEED_RTOL), 1).contact_lost, setup
 
 
-def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass():
-    """m s'' Ω² + c s' Ω + k s + preload, to what the sensor resolves."""
+def test_a_turn_in_contact_is_the_kinetostatic_force_of_one_mass():
+    """Check m s'' Ω² + c s' Ω + k s + preload within the resolution of the sensor."""
     sheet = sheet_of("tm21")
     rpm = 300.0
     follower, speed = follower_of(sheet.true_rig(sheet.setups[0], None)), rpm * RPM
-    motion = np.array([sheet.law.at(a) for a in np.arange(POINTS) * (2.0 * np.pi / POINTS)]).T
+    motion = np.array(
+        [sheet.law.at(a) for a in np.arange(TURN_POINTS) * (2.0 * np.pi / TURN_POINTS)]
+    ).T
     force = (
         follower.spring_stiffness * motion[0]
         + follower.damping * motion[1] * speed
@@ -125,29 +132,29 @@ def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass():
     turn = sheet.turn(sheet.setups[0], rpm, 1)
     # 0.05 N of rounding, and a straight line between two samples of 16 kHz
     assert np.abs(turn.curve - force).max() < 0.1
-    least = rigid_min_force(sheet.law, follower, np.array([speed]))[0]
-    assert turn.curve.min() == pytest.approx(least, abs=0.15)
+    min_force = rigid_min_force(sheet.law, follower, np.array([speed]))[0]
+    assert turn.curve.min() == pytest.approx(min_force, abs=0.15)
 
 
-# -- the page is told what a student may see, and nothing of the hidden rig's numbers ---------
+# -- the page receives observations, but no number of the hidden rig --------------------------
 
 
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory):
-    """A sheet with a seed."""
+    """Serve a sheet with a seed."""
     with served_lab(sheet_of(seed="group-3"), tmp_path_factory.mktemp("lab")) as lab:
         yield lab
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """A sheet of the rig's own numbers."""
+    """Serve a sheet of the rig's numbers."""
     with served_lab(sheet_of("tm21"), tmp_path_factory.mktemp("lab")) as lab:
         yield lab
 
 
 def numbers(value):
-    """All numbers of plain data, also those in its texts."""
+    """Return all numbers in plain data, those in texts included."""
     if isinstance(value, dict):
         return [n for item in value.values() for n in numbers(item)]
     if isinstance(value, list):
@@ -157,79 +164,88 @@ def numbers(value):
     return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
-def test_nothing_of_the_hidden_rig_is_in_any_answer(hidden):
-    """A number within 1e-4 of a true one would give it away; the force is rounded as a sensor's."""
+def test_no_response_contains_a_hidden_number(hidden):
+    """Send no number within 1e-4 of a true number, which would reveal it.
+
+    The force is rounded to the resolution of the sensor.
+    """
     sheet = hidden.pages.notebook.sheet
     secret = set()
     for setup in sheet.setups:
         true = sheet.true_rig(setup, sheet.seed).follower
         kinds = ("mass", "spring_stiffness", "preload", "damping", "stem_damping")
         secret |= {getattr(true, kind).si for kind in kinds} | {sheet.true(setup)}
-    said = []
+    received = []
     for i in range(len(sheet.setups)):
-        status, turn = hidden.send("/lab/turn", hidden.asked(i, 300.0) | {"sound": True})
+        status, turn = hidden.send("/lab/turn", hidden.request_data(i, 300.0) | {"sound": True})
         assert status == 200
         assert set(turn) == {"contact_lost", "was_lost", "curve", "measured", "sound", "rate"}
         assert all(abs(force * 10.0 - round(force * 10.0)) < 1e-9 for force in turn["curve"])
-        said += numbers(turn["rate"])
-        said += numbers(hidden.send("/lab/record", hidden.asked(i, 300.0))[1])
+        received += numbers(turn["rate"])
+        received += numbers(hidden.send("/lab/record", hidden.request_data(i, 300.0))[1])
     for path in ("/lab/sheet", "/lab/readings.csv", "/lab"):
-        said += numbers(hidden.get(path).decode())
-    said += numbers(hidden.send("/lab/student", {"student": "Ana"})[1])
-    found = [(n, s) for n in said for s in secret if abs(n - s) <= 1e-4 * s]
-    assert len(said) > 100 and len(secret) > 20
-    assert found == []
+        received += numbers(hidden.get(path).decode())
+    received += numbers(hidden.send("/lab/student", {"student": "Ana"})[1])
+    revealed = [(n, s) for n in received for s in secret if abs(n - s) <= 1e-4 * s]
+    assert len(received) > 100 and len(secret) > 20
+    assert revealed == []
 
 
-def test_the_theory_is_shown_without_a_seed_alone(hidden, plain):
-    """With one it would be another rig's."""
+def test_theory_is_available_only_without_a_seed(hidden, plain):
+    """Refuse the theory with a seed, because it is not that of the hidden rig."""
     status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
     assert status == 409 and "without a seed" in json.loads(body)["words"]
     sheet = plain.pages.notebook.sheet
     theory = json.loads(plain.get("/lab/theory"))
     (line,) = theory["curves"]
     slope = 1000.0 * line[-1] / (theory["step"] * (len(line) - 1))
-    for setup in sheet.setups:  # the rigid follower's line, which damping and angle lie below
+    for setup in sheet.setups:  # damping and angle reduce the speed of the line
         assert 0.9 < sheet.true(setup) ** 2 / (slope * sheet.load(setup)) < 1.0
 
 
-def test_the_lamp_goes_on_above_the_jump_and_stays_on(hidden):
-    """Also between two resonances, where contact holds again: the way up has passed the first."""
-    sheet, again = hidden.pages.notebook.sheet, 0
+def test_the_lamp_lights_above_the_jump_speed_and_stays_on(hidden):
+    """Keep the lamp on between two resonances, at which contact is regained.
+
+    Contact was lost at the first resonance on the way up.
+    """
+    sheet, regained = hidden.pages.notebook.sheet, 0
     for i, setup in enumerate(sheet.setups):
         jump = sheet.true(setup)
         for rpm in (round(jump - 0.02, 2), round(jump + 0.02, 2), jump + 8.0, jump + 24.0):
-            _, turn = hidden.send("/lab/turn", hidden.asked(i, rpm))
+            _, turn = hidden.send("/lab/turn", hidden.request_data(i, rpm))
             assert (turn["contact_lost"] or turn["was_lost"]) is (rpm > jump)
-            again += turn["was_lost"] and not turn["contact_lost"]
-        if again and i > 4:
+            regained += turn["was_lost"] and not turn["contact_lost"]
+        if regained and i > 4:
             break
-    assert again > 0
+    assert regained > 0
 
 
-def test_every_reading_is_in_the_file_at_once_and_no_other_is_overwritten(tmp_path):
-    """A panel that is killed loses nothing; the next one, of the same name, takes another file."""
+def test_every_reading_is_written_at_once_and_no_file_is_overwritten(tmp_path):
+    """Lose no reading if the panel is killed.
+
+    The next panel with the same sheet writes another file.
+    """
     for number, name in ((1, "lab_jump_tm21.csv"), (2, "lab_jump_tm21_2.csv")):
         with served_lab(sheet_of("tm21"), tmp_path) as lab:
             assert not (tmp_path / name).exists()
             for i in range(1, 4):
-                assert lab.send("/lab/record", lab.asked(i, 300.0 + number))[0] == 200
+                assert lab.send("/lab/record", lab.request_data(i, 300.0 + number))[0] == 200
                 assert len(read_sheet(tmp_path / name).readings) == i
             assert lab.send("/lab/student", {"student": 'Ñ, "x'})[0] == 200
             assert lab.home == "/lab"
             assert lab.get("/lab/readings.csv") == (tmp_path / name).read_bytes()
-            shown = json.loads(lab.get("/lab/sheet"))  # what a reload shows
-            assert [r["rpm"] for r in shown["readings"]] == [300.0 + number] * 3
-            assert shown["file"] == str(tmp_path / name)
-        found = read_sheet(tmp_path / name)
-        assert found.student.startswith("Ñ")
-        assert found.readings == lab.pages.notebook.recorded.readings
+            data = json.loads(lab.get("/lab/sheet"))  # the data of a reload
+            assert [r["rpm"] for r in data["readings"]] == [300.0 + number] * 3
+            assert data["file"] == str(tmp_path / name)
+        stored = read_sheet(tmp_path / name)
+        assert stored.student.startswith("Ñ")
+        assert stored.readings == lab.pages.notebook.recorded.readings
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_nonsense_and_what_cannot_be_written_are_refused_and_not_recorded(plain, tmp_path):
-    """By the name of what is wrong; what is shown is what is kept."""
-    for change, words in (
+def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plain, tmp_path):
+    """Name the invalid value. The displayed readings are the recorded ones."""
+    for change, text in (
         ({"rpm": "fast"}, "rpm: is 'fast'; allowed: "),
         ({"rpm": 1e9}, "rpm: is '1000000000.0'; allowed: "),
         ({"rpm": None}, "rpm"),
@@ -239,50 +255,53 @@ def test_nonsense_and_what_cannot_be_written_are_refused_and_not_recorded(plain,
         ({"preload": {}}, "preload"),
     ):
         for path in ("/lab/turn", "/lab/record"):
-            status, body = plain.send(path, plain.asked(0, 300.0) | change)
-            assert status == 409 and words in body["words"]
+            status, body = plain.send(path, plain.request_data(0, 300.0) | change)
+            assert status == 409 and text in body["words"]
     for student in (None, 7, "a\nb", "x" * 81):
         assert plain.send("/lab/student", {"student": student})[0] == 409
     assert plain.pages.notebook.recorded.readings == ()
     (tmp_path / "out").write_text("a file")
     book = Notebook(sheet_of("tm21"), tmp_path / "out")
     with pytest.raises(cam_rig.CamRigError, match="allowed: a folder"):
-        book.record(plain.asked(0, 300.0))
+        book.record(plain.request_data(0, 300.0))
     assert book.recorded.readings == ()
 
 
-# -- cam-rig panel --mark: how far each reading is from the truth, and what is no sheet -------
+# -- cam-rig panel --mark: difference of each answer, and files that are not sheets -----------
 
 
 def mark(*arguments):
-    """Exit code, stdout and stderr."""
-    found = call("panel", "--mark", *arguments)
-    return found.exit_code, found.stdout, found.stderr
+    """Return exit code, stdout and stderr of `cam-rig panel --mark`."""
+    result = call("panel", "--mark", *arguments)
+    return result.exit_code, result.stdout, result.stderr
 
 
-def refused(words, *arguments):
+def refused(text, *arguments):
     """Check that sheets are refused in one line, and return it."""
     code, _, err = mark(*arguments)
-    assert (code, err.count("\n"), words in err) == (2, 1, True), err
+    assert (code, err.count("\n"), text in err) == (2, 1, True), err
     return err
 
 
 def test_marks_are_the_difference_to_find_jump(tmp_path):
-    """Of the hidden rig with a seed, else of the rig's own numbers; a row a reading in the CSV."""
+    """Mark a sheet of a hidden rig and a sheet of the rig's numbers.
+
+    The CSV file has one row per answer.
+    """
     right = filled(sheet_of(seed="alpha"), tmp_path)
     wrong, target = filled(sheet_of(), tmp_path, off=0.02), tmp_path / "marks.csv"
     picture = tmp_path / "class.png"
     code, out, err = mark(right, wrong, "--json", "-", "--csv", target, "--plot", picture)
     assert code == 0
     assert picture.stat().st_size > 5000
-    found = json.loads(out)
-    sheets = {row["file"]: row["within"] for row in found["sheets"]}
+    result = json.loads(out)
+    sheets = {row["file"]: row["within"] for row in result["sheets"]}
     assert [sheets[str(p)] for p in (right, wrong)] == [ANSWERS, 0]
     assert "Ana: 4 of 4 within 1 %" in err and "0 of 4 within 1 %; mean +2.00 %" in err
-    own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
+    rig = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    first = next(row for row in found["answers"] if row["file"] == str(wrong))
-    true = cam_rig.jump_speed(law, own, duration=None).rpm
+    first = next(row for row in result["answers"] if row["file"] == str(wrong))
+    true = cam_rig.jump_speed(law, rig, duration=None).rpm
     assert first["true"] == pytest.approx(true, abs=0.01)
     assert first["difference"] == pytest.approx(0.02, abs=1e-4)
     assert mark(wrong, "--tolerance", 2.5)[2].count("4 of 4 within 2.5 %") == 1
@@ -294,8 +313,8 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3
 
 
-def test_a_spreadsheet_may_have_saved_it(tmp_path):
-    """Commas after the head's lines, a byte order mark, quotation marks, empty lines."""
+def test_a_sheet_that_a_spreadsheet_saved_is_read(tmp_path):
+    """Ignore added commas, a byte order mark, quotation marks and empty lines."""
     path = filled(sheet_of(seed="alpha"), tmp_path)
     before = read_sheet(path)
     text = path.read_text("utf-8")
@@ -305,38 +324,38 @@ def test_a_spreadsheet_may_have_saved_it(tmp_path):
 
 
 DAMAGED = (
-    ("# cam_rig lab sheet: jump\n", "", "no lab sheet; allowed: a file that cam-rig panel"),
+    ("# cam_rig lab sheet: jump\n", "", "not a lab sheet; allowed: a file that cam-rig panel"),
     ("sheet: jump", "sheet: fly", "is 'fly'; allowed: jump, vibration"),
     ("cam: poly345", "cam: ../../x", "cam is '../../x'; allowed: a name"),
     ("cam: poly345", "cam: nothing", "no such file"),
     ("seed: alpha", "seed: a b", "--seed: is 'a b'; allowed"),
-    ("speed_rpm", "speed", "the columns are others; allowed: reading, spring_N_m"),
+    ("speed_rpm", "speed", "the columns differ; allowed: reading, spring_N_m"),
     ("3020.0,0.0", "3020.0,abc", "added_mass_kg is 'abc'; allowed: a number"),
     ("3020.0,0.0", "3020.0,nan", "added_mass_kg is 'nan'; allowed: a number"),
-    ("3020.0,0.0", "999,0.0", "999 N/m, 0 kg, 30.6 N is no set-up of this sheet; allowed"),
+    ("3020.0,0.0", "999,0.0", "999 N/m, 0 kg, 30.6 N is not a set-up of this sheet; allowed"),
     ("3020.0,0.0", "3020.0", "has 4 cells; allowed: 5"),
     ("3020.0,0.0", "3" * 131_073, "characters; allowed: 10000"),
     ("# title: ", "# title: " + "x" * 131_073, "characters; allowed: 10000"),
 )
 
 
-def test_a_damaged_sheet_is_one_line(tmp_path):
-    """With the file, what is wrong and what is allowed; one without readings is none to mark."""
+def test_a_damaged_sheet_is_refused_in_one_line(tmp_path):
+    """Name file, fault and rule. A sheet without readings cannot be marked."""
     path = filled(sheet_of(seed="alpha"), tmp_path)
     text = path.read_text("utf-8")
-    for old, new, words in DAMAGED:
+    for old, new, message in DAMAGED:
         assert old in text
         path.write_text(text.replace(old, new, 1), "utf-8")
-        assert str(path) in refused(words, path) or "no such file" in words
+        assert str(path) in refused(message, path) or "no such file" in message
     path.write_text(text, "utf-8")
     path.write_text(to_text(replace(read_sheet(path), readings=())), "utf-8")
     refused("has 0 readings; allowed: 1 to 1000", path)
     path.write_bytes(b"\xff\xfe\x00")
-    refused("is no text in UTF-8", path)
+    refused("is not UTF-8 text", path)
 
 
-def test_no_name_becomes_a_formula_or_moves_the_cursor(tmp_path):
-    """Neither in the sheet, where a comma separates cells, nor in the marks, nor on a terminal."""
+def test_no_name_becomes_a_formula_or_a_terminal_command(tmp_path):
+    """Escape names in the sheet, in the CSV of the marks, and on a terminal."""
     sheet = read_sheet(filled(sheet_of(seed="alpha"), tmp_path))
     path, target = tmp_path / "hostile.csv", tmp_path / "marks.csv"
     name, title = "=1+1, =2+2\x1b[31m", "@SUM(1), =3+3"
@@ -351,17 +370,17 @@ def test_no_name_becomes_a_formula_or_moves_the_cursor(tmp_path):
     assert row["student"] == f"'{name}"
 
 
-def test_another_cam_or_rig_is_one_line(tmp_path):
-    """What is named must be what is on the sheet; what is not a file is named too."""
+def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
+    """Refuse another cam or rig than that on the sheet, and a missing file."""
     path = filled(sheet_of("tm21"), tmp_path)
     assert mark(path)[0] == 0
     assert mark("poly345", path, "--rig", "tm21")[0] == 0
-    for arguments, words in (
-        (("cycloidal", path), "is of cam 'poly345', marked with 'cycloidal'"),
-        ((path, "--rig", "paper_table2"), "is of rig 'tm21', marked with 'paper_table2'"),
+    for arguments, text in (
+        (("cycloidal", path), "the sheet names cam 'poly345', not 'cycloidal'"),
+        ((path, "--rig", "paper_table2"), "the sheet names rig 'tm21', not 'paper_table2'"),
         ((tmp_path / "none.csv",), "No such file"),
-        ((), "no sheet is named"),
+        ((), "--mark requires a sheet"),
         ((path, "--seed", "x"), "--seed"),
-        ((path, "--lab", "jump"), "--mark serves no page"),
+        ((path, "--lab", "jump"), "--mark cannot be combined with --lab"),
     ):
-        refused(words, *arguments)
+        refused(text, *arguments)

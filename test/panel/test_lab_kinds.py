@@ -1,4 +1,4 @@
-"""Every lab: a student who follows its steps is right, by any seed; a class loses no reading."""
+"""Every lab: its steps lead to the true answer, and a class loses no reading."""
 
 import json
 import subprocess
@@ -13,13 +13,13 @@ import cam_rig
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.panel.command import ClassRoom, mark_sheets
 from cam_rig.panel.lab.labs import LABS, SCATTER_DB
-from cam_rig.panel.lab.recorded import Notebook, number_in, read_sheet
-from cam_rig.panel.lab.sheet import CURVE
+from cam_rig.panel.lab.recorded import Notebook, parse_number, read_sheet
+from cam_rig.panel.lab.sheet import CURVE_POINTS
 from cam_rig.panel.server import serve
 
 from ..processes import WAIT_S
 from ..viewer.asking import Visitor
-from .conftest import ANSWERS, begin_panel, filled, served_lab, sheet_of
+from .conftest import ANSWERS, filled, served_lab, sheet_of, start_panel
 
 SEEDS = [None, "group-3", "Z9"]
 pytestmark = pytest.mark.variants(2)
@@ -27,56 +27,61 @@ pytestmark = pytest.mark.variants(2)
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("lab", LABS)
-def test_true_answers_are_right_and_those_ten_percent_off_wrong(lab, seed, tmp_path):
-    """Within what the lab says; beside the tolerance it is wrong, within it right."""
+def test_answers_are_correct_within_the_tolerance_only(lab, seed, tmp_path):
+    """Accept answers within the tolerance of the lab or of the option, and no others."""
     sheet = sheet_of(seed=seed, lab=lab)
-    for off, right in ((0.0, 1), (0.1, 0), (-0.1, 0), (0.0099 * sheet.within, 1)):
+    for off, right in ((0.0, 1), (0.1, 0), (-0.1, 0), (0.0099 * sheet.default_tolerance, 1)):
         (marked,) = mark_sheets([filled(sheet, tmp_path, off)], [], None, None).sheets
-        assert len(marked.marks) == min(ANSWERS, len(sheet.asked_setups))
-        assert marked.right == right * len(marked.marks)
+        assert len(marked.marks) == min(ANSWERS, len(sheet.answerable_setups))
+        assert marked.correct_count == right * len(marked.marks)
     (wide,) = mark_sheets([filled(sheet, tmp_path, 0.1)], [], None, 12.0).sheets
-    assert wide.right == len(wide.marks)
+    assert wide.correct_count == len(wide.marks)
 
 
-def test_the_class_of_each_lab_is_drawn(tmp_path):
-    """A row a sheet, the farthest last, one without an answer after it; a point an answer, full
-    where it is beyond the tolerance."""
+def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
+    """Draw one row per sheet, sorted by the largest difference, without answers last.
+
+    Each answer is a point, which is filled if it is beyond the tolerance.
+    """
     for lab in LABS:
         sheet = sheet_of(lab=lab)
         sheets = [filled(sheet, tmp_path, off, f"off {off:g}") for off in (0.2, 0.0)]
         if LABS[lab].answer:
             book = Notebook(sheet_of(lab=lab), tmp_path)
-            book.name("none")
+            book.set_student("none")
             book.record(vars(book.sheet.setups[0]) | {"rpm": book.sheet.knob[0] + 1.0})
             sheets.append(book.path)
-        found = mark_sheets(sheets, [], None, None)
-        above, below = found.plot().axes
+        result = mark_sheets(sheets, [], None, None)
+        above, below = result.plot().axes
         names = [tick.get_text() for tick in above.get_yticklabels()]
         assert names == ["off 0", "off 0.2", "none"][: len(sheets)]
-        answers = sum(len(sheet.marks) for sheet in found.sheets)
+        answers = sum(len(sheet.marks) for sheet in result.sheets)
         points = [(line.get_ydata()[0], line.get_markerfacecolor()) for line in above.lines]
         assert len(points) == answers
         assert all((colour != "none") == (row == 1) for row, colour in points)
         assert sum(bar.get_height() for bar in below.containers[0]) == answers
-        assert LABS[lab].asked in below.get_xlabel()
-        assert ("no answer" in found.summary()[-1]) is bool(LABS[lab].answer)
+        assert LABS[lab].question in below.get_xlabel()
+        assert ("no answer" in result.summary()[-1]) is bool(LABS[lab].answer)
 
 
-# -- vibration: peaks where a whole number of vibrations fills a turn -------------------------
+# -- vibration: peaks at a whole number of periods per turn -----------------------------------
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
-def test_the_peaks_of_residual_vibration_tell_the_frequency(cam, seed):
-    """To half a rpm; the waves of a turn say roughly which, the others exactly: f to 0.5 %."""
+def test_the_peaks_of_residual_vibration_give_the_frequency(cam, seed):
+    """Find the frequency to 0.5 % from readings every 0.5 rpm.
+
+    The waves of a turn give the approximate number of periods, and the peaks the exact one.
+    """
     sheet = sheet_of(seed=seed, cam=cam, lab="vibration")
     for setup in sheet.setups:
-        top = min(sheet.knob[1], sheet.held_to[setup])
+        top = min(sheet.knob[1], sheet.contact_lost_rpm[setup])
         rpm = np.arange(0.8 * top, top, 0.5)
-        seen = np.array([sheet.turn(setup, n, 1).measured for n in rpm])
-        inside = (seen[1:-1] > seen[:-2]) & (seen[1:-1] > seen[2:])
-        peaks, high = rpm[1:-1][inside], seen[1:-1][inside]
+        amplitudes = np.array([sheet.turn(setup, n, 1).measured for n in rpm])
+        inside = (amplitudes[1:-1] > amplitudes[:-2]) & (amplitudes[1:-1] > amplitudes[2:])
+        peaks, high = rpm[1:-1][inside], amplitudes[1:-1][inside]
         highest = peaks[np.argmax(high)]
         curve = sheet.turn(setup, highest, 1).curve
         counted = int(((curve > np.roll(curve, 1)) & (curve >= np.roll(curve, -1))).sum())
@@ -89,67 +94,76 @@ def test_the_peaks_of_residual_vibration_tell_the_frequency(cam, seed):
         assert highest * waves / 60.0 == pytest.approx(sheet.true(setup), rel=0.005)
 
 
-def test_where_contact_is_lost_nothing_is_measured(tmp_path):
-    """The lamp says so, and no reading is taken."""
+def test_no_reading_is_recorded_without_contact(tmp_path):
+    """Report the loss of contact, and refuse a reading."""
     sheet = sheet_of(lab="vibration")
     heavy = sheet.setups[-1]
-    rpm = 1.01 * sheet.held_to[heavy]
+    rpm = 1.01 * sheet.contact_lost_rpm[heavy]
     turn = sheet.turn(heavy, rpm, 1)
     assert turn.contact_lost and turn.measured is None
     with pytest.raises(cam_rig.CamRigError, match=r"contact is lost at .* rpm; allowed: below"):
         Notebook(sheet, tmp_path).record(vars(heavy) | {"rpm": rpm})
 
 
-# -- noise: the crossing of two cams, by readings that scatter --------------------------------
+# -- noise: the crossing of two cams, from scattering readings --------------------------------
 
 
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
 @pytest.mark.parametrize("rig", ["tm21", "paper_table2"])
-def test_the_readings_tell_where_two_cams_are_equally_loud(rig, seed):
-    """A line through each cam's readings near the crossing; below it the same is the louder."""
+def test_the_readings_give_the_crossing_of_two_cams(rig, seed):
+    """Fit a line to each cam's readings near the crossing.
+
+    Below the crossing, the same cam is louder at all speeds.
+    """
     sheet = sheet_of(rig, seed, lab="noise")
-    true = sheet.true(sheet.asked_setups[0])
+    true = sheet.true(sheet.answerable_setups[0])
     below = np.linspace(sheet.knob[0], 0.999 * true, 25)
-    one, two = (sheet.level(cam, below, seed) for cam in sheet.cams)
-    assert len(set(np.sign(two - one))) == 1
-    at = [float(sheet.level(cam, np.array([true]), seed)[0]) for cam in sheet.cams]
-    assert at[0] == pytest.approx(at[1], abs=0.01)
+    first, second = (sheet.level(cam, below, seed) for cam in sheet.cams)
+    assert len(set(np.sign(second - first))) == 1
+    levels = [float(sheet.level(cam, np.array([true]), seed)[0]) for cam in sheet.cams]
+    assert levels[0] == pytest.approx(levels[1], abs=0.01)
     near = np.linspace(0.94 * true, 1.06 * true, 24)
     lines = []
     for setup in sheet.setups:
-        read = [sheet.turn(setup, n, i).measured for i, n in enumerate(near.tolist())]
-        lines.append(np.polynomial.Polynomial.fit(near, read, 1).convert().coef)
+        readings = [sheet.turn(setup, n, i).measured for i, n in enumerate(near.tolist())]
+        lines.append(np.polynomial.Polynomial.fit(near, readings, 1).convert().coef)
     constant, slope = lines[0] - lines[1]
-    assert -constant / slope == pytest.approx(true, rel=0.01 * sheet.within)
+    assert -constant / slope == pytest.approx(true, rel=0.01 * sheet.default_tolerance)
 
 
-def test_readings_scatter_as_is_said_and_the_next_one_is_what_is_seen():
-    """Normal about the true level; by their number, so that to look again changes nothing."""
+def test_readings_scatter_normally_and_reproducibly():
+    """Distribute the readings normally about the true level.
+
+    The scatter depends on the number of the reading, so that a repeated look gives the same value.
+    """
     sheet = sheet_of("tm21", lab="noise")
     setup, rpm = sheet.setups[0], 250.0
     true = float(sheet.level(setup.cam, np.array([rpm]), None)[0])
     off = np.array([sheet.turn(setup, rpm, i).measured for i in range(200)]) - true
     assert abs(off.mean()) < 4.0 * SCATTER_DB / np.sqrt(off.size)
-    # 200 values: the standard deviation's own is 5 %; rounding to 0.1 dB adds 0.5 %
+    # With 200 values the standard deviation has an error of 5 %. Rounding to 0.1 dB adds 0.5 %.
     assert off.std() == pytest.approx(SCATTER_DB, rel=0.2)
     assert sheet.turn(setup, rpm, 7).measured == sheet.turn(setup, rpm, 7).measured
 
 
-# -- what is refused, and what a page is told -------------------------------------------------
+# -- refused values, and the data that a page receives ----------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("words", "number"),
+    ("text", "number"),
     [("157,3", 157.3), ("157.3", 157.3), (" 1e2 ", 100.0), ("1.234,5", None), ("nan", None)],
 )
-def test_a_number_has_a_point_or_a_comma(words, number):
-    """Of a Spanish keyboard too; what could be read in two ways is none."""
-    assert number_in(words) == number
+def test_a_number_may_have_a_decimal_comma(text, number):
+    """Read a number from a Spanish keyboard, and refuse an ambiguous number."""
+    assert parse_number(text) == number
 
 
 @pytest.mark.parametrize("lab", ["vibration", "noise"])
-def test_a_page_answers_with_a_comma_and_is_told_nothing_of_the_true_numbers(lab, tmp_path):
-    """Nor what is asked for; theory is of the sheet's own numbers, and without a seed alone."""
+def test_a_page_sends_an_answer_and_receives_no_true_number(lab, tmp_path):
+    """Read an answer with a comma, and send neither true numbers nor true answers.
+
+    The theory is that of the sheet's numbers, and only without a seed.
+    """
     sheet = sheet_of(seed="group-3", lab=lab)
     setup = vars(sheet.setups[0])
     with served_lab(sheet, tmp_path) as lab_page:
@@ -158,30 +172,30 @@ def test_a_page_answers_with_a_comma_and_is_told_nothing_of_the_true_numbers(lab
         assert (status, page["readings"][-1]["answer"]) == (200, 250.5)
         for answer in ("", "x", "-3", "0", None, True, [1], "1.234,5"):
             assert ask("/lab/answer", setup | {"answer": answer})[0] == 409
-        said = lab_page.get("/lab/sheet").decode()
-        said += json.dumps(ask("/lab/record", setup | {"rpm": 240.0}))
+        received = lab_page.get("/lab/sheet").decode()
+        received += json.dumps(ask("/lab/record", setup | {"rpm": 240.0}))
         assert not ask("/lab/turn", setup | {"rpm": 240.0})[1]["was_lost"]
-        for asked in sheet.asked_setups:
-            assert f"{sheet.true(asked):.2f}"[:-1] not in said
+        for answerable in sheet.answerable_setups:
+            assert f"{sheet.true(answerable):.2f}"[:-1] not in received
     assert read_sheet(tmp_path / f"lab_{lab}_group-3.csv").readings[0].answer == 250.5
     with served_lab(sheet_of(lab=lab), tmp_path) as lab_page:
         theory = json.loads(lab_page.get("/lab/theory"))["curves"]
         assert len(theory) == len(sheet.options[sheet.marker])
-        assert 0.5 * CURVE < max(map(len, theory)) <= CURVE
+        assert 0.5 * CURVE_POINTS < max(map(len, theory)) <= CURVE_POINTS
         assert all(np.isfinite(curve).all() for curve in theory)
 
 
-# -- a class at one server: a hidden rig, a page and a file for each group, and none is lost -----
+# -- a class on one server: each group has a hidden rig, a page and a file --------------------
 
-#: Readings that a page records until its server is killed.
-EACH = 10
+#: Number of readings that a page records unless its server is killed.
+READINGS_PER_GROUP = 10
 
 
 @contextmanager
 def class_server(out, groups):
-    """`cam-rig panel --lab jump` for all groups as a process, and the address of each group."""
+    """Run `cam-rig panel --lab jump` for all groups, and yield each group's address."""
     seeds = [word for group in groups for word in ("--seed", group)]
-    with begin_panel(out, "--lab", "jump", *seeds, stderr=subprocess.DEVNULL) as process:
+    with start_panel(out, "--lab", "jump", *seeds, stderr=subprocess.DEVNULL) as process:
         lines = [process.stdout.readline().strip() for _ in groups]
         try:
             yield process, dict(line.split(": ", 1) for line in lines)
@@ -190,87 +204,93 @@ def class_server(out, groups):
 
 
 def page_of(addresses, group):
-    """A browser of a group's, led to its page, and the sheet that it is shown."""
+    """Return a group's visitor and the sheet that its page displays."""
     page = Visitor(addresses[group])
     return page, json.loads(page.get(f"/lab/{group}/sheet"))
 
 
-def record_until_killed(addresses, group, recorded_one):
-    """Speeds whose recording a page was told of, with what it had on its way in the end."""
-    (page, sheet), told = page_of(addresses, group), []
+def record_until_killed(addresses, group, on_recorded):
+    """Return the confirmed speeds, and the speed whose request was not answered."""
+    (page, sheet), confirmed = page_of(addresses, group), []
     setup = {name: values[0] for name, values in sheet["options"].items()}
-    for rpm in range(400, 400 + EACH):
+    for rpm in range(400, 400 + READINGS_PER_GROUP):
         try:
             status, _, _ = page.post(f"/lab/{group}/record", json.dumps(setup | {"rpm": rpm}))
-        except (OSError, HTTPException):  # the server is no more, or ended within its answer
-            return told, rpm
+        except (OSError, HTTPException):  # the server has ended, or ended during its answer
+            return confirmed, rpm
         assert status == 200
-        told.append(rpm)
-        recorded_one()
-    return told, None
+        confirmed.append(rpm)
+        on_recorded()
+    return confirmed, None
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("many", [6, pytest.param(30, marks=pytest.mark.long)])
-def test_groups_at_once_lose_nothing_when_the_server_is_killed(many, tmp_path):
-    """What a page was told is in its group's file; started again, the server goes on with it."""
-    groups = [f"group-{number}" for number in range(many)]
-    with class_server(tmp_path, groups) as (server, places), ThreadPoolExecutor(many) as pool:
-        count = iter(range(many * EACH))
+def test_simultaneous_groups_lose_no_reading_if_the_server_is_killed(many, tmp_path):
+    """Find every confirmed reading in its group's file.
 
-        def one():
+    A restarted server continues the file.
+    """
+    groups = [f"group-{number}" for number in range(many)]
+    with class_server(tmp_path, groups) as (server, addresses), ThreadPoolExecutor(many) as pool:
+        count = iter(range(many * READINGS_PER_GROUP))
+
+        def count_reading():
             if next(count) == 3 * many:
                 server.kill()
 
-        pages = [(pool.submit(record_until_killed, places, group, one), group) for group in groups]
-        told = {group: page.result(WAIT_S) for page, group in pages}
-    assert any(rpm is not None for _, rpm in told.values())
-    with class_server(tmp_path, groups) as (_, places):
-        for group, (speeds, waiting) in told.items():
-            found = [row["rpm"] for row in page_of(places, group)[1]["readings"]]
-            assert found[: len(speeds)] == speeds
-            assert found[len(speeds) :] in ([], [waiting])
+        pages = [
+            (pool.submit(record_until_killed, addresses, group, count_reading), group)
+            for group in groups
+        ]
+        results = {group: page.result(WAIT_S) for page, group in pages}
+    assert any(rpm is not None for _, rpm in results.values())
+    with class_server(tmp_path, groups) as (_, addresses):
+        for group, (confirmed, pending) in results.items():
+            recorded = [row["rpm"] for row in page_of(addresses, group)[1]["readings"]]
+            assert recorded[: len(confirmed)] == confirmed
+            assert recorded[len(confirmed) :] in ([], [pending])
     files = [path for path in tmp_path.glob("lab_*.csv") if path.stat().st_size]
-    assert {read_sheet(path).seed for path in files} == {g for g in groups if told[g][0]}
+    assert {read_sheet(path).seed for path in files} == {g for g in groups if results[g][0]}
     marks = mark_sheets(files[:2], [], None, None)
     assert len(marks.tables()) > 0
 
 
-def test_each_group_has_a_rig_and_a_page_of_its_own(tmp_path):
-    """One seed is a sheet at /lab, several are a page each; a name stands for one group."""
+def test_each_group_has_a_separate_rig_and_page(tmp_path):
+    """Serve one seed at /lab, several at separate paths, and refuse a repeated name."""
     cams, rig = sheet_of().cams.values(), sheet_of().rig
     room = ClassRoom("jump", ("one", "two"), None)
     pages = room.pages([*cams], rig, tmp_path)
     assert list(pages) == ["/lab/one", "/lab/two"]
     assert list(ClassRoom("jump", ("one",), None).pages([*cams], rig, tmp_path)) == ["/lab"]
     with serve(*pages.values(), home="/lab/one") as served:
-        one, two = (Visitor(served.access.address(place)) for place in pages)
+        one, two = (Visitor(served.access.address(path)) for path in pages)
         assert (one.home, two.home) == ("/lab/one", "/lab/two")
         assert json.loads(two.get("/lab/two/sheet"))["seed"] == "two"
-    with pytest.raises(ConfigError, match="one is named twice"):
+    with pytest.raises(ConfigError, match="one is repeated"):
         ClassRoom("jump", ("one", "one"), None).pages([*cams], rig, tmp_path / "other")
 
 
-def test_a_sheet_of_something_else_is_not_gone_on_with(tmp_path):
-    """A file of another rig stays as it is."""
+def test_a_sheet_of_another_rig_is_not_continued(tmp_path):
+    """Leave the file of another rig unchanged."""
     sheet = sheet_of("tm21", seed="one")
     book = Notebook(sheet, tmp_path)
     book.record(vars(sheet.setups[0]) | {"rpm": 300.0})
-    again = Notebook(sheet, tmp_path, goes_on=True)
+    again = Notebook(sheet, tmp_path, resumes=True)
     assert again.recorded == read_sheet(book.path)
-    with pytest.raises(OutputError, match="another panel writes it; allowed: to end that one"):
-        Notebook(sheet, tmp_path, goes_on=True)
+    with pytest.raises(OutputError, match="another panel writes it; end that panel"):
+        Notebook(sheet, tmp_path, resumes=True)
     del again
-    with pytest.raises(ConfigError, match="is of rig tm21; allowed: of paper_table2"):
-        Notebook(sheet_of(seed="one"), tmp_path, goes_on=True)
+    with pytest.raises(ConfigError, match="rig is tm21; allowed: paper_table2"):
+        Notebook(sheet_of(seed="one"), tmp_path, resumes=True)
 
 
-def test_an_address_of_this_machine_answers_to_its_name_alone():
-    """``--host`` is the only name that a browser may ask by; another machine's is refused."""
-    own = "127.0.0.2"  # every machine's, as 127.0.0.1 is, and not that one
-    with serve(home="/lab", host=own) as served:
-        assert served.access.netloc == f"{own}:{served.access.port}"
+def test_an_address_of_this_machine_accepts_only_its_name():
+    """Accept only requests to `--host`, and refuse an address of another machine."""
+    address = "127.0.0.2"  # a loopback address of every machine, other than 127.0.0.1
+    with serve(home="/lab", host=address) as served:
+        assert served.access.netloc == f"{address}:{served.access.port}"
         assert Visitor(served.address).home == "/lab"
-    words = r"--host: is '203\.0\.113\.1' .*an address of this machine"
-    with pytest.raises(ConfigError, match=words), serve(host="203.0.113.1"):
+    message = r"--host: is '203\.0\.113\.1' .*an address of this machine"
+    with pytest.raises(ConfigError, match=message), serve(host="203.0.113.1"):
         pass

@@ -1,6 +1,6 @@
-"""The pages by the tools of tools/pages: JavaScript keeps its types, and nobody is left out.
+"""Type check and accessibility check of the pages by the tools of tools/pages.
 
-The types are those that comments and messages.d.ts tell of.
+The types are those in the comments of the scripts and in messages.d.ts.
 """
 
 import itertools
@@ -17,7 +17,7 @@ from cam_rig.panel.server import serve
 
 from ..processes import ended
 from ..viewer.asking import Visitor
-from .conftest import BENCH, BOARD, BrowserPage, in_browser, received, sheet_of, with_one_moved
+from .conftest import BENCH, BOARD, BrowserPage, in_browser, received, sheet_of, with_moved_ordinate
 
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
@@ -25,31 +25,34 @@ SCRIPTS = sorted((ROOT / "cam_rig/panel/static").rglob("*.js"))
 TSC = TOOLS / "node_modules/.bin/tsc"
 
 
-def tsc(*words):
-    """What TypeScript's compiler says."""
-    return ended(TSC, *words, cwd=TOOLS)
+def tsc(*arguments):
+    """Run TypeScript's compiler and return the ended process."""
+    return ended(TSC, *arguments, cwd=TOOLS)
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
-def test_the_pages_are_of_their_types():
-    """By tsc, every check of it; a script that it does not see would pass unseen."""
-    checked = tsc("--listFiles")
-    assert checked.returncode == 0, checked.stdout
-    seen = {Path(line).resolve() for line in checked.stdout.splitlines()}
-    assert [path.name for path in SCRIPTS if path.resolve() not in seen] == []
+def test_the_scripts_satisfy_their_types():
+    """Pass every check of tsc.
+
+    tsc must check every script, because it would not report a script that it does not read.
+    """
+    result = tsc("--listFiles")
+    assert result.returncode == 0, result.stdout
+    checked = {Path(line).resolve() for line in result.stdout.splitlines()}
+    assert [path.name for path in SCRIPTS if path.resolve() not in checked] == []
 
 
-def test_no_script_is_kept_from_the_check():
-    """Neither a file nor a line says that it is not to be looked at."""
-    excused = re.compile(r"@ts-(nocheck|ignore|expect-error)")
-    assert [path.name for path in SCRIPTS if excused.search(path.read_text("utf-8"))] == []
+def test_no_script_disables_the_type_check():
+    """Find no comment that excludes a file or a line from the check."""
+    suppression = re.compile(r"@ts-(nocheck|ignore|expect-error)")
+    assert [path.name for path in SCRIPTS if suppression.search(path.read_text("utf-8"))] == []
 
 
-# -- what the server sends is what messages.d.ts says ------------------------------------------
+# -- the server sends the messages that messages.d.ts declares --------------------------------
 
 
 def wrong_types(folder, messages):
-    """What tsc says of messages, by a name and the type that each should have."""
+    """Return the output of tsc for messages, given as name to type and message."""
     text = "".join(
         f"const {name}: {kind} = {json.dumps(message)};\n"
         for name, (kind, message) in messages.items()
@@ -60,21 +63,21 @@ def wrong_types(folder, messages):
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
-def test_what_is_sent_is_of_its_type(served, tmp_path):
-    """Every message as it comes: no field is missing, of another kind, or not declared."""
+def test_every_sent_message_has_its_declared_type(served, tmp_path):
+    """Find no field that is missing, undeclared or of another type."""
     sent = {
         "board": ("Board", json.loads(served.get("/board"))),
         "cam": ("CamPicture", json.loads(served.get("/bench/cam/poly345"))),
     }
     with served.page(BOARD) as socket:
-        undercut = with_one_moved(served.board, 0.5)
+        undercut = with_moved_ordinate(served.board, 0.5)
         socket.send(json.dumps({"number": 1, "ordinates": undercut, "rpm": 300.0}))
         socket.send(json.dumps({"number": 2, "ordinates": [], "rpm": 300.0}))
         for kind, message in received(socket, "moved", "exact", "refused", "rest").items():
             sent[kind] = (kind.capitalize(), message)
     live = served.bench.live
     live.readings.append(NotedReading("a", "one_mass", 300.0, 80.0, "LZF", "in contact", 0, 1, 2))
-    live.heard({"state": {"time_ns": 1, "cam": "poly345", "angle": 0.5, "rpm": 300.0}})
+    live.on_node_message({"state": {"time_ns": 1, "cam": "poly345", "angle": 0.5, "rpm": 300.0}})
     with served.page(BENCH) as socket:
         socket.send(json.dumps({"number": 1, "do": "clear"}))
         sent |= {
@@ -91,22 +94,22 @@ def test_what_is_sent_is_of_its_type(served, tmp_path):
             if book.sheet.answer:
                 book.answer(setup | {"answer": "1,5"})
             with serve(pages) as panel:
-                found = json.loads(Visitor(panel.address).get("/lab/sheet"))
-            sent[f"{lab}_{seed}".lower()] = ("LabSheet", found)
+                data = json.loads(Visitor(panel.address).get("/lab/sheet"))
+            sent[f"{lab}_{seed}".lower()] = ("LabSheet", data)
     assert wrong_types(tmp_path, sent) == ""
     control = sent["board"][1] | {"rpm": "300", "unknown": 1}
     del control["start"]
-    said = wrong_types(tmp_path, {"control": ("Board", control)})
-    assert "'string' is not assignable to type 'number'" in said
+    output = wrong_types(tmp_path, {"control": ("Board", control)})
+    assert "'string' is not assignable to type 'number'" in output
 
 
-# -- whoever sees, hears or points otherwise can use the pages: axe-core finds nothing against it --
+# -- accessibility: axe-core finds no violation -----------------------------------------------
 
 AXE = TOOLS / "node_modules/axe-core/axe.min.js"
-#: The pages, and what is filled last on each.
+#: Paths of the pages, and the element of each that is filled last.
 FILLED = {"/": "level", "/bench": "graph", "/lab": "contact"}
-#: What waits for its turn to be seen is looked at with the rest.
-ALL = "document.querySelectorAll('[hidden]').forEach((one) => { one.hidden = false; })"
+#: Script that makes hidden elements visible, so that they are checked too.
+SHOW_HIDDEN = "document.querySelectorAll('[hidden]').forEach((one) => { one.hidden = false; })"
 VIOLATIONS = """() => axe.run().then(({ violations }) => violations.flatMap(({ id, nodes }) =>
   nodes.map(({ html, failureSummary }) => `${id}: ${html.slice(0, 120)} ${failureSummary}`)))"""
 CASES = [
@@ -119,14 +122,14 @@ CASES = [
 @pytest.mark.skipif(not AXE.exists(), reason="no axe-core: make check-pages")
 @pytest.mark.parametrize(("path", "language", "scheme"), CASES)
 def test_axe_finds_no_violation(chromium, served, path, language, scheme):
-    """Names, roles, contrast and order, as the page is once its numbers have come."""
+    """Check names, roles, contrast and order once the page has its numbers."""
     looks = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 800}}
     with in_browser(chromium, BrowserPage, bypass_csp=True, **looks) as shown:
         chosen = f"sessionStorage.setItem('language', '{language}')"
         shown.page.context.add_init_script(chosen)
         shown.open(served.address, path)
         shown.until(lambda: shown.text(FILLED[path]) not in ("", "–", "None"))
-        shown.page.evaluate(ALL)
+        shown.page.evaluate(SHOW_HIDDEN)
         shown.page.evaluate(AXE.read_text(encoding="utf-8"))
         assert shown.page.evaluate(VIOLATIONS) == []
         assert shown.page.evaluate("document.documentElement.lang") == language

@@ -1,4 +1,4 @@
-"""Who gets what of a panel; pages that sleep, send nonsense or come in twos harm no other."""
+"""Access to a panel, invalid messages, and pages that read nothing."""
 
 import asyncio
 import base64
@@ -25,7 +25,7 @@ from websockets.sync.client import connect
 import cam_rig
 from cam_rig.errors import ConfigError
 from cam_rig.panel import server
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.drawn_law import MOTION_POINTS, ORDERS, table_angles
 from cam_rig.panel.board.pages import DESIGN, WORKER
 from cam_rig.panel.server import STATIC, PanelPages, serve
 from cam_rig.viewer.web_server import MAX_MESSAGE
@@ -40,44 +40,54 @@ PATHS += ["/save", "/dxf"]
 
 @pytest.fixture
 def panel(served):
-    """The panel, once the pages of the test before have gone."""
+    """Return the panel once the pages of the previous test have closed."""
     until(lambda: not served.pages._pages and not served.bench._pages)
     yield served
 
 
 def test_every_path_needs_cookie_and_origin(panel):
-    """Refuse a request without the cookie or from another site; a POST must name its origin."""
+    """Refuse a request without the cookie or from another site.
+
+    A POST request must name its origin.
+    """
     assert panel.home == "/"
     assert "HttpOnly" in panel.set_cookie and "SameSite=Strict" in panel.set_cookie
     status, answered, _ = ask(panel.address, "/", Cookie=panel.cookie)
     policy = answered["Content-Security-Policy"]
     assert status == 200 and "unsafe" not in policy
     assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
-    own = {"Cookie": panel.cookie}
-    foreign = own | {"Origin": "http://evil.example"}
+    cookie = {"Cookie": panel.cookie}
+    foreign = cookie | {"Origin": "http://evil.example"}
     for path in PATHS:
         assert [ask(panel.address, path, **headers)[0] for headers in ({}, foreign)] == [403, 403]
-    for headers in (own, foreign):
+    for headers in (cookie, foreign):
         assert ask(panel.address, "/save", "POST", "{}", **headers)[0] == 403
 
 
 def test_a_websocket_needs_cookie_and_origin(panel):
     """Refuse a websocket without the cookie or the origin of the panel."""
-    url, own = f"ws://{panel.url.netloc}/changes", panel.headers
-    with connect(url, sock=local(panel.url.port), additional_headers=own, origin=None):
+    url, valid_headers = f"ws://{panel.url.netloc}/changes", panel.headers
+    with connect(url, sock=local(panel.url.port), additional_headers=valid_headers, origin=None):
         pass
-    for wrong in ({"Cookie": panel.cookie}, own | {"Cookie": ""}, own | {"Origin": "http://x"}):
+    for headers in (
+        {"Cookie": panel.cookie},
+        valid_headers | {"Cookie": ""},
+        valid_headers | {"Origin": "http://x"},
+    ):
         with pytest.raises(InvalidStatus, match="403"):
-            connect(url, sock=local(panel.url.port), additional_headers=wrong, origin=None)
+            connect(url, sock=local(panel.url.port), additional_headers=headers, origin=None)
 
 
-def test_every_file_that_a_page_asks_for_is_served_and_nothing_beside(panel):
-    """Each module and style that a file names, with its kind; none is left out of a wheel."""
+def test_only_the_files_of_the_pages_are_served(panel):
+    """Serve each module and style that a file names, and no other file.
+
+    Each has its media type, and the package contains all of them.
+    """
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
         named = re.findall(r'(?:from|src=|href=)\s*"(\.[^"]+|/static/[^"]+)"', text)
-        own = f"/static/{path.relative_to(STATIC)}"
-        for name in [own, *(urljoin(own, name) for name in named)]:
+        url_path = f"/static/{path.relative_to(STATIC)}"
+        for name in [url_path, *(urljoin(url_path, name) for name in named)]:
             status, headers, _ = ask(panel.address, name, Cookie=panel.cookie)
             assert (name, status) == (name, 200)
             assert "text/plain" not in headers["Content-Type"]
@@ -91,85 +101,92 @@ def test_every_file_that_a_page_asks_for_is_served_and_nothing_beside(panel):
 
 
 class OnePage(PanelPages):
-    """A page that is never answered, as a long turn of the lab; ``asked`` when it is asked for."""
+    """Page that is never answered. `requested` is set when it is requested."""
 
     def __init__(self):
-        self.asked = threading.Event()
+        self.requested = threading.Event()
         self.routes = (Route("/", self._answer),)
 
     async def _answer(self, _):
-        self.asked.set()
+        self.requested.set()
         await asyncio.sleep(600.0)
         raise AssertionError
 
 
-def test_a_request_that_the_end_cuts_off_leaves_no_traceback(caplog):
-    """Ctrl-C while a turn is computed: the request is cancelled, and nothing is said of it."""
+def test_a_request_cancelled_at_shutdown_leaves_no_traceback(caplog):
+    """Cancel a running request at shutdown without an error message."""
     page = OnePage()
     with ThreadPoolExecutor() as threads:
         with serve(page) as served:
             visitor = Visitor(served.address)
             asking = threads.submit(ask, served.address, "/", Cookie=visitor.cookie)
-            assert page.asked.wait(60.0)
+            assert page.requested.wait(60.0)
         with suppress(HTTPException, OSError):
             assert asking.result(60.0)[0] == 500
-    assert "Cancel 1 running task" in caplog.text  # it was cut off, not over
+    assert "Cancel 1 running task" in caplog.text  # the request was cancelled, not completed
     assert not [record for record in caplog.records if record.exc_info]
     assert "Traceback" not in caplog.text
 
 
-def test_a_post_that_is_cut_off_prints_nothing(panel, caplog, capfd):
-    """The page has gone before the end of its request: no traceback, and the server continues."""
-    page = begun_request(panel, "POST /save HTTP/1.1", {"Content-Length": "1000"}, "{")
+def test_an_aborted_post_prints_nothing(panel, caplog, capfd):
+    """Print no traceback if a page closes during its request, and continue."""
+    page = open_request(panel, "POST /save HTTP/1.1", {"Content-Length": "1000"}, "{")
     page.close()
     assert panel.get("/languages")  # answered after it by the same loop
     assert "Traceback" not in caplog.text + capfd.readouterr().err
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_pages_are_told_the_language_that_was_asked_for():
-    """Another is refused by name before anything is served."""
+def test_pages_receive_the_requested_language():
+    """Refuse another language by name before anything is served."""
     with serve(OnePage(), language="es") as served:
-        found = json.loads(Visitor(served.address).get("/languages"))
-    assert found == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
-    words = "--lang: is 'fr'; allowed: en, es"
-    with pytest.raises(ConfigError, match=words), serve(OnePage(), language="fr"):
+        offers = json.loads(Visitor(served.address).get("/languages"))
+    assert offers == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
+    message = "--lang: is 'fr'; allowed: en, es"
+    with pytest.raises(ConfigError, match=message), serve(OnePage(), language="fr"):
         pass
 
 
-def test_every_language_has_all_texts_and_no_other():
-    """The same keys with the same values in their words; a page asks for each and no other."""
+def test_every_language_has_all_texts_and_no_unused_text():
+    """Require equal keys and placeholders in all languages.
+
+    A page uses each text, and every text that a page requests exists.
+    """
     texts = [json.loads(p.read_text(encoding="utf-8")) for p in STATIC.glob("texts/*.json")]
     assert len(texts) == 2
-    words, other = texts
-    assert list(words) == list(other)
-    for key, sentence in words.items():
-        assert sorted(re.findall(r"{\w+}", sentence)) == sorted(re.findall(r"{\w+}", other[key]))
-        assert (sentence == "") == (other[key] == "")
-    used, asked = {f"s{i}" for i in range(4)} | {"undercut", "pressure"}, set()
+    texts_of_first, texts_of_second = texts
+    assert list(texts_of_first) == list(texts_of_second)
+    for key, sentence in texts_of_first.items():
+        assert sorted(re.findall(r"{\w+}", sentence)) == sorted(
+            re.findall(r"{\w+}", texts_of_second[key])
+        )
+        assert (sentence == "") == (texts_of_second[key] == "")
+    used, requested = {f"s{i}" for i in range(4)} | {"undercut", "pressure"}, set()
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
         if path.suffix == ".html":
-            asked |= set(re.findall(r'data-(?:text|turning)="(\w+)"', text))
+            requested |= set(re.findall(r'data-(?:text|turning)="(\w+)"', text))
         if path.suffix == ".js":
             used |= set(re.findall(r'"([a-z_0-9]+)"', text))
-            asked |= set(re.findall(r'\btext\("(\w+)"', text))
-            begun = re.findall(r"`([a-z_]+_)\$\{", text)  # a key put together, as `drive_${state}`
-            used |= {key for key in words if key.startswith(tuple(begun))}
-    assert asked <= set(words) <= used | asked
+            requested |= set(re.findall(r'\btext\("(\w+)"', text))
+            prefixes = re.findall(
+                r"`([a-z_]+_)\$\{", text
+            )  # a composed key, such as `drive_${state}`
+            used |= {key for key in texts_of_first if key.startswith(tuple(prefixes))}
+    assert requested <= set(texts_of_first) <= used | requested
 
 
-# -- what is wrong ----------------------------------------------------------------------------
+# -- invalid messages -------------------------------------------------------------------------
 
 
 def answer_to(page, number):
-    """What the message of a number is answered with."""
+    """Return the answer to the message of a number."""
     while True:
-        found = json.loads(page.recv(timeout=WAIT_S))
-        if found["type"] in ("exact", "refused") and found["number"] == number:
-            return found
-        if found["type"] == "answer" and found["answer"] == number:
-            return found
+        message = json.loads(page.recv(timeout=WAIT_S))
+        if message["type"] in ("exact", "refused") and message["number"] == number:
+            return message
+        if message["type"] == "answer" and message["answer"] == number:
+            return message
 
 
 TEXTS = ["", "x", "\\ud800", "\\udfff\\ud800", "\\u0000", "é" * 200, "__proto__", "/../..", "\\n"]
@@ -177,7 +194,7 @@ NUMBERS = ["9" * 400, "-" + "9" * 5000, "1e999", "NaN", "-Infinity", "1e308", "-
 
 
 def value(rng, depth=0):
-    """A value as JSON, or nearly so."""
+    """Return a random value as JSON or as almost valid JSON."""
     kind = rng.randrange(4 if depth > 3 else 6)
     if kind == 0:
         return rng.choice(["true", "false", "null"])
@@ -191,28 +208,28 @@ def value(rng, depth=0):
     return "{" + ",".join(f'"{rng.choice(TEXTS)}{i}":{v}' for i, v in enumerate(inner)) + "}"
 
 
-def wrong(rng, names, count):
-    """An object whose every name has something that is never right, or no object at all."""
+def invalid_message(rng, names, count):
+    """Return a message whose members are all invalid, or that is not an object."""
     if rng.random() < 0.2:
         return value(rng)
     ordinates = f"[{','.join([rng.choice(NUMBERS[:5])] * count)}]"
     members = {name: ordinates if rng.random() < 0.3 else value(rng) for name in names}
     text = "{" + ",".join(f'"{name}":{member}' for name, member in members.items()) + "}"
-    return text if len(text.encode()) <= MAX_MESSAGE else wrong(rng, names, count)
+    return text if len(text.encode()) <= MAX_MESSAGE else invalid_message(rng, names, count)
 
 
-#: What is nearly right, or nothing at all.
+#: Messages that are almost valid, or empty.
 NEARLY = ["", "[]", "1", "{", "{}", '{"number": 1}', '{"number": 1, "ordinates": [], "rpm": 1}']
 NEARLY += ['{"do": 1}', '{"do": "set"}', '{"do": "set_up", "value": [1]}']
 
 
 @pytest.mark.parametrize("path", [BOARD, BENCH])
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
-def test_wrong_messages_are_refused_in_a_line_and_the_page_stays(panel, path, seed, caplog):
-    """Text and bytes, of any nonsense: each is answered, nothing is changed, and the next taken."""
+def test_invalid_messages_are_refused_in_one_line_and_the_page_stays(panel, path, seed, caplog):
+    """Answer every invalid text or bytes, change nothing, and accept the next message."""
     rng, count, before = random.Random(seed), panel.board.ordinates.size, panel.board.version
     names = ("number", "ordinates", "rpm") if path == BOARD else ("number", "do", "value", "name")
-    texts = NEARLY + [wrong(rng, names, count) for _ in range(150 if seed else 60)]
+    texts = NEARLY + [invalid_message(rng, names, count) for _ in range(150 if seed else 60)]
     with panel.page(path) as page:
         for number, text in enumerate(texts):
             page.send(text.encode() if rng.random() < 0.2 else text)
@@ -221,7 +238,7 @@ def test_wrong_messages_are_refused_in_a_line_and_the_page_stays(panel, path, se
                 assert answer["type"] != "exact", text[:80]
             assert answer.get("success") is not True, text[:80]
             assert 0 < len(answer["words"]) < 400 and len(answer["words"].splitlines()) == 1
-            page.send(json.dumps(panel.right(path) | {"number": number}))
+            page.send(json.dumps(panel.valid_message(path) | {"number": number}))
             answer = answer_to(page, number)
             assert answer.get("success", True) and answer["type"] != "refused"
     assert panel.board.version - before == (len(texts) if path == BOARD else 0)
@@ -239,46 +256,48 @@ POSTS = {
 }
 
 
-def test_wrong_requests_are_refused_in_a_line_and_the_connection_stays(panel, caplog):
-    """400 for what is no object of JSON, 409 for one that asks for nothing: never 500."""
+def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel, caplog):
+    """Answer 400 for a body that is not a JSON object, 409 for a refusal, never 500."""
     connection = HTTPConnection("127.0.0.1", panel.url.port, timeout=WAIT_S)
     connection.connect()
-    kept = connection.sock
+    open_socket = connection.sock
     for path, names in POSTS.items():
         rng, statuses = random.Random(path), set()
-        bodies = [wrong(rng, names, panel.board.ordinates.size).encode() for _ in range(16)]
+        bodies = [
+            invalid_message(rng, names, panel.board.ordinates.size).encode() for _ in range(16)
+        ]
         for body in (*bodies, rng.randbytes(50), b"", b"{}"):
             connection.request("POST", path, body, panel.headers | {"Host": panel.url.netloc})
             answer = connection.getresponse()
-            words = json.loads(answer.read())["words"]
+            text = json.loads(answer.read())["words"]
             statuses.add(answer.status)
-            assert len(words.splitlines()) == 1 and len(words) < 400
-            assert connection.sock is kept
+            assert len(text.splitlines()) == 1 and len(text) < 400
+            assert connection.sock is open_socket
         assert statuses == {400, 409}, path
     connection.close()
     assert [record.getMessage() for record in caplog.records if record.exc_info] == []
     for name in ("no_such", "%00", "%ff", "%ED%A0%80", "a" * 5000, "..%2f..", "%C3%A9"):
         for path in ("/other", "/bench/cam"):
-            status, _, found = ask(panel.address, f"{path}/{name}", **panel.headers)
-            assert status in (400, 404) and len(found.splitlines()) == 1
+            status, _, body_text = ask(panel.address, f"{path}/{name}", **panel.headers)
+            assert status in (400, 404) and len(body_text.splitlines()) == 1
 
 
-def test_a_huge_message_ends_its_own_page_alone(panel):
-    """It is never held in memory; the other page goes on."""
+def test_a_huge_message_closes_only_its_page(panel):
+    """Close the page of a message that is too long. The other page continues."""
     with panel.page(BOARD) as good, panel.page(BOARD) as page:
         page.send("x" * (MAX_MESSAGE + 1))
         with pytest.raises(ConnectionClosed) as closed:
             answer_to(page, None)
         assert closed.value.rcvd.code == 1009
-        good.send(json.dumps(panel.right(BOARD) | {"number": 1}))
+        good.send(json.dumps(panel.valid_message(BOARD) | {"number": 1}))
         assert answer_to(good, 1)["type"] == "exact"
 
 
-# -- who sleeps -------------------------------------------------------------------------------
+# -- pages that read nothing ------------------------------------------------------------------
 
 
-def begun_request(panel, first, more, body=""):
-    """A socket on which a page's request was sent, and nothing is read of the answer."""
+def open_request(panel, first, more, body=""):
+    """Return a socket on which a request was sent and no answer is read."""
     page = socket.socket()
     page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     page.connect(("127.0.0.1", panel.url.port))
@@ -288,74 +307,79 @@ def begun_request(panel, first, more, body=""):
     return page
 
 
-#: What makes a request of a websocket.
+#: Headers that request a websocket.
 UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
 UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
 
 
 @pytest.mark.parametrize("path", [BOARD, BENCH])
-def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
-    """While it sleeps others are answered and follow; then it is no page any more."""
-    monkeypatch.setattr(server, "TELL_EVERY_S", 0.0)
-    monkeypatch.setattr(server, "READS_WITHIN_S", 1.0)
+def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
+    """Answer the other pages while one page reads nothing, then drop that page."""
+    monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.0)
+    monkeypatch.setattr(server, "SEND_TIMEOUT_S", 1.0)
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
-    with panel.page(path) as one, panel.page(path) as two:
+    with panel.page(path) as first, panel.page(path) as second:
         until(lambda: len(pages) == 2)
-        sleeper = begun_request(panel, f"GET {path} HTTP/1.1", UPGRADE)
+        sleeper = open_request(panel, f"GET {path} HTTP/1.1", UPGRADE)
         until(lambda: len(pages) == 3)
-        number, end = 0, time.monotonic() + WAIT_S
+        number, deadline = 0, time.monotonic() + WAIT_S
         while len(pages) == 3:
-            assert time.monotonic() < end, "the page that sleeps was not dropped"
+            assert time.monotonic() < deadline, "the page that reads nothing was not dropped"
             number += 1
-            # a state that soon fills what may wait in the network
+            # a large state, which soon fills the network buffers
             monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000 + str(number)])
-            one.send(json.dumps(panel.right(path) | {"number": number}))
-            answer_to(one, number)
-            two.recv(timeout=WAIT_S)
+            first.send(json.dumps(panel.valid_message(path) | {"number": number}))
+            answer_to(first, number)
+            second.recv(timeout=WAIT_S)
         assert number > 10
-        two.send(json.dumps({"number": -1}))
-        assert answer_to(two, -1)["words"]
+        second.send(json.dumps({"number": -1}))
+        assert answer_to(second, -1)["words"]
         assert len(pages) == 2
         sleeper.close()
 
 
-def test_a_request_that_never_ends_holds_no_other_up(panel):
-    """A lab's page that has sent half of its reading, of a browser that is suspended."""
+def test_an_incomplete_request_blocks_no_other(panel):
+    """Answer a page while the request of another is incomplete."""
     length = {"Content-Length": "100"}
-    with begun_request(panel, "POST /lab/student HTTP/1.1", length, '{"student"'):
+    with open_request(panel, "POST /lab/student HTTP/1.1", length, '{"student"'):
         assert panel.send("/lab/student", {"student": "A"})[0] == 200
     assert panel.lab.notebook.recorded.student == "A"
 
 
-def test_the_newest_state_alone_waits(panel, monkeypatch):
-    """A page that is told once in a while misses what was between, and never the last."""
-    monkeypatch.setattr(server, "TELL_EVERY_S", 0.5)
-    with panel.page(BOARD) as one, panel.page(BOARD) as two:
+def test_only_the_newest_state_is_queued(panel, monkeypatch):
+    """Skip intermediate states for a page that is notified rarely, but not the last."""
+    monkeypatch.setattr(server, "MESSAGE_PERIOD_S", 0.5)
+    with panel.page(BOARD) as first, panel.page(BOARD) as second:
         for number in range(1, 41):
-            one.send(json.dumps(panel.right(BOARD) | {"number": number, "rpm": 300 + number}))
-            answer_to(one, number)
-        told = []
-        while not told or told[-1] != 340.0:
-            message = json.loads(two.recv(timeout=WAIT_S))
-            told += [message["rpm"]] if message["type"] == "moved" else []
-    assert told == sorted(told) and len(told) < 40
+            first.send(
+                json.dumps(panel.valid_message(BOARD) | {"number": number, "rpm": 300 + number})
+            )
+            answer_to(first, number)
+        speeds = []
+        while not speeds or speeds[-1] != 340.0:
+            message = json.loads(second.recv(timeout=WAIT_S))
+            speeds += [message["rpm"]] if message["type"] == "moved" else []
+    assert speeds == sorted(speeds) and len(speeds) < 40
 
 
-# -- what takes longer ------------------------------------------------------------------------
+# -- slow results and designs -----------------------------------------------------------------
 
 
-def test_only_the_last_law_is_answered_at_rest_by_a_process_that_may_be_killed(panel):
-    """Of the newest change, and it says of which; a killed process is named, another follows."""
+def test_slow_results_are_those_of_the_last_law_and_a_killed_worker_is_replaced(panel):
+    """Return slow results with the version of the newest change.
+
+    A killed worker process is reported, and another one starts.
+    """
     change = {"ordinates": panel.board.ordinates.tolist()}
     with panel.page(BOARD) as page:
-        begun = panel.board.version
+        start = panel.board.version
         for number in range(1, 21):
             page.send(json.dumps(change | {"number": number, "rpm": 200 + number}))
         answer = received(page, "rest")["rest"]
-        while answer["version"] < begun + 20:
+        while answer["version"] < start + 20:
             answer = received(page, "rest")["rest"]
         assert answer["rpm"] == 220.0
-        for child in begun_by_this(WORKER):
+        for child in child_processes(WORKER):
             os.kill(child, signal.SIGKILL)
         page.send(json.dumps(change | {"number": 21, "rpm": 200}))
         assert "ended" in received(page, "rest")["rest"]["words"]
@@ -363,41 +387,41 @@ def test_only_the_last_law_is_answered_at_rest_by_a_process_that_may_be_killed(p
         assert "jump" in received(page, "rest")["rest"]
 
 
-def begun_by_this(*wanted):
-    """Processes that this one started, by words of their command."""
-    return [pid for pid, words in children(os.getpid()).items() if {*wanted} <= {*words}]
+def child_processes(*arguments):
+    """Return the child processes whose commands contain these words."""
+    return [pid for pid, command in children(os.getpid()).items() if {*arguments} <= {*command}]
 
 
 def design(panel, name):
-    """Status and answer of a wish for a design."""
+    """Request a design and return status and answer."""
     return panel.send("/design", {"name": name})
 
 
 @pytest.mark.slow
-def test_one_design_at_a_time_and_it_can_be_stopped(panel):
-    """A second one is refused with the remedy; stopped, no process and no file is left."""
+def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
+    """Refuse a second design. A stopped design leaves no process and no file."""
     out = panel.board.out
     for name in ("start", "other"):
         panel.board.save(name, panel.board.drawn.ordinates.tolist())
     with panel.page(BOARD) as page:
         assert design(panel, "start")[0] == 202
-        status, words = design(panel, "other")
-        assert status == 409 and "so stop it" in words["words"]
+        status, reply = design(panel, "other")
+        assert status == 409 and "stop it first" in reply["words"]
         assert panel.post("/design/stop")[0] == 200
         while not received(page, "design")["design"].get("stopped"):
             pass
-        assert begun_by_this(WORKER, DESIGN) == []
+        assert child_processes(WORKER, DESIGN) == []
         assert sorted(path.name for path in out.iterdir()) == ["other.yaml", "start.yaml"]
 
 
 @pytest.mark.slow
-def test_a_design_that_cannot_begin_or_end_says_why(panel):
-    """A start that was not saved, or is a path; a cam that `cam-rig design` takes none of."""
-    status, words = design(panel, "nothing")
-    assert status == 409 and "nothing.yaml" in words["words"]
+def test_a_design_that_fails_reports_the_reason(panel):
+    """Report a start that is not saved, a path as a name, and an unsupported follower."""
+    status, reply = design(panel, "nothing")
+    assert status == 409 and "nothing.yaml" in reply["words"]
     for name in ("../poly345", "", "A"):
-        status, words = design(panel, name)
-        assert status == 409 and words["words"].startswith("name: allowed")
+        status, reply = design(panel, name)
+        assert status == 409 and reply["words"].startswith("name: allowed")
     frame = Path(__file__).parents[2] / "config/cams/constant_breadth.yaml"
     panel.board.out.mkdir(exist_ok=True)
     (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
@@ -408,8 +432,11 @@ def test_a_design_that_cannot_begin_or_end_says_why(panel):
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_design_is_told_as_it_grows_and_written(panel):
-    """It jumps later than its start, its file is the law that the page is given, and stays."""
+def test_a_design_reports_its_progress_and_is_written(panel):
+    """Find a higher jump speed than that of the start, and write the file once.
+
+    The law in the file is the law that the page receives.
+    """
     board = panel.board
     board.save("begin", board.drawn.ordinates.tolist())
     with panel.page(BOARD) as page:
@@ -424,8 +451,8 @@ def test_a_design_is_told_as_it_grows_and_written(panel):
     assert message["rpm"] == pytest.approx(jump, rel=1e-3)
     assert jump > 1.2 * cam_rig.jump_speed(board.drawn.start.law, board.rig).rpm
     motion = np.frombuffer(base64.b64decode(message["motion"]), dtype="<f8")
-    wanted = np.stack([law(table_angles(), order) for order in range(ORDERS)])
-    largest = np.abs(wanted).max(axis=1, keepdims=True)
-    assert (np.abs(motion.reshape(ORDERS, POINTS) - wanted) / largest).max() <= 1e-9
-    status, words = design(panel, "begin")
-    assert status == 409 and "begin_designed.yaml: exists already" in words["words"]
+    expected = np.stack([law(table_angles(), order) for order in range(ORDERS)])
+    largest = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(motion.reshape(ORDERS, MOTION_POINTS) - expected) / largest).max() <= 1e-9
+    status, reply = design(panel, "begin")
+    assert status == 409 and "begin_designed.yaml: exists already" in reply["words"]

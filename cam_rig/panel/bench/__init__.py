@@ -1,1 +1,1 @@
-"""The live bench: the node graph, steered from a page."""
+"""Live bench: a graph of nodes that is controlled from a web page."""

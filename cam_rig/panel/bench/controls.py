@@ -1,4 +1,4 @@
-"""What the bench's controls do: a node's parameter, a service of the drive, another set-up."""
+"""Commands of the bench's page: node parameters, services of the drive, set-ups."""
 
 from __future__ import annotations
 
@@ -19,24 +19,27 @@ from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig
 from cam_rig.simulation.scene import calibrated_on
 
-# The server's end of the socket to the panel's node: commands out, what the nodes say in.
+# The server's end of the socket to the panel's node: commands out, node messages in.
 
-#: Wall time (s) that a node may take to answer a command.
+#: Wall time (s) within which a node must answer a command.
 ANSWER_S = 5.0
 
 
 class NodeLink:
-    """Takes the one connection of the panel's node; ``heard`` gets each line that is no answer."""
+    """Server of the single connection to the panel's node.
 
-    def __init__(self, path: Path, heard: Callable[[dict[str, Any]], None]) -> None:
-        self._path, self._heard = path, heard
+    `on_message` receives each message that is not an answer to a command.
+    """
+
+    def __init__(self, path: Path, on_message: Callable[[dict[str, Any]], None]) -> None:
+        self._path, self._on_message = path, on_message
         self._writer: asyncio.StreamWriter | None = None
-        self._asked: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._number, self._listens = 0, False
 
     @asynccontextmanager
     async def listening(self) -> AsyncIterator[None]:
-        """Listen as long as the context lasts."""
+        """Accept the connection while the context is active."""
         server = await asyncio.start_unix_server(self._serve, self._path, limit=MAX_LINE)
         try:
             yield
@@ -46,23 +49,23 @@ class NodeLink:
                 self._writer.close()
             self._path.unlink(missing_ok=True)
 
-    async def ask(self, command: dict[str, Any]) -> dict[str, Any]:
-        """What a node answers: ``success``, and ``words``."""
+    async def request(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Send a command to a node and return its answer with `success` and `words`."""
         if self._writer is None:
-            return {"success": False, "words": "the nodes are not there yet"}
+            return {"success": False, "words": "the nodes have not started yet"}
         self._number += 1
         number, answer = self._number, asyncio.get_running_loop().create_future()
-        self._asked[number] = answer
+        self._pending[number] = answer
         try:
             self._writer.write(line_of(command | {"number": number}))
             return await asyncio.wait_for(answer, ANSWER_S)
         except TimeoutError:
             return {"success": False, "words": f"no answer within {ANSWER_S:g} s"}
         finally:
-            self._asked.pop(number, None)
+            self._pending.pop(number, None)
 
-    def listen(self, listens: bool) -> None:
-        """Have the samples of every tick sent, or not."""
+    def set_listening(self, listens: bool) -> None:
+        """Switch the transmission of the samples of every tick on or off."""
         self._listens = listens
         if self._writer is not None:
             self._writer.write(line_of({"listen": listens}))
@@ -71,48 +74,55 @@ class NodeLink:
         if self._writer is not None:
             self._writer.close()
         self._writer = writer
-        self.listen(self._listens)
+        self.set_listening(self._listens)
         try:
             with suppress(ConnectionError, RunError):
                 while line := await reader.readline():
-                    self._take(read_line(line))
+                    self._dispatch(read_line(line))
         finally:
             writer.close()
             if self._writer is writer:
-                self._lost()
+                self._disconnect()
 
-    def _take(self, message: dict[str, Any]) -> None:
+    def _dispatch(self, message: dict[str, Any]) -> None:
         if "answer" not in message:
-            self._heard(message)
-        elif (answer := self._asked.get(message["answer"])) and not answer.done():
+            self._on_message(message)
+        elif (answer := self._pending.get(message["answer"])) and not answer.done():
             answer.set_result(message)
 
-    def _lost(self) -> None:
+    def _disconnect(self) -> None:
         self._writer = None
-        for answer in self._asked.values():
+        for answer in self._pending.values():
             if not answer.done():
                 answer.set_result({"success": False, "words": "the panel's node has ended"})
 
 
-#: What a page may set: a node's live parameters, with the node.
+#: Node and specification of each live parameter that a page may set, by parameter name.
 SETTINGS = {name: (node, spec) for node, specs in LIVE.items() for name, spec in specs.items()}
-#: What a page may call.
+#: Services of the drive that a page may call.
 SERVICES = ABOUT["cam_drive"].services
+#: Names of single services.
 START, STOP, _, EMERGENCY_STOP = SERVICES
+#: Answer to a command: `success`, `words`, and more for some commands.
 Reply = dict[str, Any]
+#: Answer to a command that was carried out.
 DONE: Reply = {"success": True, "words": ""}
+#: Names of the commands of a page.
 COMMANDS = ("call", "set", "set_up", "keep", "rerun", "note", "clear")
 
 
 class BenchControls:
-    """Obeys the commands of the page that holds the controls."""
+    """Executor of the commands of the page that has the controls."""
 
     def __init__(self, runner: BenchRunner, live: LiveState, link: NodeLink) -> None:
         self._runner, self._live, self._link = runner, live, link
-        self._take_rig(live.setup)
+        self._apply_rig(live.setup)
 
     async def obey(self, command: dict[str, Any]) -> Reply:
-        """Do what a command says; what came of it."""
+        """Execute a command of a page and return its answer.
+
+        Raises RefusedError if the command or its value is not allowed.
+        """
         value = command.get("value")
         match command.get("do"):
             case "call":
@@ -120,18 +130,18 @@ class BenchControls:
             case "set":
                 return await self._set(str(command.get("name")), value)
             case "set_up" if isinstance(value, dict):
-                self.set_up(self.as_it_is(value))
+                self.set_up(self.current_setup(value))
             case "set_up":
                 raise RefusedError("set-up: allowed: a JSON object")
-            case "keep" if self._live.state:  # the present bag; the same set-up begins anew
-                self.set_up(self.as_it_is({}), keep=True)
+            case "keep" if self._live.state:  # keep the present bag and restart the same set-up
+                self.set_up(self.current_setup({}), keep=True)
             case "keep":
                 raise RefusedError(
                     "bag: nothing is recorded yet; allowed: after the cam has turned"
                 )
             case "rerun":
-                self._runner.show()
-                self.set_up(self.as_it_is({}))
+                self._runner.request_screen()
+                self.set_up(self.current_setup({}))
             case "note":
                 return DONE | {"noted": asdict(self._live.note())}
             case "clear":
@@ -141,43 +151,50 @@ class BenchControls:
         return DONE
 
     def set_up(self, setup: Setup, keep: bool = False) -> None:
-        """End the present run, and begin one of a set-up."""
-        chosen = self._live.chosen()
+        """End the present run and start a run of a set-up."""
+        settings = self._live.node_settings()
         self._live.setup = setup
-        self._live.happened({"graph": "starting"})
-        self._take_rig(setup)
-        self._runner.set_up(setup, chosen, keep)
+        self._live.on_runner_event({"graph": "starting"})
+        self._apply_rig(setup)
+        self._runner.set_up(setup, settings, keep)
 
-    def drawn_name(self) -> str:
-        """A cam's name that the bench has not had: no node takes another law of a known one."""
+    def next_drawn_name(self) -> str:
+        """Return a cam name that the bench has not used yet.
+
+        No node accepts another law under a name that it knows.
+        """
         return f"drawn_{len(list(self._runner.cams.glob('drawn_*.yaml'))) + 1}"
 
     async def mount(self, cam: CamConfig) -> None:
-        """Turn a cam of its own from the next tick on, or once the nodes are there."""
+        """Mount a drawn cam from the next tick on, or once the nodes have started.
+
+        Raises RefusedError if the law server refuses the cam.
+        """
         add_cam(cam, self._runner.cams)
         if self._live.graph != "running":
-            return self.set_up(self.as_it_is({"cam": cam.name}))
-        answer = await self._link.ask({"node": "law_server", "name": "cam", "value": cam.name})
+            return self.set_up(self.current_setup({"cam": cam.name}))
+        answer = await self._link.request({"node": "law_server", "name": "cam", "value": cam.name})
         if not answer["success"]:
             raise RefusedError(answer["words"])
         return None
 
-    def _take_rig(self, setup: Setup) -> None:
-        """What a set-up's rig sounds like, and the cam that its levels are calibrated on."""
+    def _apply_rig(self, setup: Setup) -> None:
+        """Set the sound and the calibration cam of a set-up's rig."""
         rig = setup.rig(self._runner.rig)
         self.sound = PageSound(RadiationParameters.from_rig(rig), SAMPLE_RATE)
         self.calibrated_on = calibrated_on(rig, setup.model)
 
-    def as_it_is(self, given: dict[str, Any]) -> Setup:
-        """The set-up with the cam that is mounted, the speed that is commanded, and more."""
-        return self._live.setup.changed(self._live.mounted() | given, self._runner.rig)
+    def current_setup(self, changes: dict[str, Any]) -> Setup:
+        """Return the set-up with the mounted cam, the commanded speed and changes."""
+        changes = self._live.mounted_cam_and_speed() | changes
+        return self._live.setup.with_changes(changes, self._runner.rig)
 
     async def _call(self, service: Any) -> Reply:
         if service not in SERVICES:
             raise RefusedError(f"call: allowed: {', '.join(SERVICES)}")
-        reply = await self._link.ask({"call": service})
+        reply = await self._link.request({"call": service})
         if reply["success"] and service in (STOP, START):
-            (self._live.stopped if service == STOP else self._live.started)()
+            (self._live.on_stop if service == STOP else self._live.on_start)()
         return reply
 
     async def _set(self, name: str, value: Any) -> Reply:
@@ -187,4 +204,4 @@ class BenchControls:
         kind = type(spec.default)
         if not (is_number(value) if kind is float else isinstance(value, str)):
             raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: {KINDS[kind]}")
-        return await self._link.ask({"node": node, "name": name, "value": kind(value)})
+        return await self._link.request({"node": node, "name": name, "value": kind(value)})

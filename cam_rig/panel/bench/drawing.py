@@ -1,4 +1,4 @@
-"""What the bench's page draws: the mounted cam under its follower, and what a speed will do."""
+"""Data drawn by the bench's page: cam with follower, live motion, predicted turn."""
 
 from __future__ import annotations
 
@@ -27,72 +27,83 @@ from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.show.looks import DECIMALS, MM, millimetres
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Samples of a tick that a page gets: about one a degree, as it draws no finer.
-STEP = math.radians(1.0)
-#: States of the cam that are kept until the follower's samples between two of them come.
-STATES = 64
-#: What blocks for a page begin with.
-MOTION, SOUND = b"motion  ", b"sound   "
-#: Points of a contour and of a turn's curves.
-POINTS = 360
-#: Turns over which the level of a speed is measured before the cam turns at it.
-TURNS = 4
+#: Smallest step (rad) between the samples that a page receives. A page draws no finer than one
+#: degree.
+SAMPLE_STEP = math.radians(1.0)
+#: Number of cam states that are stored until the follower's samples of the same time arrive.
+MAX_STATES = 64
+#: Header of a message with blocks of motion, padded to 8 bytes for aligned doubles.
+MOTION = b"motion  "
+#: Header of a message with blocks of sound.
+SOUND = b"sound   "
+#: Points of a contour and of the curves of a turn.
+CONTOUR_POINTS = 360
+#: Number of turns of the scene that is simulated for the level of a speed.
+LEVEL_TURNS = 4
 
 
 class Cams:
-    """The cams that can be mounted, with their laws, each read once."""
+    """Loader of the cams that can be mounted, with their laws. Each is read once."""
 
     def __init__(self, folder: Path) -> None:
         self._library = Library((folder, config_root()))
-        self._known: dict[str, tuple[CamConfig, Law]] = {}
+        self._cache: dict[str, tuple[CamConfig, Law]] = {}
 
     def __call__(self, name: str) -> tuple[CamConfig, Law]:
-        """A cam and its law by its name."""
-        if name not in self._known:
+        """Return the cam of a name and its law."""
+        if name not in self._cache:
             cam = load_cam(self._library.path("cams", name))
-            self._known[name] = cam, build_law(cam)
-        return self._known[name]
+            self._cache[name] = cam, build_law(cam)
+        return self._cache[name]
 
 
 class LiveMotion:
-    """The follower's samples, tick by tick, with the cam's angle at each of them."""
+    """Encoder of the follower's samples with the cam angle of each sample, per tick."""
 
     def __init__(self, cams: Cams) -> None:
         self._cams = cams
-        self._states: deque[dict[str, Any]] = deque(maxlen=STATES)
+        self._states: deque[dict[str, Any]] = deque(maxlen=MAX_STATES)
 
-    def state(self, state: dict[str, Any]) -> None:
-        """The cam turns at a speed from a rig time on."""
+    def add_state(self, state: dict[str, Any]) -> None:
+        """Add the cam state (time_ns, angle, rpm, cam) that applies from its time on."""
         self._states.append(state)
 
     def block(self, rows: FloatArray) -> bytes | None:
-        """A tick: rig time, step (s) and samples as doubles, `curves`; None without its state."""
+        """Return the samples of a tick as bytes, or None if the tick has no cam state.
+
+        The bytes contain rig time (s), step (s) and number of samples as doubles, followed by the
+        float32 `turn_curves`.
+        """
         time = rows[0]
-        begin_ns, newest_first = round(float(time[0]) * NS), reversed(self._states)
-        state = next((s for s in newest_first if s["time_ns"] <= begin_ns), None)
+        start_ns, newest_first = round(float(time[0]) * NS), reversed(self._states)
+        state = next((s for s in newest_first if s["time_ns"] <= start_ns), None)
         if state is None:
             return None
         step = float(time[-1] - time[0]) / max(1, time.size - 1)
         try:
             law = self._cams(state["cam"])[1]
-        except CamRigError:  # its file went after the law server had read it
+        except CamRigError:  # the file was removed after the law server had read it
             return None
         speed = state["rpm"] * RPM
         angle = state["angle"] % TURN + speed * (time - state["time_ns"] / NS)
-        turned = speed * step
-        every = max(1, int(STEP / turned)) if turned > 0.0 else 1
-        found = curves(law, angle[::every], rows[:, ::every])
-        head = np.array([time[0], step * every, found.shape[1]], dtype="<f8")
-        return head.tobytes() + found.tobytes()
+        angle_step = speed * step
+        stride = max(1, int(SAMPLE_STEP / angle_step)) if angle_step > 0.0 else 1
+        values = turn_curves(law, angle[::stride], rows[:, ::stride])
+        header = np.array([time[0], step * stride, values.shape[1]], dtype="<f8")
+        return header.tobytes() + values.tobytes()
 
 
 def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
-    """The cam in its own frame and its follower, whose origin is linear in lift; mm and rad."""
-    shape, disc = follower_shape(cam, law), contours(cam.follower, law, POINTS)[0]
-    two = np.array([0.0, max(law.lift, 1e-3)])
-    origin, turn = shape.origin(two) * MM, shape.turn(two)
-    lift = float(two[1]) * MM
-    motion = Motion.at(law, turn_angles(POINTS))
+    """Return the cam in the frame of the cam, and its follower, in mm and rad.
+
+    The origin of the follower is linear in the lift.
+    """
+    shape, disc = follower_shape(cam, law), contours(cam.follower, law, CONTOUR_POINTS)[0]
+    # Origin and turn are linear in lift, so two lifts (m) define them.
+    lifts = np.array([0.0, max(law.lift, 1e-3)])
+    origin, turn = shape.origin(lifts) * MM, shape.turn(lifts)
+    lift = float(lifts[1]) * MM
+    motion = Motion.at(law, turn_angles(CONTOUR_POINTS))
     point, normal = shape.contact(motion)
     return {
         "contour": millimetres(disc.points),
@@ -104,7 +115,7 @@ def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
         "along": ((origin[1] - origin[0]) / lift).tolist(),
         "turn": float(turn[0]),
         "turns": float(turn[1] - turn[0]) / lift,
-        "place": millimetres(shape.place(two).T),
+        "place": millimetres(shape.place(lifts).T),
         "swings": bool(np.ptp(turn)),
         "reach": _rounded(shape.reach * MM),
         "max_lift": _rounded(shape.max_lift * MM),
@@ -117,44 +128,57 @@ def _rounded(value: float) -> float:
     return round(float(value), DECIMALS)
 
 
-def expected(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """A settled turn by the exact model: `curves`, level (dB), least force (N), if it repeats."""
-    scene = SceneConfig.model_validate(setup.scene(rig, [setup.rpm], TURNS))
+def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
+    """Return the steady turn of a set-up by the exact model.
+
+    The result contains the speed (rpm), `turn_curves` in base64, the level (dB), the least force
+    (N), and the flags `lost` (contact is lost) and `settled` (the turn repeats).
+    """
+    scene = SceneConfig.model_validate(setup.scene_data(rig, [setup.rpm], LEVEL_TURNS))
     speed = setup.rpm * RPM
-    block, row, settled = settled_turn(law, rig, scene, speed, POINTS)
-    drawn = curves(law, speed * block.time, block.rows)
+    block, row, is_steady = settled_turn(law, rig, scene, speed, CONTOUR_POINTS)
+    values = turn_curves(law, speed * block.time, block.rows)
     return {
         "rpm": setup.rpm,
-        "curves": base64.b64encode(drawn.tobytes()).decode("ascii"),
+        "curves": base64.b64encode(values.tobytes()).decode("ascii"),
         "level_db": row.level_db,
         "least_n": row.force_least,
         "lost": bool((block.force == 0.0).any()),
-        "settled": settled,
+        "settled": is_steady,
     }
 
 
-def curves(law: Law, angle: FloatArray, rows: FloatArray) -> NDArray[np.float32]:
-    """``(6, n)`` of samples: cam angle (rad), lift (mm), m/s, m/s², N, and the gap in µm."""
+def turn_curves(law: Law, angle: FloatArray, rows: FloatArray) -> NDArray[np.float32]:
+    """Return the curves of samples that a page draws, ``(6, n)``.
+
+    The rows are cam angle (rad), lift (mm), velocity (m/s), acceleration (m/s²), force (N) and gap
+    (µm).
+    """
     samples = Samples(rows)
-    gap, off = np.zeros(angle.size), samples.force == 0.0
-    if off.any():
-        gap[off] = samples.lift[off] - law(angle[off])
-    found = [angle, samples.lift * MM, samples.velocity, samples.acceleration, samples.force]
-    return np.array([*found, gap * 1e6], dtype="<f4")
+    gap, free = np.zeros(angle.size), samples.force == 0.0
+    if free.any():
+        gap[free] = samples.lift[free] - law(angle[free])
+    columns = [angle, samples.lift * MM, samples.velocity, samples.acceleration, samples.force]
+    return np.array([*columns, gap * 1e6], dtype="<f4")
 
 
 def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
-    """By one rigid mass and, where the rig says how it splits, by two: rpm, None at no speed."""
-    found: list[dict[str, Any]] = []
+    """Return the jump speeds (rpm) of one rigid mass and of two elastic masses.
+
+    The entry of `model` comes first. A speed is None if contact is never lost. Two masses are left
+    out if the rig does not split its mass. A speed that cannot be computed is left out, such as
+    that of a desmodromic follower.
+    """
+    speeds: list[dict[str, Any]] = []
     try:
-        found.append(
+        speeds.append(
             _jump("one_mass", rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
         )
         if isinstance(follower := follower_of(rig), TwoMassParameters):
-            found.append(_jump("two_mass", find_jump(law, follower, FROM_REST).rpm))
+            speeds.append(_jump("two_mass", find_jump(law, follower, FROM_REST).rpm))
     except CamRigError:
-        pass  # a held follower has none
-    return sorted(found, key=lambda one: one["model"] != model)
+        pass  # a desmodromic follower has no jump speed
+    return sorted(speeds, key=lambda entry: entry["model"] != model)
 
 
 def _jump(model: str, rpm: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the bench's pages are shown: what the nodes say, the set-up, the readings noted so far."""
+"""State that the bench's pages display: node reports, set-up and noted readings."""
 
 from __future__ import annotations
 
@@ -24,24 +24,25 @@ from cam_rig.nodes.parameters import LIVE
 from cam_rig.panel.bench.runner import Setup
 from cam_rig.units import NS, TURN, FloatArray
 
-# What the bench reads: speed and level tick by tick, and a level that may be noted.
+# The meter: speed and level of each tick, and the mean level of a steady speed.
 
-#: Rig time (s) over which a noted level is the mean, or somewhat more, as it is of whole turns.
+#: Shortest rig time (s) over which a noted level is averaged. The time is rounded up to whole
+#: turns.
 MEAN_S = 1.0
-#: What must have passed at that speed before: so many times the meter's time constant, by which
-#: what it read before has fallen by 35 dB.
-SETTLED = 8.0
-#: Speeds (rpm) are the same when they differ by no more than this part.
-SAME_SPEED = 1e-6
-#: Ticks that are kept.
+#: Time at the present speed before the averaged turns, in time constants of the meter. After 8 time
+#: constants the earlier reading has decayed by 35 dB.
+SETTLING_TIME_CONSTANTS = 8.0
+#: Relative tolerance within which two speeds (rpm) are equal, for rounding.
+SPEED_RTOL = 1e-6
+#: Number of ticks that the meter stores: 1.1 min at 300 rpm and 12 ticks per turn.
 MAX_TICKS = 4096
-#: Readings that a bench notes, at most.
+#: Largest number of readings that a bench notes, so that the memory stays bounded.
 MAX_READINGS = 10_000
 
 
 @dataclass(frozen=True)
 class LevelOfTick:
-    """One tick: when it ended (ns of rig time), how fast the cam turned (rpm), the level (dB)."""
+    """Level of one tick: end time (ns of rig time), cam speed (rpm) and level (dB)."""
 
     time_ns: int
     rpm: float
@@ -50,7 +51,7 @@ class LevelOfTick:
 
 @dataclass(frozen=True)
 class NotedReading:
-    """A reading as a person notes it: the mean level at a steady speed, and the set-up."""
+    """Reading noted by a person: mean level at a steady speed, and the set-up."""
 
     cam: str
     model: str
@@ -64,58 +65,79 @@ class NotedReading:
 
 
 class Meter:
-    """Speeds and levels as they come, of which the last second can be noted."""
+    """Speeds and levels of the last ticks, of which a steady mean can be read."""
 
     def __init__(self) -> None:
         self._speeds: deque[tuple[int, float]] = deque(maxlen=MAX_TICKS)
         self._ticks: deque[LevelOfTick] = deque(maxlen=MAX_TICKS)
 
-    def state(self, time_ns: int, rpm: float) -> None:
-        """The cam turns at a speed from a rig time on."""
+    def add_speed(self, time_ns: int, rpm: float) -> None:
+        """Add the cam speed that applies from a rig time on."""
         self._speeds.append((time_ns, rpm))
 
-    def level(self, time_ns: int, level: float) -> None:
-        """The level of the tick that ends at a rig time."""
+    def add_level(self, time_ns: int, level: float) -> None:
+        """Add the level of the tick that ends at a rig time."""
         newest_first = reversed(self._speeds)
-        rpm = next((rpm for start, rpm in newest_first if start < time_ns), None)
+        rpm = next((rpm for start_ns, rpm in newest_first if start_ns < time_ns), None)
         if rpm is not None:
             self._ticks.append(LevelOfTick(time_ns, rpm, level))
 
-    def forget(self) -> None:
-        """What was read is of something else: another cam, or another weighting."""
+    def clear(self) -> None:
+        """Discard all levels, because the cam or the weighting has changed."""
         self._ticks.clear()
 
     @property
     def latest(self) -> LevelOfTick | None:
-        """The newest tick."""
+        """Latest tick, None before the first."""
         return self._ticks[-1] if self._ticks else None
 
-    def steady(self, time_constant: float) -> tuple[float, float, int]:
-        """Speed (rpm), mean-square level (dB) of the last whole turns, and when they began (ns)."""
+    def steady_mean(self, time_constant: float) -> tuple[float, float, int]:
+        """Return speed, level and start of the last whole turns at a steady speed.
+
+        Parameters
+        ----------
+        time_constant : float
+            Time constant of the meter's time weighting, s.
+
+        Returns
+        -------
+        tuple
+            Speed (rpm), mean-square level (dB), and rig time (ns) of the first averaged turn.
+
+        Raises
+        ------
+        RefusedError
+            If the cam is stopped, or if the speed has changed too recently.
+        """
         last = self.latest
         if last is None or last.rpm == 0.0:
-            raise RefusedError("reading: nothing turns; allowed: start, and wait some seconds")
-        same = [last]
+            raise RefusedError("reading: the cam is stopped; start it and wait some seconds")
+        steady_ticks = [last]
         for tick in list(self._ticks)[-2::-1]:
-            if abs(tick.rpm - last.rpm) > SAME_SPEED * last.rpm:
+            if abs(tick.rpm - last.rpm) > SPEED_RTOL * last.rpm:
                 break
-            same.append(tick)
-        span = (last.time_ns - same[-1].time_ns) / NS
-        # Whole turns: the level swings within one.
-        needed = math.ceil(MEAN_S * last.rpm / 60.0) * 60.0 / last.rpm
-        settled = max(needed, SETTLED * time_constant) + needed
-        if span < settled:
+            steady_ticks.append(tick)
+        duration = (last.time_ns - steady_ticks[-1].time_ns) / NS
+        # The level varies within a turn, so the mean is taken over whole turns.
+        mean_duration = math.ceil(MEAN_S * last.rpm / 60.0) * 60.0 / last.rpm
+        min_duration = max(mean_duration, SETTLING_TIME_CONSTANTS * time_constant) + mean_duration
+        if duration < min_duration:
             raise RefusedError(
-                f"reading: {last.rpm:.5g} rpm for {span:.1f} s of rig time; allowed: after "
-                f"{settled:.1f} s"
+                f"reading: {last.rpm:.5g} rpm for {duration:.1f} s of rig time; allowed: after "
+                f"{min_duration:.1f} s"
             )
-        levels = [t.level for t in same if last.time_ns - t.time_ns < (1 - 1e-6) * needed * NS]
-        square = float((pressure_pa(np.array(levels)) ** 2).mean())
-        return last.rpm, float(level_db(math.sqrt(square))), last.time_ns - round(needed * NS)
+        window_ns = (1 - 1e-6) * mean_duration * NS
+        levels = [t.level for t in steady_ticks if last.time_ns - t.time_ns < window_ns]
+        mean_square = float((pressure_pa(np.array(levels)) ** 2).mean())
+        return (
+            last.rpm,
+            float(level_db(math.sqrt(mean_square))),
+            last.time_ns - round(mean_duration * NS),
+        )
 
 
 def to_csv(readings: list[NotedReading]) -> str:
-    """Return the readings as CSV, one row each."""
+    """Return the readings as CSV, one row per reading."""
     out = io.StringIO()
     writer = csv.DictWriter(out, [f.name for f in fields(NotedReading)], lineterminator="\n")
     writer.writeheader()
@@ -124,98 +146,116 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
-#: Of a drive that was stopped; of a follower.
-STOPPED, EMERGENCY, LOST, IN_CONTACT = "stopped", "emergency", "contact lost", "in contact"
-#: Levels of a diagnosis.
-OK, ERROR = 0, 2
+#: State of the drive after a stop.
+STOPPED = "stopped"
+#: State of the drive after an emergency stop.
+EMERGENCY = "emergency"
+#: Contact state of the follower in a tick in which it left the cam.
+LOST = "contact lost"
+#: Contact state of the follower in a tick without loss of contact.
+IN_CONTACT = "in contact"
+#: Level of a diagnostic message without a fault, as in diagnostic_msgs.
+OK = 0
+#: Level of a diagnostic message with an error, as in diagnostic_msgs.
+ERROR = 2
 
-#: Lines of the graph's log that are shown.
+#: Number of the last lines of the graph's log that are shown.
 MAX_LINES = 6
 
 
 @dataclass
 class LiveState:
-    """The bench as its pages see it; each of these is what a page is told by that name."""
+    """State of the bench. Each field is sent to the pages under its name."""
 
     setup: Setup
-    #: off, starting, running, ended or failed.
+    #: State of the node graph: off, starting, running, ended or failed.
     graph: str = "off"
-    #: Why it failed.
+    #: Reason of the failure, empty without one.
     words: str = ""
+    #: ROS domain of the nodes.
     domain: int = 0
-    #: Whether the cam is driven: turning, stopped, or emergency.
+    #: State of the drive: turning, stopped or emergency.
     drive: str = "stopped"
-    #: Nodes that the drive waits for.
+    #: Names of the nodes that the drive waits for.
     waits_for: str = ""
+    #: Parameter values by node.
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
+    #: Latest cam state: time_ns, cam, rpm and angle.
     state: dict[str, Any] = field(default_factory=dict)
+    #: Contact state of the latest tick, `LOST` or `IN_CONTACT`, empty if unknown.
     contact: str = ""
+    #: "lagging" if the run is slower than its pace, else empty.
     late: str = ""
+    #: Paths of the bags that were kept.
     kept: list[str] = field(default_factory=list)
+    #: Last lines of the graph's log.
     log: list[str] = field(default_factory=list)
     readings: list[NotedReading] = field(default_factory=list)
-    #: Address of the page that shows the rig in Rerun.
+    #: Address of the page that shows the rig in Rerun, empty without one.
     screen: str = ""
-    #: Ticks in which contact was lost, as far as they were told apart.
+    #: Number of reports of the follower that contact was lost.
     losses: int = 0
 
     def __post_init__(self) -> None:
         self.meter = Meter()
-        #: Rig time (ns) at which contact was lost last.
+        #: Rig time (ns) of the last loss of contact.
         self._lost_ns = -1
-        self._ticks_to_come = 0
+        self._ticks_in_flight = 0
 
-    def happened(self, message: dict[str, Any]) -> None:
-        """What the runner tells."""
+    def on_runner_event(self, message: dict[str, Any]) -> None:
+        """Update the state from an event of the runner."""
         if "graph" in message:
             self.graph, self.words = message["graph"], message.get("words", "")
             self.domain = message.get("domain", self.domain)
             if self.graph == "starting":
                 self.drive, self.state, self.values = "stopped", {}, {}
                 self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
-                self._lost_ns, self._ticks_to_come = -1, 0
+                self._lost_ns, self._ticks_in_flight = -1, 0
         self.screen = message.get("screen", self.screen)
         if "kept" in message:
             self.kept.append(message["kept"])
         if "log" in message:
             self.log = [*self.log, message["log"]][-MAX_LINES:]
 
-    def heard(self, message: dict[str, Any]) -> bool:
-        """A line of what the nodes say; whether it tells more than a tick's level."""
-        before = self._known()
-        if "state" in message:
-            self._turned(message["state"])
-        elif "level" in message:
-            self.meter.level(message["time_ns"], message["level"])
-        elif "health" in message:
-            self._health(*message["health"])
-        elif "values" in message:
-            self._set(message["node"], message["values"])
-        return "values" in message or self._known() != before
+    def on_node_message(self, message: dict[str, Any]) -> bool:
+        """Update the state from a message of the panel's node.
 
-    def _known(self) -> tuple[Any, ...]:
-        """What a page is told at once."""
+        Returns True if pages must be notified at once. A tick that changes only the level can wait.
+        """
+        before = self._urgent_values()
+        if "state" in message:
+            self._on_cam_state(message["state"])
+        elif "level" in message:
+            self.meter.add_level(message["time_ns"], message["level"])
+        elif "health" in message:
+            self._on_diagnostics(*message["health"])
+        elif "values" in message:
+            self._on_parameters(message["node"], message["values"])
+        return "values" in message or self._urgent_values() != before
+
+    def _urgent_values(self) -> tuple[Any, ...]:
+        """Return the values whose change is sent to the pages at once."""
         turning = self.state.get("cam"), self.state.get("rpm")
         return self.graph, self.drive, self.waits_for, self.contact, self.late, turning
 
-    def _turned(self, state: dict[str, Any]) -> None:
+    def _on_cam_state(self, state: dict[str, Any]) -> None:
         if state["cam"] != self.state.get("cam"):
-            self.meter.forget()
+            self.meter.clear()
         self.state, self.graph, self.waits_for = state, "running", ""
-        self.meter.state(state["time_ns"], state["rpm"])
-        self._ticks_to_come -= 1
-        if self.drive != EMERGENCY and self._ticks_to_come < 0:
+        self.meter.add_speed(state["time_ns"], state["rpm"])
+        self._ticks_in_flight -= 1
+        if self.drive != EMERGENCY and self._ticks_in_flight < 0:
             self.drive = "turning"
 
-    def stopped(self) -> None:
-        """The drive was told to stop: only what is in flight may still come."""
-        self.drive, self._ticks_to_come = STOPPED, MAX_TICKS_IN_FLIGHT + 1
+    def on_stop(self) -> None:
+        """Mark the drive as stopped. Only the ticks in flight may still arrive."""
+        self.drive, self._ticks_in_flight = STOPPED, MAX_TICKS_IN_FLIGHT + 1
 
-    def started(self) -> None:
-        """The drive was told to turn."""
-        self.drive, self._ticks_to_come = "turning", 0
+    def on_start(self) -> None:
+        """Mark the drive as turning."""
+        self.drive, self._ticks_in_flight = "turning", 0
 
-    def _health(self, node: str, level: int, values: dict[str, str]) -> None:
+    def _on_diagnostics(self, node: str, level: int, values: dict[str, str]) -> None:
         if node == f"cam_drive{HEARTBEAT}":
             self.graph = "running" if self.graph == "starting" else self.graph
             self.waits_for = values["waits_for"]
@@ -225,26 +265,26 @@ class LiveState:
         elif node == "follower":
             contact = IN_CONTACT if level == OK else LOST
             self.losses += contact == LOST
-            if LOST in (contact, self.contact):  # it was until now
+            if LOST in (contact, self.contact):  # contact was lost until this report
                 self._lost_ns = int(self.state.get("time_ns", 0))
             self.contact = contact
         elif node == PACE:
             self.late = "" if level == OK else "lagging"
 
-    def _set(self, node: str, values: dict[str, Any]) -> None:
+    def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         if node == "microphone" and values != self.values.get(node):
-            self.meter.forget()
+            self.meter.clear()
         self.values.setdefault(node, {}).update(values)
 
-    def mounted(self) -> dict[str, Any]:
-        """Cam and speed as they are now, for the next set-up."""
+    def mounted_cam_and_speed(self) -> dict[str, Any]:
+        """Return the present cam and speed (rpm), as far as known, for the next set-up."""
         rpm = self.values.get("cam_drive", {}).get("rpm", 0.0)
         cam = self.values.get("law_server", {}).get("cam", "")
-        now = {"cam": cam or self.state.get("cam"), "rpm": rpm or self.state.get("rpm")}
-        return {key: value for key, value in now.items() if value}
+        current = {"cam": cam or self.state.get("cam"), "rpm": rpm or self.state.get("rpm")}
+        return {key: value for key, value in current.items() if value}
 
-    def chosen(self) -> dict[str, dict[str, Any]]:
-        """What else was set on the nodes, for those of the next set-up."""
+    def node_settings(self) -> dict[str, dict[str, Any]]:
+        """Return the other live parameters by node, for the nodes of the next set-up."""
         return {
             node: {key: values[key] for key in live if key in values and key not in ("cam", "rpm")}
             for node, live in LIVE.items()
@@ -252,20 +292,26 @@ class LiveState:
         }
 
     def note(self) -> NotedReading:
-        """Note the present reading."""
+        """Note the mean level at the present speed, and return the reading.
+
+        Raises RefusedError if the cam is stopped, if the speed is not steady, or if `MAX_READINGS`
+        are noted.
+        """
         if len(self.readings) >= MAX_READINGS:
-            raise RefusedError(f"reading: {MAX_READINGS} are noted; allowed: no more, clear them")
-        ear = self.values.get("microphone", {})
+            raise RefusedError(f"reading: limit of {MAX_READINGS} reached; clear them first")
+        weightings = self.values.get("microphone", {})
         if self.drive != "turning":
-            raise RefusedError("reading: the cam stands; allowed: while it turns")
-        rpm, level, begin_ns = self.meter.steady(TIME_WEIGHTINGS[ear.get("time_weighting", "F")])
-        lost = self.contact == LOST or self._lost_ns >= begin_ns
+            raise RefusedError("reading: the cam is stopped; allowed: while it turns")
+        rpm, level, start_ns = self.meter.steady_mean(
+            TIME_WEIGHTINGS[weightings.get("time_weighting", "F")]
+        )
+        lost = self.contact == LOST or self._lost_ns >= start_ns
         reading = NotedReading(
             self.state["cam"],
             self.setup.model,
             round(rpm, 6),
             round(level, 3),
-            f"L{ear.get('frequency_weighting', '?')}{ear.get('time_weighting', '?')}",
+            f"L{weightings.get('frequency_weighting', '?')}{weightings.get('time_weighting', '?')}",
             LOST if lost else self.contact,
             self.setup.added_mass,
             self.setup.spring_stiffness,
@@ -274,34 +320,38 @@ class LiveState:
         self.readings.append(reading)
         return reading
 
-    def shown(self) -> dict[str, Any]:
-        """All of it, for a page, that later changes leave as it is; readings are records."""
+    def page_data(self) -> dict[str, Any]:
+        """Return a snapshot of the state for a page.
+
+        Later changes of the state do not affect the snapshot. The readings are `NotedReading`
+        objects.
+        """
         tick = self.meter.latest
         level = round(tick.level, 1) if tick and self.drive == "turning" else None
-        own = {f.name: copy(getattr(self, f.name)) for f in fields(self)}
-        own |= {"setup": vars(self.setup), "values": {n: dict(v) for n, v in self.values.items()}}
+        data = {f.name: copy(getattr(self, f.name)) for f in fields(self)}
+        data |= {"setup": vars(self.setup), "values": {n: dict(v) for n, v in self.values.items()}}
         state = {key: value for key, value in self.state.items() if key in ("cam", "rpm")}
-        return own | {"state": state, "level": level}
+        return data | {"state": state, "level": level}
 
 
-# The sound of the rig for a page: from the samples of each tick, while somebody listens.
+# The sound of the rig, rendered from the samples of each tick while a page listens.
 
-#: Least rate (Hz) of the sound, which a browser plays.
-LEAST_RATE = 16_000
-#: Sound pressure (Pa) that a page's full volume stands for.
+#: Lowest sample rate (Hz) of the sound that is sent to a browser.
+MIN_RATE_HZ = 16_000
+#: Sound pressure (Pa) at full scale of the page's sound.
 FULL_SCALE_PA = 20.0
 
 
 class PageSound:
-    """Renders the contact force of a run, tick by tick, as 32-bit floats of full scale."""
+    """Renderer of the contact force of each tick as 32-bit sound of full scale."""
 
     def __init__(self, radiation: RadiationParameters, sample_rate: int) -> None:
-        self._source = SoundSource(radiation, sample_rate, LEAST_RATE)
-        #: Samples a second of the sound, Hz.
+        self._source = SoundSource(radiation, sample_rate, MIN_RATE_HZ)
+        #: Sample rate of the sound, Hz.
         self.rate = self._source.rate
 
     def render(self, rows: FloatArray, rpm: float) -> bytes:
-        """The sound of a tick's samples, at a cam speed (rpm)."""
+        """Return the sound of a tick's samples at a cam speed (rpm), as float32 bytes."""
         block = Samples(rows)
         pressure = self._source.pressure(block.force, block.impulse, rpm * TURN / 60.0)
         return bytes(np.asarray(pressure / FULL_SCALE_PA, dtype="<f4").tobytes())

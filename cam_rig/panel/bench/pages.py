@@ -1,4 +1,4 @@
-"""The bench's pages: one of them holds the controls, all see the same."""
+"""Pages of the bench: all display one state, and one of them has the controls."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from cam_rig.panel.bench.drawing import (
     Cams,
     LiveMotion,
     cam_picture,
-    expected,
     jump_speeds,
+    predict_turn,
 )
 from cam_rig.panel.bench.live_state import LiveState, to_csv
 from cam_rig.panel.bench.runner import (
@@ -43,95 +43,103 @@ from cam_rig.schema import CamConfig
 from cam_rig.show import looks as colours
 from cam_rig.units import NS, FloatArray
 
-# One page of the bench: told as every live page is, and what it watches and listens to.
+# One page of the bench, with the motion that it displays and the sound that it plays.
 
-#: Blocks of motion and of sound that wait for a page, at most: the oldest are dropped.
+#: Number of blocks of motion, and of sound, that are queued for a page. The oldest are dropped.
 MAX_BLOCKS = 64
-#: Wall time (s) between two messages of blocks: one costs more than what it holds.
+#: Wall time (s) between two messages of blocks. Blocks are joined because a message costs more than
+#: its content.
 STREAM_EVERY_S = 0.04
-#: Wall time (s) between two messages of nothing but a level: nobody reads numbers faster.
+#: Wall time (s) between two messages with only a new level. A reader needs no faster display.
 LEVEL_EVERY_S = 0.1
 
 
 class BenchPage(LivePage):
-    """A page that may watch, and listen; ``shown`` is all that it may be told."""
+    """Page of the bench that may display the motion and play the sound.
 
-    def __init__(self, socket: WebSocket, shown: Callable[[BenchPage], Message]) -> None:
+    `page_data` returns all values that the page may receive.
+    """
+
+    def __init__(self, socket: WebSocket, page_data: Callable[[BenchPage], Message]) -> None:
         super().__init__(socket)
         self.listens = self.watches = False
-        self._shown, self._told = shown, Message()
-        self._level = asyncio.Event()
+        self._page_data, self._sent = page_data, Message()
+        self._level_changed = asyncio.Event()
         self._blocks = {kind: deque[bytes](maxlen=MAX_BLOCKS) for kind in (MOTION, SOUND)}
-        self._heard = asyncio.Event()
+        self._has_blocks = asyncio.Event()
 
-    def changed(self, soon: bool = True) -> None:
-        """Tell it what is new, ``soon`` or as often as a level is."""
+    def queue_changes(self, soon: bool = True) -> None:
+        """Send the changed values, `soon` or at the rate of level messages."""
         if soon:
-            self.tell("live", self._news)
+            self.queue("live", self._changed_values)
         else:
-            self._level.set()
+            self._level_changed.set()
 
-    def _news(self) -> Message:
-        """What is not as it was told; of readings, records until now, what they hold."""
-        shown = self._shown(self)
-        new = {k: v for k, v in shown.items() if k not in self._told or self._told[k] != v}
-        self._told = shown
+    def _changed_values(self) -> Message:
+        """Return the values that have changed since the last message."""
+        data = self._page_data(self)
+        new = {k: v for k, v in data.items() if k not in self._sent or self._sent[k] != v}
+        self._sent = data
         if "readings" in new:
             new["readings"] = [vars(reading) for reading in new["readings"]]
         return new and {"type": "live"} | new
 
-    async def _levels(self) -> None:
+    async def _send_levels(self) -> None:
         while True:
-            await self._level.wait()
-            self._level.clear()
-            self.tell("live", self._news)
+            await self._level_changed.wait()
+            self._level_changed.clear()
+            self.queue("live", self._changed_values)
             await asyncio.sleep(LEVEL_EVERY_S)
 
-    def stream(self, kind: bytes, block: bytes) -> None:
-        """Send a block of a tick, in its turn, with those of its kind that wait."""
+    def queue_block(self, kind: bytes, block: bytes) -> None:
+        """Queue a block of a tick. Blocks of the same kind are sent in order."""
         self._blocks[kind].append(block)
-        self._heard.set()
+        self._has_blocks.set()
 
-    def refused(self, number: Any, words: str) -> dict[str, Any]:
-        """As a command is answered."""
+    def refusal(self, number: Any, words: str) -> dict[str, Any]:
+        """Return the answer to a refused command."""
         return {"type": "answer", "success": False, "words": words, "answer": number}
 
-    def telling(self) -> list[Any]:
-        """Levels and blocks beside the rest."""
-        return [*super().telling(), self._levels(), self._stream()]
+    def sender_tasks(self) -> list[Any]:
+        """Return the coroutines that send values, levels and blocks."""
+        return [*super().sender_tasks(), self._send_levels(), self._send_blocks()]
 
-    async def _stream(self) -> None:
+    async def _send_blocks(self) -> None:
         while True:
-            await self._heard.wait()
-            self._heard.clear()
-            for kind, waiting in self._blocks.items():
-                if blocks := b"".join(waiting):
-                    waiting.clear()
+            await self._has_blocks.wait()
+            self._has_blocks.clear()
+            for kind, queue in self._blocks.items():
+                if blocks := b"".join(queue):
+                    queue.clear()
                     await self.send(kind + blocks)
             await asyncio.sleep(STREAM_EVERY_S)
 
 
-#: Speeds (rpm) of the knob.
+#: Lowest and highest speed (rpm) of the knob.
 KNOB = (20.0, 1000.0)
-#: Cams in the chart, whose markers differ too.
+#: Colours of the cams in the chart. Their markers differ too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
+#: Real-time factors that a page offers.
 PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
 
 
 class BenchPages(PanelPages):
-    """The live bench in a browser: ``cam`` is mounted first, then laws of the ``board`` may be."""
+    """Live bench in a browser.
+
+    `cam` is mounted first. Laws drawn on the `board` can be mounted later.
+    """
 
     def __init__(self, runner: BenchRunner, cam: CamConfig, board: Board) -> None:
         self._runner, self._board = runner, board
         add_cam(cam, runner.cams)
         self.live = LiveState(Setup.of(runner.rig, cam.name))
-        self._link = NodeLink(runner.socket, self._heard)
-        self._pages: list[BenchPage] = []  # the first one holds the controls
+        self._link = NodeLink(runner.socket, self._on_node_message)
+        self._pages: list[BenchPage] = []  # the first page has the controls
         self._controls = BenchControls(runner, self.live, self._link)
         self._cams = Cams(runner.folder)
         self._motion = LiveMotion(self._cams)
         self.routes = (
-            page_file("/bench", "bench", self._begin),
+            page_file("/bench", "bench", self._start_graph),
             get("/bench/about", self._about),
             get("/bench/cam/{cam}", self._cam),
             get("/bench/readings.csv", self._csv),
@@ -142,16 +150,18 @@ class BenchPages(PanelPages):
 
     @asynccontextmanager
     async def alive(self) -> AsyncIterator[None]:
-        """Listen to the nodes and tell the pages, as long as they are served."""
+        """Receive the messages of the nodes and the runner while the context is active."""
         loop = asyncio.get_running_loop()
-        self._runner.tell = lambda message: loop.call_soon_threadsafe(self._happened, message)
+        self._runner.on_event = lambda message: loop.call_soon_threadsafe(
+            self._on_runner_event, message
+        )
         try:
             async with self._link.listening():
                 yield
         finally:
-            self._runner.tell = lambda _message: None
+            self._runner.on_event = lambda _message: None
 
-    def _begin(self) -> None:
+    def _start_graph(self) -> None:
         if self.live.graph == "off":
             self._controls.set_up(self.live.setup)
 
@@ -173,20 +183,20 @@ class BenchPages(PanelPages):
             "max_added_mass": MAX_ADDED_MASS,
         }
 
-    async def _cam(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The picture of a cam that can be mounted."""
-        return cam_picture(*self._cams(asked["cam"]))
+    async def _cam(self, parameters: dict[str, Any]) -> dict[str, Any]:
+        """Return the picture of a cam that can be mounted."""
+        return cam_picture(*self._cams(parameters["cam"]))
 
-    async def _expected(self, given: dict[str, Any]) -> dict[str, Any]:
-        """What a set-up does at its speed once it has settled, and its jump speeds."""
-        setup = self._controls.as_it_is(given)
+    async def _expected(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the steady turn of a set-up at its speed, and its jump speeds."""
+        setup = self._controls.current_setup(changes)
         law, rig = self._cams(setup.cam)[1], setup.rig(self._runner.rig)
         jumps = {"jumps": await asyncio.to_thread(jump_speeds, law, rig, setup.model)}
-        return await asyncio.to_thread(expected, setup, law, rig) | jumps
+        return await asyncio.to_thread(predict_turn, setup, law, rig) | jumps
 
     async def _mount(self, body: dict[str, Any]) -> dict[str, Any]:
-        """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
-        cam = self._board.drawn_cam(self._controls.drawn_name(), body.get("ordinates"))
+        """Mount the law of ordinates drawn on the board, and start the nodes if needed."""
+        cam = self._board.drawn_cam(self._controls.next_drawn_name(), body.get("ordinates"))
         await self._controls.mount(cam)
         return {"cam": cam.name}
 
@@ -195,75 +205,75 @@ class BenchPages(PanelPages):
 
     async def _live(self, socket: WebSocket) -> None:
         await socket.accept()
-        shown = BenchPage(socket, self._shown)
-        self._pages.append(shown)
-        self._changed()
+        page = BenchPage(socket, self._page_data)
+        self._pages.append(page)
+        self._queue_changes()
         try:
-            await shown.serve(partial(self._obey, shown))
+            await page.serve(partial(self._obey, page))
         finally:
-            self._pages.remove(shown)  # the next one holds the controls
-            self._listen()
-            self._changed()
+            self._pages.remove(page)  # the next page gets the controls
+            self._update_listening()
+            self._queue_changes()
 
     async def _obey(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
         try:
-            answer = {"type": "answer"} | await self._done(page, command)
+            answer = {"type": "answer"} | await self._execute(page, command)
             return answer | {"answer": command.get("number")}
         finally:
-            self._changed()
+            self._queue_changes()
 
-    async def _done(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
+    async def _execute(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
         match command.get("do"):
             case "listen":
                 page.listens = command.get("value") is True
-                self._listen()
+                self._update_listening()
                 return DONE
             case "watch":
                 page.watches = command.get("value") is True
-                self._listen()
+                self._update_listening()
                 return DONE
             case "take_over":
                 self._pages.remove(page)
                 self._pages.insert(0, page)
                 return DONE
-        # An emergency stop is whoever's who sees the need.
-        emergency = (command.get("do"), command.get("value")) == ("call", EMERGENCY_STOP)
-        if page is not self._pages[0] and not emergency:
-            raise RefusedError("another page holds the controls; allowed: after taking over")
+        # Every page may call an emergency stop.
+        is_emergency = (command.get("do"), command.get("value")) == ("call", EMERGENCY_STOP)
+        if page is not self._pages[0] and not is_emergency:
+            raise RefusedError("another page has the controls; take over first")
         return await self._controls.obey(command)
 
-    def _listen(self) -> None:
-        self._link.listen(any(page.listens or page.watches for page in self._pages))
+    def _update_listening(self) -> None:
+        self._link.set_listening(any(page.listens or page.watches for page in self._pages))
 
-    def _heard(self, message: dict[str, Any]) -> None:
+    def _on_node_message(self, message: dict[str, Any]) -> None:
         if "samples" in message:
             data = np.frombuffer(base64.b64decode(message["samples"]), dtype="<f8")
-            return self._sampled(data.reshape(message["shape"]))
+            return self._send_samples(data.reshape(message["shape"]))
         if "state" in message:
-            self._runner.driven(message["state"]["time_ns"] / NS)
-            self._motion.state(message["state"])
-        self._changed(self.live.heard(message))
+            self._runner.on_drive_time(message["state"]["time_ns"] / NS)
+            self._motion.add_state(message["state"])
+        self._queue_changes(self.live.on_node_message(message))
 
-    def _sampled(self, rows: FloatArray) -> None:
-        """A tick of the follower: seen where a page watches, heard where it listens."""
+    def _send_samples(self, rows: FloatArray) -> None:
+        """Send a tick's samples to pages that display motion, and its sound to listeners."""
         watching = [page for page in self._pages if page.watches]
         listening = [page for page in self._pages if page.listens]
-        if watching and (seen := self._motion.block(rows)):
+        if watching and (motion := self._motion.block(rows)):
             for page in watching:
-                page.stream(MOTION, seen)
+                page.queue_block(MOTION, motion)
         if listening:
-            heard = self._controls.sound.render(rows, self.live.state.get("rpm", 0.0))
+            sound = self._controls.sound.render(rows, self.live.state.get("rpm", 0.0))
             for page in listening:
-                page.stream(SOUND, heard)
+                page.queue_block(SOUND, sound)
 
-    def _happened(self, message: dict[str, Any]) -> None:
-        self.live.happened(message)
-        self._changed()
+    def _on_runner_event(self, message: dict[str, Any]) -> None:
+        self.live.on_runner_event(message)
+        self._queue_changes()
 
-    def _changed(self, soon: bool = True) -> None:
+    def _queue_changes(self, soon: bool = True) -> None:
         for page in self._pages:
-            page.changed(soon)
+            page.queue_changes(soon)
 
-    def _shown(self, page: BenchPage) -> Message:
-        own = {"holds": page is self._pages[0], "calibrated_on": self._controls.calibrated_on}
-        return own | {"sound_rate": self._controls.sound.rate} | self.live.shown()
+    def _page_data(self, page: BenchPage) -> Message:
+        data = {"holds": page is self._pages[0], "calibrated_on": self._controls.calibrated_on}
+        return data | {"sound_rate": self._controls.sound.rate} | self.live.page_data()

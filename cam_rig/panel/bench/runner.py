@@ -1,4 +1,4 @@
-"""The bench's node graph: begun for a set-up, watched, and ended for the next one."""
+"""Node graph of the bench: started for a set-up, monitored, ended for the next."""
 
 from __future__ import annotations
 
@@ -25,33 +25,40 @@ from cam_rig.schema.load import NAME, config_root, load_cam, to_yaml
 from cam_rig.viewer.page import PageTime
 from cam_rig.viewer.rerun_page import serve
 
-# How the rig is set up: cam, model and the follower's numbers, as a scene that nodes can run.
+# The set-up of the rig: cam, model and follower numbers, written as a scene for the nodes.
 
-#: Models that a bench runs, and what a rig must have for each.
+#: Model of two elastic masses, which needs a rig with a split mass.
 TWO_MASS = "two_mass"
+#: Models that a bench runs, if the rig has their numbers.
 MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
-#: A scene's last speed (rpm): what the viewer's axes have room for.
-DRAWN_RPM = 600.0
-SPEEDS_ARE = "the knob's first, and what the axes have room for"
-#: The speed (rpm) that the knob begins at.
+#: Highest speed (rpm) of a scene, unless the knob starts above it. It sets the range of the
+#: viewer's axes.
+AXIS_RPM = 600.0
+#: Source of the speeds of a bench's scene.
+SPEEDS_SOURCE = "the knob's first, and what the axes have room for"
+#: Speed (rpm) at which the knob starts.
 START_RPM = 200.0
-#: Ticks of a turn: a command acts at the next one, 17 ms later at 300 rpm.
+#: Ticks per turn. A command takes effect at the next tick, 17 ms later at 300 rpm.
 TICKS_PER_TURN = 12
-#: Samples a second (Hz): what the page's sound and the recorded force are made of.
+#: Sample rate (Hz) of the recorded force and of the page's sound.
 SAMPLE_RATE = 4000
-#: Speeds (rpm) that are taken: a tick has two samples at the highest.
-MIN_RPM, MAX_RPM = 1.0, 60.0 * SAMPLE_RATE / (2 * TICKS_PER_TURN)
-#: Turns after which a bench ends by itself: 5 h at 300 rpm.
+#: Lowest speed (rpm) that is accepted.
+MIN_RPM = 1.0
+#: Highest speed (rpm) that is accepted: a tick then has two samples.
+MAX_RPM = 60.0 * SAMPLE_RATE / (2 * TICKS_PER_TURN)
+#: Turns after which a bench ends by itself: 5.6 h at 300 rpm.
 MAX_TURNS = 100_000
-#: What is added to the rig's own mass (kg), at most.
+#: Largest mass (kg) that is added to that of the rig.
 MAX_ADDED_MASS = 100.0
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What is chosen while the machine stands: the cam that is mounted first, and one of `MODELS`.
+    """Choices that are made while the cam is stopped.
 
-    The mass (kg) is added to the follower's own; spring in N/m, preload in N; the first speed.
+    `cam` is the cam that is mounted first and `model` one of `MODELS`. `added_mass` (kg) is added
+    to the mass of the rig's follower. `spring_stiffness` is in N/m, `preload` in N, and `rpm` is
+    the first speed.
     """
 
     cam: str
@@ -63,60 +70,66 @@ class Setup:
 
     @classmethod
     def of(cls, rig: RigConfig, cam: str) -> Setup:
-        """The rig as its file has it: two masses where it says how its mass is split, else one."""
-        own, two = rig.follower, isinstance(follower_of(rig), TwoMassParameters)
-        model = TWO_MASS if two else MODELS[0]
-        return cls(cam, model, 0.0, own.spring_stiffness.si, own.preload.si)
+        """Return the set-up of a rig as its file defines it.
 
-    def changed(self, given: dict[str, Any], rig: RigConfig) -> Setup:
-        """The set-up with what a page has chosen."""
-        known = asdict(self)
-        wrong = [key for key in given if key not in known]
-        kinds = {key: str if isinstance(value, str) else float for key, value in known.items()}
+        The model is two masses if the rig splits its mass, else one mass.
+        """
+        follower = rig.follower
+        model = TWO_MASS if isinstance(follower_of(rig), TwoMassParameters) else MODELS[0]
+        return cls(cam, model, 0.0, follower.spring_stiffness.si, follower.preload.si)
+
+    def with_changes(self, changes: dict[str, Any], rig: RigConfig) -> Setup:
+        """Return the set-up with the changes of a page.
+
+        Raises RefusedError if a name is unknown or a value is not allowed.
+        """
+        current = asdict(self)
+        wrong = [key for key in changes if key not in current]
+        kinds = {key: str if isinstance(value, str) else float for key, value in current.items()}
         try:
-            values: dict[str, Any] = {k: kinds[k](given.get(k, v)) for k, v in known.items()}
-            found = Setup(**values)
+            values: dict[str, Any] = {k: kinds[k](changes.get(k, v)) for k, v in current.items()}
+            setup = Setup(**values)
         except (TypeError, ValueError, OverflowError):
-            wrong = [key for key in given if key in known]
+            wrong = [key for key in changes if key in current]
         if wrong:
-            raise RefusedError(f"set-up: {', '.join(wrong)[:80]}: allowed: {', '.join(known)}")
-        if found.model not in allowed_models(rig):
+            raise RefusedError(f"set-up: {', '.join(wrong)[:80]}: allowed: {', '.join(current)}")
+        if setup.model not in allowed_models(rig):
             allowed = ", ".join(allowed_models(rig))
-            raise RefusedError(f"model: is {found.model[:40]!r}; allowed on this rig: {allowed}")
-        if not MIN_RPM <= found.rpm <= MAX_RPM:
-            raise RefusedError(f"rpm: is {found.rpm:g}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
-        if not 0.0 <= found.added_mass <= MAX_ADDED_MASS:
+            raise RefusedError(f"model: is {setup.model[:40]!r}; allowed on this rig: {allowed}")
+        if not MIN_RPM <= setup.rpm <= MAX_RPM:
+            raise RefusedError(f"rpm: is {setup.rpm:g}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
+        if not 0.0 <= setup.added_mass <= MAX_ADDED_MASS:
             raise RefusedError(
-                f"added mass: is {found.added_mass:g} kg; allowed: 0 to {MAX_ADDED_MASS:g}"
+                f"added mass: is {setup.added_mass:g} kg; allowed: 0 to {MAX_ADDED_MASS:g}"
             )
-        found.rig(rig)
-        return found
+        setup.rig(rig)  # raises if a number is not allowed
+        return setup
 
     def rig(self, base: RigConfig) -> RigConfig:
-        """The rig with the chosen numbers; those that are the file's own keep their origin."""
-        own = {
+        """Return the rig with the chosen numbers. Unchanged numbers keep their origin."""
+        numbers = {
             "mass": base.follower.mass.si + self.added_mass,
             "spring_stiffness": self.spring_stiffness,
             "preload": self.preload,
         }
-        other = {k: v for k, v in own.items() if v != getattr(base.follower, k).si}
+        changed = {k: v for k, v in numbers.items() if v != getattr(base.follower, k).si}
         try:
-            return base.with_follower(**other) if other else base
+            return base.with_follower(**changed) if changed else base
         except ConfigError as error:
             raise RefusedError(str(error)) from None
 
     def write(self, folder: Path, base: RigConfig) -> Path:
-        """Write scene and rig into a folder, beside its ``cams``; gives the scene's path."""
-        speeds = [self.rpm] if self.rpm >= DRAWN_RPM else [self.rpm, DRAWN_RPM]
+        """Write scene and rig next to the `cams` of a folder, and return the scene's path."""
+        speeds = [self.rpm] if self.rpm >= AXIS_RPM else [self.rpm, AXIS_RPM]
         rig = self.rig(base).model_dump(exclude_none=True, mode="json") | {"name": "bench"}
-        scene = self.scene(base, speeds, MAX_TURNS)
+        scene = self.scene_data(base, speeds, MAX_TURNS)
         for kind, data in (("scenes", scene), ("rigs", rig)):
             (folder / kind).mkdir(parents=True, exist_ok=True)
             (folder / kind / "bench.yaml").write_text(to_yaml(data), encoding="utf-8")
         return folder / "scenes" / "bench.yaml"
 
-    def scene(self, base: RigConfig, speeds: list[float], turns: int) -> dict[str, Any]:
-        """As a scene file has it, of speeds in rpm."""
+    def scene_data(self, base: RigConfig, speeds: list[float], turns: int) -> dict[str, Any]:
+        """Return the scene as the data of a scene file, with speeds in rpm."""
         return {
             "name": "bench",
             "title": f"The bench, {base.title}",
@@ -125,7 +138,7 @@ class Setup:
             "model": self.model,
             "sample_rate": {"assumed": SAMPLE_RATE, "unit": "Hz", "source": "the bench's"},
             "program": {
-                "speeds": {"assumed": speeds, "unit": "rpm", "source": SPEEDS_ARE},
+                "speeds": {"assumed": speeds, "unit": "rpm", "source": SPEEDS_SOURCE},
                 "turns": {"assumed": turns, "unit": "turns", "source": "until it is ended"},
                 "settle_turns": {"assumed": 1, "unit": "turns", "source": "the bench's"},
                 "ticks_per_turn": TICKS_PER_TURN,
@@ -134,50 +147,59 @@ class Setup:
 
 
 def allowed_models(rig: RigConfig) -> tuple[str, ...]:
-    """The models that a rig has the numbers for."""
+    """Return the models for which a rig has the numbers."""
 
-    def known(model: str) -> bool:
+    def has_numbers(model: str) -> bool:
         try:
             dynamics.MODELS[model].parameters(rig)
         except ConfigError:
             return False
         return True
 
-    return tuple(model for model in MODELS if known(model))
+    return tuple(model for model in MODELS if has_numbers(model))
 
 
-def cam_names(own: Path) -> list[str]:
-    """The cams that can be mounted, own and shipped, but those whose follower is held on them."""
-    folders = (config_root() / "cams", own)  # the bench's own come first, as they are looked up
-    found = {path.stem: path for folder in folders for path in folder.glob("*.yaml")}
-    named = ((name, path) for name, path in found.items() if NAME.fullmatch(name))
-    return sorted(name for name, path in named if load_cam(path).follower.sprung)
+def cam_names(cams: Path) -> list[str]:
+    """Return the names of the cams that can be mounted.
+
+    They are the shipped cams and those in the folder `cams`. Cams with a desmodromic follower are
+    left out, because no model turns them.
+    """
+    # A cam of the bench's folder replaces a shipped cam of the same name, as in `Cams`.
+    folders = (config_root() / "cams", cams)
+    paths = {path.stem: path for folder in folders for path in folder.glob("*.yaml")}
+    valid = ((name, path) for name, path in paths.items() if NAME.fullmatch(name))
+    return sorted(name for name, path in valid if load_cam(path).follower.sprung)
 
 
 def add_cam(cam: CamConfig, cams: Path) -> None:
-    """Put a cam among those that can be mounted."""
+    """Write a cam into the folder of the cams that can be mounted."""
     text = to_yaml(cam.model_dump(exclude_none=True, mode="json"))
     cams.mkdir(parents=True, exist_ok=True)
     (cams / f"{cam.name}.yaml").write_text(text, encoding="utf-8")
 
 
-#: Wall time (s) between two looks at whether the pages are still served.
-LOOK_S = 0.5
-#: Parameters by node.
+#: Wall time (s) between two checks whether the pages are still served.
+POLL_S = 0.5
+#: Parameter values by node.
 NodeValues = dict[str, dict[str, Any]]
-Told = Callable[[dict[str, Any]], object]
+#: Receiver of the events of the graph.
+EventCallback = Callable[[dict[str, Any]], object]
 
 
 class BenchRunner:
-    """Runs set-ups in ``folder`` and keeps bags in ``out``; the main thread alone may `run` it."""
+    """Runner of set-ups, with files in `folder` and kept bags in `out`.
+
+    Only the main thread may call `run`. `set_up` may be called from any thread.
+    """
 
     def __init__(self, rig: RigConfig, folder: Path, out: Path, screen: bool = True) -> None:
         self.rig, self.folder, self.out = rig, folder, out
         self.cams = folder / "cams"
         self.cams.mkdir(parents=True, exist_ok=True)
-        #: Called with what happens to the graph.
-        self.tell: Told = lambda _message: None
-        #: Address of the page that shows the rig in Rerun; empty where there is none.
+        #: Called with each event of the graph, from the thread of `run`.
+        self.on_event: EventCallback = lambda _message: None
+        #: Address of the page that shows the rig in Rerun, empty without one.
         self.screen = ""
         self.has_screen, self._wants_screen = screen, False
         self._stream: str | None = None
@@ -187,56 +209,63 @@ class BenchRunner:
 
     @property
     def socket(self) -> Path:
-        """Where the panel's node finds the page's server."""
+        """Path of the socket on which the server listens to the panel's node."""
         return self.folder / "panel.socket"
 
     def set_up(self, setup: Setup, values: NodeValues, keep: bool = False) -> None:
-        """End the present run, and begin another with parameters of its nodes; ``keep`` its bag."""
+        """End the present run and start another with parameter values of its nodes.
+
+        If `keep` is true, the bag of the present run is kept.
+        """
         self._keep = self._keep or keep
         self._setups.put((setup, values))
 
-    def show(self) -> None:
-        """Have the next run shown in Rerun too, and those after it."""
+    def request_screen(self) -> None:
+        """Show the next run, and those after it, in Rerun too."""
         if not self.has_screen:
-            raise RefusedError("rerun: this panel has none; allowed: without --no-rerun")
+            raise RefusedError("rerun: disabled by --no-rerun; start the panel without it")
         self._wants_screen = not self.screen
 
     def run(self, served: Callable[[], bool]) -> None:
-        """Run what is set up, as long as the pages are ``served``; a signal ends it before."""
+        """Run the newest set-up while `served` returns True, or until a signal arrives."""
         setup = None
         with ExitStack() as stack:
             while served():
                 if setup is None:
-                    setup = self._next(LOOK_S)
+                    setup = self._newest_setup(POLL_S)
                     continue
                 if self._wants_screen:
                     self._open_screen(stack)
                 setup = self._run(*setup)
 
     def _open_screen(self, stack: ExitStack) -> None:
-        """Begin to serve Rerun's viewer, once; without it the bench runs all the same."""
+        """Start Rerun's viewer once. The bench runs without it if it fails."""
         self._wants_screen = False
         try:
             require("rerun")
             pages = stack.enter_context(serve())
         except CamRigError as error:
-            self._log(f"no picture of the rig: {error}")
+            self._log(f"cannot show the rig in Rerun: {error}")
         else:
             self.screen, self._stream, self._page = pages.address, str(pages.folder), pages.page
-        self.tell({"screen": self.screen})
+        self.on_event({"screen": self.screen})
 
-    def driven(self, rig_time: float) -> None:
-        """The drive has come to a rig time (s) now, by which the picture's delay is known."""
+    def on_drive_time(self, rig_time: float) -> None:
+        """Report the present rig time (s) of the drive.
+
+        The delay of the picture is measured by it.
+        """
         if self._page is not None:
             self._page.driven(rig_time)
 
-    def _next(self, timeout: float = 0.0) -> tuple[Setup, NodeValues] | None:
-        found = None
+    def _newest_setup(self, timeout: float = 0.0) -> tuple[Setup, NodeValues] | None:
+        """Return the newest set-up of the queue, or None after a timeout (s)."""
+        newest = None
         with suppress(Empty):
-            found = self._setups.get(timeout > 0.0, timeout or None)
+            newest = self._setups.get(timeout > 0.0, timeout or None)
             while True:
-                found = self._setups.get_nowait()
-        return found
+                newest = self._setups.get_nowait()
+        return newest
 
     def _run(self, setup: Setup, values: NodeValues) -> tuple[Setup, NodeValues] | None:
         following: tuple[Setup, NodeValues] | None = None
@@ -248,22 +277,25 @@ class BenchRunner:
                 for node, chosen in values.items():
                     nodes[node] |= chosen
                 domain = domain_number()
-                self.tell({"graph": "starting", "domain": domain})
+                self.on_event({"graph": "starting", "domain": domain})
                 with Graph(nodes, log=self._log) as graph:
                     while not graph.finished and following is None:
                         graph.poll()
-                        following = self._next()
-                self.tell({"graph": "ended"})
+                        following = self._newest_setup()
+                self.on_event({"graph": "ended"})
         except CamRigError as error:
-            self.tell({"graph": "failed", "words": str(error)})
+            self.on_event({"graph": "failed", "words": str(error)})
         return following
 
     def _log(self, line: str) -> None:
-        self.tell({"log": line})
+        self.on_event({"log": line})
 
     @contextmanager
     def _bag(self, replaced: Callable[[], bool]) -> Iterator[Path]:
-        """Where a run records to; removed where a person has ended the run and does not keep it."""
+        """Yield the path to which a run records.
+
+        The bag is deleted if a person ended the run and did not keep it.
+        """
         self._keep = False
         bag = self.out / time.strftime("bench_%Y-%m-%d_%H-%M-%S")
         while bag.exists():
@@ -279,4 +311,4 @@ class BenchRunner:
             if ended_by_hand and not self._keep:
                 shutil.rmtree(bag, ignore_errors=True)
             elif bag.is_dir():
-                self.tell({"kept": str(bag)})
+                self.on_event({"kept": str(bag)})

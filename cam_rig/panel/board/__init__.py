@@ -1,1 +1,1 @@
-"""The drawing board: a law, dragged, and what the follower makes of it."""
+"""Drawing board: a motion law with movable ordinates, and its evaluation."""

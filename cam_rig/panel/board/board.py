@@ -1,4 +1,4 @@
-"""The state of the drawing board: cam, rig, ordinates and speed, and what a page needs of them."""
+"""State of the drawing board: cam, rig, ordinates, speed and data of its page."""
 
 from __future__ import annotations
 
@@ -20,8 +20,14 @@ from cam_rig.files import write_new
 from cam_rig.laws import Law, build_law
 from cam_rig.panel import is_number
 from cam_rig.panel.bench.drawing import cam_picture
-from cam_rig.panel.board.drawable import DRAWN, at_once, failing
-from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
+from cam_rig.panel.board.drawable import DRAWABLE_SEGMENTS, evaluate_fast, failed_checks
+from cam_rig.panel.board.drawn_law import (
+    MOTION_POINTS,
+    ORDERS,
+    DrawnLaw,
+    in_base64,
+    motion_in_base64,
+)
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.explain import explain
 from cam_rig.schema.load import (
@@ -39,14 +45,21 @@ from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.simulation.scene import is_calibrated
 from cam_rig.units import FloatArray
 
-#: Speeds (rpm) that the board takes, and the one it begins with.
-MIN_RPM, MAX_RPM, START_RPM = 1.0, 1e5, 300.0
-#: An ordinate is no farther from zero than this many lifts: what a cam file takes.
+#: Lowest speed (rpm) that the board accepts.
+MIN_RPM = 1.0
+#: Highest speed (rpm) that the board accepts.
+MAX_RPM = 1e5
+#: Speed (rpm) at which the board starts.
+START_RPM = 300.0
+#: Largest magnitude of an ordinate, in lifts: the limit of a cam file.
 MAX_ORDINATE = 100.0
 
 
 class Board:
-    """A cam drawn on a rig (commands take it as ``rig_name``); files go to ``out``."""
+    """Drawing board of a cam on a rig.
+
+    `rig_name` is the rig's name in commands. Files are written to `out`.
+    """
 
     def __init__(
         self, cam: CamConfig, rig: RigConfig, out: Path, rig_name: str | None = None
@@ -61,49 +74,60 @@ class Board:
         self._free = np.array([handle.index for handle in drawn.handles], dtype=np.intp)
 
     def open(self, text: Any) -> None:
-        """Draw on from a cam file's text; what is no such file is refused, and changes nothing."""
+        """Draw on the cam of a file's text.
+
+        Raises RefusedError or ConfigError if the text is not a cam file, and leaves the board
+        unchanged.
+        """
         if not isinstance(text, str):
-            raise RefusedError("text: is missing; allowed: a cam file's")
+            raise RefusedError("text: missing; allowed: the text of a cam file")
         try:
             cam = CamConfig.model_validate(parse_yaml(text))
         except ValidationError as error:
-            raise ConfigError(f"no cam file: {explain(error, CamConfig)}") from None
+            raise ConfigError(f"not a cam file: {explain(error, CamConfig)}") from None
         self._draw(cam, DrawnLaw.of(cam))
         self.version += 1
 
     @property
     def cam(self) -> CamConfig:
-        """The cam that the ordinates are drawn on: its follower, spans and dwells stay."""
+        """Cam on which the ordinates are drawn. Its follower, spans and dwells are fixed."""
         return self.drawn.start.cam
 
     def law(self, ordinates: FloatArray | None = None) -> Law:
-        """The law of some ordinates ``(m,)``, of the board's own by default."""
+        """Return the law of ordinates ``(m,)`` (default: those of the board)."""
         return self.drawn.law(self.ordinates if ordinates is None else ordinates, self.cam.name)
 
-    def take(self, ordinates: Any, rpm: Any) -> None:
-        """A change of a page; the ends of segments stay as they are."""
-        self.ordinates, self.rpm = self._allowed(ordinates), _speed(rpm)
+    def update(self, ordinates: Any, rpm: Any) -> None:
+        """Apply ordinates and speed (rpm) of a page.
+
+        The fixed ordinates at the ends of segments do not change. Raises RefusedError for invalid
+        values.
+        """
+        self.ordinates, self.rpm = self._validate(ordinates), _valid_speed(rpm)
         self.version += 1
 
-    def _allowed(self, given: Any) -> FloatArray:
+    def _validate(self, values: Any) -> FloatArray:
         count = self.ordinates.size
-        if not (isinstance(given, list) and len(given) == count and all(map(is_number, given))):
+        if not (isinstance(values, list) and len(values) == count and all(map(is_number, values))):
             raise RefusedError(f"ordinates: allowed: a list of {count} numbers")
-        found = self.drawn.ordinates.copy()
-        found[self._free] = np.array(given, dtype=np.float64)[self._free]
-        if not np.abs(found).max() <= MAX_ORDINATE:
+        ordinates = self.drawn.ordinates.copy()
+        ordinates[self._free] = np.array(values, dtype=np.float64)[self._free]
+        if not np.abs(ordinates).max() <= MAX_ORDINATE:
             raise RefusedError(f"ordinates: allowed: -{MAX_ORDINATE:g} to {MAX_ORDINATE:g} lifts")
-        return found
+        return ordinates
 
-    def at_once(self) -> dict[str, Any]:
-        """What the board's law comes to, see `exact.at_once`."""
-        return {"version": self.version} | at_once(self.cam, self.law(), self.rig)
+    def evaluate_fast(self) -> dict[str, Any]:
+        """Return the fast results of the board's law, see `drawable.evaluate_fast`."""
+        return {"version": self.version} | evaluate_fast(self.cam, self.law(), self.rig)
 
-    def page(self) -> dict[str, Any]:
-        """All that a page needs once: names, numbers of the rig, handles, the motion's table."""
+    def page_data(self) -> dict[str, Any]:
+        """Return the data that a page needs once.
+
+        They contain names, numbers of the rig, handles, and the motion's table.
+        """
         start, table = self.drawn.start, self.drawn.table
         pivot = getattr(start.cam.follower, "pivot_distance", None)
-        own = FollowerParameters.from_rig(self.rig)
+        follower = FollowerParameters.from_rig(self.rig)
         calibrated = is_calibrated(self.rig, "one_mass")
         return {
             "cam": {
@@ -113,7 +137,7 @@ class Board:
             },
             "drawn_as": self._drawn_as(),
             "distance_m": start.distance,
-            "start_made": not at_once(self.cam, start.law, self.rig)["faults"],
+            "start_made": not evaluate_fast(self.cam, start.law, self.rig)["faults"],
             "follower": {
                 "roller_mm": 1e3 * start.cam.follower.roller,
                 "pivot_mm": None if pivot is None else 1e3 * pivot.si,
@@ -121,13 +145,13 @@ class Board:
             "picture": cam_picture(start.cam, start.law),
             "rig": {
                 "name": self.rig.name,
-                "mass": own.mass,
-                "damping": own.damping,
-                "spring_stiffness": own.spring_stiffness,
-                "preload": own.preload,
+                "mass": follower.mass,
+                "damping": follower.damping,
+                "spring_stiffness": follower.spring_stiffness,
+                "preload": follower.preload,
                 "two_masses": described(follower_of(self.rig)) == TWO_MASSES,
                 "from_rest_s": FROM_REST,
-                # where the level of one mass is not relative
+                # empty if the level of one mass is only relative
                 "calibrated_on": self.rig.calibrated_on if calibrated else "",
             },
             "rpm": self.rpm,
@@ -137,7 +161,7 @@ class Board:
             "start": self.drawn.ordinates.tolist(),
             "handles": [asdict(handle) for handle in self.drawn.handles],
             "cams": sorted(path.stem for path in (config_root() / "cams").glob("*.yaml")),
-            "points": POINTS,
+            "points": MOTION_POINTS,
             "orders": ORDERS,
             "first": in_base64(table.first),
             "table": in_base64(table.table),
@@ -145,45 +169,56 @@ class Board:
         }
 
     def _drawn_as(self) -> dict[str, Any] | None:
-        """The B-splines that stand for the file's law; None where the ordinates are its own."""
+        """Return the B-splines that replace the law, None for the file's ordinates."""
         start = self.drawn.start
         degrees = [s.degree for s in start.cam.segments if isinstance(s, BSpline)]
-        return None if start.own else {"degree": max(degrees), "exact": start.exact}
+        return None if start.has_file_ordinates else {"degree": max(degrees), "exact": start.exact}
 
-    def other(self, name: str) -> dict[str, Any]:
-        """The law of a shipped cam, to be shown beside: ``(4, n)`` m/rad^order, as base64."""
+    def shipped_law(self, name: str) -> dict[str, Any]:
+        """Return the law of a shipped cam for comparison.
+
+        The motion is ``(4, n)`` in m/rad^order, as base64.
+        """
         law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
         return {"name": name, "motion": motion_in_base64(law)}
 
     def save(self, name: Any, ordinates: Any) -> Path:
-        """Write ordinates as a cam file; of a law that cannot be made it says so, and why."""
+        """Write ordinates as a cam file and return its path.
+
+        The file of a law that cannot be made contains the reason.
+        """
         path = self.out / f"{require_name(name)}.yaml"
         write_new(self.out, {path.name: self._text(path.stem, ordinates)})
         return path
 
     def drawn_cam(self, name: str, ordinates: Any) -> CamConfig:
-        """The cam of some ordinates, without a file."""
+        """Return the cam of ordinates without writing a file."""
         return CamConfig.model_validate(parse_yaml(self._text(name, ordinates)))
 
     def _text(self, name: str, ordinates: Any) -> str:
-        own = self._allowed(ordinates)
-        why_not = "; ".join(failing(self.cam, self.law(own))[0]) or None
-        return cam_text(name, self.cam, self.file, own, why_not)
+        valid = self._validate(ordinates)
+        why_not = "; ".join(failed_checks(self.cam, self.law(valid))[0]) or None
+        return cam_text(name, self.cam, self.file, valid, why_not)
 
-    def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
-        """What a page is told of a file that it saved."""
+    def save_for_page(self, name: Any, ordinates: Any) -> dict[str, Any]:
+        """Write ordinates as a cam file and return path, design command and reason."""
         path = self.save(name, ordinates)
-        words = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
-        command = shlex.join([*words, "--rig", self.rig_name, "--out", str(designed_path(path))])
+        arguments = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
+        command = shlex.join(
+            [*arguments, "--rig", self.rig_name, "--out", str(designed_path(path))]
+        )
         return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}
 
     def dxf(self, ordinates: Any) -> str:
-        """The contour of some ordinates in mm, as `cam-rig profile --out` writes it."""
-        cam, law = self.cam, self.law(self._allowed(ordinates))
+        """Return the contour of ordinates in mm as the text of a DXF file.
+
+        `cam-rig profile --out` writes the same file. Raises ProfileError if the cam cannot be made.
+        """
+        cam, law = self.cam, self.law(self._validate(ordinates))
         for library in ("ezdxf", "shapely"):
             require(library)
-        if why := failing(cam, law)[0]:
-            raise ProfileError(f"cannot be made: {'; '.join(why)}")
+        if reasons := failed_checks(cam, law)[0]:
+            raise ProfileError(f"cannot be made: {'; '.join(reasons)}")
         from cam_rig.profile.drawing_files import to_document
         from cam_rig.profile.polyline import contour_paths, polyline
 
@@ -192,49 +227,54 @@ class Board:
         return text.getvalue()
 
 
-def _speed(rpm: Any) -> float:
+def _valid_speed(rpm: Any) -> float:
     if not (is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
         raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
     return float(rpm)
 
 
-# What the board writes: the cam's file, the contour as DXF, and the command that designs on.
+# Output of the board: cam file, contour as DXF, and command of a design from the drawn cam.
 
-#: Largest distance (m) of the DXF's chords from the contour.
+#: Largest distance (m) of the chords of the DXF from the contour.
 CHORD_ERROR = 1e-6
-#: What a design from the board is to reach, and to keep.
-GOAL, LIMIT = "jump_speed", "peak_acceleration<=start"
+#: Quantity that a design from the board maximises.
+GOAL = "jump_speed"
+#: Limit that a design from the board satisfies.
+LIMIT = "peak_acceleration<=start"
 
 
 def require_name(name: Any) -> str:
-    """What a cam may be called."""
+    """Return a cam's name, or raise ConfigError if it is not valid."""
     if not (isinstance(name, str) and NAME.fullmatch(name)):
-        raise ConfigError("name: allowed: up to 100 small letters, digits and _, a letter first")
+        raise ConfigError("name: allowed: a letter, then up to 99 small letters, digits and _")
     return name
 
 
 def cam_text(
     name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, why_not: str | None
 ) -> str:
-    """The file of a drawn cam with other ordinates ``(m,)``; it says why it cannot be made."""
+    """Return the text of a drawn cam's file with other ordinates ``(m,)``.
+
+    `why_not` is the reason why the cam cannot be made, None if it can be made.
+    """
     data = file_data(cam) | {"name": name, "title": f"{file.title}, drawn"}
     data.pop("cannot_be_made", None)
     data.pop("identified_from", None)
-    source, at = f"drawn on the panel, from {file.name}", 0
-    for part, segment in zip(data["segments"], cam.segments, strict=True):
-        if isinstance(segment, DRAWN):
+    source, index = f"drawn on the panel, from {file.name}", 0
+    for segment_data, segment in zip(data["segments"], cam.segments, strict=True):
+        if isinstance(segment, DRAWABLE_SEGMENTS):
             count = len(segment.ordinates.numbers)
-            own = ordinates[at : at + count].tolist()
-            part["ordinates"] = quantity("assumed", own, "1", source)
-            at += count
+            values = ordinates[index : index + count].tolist()
+            segment_data["ordinates"] = quantity("assumed", values, "1", source)
+            index += count
     if why_not is not None:
         data["cannot_be_made"] = why_not
-    data["segments"] = data.pop("segments")  # to the end
+    data["segments"] = data.pop("segments")  # move to the end of the file
     valid_cam(data)
-    head = f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n"
-    return head + to_yaml(data)
+    header = f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n"
+    return header + to_yaml(data)
 
 
 def designed_path(start: Path) -> Path:
-    """Where a design from a saved cam is written."""
+    """Return the path to which a design from a saved cam is written."""
     return start.with_name(f"{start.stem}_designed.yaml")

@@ -1,7 +1,8 @@
-"""A cam as Bézier curves and B-splines between dwells, whose ordinates can be drawn.
+"""Cams of Bézier and B-spline segments and dwells, whose ordinates can be drawn.
 
-A cam that is made of these alone has its own ordinates. Any other is written as B-splines in its
-events: exactly where its law is made of polynomials, else as the nearest in s and s''.
+A cam that consists of these segments has ordinates in its file. Any other cam is converted to
+B-splines in its events. The conversion is exact if the law consists of polynomials. Otherwise it is
+the nearest B-spline in s and s''.
 """
 
 from __future__ import annotations
@@ -38,64 +39,74 @@ from cam_rig.studies.simulate.motion import simulate
 from cam_rig.studies.simulate.sound import sound_level
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Pieces of each event at least, the longest of them (rad), and their lowest degree: with it s'''
-#: has no step at a knot between the law's own joints, whatever is dragged.
-PIECES, LONGEST, DEGREE = 16, TURN / 30, 5
-#: Joints of a start are kept up to this derivative.
-KEPT = 3
-#: Gauss points of a piece, at which laws are compared, and how much a difference of s (in lifts)
-#: weighs against one of s'' (in its r.m.s.). By s'' alone the law of arcs, whose s'' steps, would
-#: be an eighth of the lift off; by s alone the B-spline would swing between its steps.
-GAUSS, WEIGHT = 16, 10.0
-#: Points of a turn at which the distance is measured, and the part of the lift up to which it is
-#: rounding.
-COMPARED, SAME = 3600, 1e-12
-#: Segments whose ordinates are drawn.
-DRAWN = (Bezier, BSpline)
-Drawn = Bezier | BSpline
+#: Smallest number of pieces per event.
+MIN_PIECES = 16
+#: Largest span (rad) of a piece: 12°.
+MAX_PIECE_SPAN = TURN / 30
+#: Smallest degree of the pieces. s''' then has no step at a knot between the joints of the law,
+#: whatever ordinate is moved.
+MIN_DEGREE = 5
+#: Highest derivative in which a joint between segments stays continuous when ordinates are moved.
+MAX_KEPT_CONTINUITY = 3
+#: Number of Gauss points per piece at which the laws are compared.
+GAUSS_POINTS = 16
+#: Weight of an error of s (in lifts) relative to an error of s'' (in its r.m.s. value). With s''
+#: alone the error of a law of arcs, whose s'' has steps, is an eighth of the lift. With s alone the
+#: B-spline oscillates between the steps.
+LIFT_WEIGHT = 10.0
+#: Number of points per turn at which the distance of the laws is measured.
+COMPARED_POINTS = 3600
+#: Distance relative to the lift up to which two laws are equal, for rounding.
+ROUNDING_RTOL = 1e-12
+#: Segment types whose ordinates can be drawn.
+DRAWABLE_SEGMENTS = (Bezier, BSpline)
+DrawableSegment = Bezier | BSpline
 
 
 @dataclass(frozen=True, eq=False)
 class DrawableCam:
-    """A cam of drawable segments and dwells alone, with its law.
+    """Cam of drawable segments and dwells, with its law.
 
-    The ordinates are the file's ``own``, or B-splines stand for its law: they are nowhere farther
-    from it than ``distance`` (m).
+    If `has_file_ordinates` is true, the ordinates are those of the file. Otherwise they are those
+    of B-splines whose largest distance from the file's law is `distance` (m).
     """
 
     cam: CamConfig
     law: Law
-    own: bool
+    has_file_ordinates: bool
     distance: float
 
     @property
     def exact(self) -> bool:
-        """Whether what is drawn is the file's law, rounding aside."""
-        return self.distance <= SAME * self.law.lift
+        """True if the drawn law equals the file's law within rounding."""
+        return self.distance <= ROUNDING_RTOL * self.law.lift
 
 
-def with_own_ordinates(cam: CamConfig) -> DrawableCam | None:
-    """The cam itself, where its segments are drawable and dwells alone."""
+def with_file_ordinates(cam: CamConfig) -> DrawableCam | None:
+    """Return the cam itself if all segments are drawable or dwells, else None."""
     kinds = {type(segment) for segment in cam.segments if segment.law != "dwell"}
-    if not kinds or not kinds <= set(DRAWN):
+    if not kinds or not kinds <= set(DRAWABLE_SEGMENTS):
         return None
     return DrawableCam(cam, build_law(cam), True, 0.0)
 
 
-def as_b_splines(cam: CamConfig) -> DrawableCam:
-    """The cam with B-splines in its events: of polynomials its law, else the nearest."""
+def to_b_splines(cam: CamConfig) -> DrawableCam:
+    """Return the cam with B-splines in its events.
+
+    They are exact if the law consists of polynomials, else the nearest B-splines.
+    """
     law = build_law(cam)
-    found = events(law, 0)
-    splines = [_in_file(_nearest(law, event), cam.name) for event in found]
-    drawn = valid_cam(spline_cam_data(cam, law, found, splines, cam.name, cam.title))
+    law_events = events(law, 0)
+    splines = [_file_data(_nearest(law, event), cam.name) for event in law_events]
+    drawn = valid_cam(spline_cam_data(cam, law, law_events, splines, cam.name, cam.title))
     drawn_law = build_law(drawn)
-    angles = np.linspace(0.0, TURN, COMPARED, endpoint=False)
+    angles = np.linspace(0.0, TURN, COMPARED_POINTS, endpoint=False)
     distance = float(np.abs(drawn_law(angles) - law(angles)).max())
     return DrawableCam(drawn, drawn_law, False, distance)
 
 
-def _in_file(spline: Spline, name: str) -> dict[str, Any]:
-    """As a cam's file has it: without scipy's outermost knots."""
+def _file_data(spline: Spline, name: str) -> dict[str, Any]:
+    """Return a B-spline as data of a cam file, without scipy's outermost knots."""
     return {
         "degree": int(spline.k),
         "knots": quantity(
@@ -106,122 +117,149 @@ def _in_file(spline: Spline, name: str) -> dict[str, Any]:
 
 
 def _nearest(law: Law, event: LawEvent) -> Spline:
-    """Nearest in s and s'' by least squares, with the ends' derivatives; in lifts over [0, 1]."""
-    degree = law.degree if DEGREE <= law.degree <= MAX_B_SPLINE_DEGREE else DEGREE
+    """Return the nearest B-spline of an event, in lifts over [0, 1].
+
+    It is a least-squares fit of s and s''. The derivatives at both ends are those of the law.
+
+    Raises ConfigError if the event needs more ordinates than a cam file may contain.
+    """
+    degree = law.degree if MIN_DEGREE <= law.degree <= MAX_B_SPLINE_DEGREE else MIN_DEGREE
     knots, smooth = _knots(law, event, degree)
     count = knots.size - degree - 1
     if count > MAX_B_SPLINE_ORDINATES:
         raise ConfigError(
             f"{law.name}: its law has too many pieces from {math.degrees(event.start):.4g}° on, "
-            f"for {count} ordinates; allowed: {MAX_B_SPLINE_ORDINATES}, so fit it with cam-rig fit"
+            f"which need {count} ordinates; allowed: {MAX_B_SPLINE_ORDINATES}; use cam-rig fit"
         )
-    unit = Spline(knots, np.eye(count), degree)
+    basis = Spline(knots, np.eye(count), degree)
     ends = [np.arange(smooth[0] + 1), count - 1 - np.arange(smooth[1] + 1)]
     ordinates = np.zeros(count)
     for end, fixed in enumerate(ends):
-        rows = [unit(float(end), k)[fixed] for k in range(fixed.size)]
-        ordinates[fixed] = np.linalg.solve(np.array(rows), _at_end(law, event, end, fixed.size))
-    inside, edges = 0.5 * (np.polynomial.legendre.leggauss(GAUSS)[0] + 1.0), np.unique(knots)
-    at = (edges[:-1, None] + np.diff(edges)[:, None] * inside).ravel()
-    lift, curvature = (law(event.start + event.span * at, k) / law.lift for k in (0, 2))
+        rows = [basis(float(end), k)[fixed] for k in range(fixed.size)]
+        ordinates[fixed] = np.linalg.solve(
+            np.array(rows), _end_derivatives(law, event, end, fixed.size)
+        )
+    nodes, edges = 0.5 * (np.polynomial.legendre.leggauss(GAUSS_POINTS)[0] + 1.0), np.unique(knots)
+    u = (edges[:-1, None] + np.diff(edges)[:, None] * nodes).ravel()
+    lift, curvature = (law(event.start + event.span * u, k) / law.lift for k in (0, 2))
     curvature *= event.span**2
     rms = math.sqrt(float(np.mean(curvature**2))) or 1.0
-    wanted = np.concatenate([curvature / rms, WEIGHT * lift])
-    table = np.concatenate([unit(at, 2) / rms, WEIGHT * unit(at)])
+    target = np.concatenate([curvature / rms, LIFT_WEIGHT * lift])
+    matrix = np.concatenate([basis(u, 2) / rms, LIFT_WEIGHT * basis(u)])
     free = np.setdiff1d(np.arange(count), np.concatenate(ends))
-    ordinates[free] = np.linalg.lstsq(table[:, free], wanted - table @ ordinates)[0]
+    ordinates[free] = np.linalg.lstsq(matrix[:, free], target - matrix @ ordinates)[0]
     return Spline(knots, ordinates, degree)
 
 
 def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int]]:
-    """Knots over [0, 1], the law's own joints and more between them; how smooth both ends are."""
-    found = {joint.angle: joint.continuity for joint in joints(law)}
-    ends = [np.argmin(np.abs(law.breaks - event.start - part * event.span)) for part in (0, 1)]
+    """Return the knots over [0, 1] and the order of continuity of both ends.
+
+    The knots contain the joints of the law and further knots between them.
+    """
+    continuity = {joint.angle: joint.continuity for joint in joints(law)}
+    ends = [np.argmin(np.abs(law.breaks - event.start - u * event.span)) for u in (0, 1)]
     edges = law.breaks[ends[0] : ends[1] + 1].tolist()
-    if law.degree > MAX_B_SPLINE_DEGREE:  # pieces of a fit: smooth seams are none of the law's
-        inner = [angle for angle in edges[1:-1] if found[angle] < SMOOTHEST]
+    if law.degree > MAX_B_SPLINE_DEGREE:  # smooth seams come from a fit and are not joints
+        inner = [angle for angle in edges[1:-1] if continuity[angle] < SMOOTHEST]
         edges = [edges[0], *inner, edges[-1]]
-    knots, longest = [0.0] * (degree + 1), min(LONGEST, event.span / PIECES)
+    knots, max_span = [0.0] * (degree + 1), min(MAX_PIECE_SPAN, event.span / MIN_PIECES)
     for left, right in pairwise(edges):
-        parts = max(1, math.ceil((right - left) / longest * (1.0 - SAME)))
-        begin, stop = ((angle - event.start) / event.span for angle in (left, right))
-        steps = begin + (stop - begin) * np.arange(1, parts + 1) / parts
-        own = 1 if right == edges[-1] else max(1, degree - max(0, found[right]))
-        knots += [*steps[:-1].tolist(), *[float(steps[-1])] * own]
+        pieces = max(1, math.ceil((right - left) / max_span * (1.0 - ROUNDING_RTOL)))
+        start, stop = ((angle - event.start) / event.span for angle in (left, right))
+        steps = start + (stop - start) * np.arange(1, pieces + 1) / pieces
+        multiplicity = 1 if right == edges[-1] else max(1, degree - max(0, continuity[right]))
+        knots += [*steps[:-1].tolist(), *[float(steps[-1])] * multiplicity]
     knots[-1:] = [1.0] * (degree + 1)
-    smooth = [min(KEPT, max(0, found[angle % TURN])) for angle in (edges[0], edges[-1])]
+    smooth = [
+        min(MAX_KEPT_CONTINUITY, max(0, continuity[angle % TURN]))
+        for angle in (edges[0], edges[-1])
+    ]
     return np.array(knots), smooth
 
 
-def _at_end(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
-    """S and its derivatives, in lifts over the span, beyond its start (0) or end (1): a dwell's."""
+def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
+    """Return s and its derivatives just outside an end of an event.
+
+    They are in lifts over the span. `end` is 0 for the start and 1 for the end. `count` is the
+    number of derivatives, s included.
+    """
     angle = event.start + end * event.span
-    begins = int(np.argmin(np.abs(law.breaks - angle)))
-    piece, side = (begins % law.spans.size, 0) if end else ((begins - 1) % law.spans.size, -1)
+    break_index = int(np.argmin(np.abs(law.breaks - angle)))
+    piece, side = (break_index, 0) if end else (break_index - 1, -1)
+    piece %= law.spans.size
     derivatives = [law.derivative_ordinates(k)[side, piece] for k in range(count)]
     return [float(d) * event.span**k / law.lift for k, d in enumerate(derivatives)]
 
 
-# What a law comes to, exactly: at once for every change, and what takes longer once it rests.
+# Evaluation of a law: fast results for every change, and slow results once changes have stopped.
 
-#: Points of a contour on the page.
-POINTS = 360
-#: Turns that are simulated for the level where contact is lost; the first settles.
-TURNS = 6
-#: A value for the page: a number, or the words on why there is none; empty for infinity.
-Found = dict[str, float | str]
+#: Number of points of a contour on the page.
+CONTOUR_POINTS = 360
+#: Number of turns that are simulated for the level if contact is lost. The first turn settles.
+LEVEL_TURNS = 6
+#: Value for the page: `value`, or `words` with the reason why there is no value. Empty for
+#: infinity, which JSON cannot contain.
+PageValue = dict[str, float | str]
 
 
-def at_once(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """Contours with what is wrong with them, and the rigid jump speed; 3 ms.
+def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
+    """Return contours, their faults, and the rigid jump speed.
 
-    The contour is looked at where it is drawn; `at_rest` looks everywhere. A law that cannot be
-    made has ``faults``; one that can, and should not, has ``warnings``.
+    The contours are checked only at the drawn points. `evaluate_full` runs all checks. A law that
+    cannot be made has `faults`. A law that can be made but violates a limit has `warnings`. The
+    evaluation takes 3 ms.
     """
-    jump = _found(lambda: rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
+    jump = _page_value(lambda: rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
     try:
-        discs = contours(cam.follower, law, POINTS)
+        discs = contours(cam.follower, law, CONTOUR_POINTS)
     except CamRigError as error:
         faults: list[dict[str, Any]] = [{"key": "error", "words": str(error)}]
         return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump, "pressure": None}
-    shown, faults, warnings, pressure = [], [], [], list[dict[str, float]]()
+    discs_data, faults, warnings, pressure = [], [], [], list[dict[str, float]]()
     for disc in discs:
         allowed = greatest_allowed(cam.follower, disc.disc.element)
         undercut, steep = disc.rate <= 0.0, np.abs(disc.pressure) > allowed
-        shown.append(_shown(disc, undercut, steep))
+        discs_data.append(_disc_data(disc, undercut, steep))
         if undercut.any():
-            at = int(np.argmin(disc.rate))
-            faults.append({"key": "undercut", "angle_deg": _degrees(disc, at)})
-        at = int(np.argmax(np.abs(disc.pressure)))
-        value = math.degrees(abs(disc.pressure[at]))
+            worst = int(np.argmin(disc.rate))
+            faults.append({"key": "undercut", "angle_deg": _angle_deg(disc, worst)})
+        worst = int(np.argmax(np.abs(disc.pressure)))
+        value = math.degrees(abs(disc.pressure[worst]))
         pressure.append({"value_deg": value, "allowed_deg": math.degrees(allowed)})
         if steep.any():
-            words = {"key": "pressure", "angle_deg": _degrees(disc, at)}
-            warnings.append(words | pressure[-1])
-    worst = max(pressure, key=lambda one: one["value_deg"] - one["allowed_deg"])
-    found = {"discs": shown, "faults": faults, "warnings": warnings}
-    return found | {"jump_rigid": jump, "pressure": worst}
+            warning = {"key": "pressure", "angle_deg": _angle_deg(disc, worst)}
+            warnings.append(warning | pressure[-1])
+    worst_pressure = max(pressure, key=lambda p: p["value_deg"] - p["allowed_deg"])
+    results = {"discs": discs_data, "faults": faults, "warnings": warnings}
+    return results | {"jump_rigid": jump, "pressure": worst_pressure}
 
 
-def at_rest(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:
-    """Jump speed on the rig's own follower, residual vibration, level, and all checks; 0.2 s."""
+def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:
+    """Return jump speed, residual vibration, level and all failed checks of a law.
+
+    The jump speed is that of the rig's follower. The residual vibration is in µm and the level in
+    dB, at the cam speed `rpm`. The evaluation takes 0.2 s.
+    """
 
     def residual() -> float:
         follower, speed = FollowerParameters.on_stem(rig, "the residual vibration"), rpm * RPM
         return 1e6 * float(residual_vibration(law, follower, np.array([speed]))[0])
 
-    vital, failed = failing(cam, law)
+    fatal, failed = failed_checks(cam, law)
     return {
-        "jump": _found(lambda: _jump(law, rig)),
-        "residual_um": _found(residual),
-        "level_db": _found(lambda: level(law, rig, rpm)),
+        "jump": _page_value(lambda: _jump_rpm(law, rig)),
+        "residual_um": _page_value(residual),
+        "level_db": _page_value(lambda: level(law, rig, rpm)),
         "checks": failed,
-        "made": not vital,
+        "made": not fatal,
     }
 
 
-def failing(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
-    """What of a law on its cam cannot exist, and all checks that fail, in words."""
+def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
+    """Return the fatal failed checks of a law on its cam, and all failed checks.
+
+    They are texts. A cam with a fatal failed check cannot exist.
+    """
     try:
         failed = [check for check in check_cam(cam, law) if not check.passed]
     except CamRigError as error:
@@ -229,26 +267,32 @@ def failing(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
     return [str(check) for check in failed if check.vital], [str(check) for check in failed]
 
 
-def file_jump(cam: CamConfig, rig: RigConfig) -> Found:
-    """Jump speed (rpm) of a file's own law, beside that of the B-splines that stand for it."""
-    return _found(lambda: _jump(build_law(cam), rig))
+def file_jump(cam: CamConfig, rig: RigConfig) -> PageValue:
+    """Return the jump speed (rpm) of a file's law.
+
+    The page displays it next to that of the B-splines that replace the law.
+    """
+    return _page_value(lambda: _jump_rpm(build_law(cam), rig))
 
 
-def _jump(law: Law, rig: RigConfig) -> float:
+def _jump_rpm(law: Law, rig: RigConfig) -> float:
     return find_jump(law, follower_of(rig), FROM_REST).rpm
 
 
 def level(law: Law, rig: RigConfig, rpm: float) -> float:
-    """Level (dB re 20 µPa) of one rigid mass: exact in contact, else of a simulation."""
+    """Return the level (dB re 20 µPa) of one rigid mass.
+
+    It is exact if contact is kept, else it is that of a simulation.
+    """
     follower = FollowerParameters.from_rig(rig)
     if law.velocity_jumps or rigid_jump_speed(law, follower) <= rpm * RPM:
-        return sound_level(simulate(law, rig, rpm=rpm, turns=TURNS)).level_db
+        return sound_level(simulate(law, rig, rpm=rpm, turns=LEVEL_TURNS)).level_db
     power = steady_power(law, follower, RadiationParameters.from_rig(rig), rpm * RPM)
     return float(level_db(np.array([math.sqrt(power)]))[0])
 
 
-def _found(compute: Callable[[], float]) -> Found:
-    """A finite value, or why there is none; nothing at all for an infinite one, as in JSON."""
+def _page_value(compute: Callable[[], float]) -> PageValue:
+    """Return a computed value for the page, or the reason why it cannot be computed."""
     try:
         value = compute()
     except CamRigError as error:
@@ -256,12 +300,17 @@ def _found(compute: Callable[[], float]) -> Found:
     return {"value": value} if math.isfinite(value) else {}
 
 
-def _degrees(disc: Contour, at: int) -> float:
-    return math.degrees(disc.angle[at]) % 360.0
+def _angle_deg(disc: Contour, index: int) -> float:
+    return math.degrees(disc.angle[index]) % 360.0
 
 
-def _shown(disc: Contour, undercut: NDArray[np.bool_], steep: NDArray[np.bool_]) -> dict[str, Any]:
-    """A contour for the page, lengths in mm; ``undercut`` and ``steep`` are indices of points."""
+def _disc_data(
+    disc: Contour, undercut: NDArray[np.bool_], steep: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """Return a contour for the page, with lengths in mm.
+
+    `undercut` and `steep` become indices of points.
+    """
     return {
         "points": millimetres(disc.points),
         "pitch": None if disc.pitch is None else millimetres(disc.pitch),

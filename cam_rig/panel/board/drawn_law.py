@@ -1,8 +1,9 @@
-"""A law as a linear function of its ordinates: what a page multiplies, and the law of any of them.
+"""Motion law as a linear function of its ordinates.
 
 Every piece of the law is a Bézier curve whose ordinates are those of its segment times a fixed
-matrix, so s to s''' at fixed angles are too. The ends of segments stay as they are, up to the
-derivative in which the start joins there.
+matrix. s to s''' at fixed angles are therefore linear in the ordinates too, so a page computes them
+by one multiplication. The ends of segments are fixed, up to the derivative in which the start joins
+there.
 """
 
 from __future__ import annotations
@@ -17,27 +18,30 @@ from cam_rig.laws import Law, bernstein, spline
 from cam_rig.laws.cam import abscissae, segment_angles
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.drawable import (
-    DRAWN,
-    KEPT,
+    DRAWABLE_SEGMENTS,
+    MAX_KEPT_CONTINUITY,
     DrawableCam,
-    Drawn,
-    as_b_splines,
-    with_own_ordinates,
+    DrawableSegment,
+    to_b_splines,
+    with_file_ordinates,
 )
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import BSpline
 from cam_rig.units import TURN, FloatArray
 
-#: Angles of a turn at which the page has the law, and its derivatives: s to s'''.
-POINTS, ORDERS = 720, 4
+#: Number of equally spaced angles per turn at which the page evaluates the law.
+MOTION_POINTS = 720
+#: Number of curves of the law: s to s'''.
+ORDERS = 4
 
 
 @dataclass(frozen=True)
 class Handle:
-    """One ordinate that may be moved, by its index among all and that of its segment.
+    """Ordinate that may be moved.
 
-    At ``angle`` (rad) it pulls the most; ``left`` and ``right`` (rad) of there are the fixed
-    ordinates nearest to it.
+    `index` is its index among all ordinates and `segment` the index of its segment. `angle` (rad)
+    is the angle at which it has the largest effect. `left` and `right` (rad) are the distances from
+    there to the nearest fixed ordinates.
     """
 
     index: int
@@ -49,9 +53,10 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class MotionTable:
-    """S to s''' (m/rad^order) at n angles: constant ``(4, n)`` + Σ table ``(4, n, w)`` · ordinates.
+    """Linear map from the ordinates to s to s''' (m/rad^order) at n angles.
 
-    ``first`` ``(n,)`` is the index of the first ordinate that plays a part at an angle.
+    The curves are `constant` ``(4, n)`` + Σ `table` ``(4, n, w)`` · ordinates. `first` ``(n,)`` is
+    the index of the first ordinate that contributes at an angle.
     """
 
     first: FloatArray
@@ -61,61 +66,66 @@ class MotionTable:
 
 @dataclass(frozen=True, eq=False)
 class DrawnLaw:
-    """The laws of a cam's segments with any ordinates, in fractions of the lift."""
+    """Law of a cam's segments for any ordinates, in fractions of the lift."""
 
     start: DrawableCam
 
     @classmethod
     def of(cls, cam: CamConfig) -> DrawnLaw:
-        """Of a cam's own ordinates, where some may be moved; else of B-splines in its place."""
-        own = with_own_ordinates(cam)
-        drawn = None if own is None else cls(own)
-        return drawn if drawn is not None and drawn.handles else cls(as_b_splines(cam))
+        """Return the drawn law of a cam.
+
+        It uses the ordinates of the cam's file if some of them may be moved, else those of
+        B-splines.
+        """
+        start = with_file_ordinates(cam)
+        law = None if start is None else cls(start)
+        return law if law is not None and law.handles else cls(to_b_splines(cam))
 
     @cached_property
     def ordinates(self) -> FloatArray:
-        """``(m,)`` those of the start, segment by segment."""
-        drawn = (segment for segment in self.start.cam.segments if isinstance(segment, DRAWN))
-        return np.array([x for segment in drawn for x in segment.ordinates.numbers])
+        """Ordinates of the start, segment by segment, shape ``(m,)``."""
+        segments = (s for s in self.start.cam.segments if isinstance(s, DRAWABLE_SEGMENTS))
+        return np.array([x for segment in segments for x in segment.ordinates.numbers])
 
     @cached_property
     def handles(self) -> list[Handle]:
-        """The ordinates that may be moved, in the order of their angles."""
-        smooth = {joint.angle: joint.continuity for joint in joints(self.start.law)}
-        ends = np.array(sorted(smooth))
-        found, index = [], 0
+        """Ordinates that may be moved, in the order of their angles."""
+        continuity = {joint.angle: joint.continuity for joint in joints(self.start.law)}
+        joint_angles = np.array(sorted(continuity))
+        handles, index = [], 0
         segments = zip(self.start.cam.segments, segment_angles(self.start.cam), strict=True)
-        for number, (segment, begin) in enumerate(segments):
-            if not isinstance(segment, DRAWN):
+        for number, (segment, start) in enumerate(segments):
+            if not isinstance(segment, DRAWABLE_SEGMENTS):
                 continue
             count = len(segment.ordinates.numbers)
-            at = begin + segment.span.si * abscissae(segment)
-            edges = (begin, (begin + segment.span.si) % TURN)
-            fixed = [1 + min(KEPT, max(0, smooth[_nearest(ends, edge)])) for edge in edges]
-            first, last = float(at[fixed[0] - 1]), float(at[-fixed[1]])
+            angles = start + segment.span.si * abscissae(segment)
+            edges = (start, (start + segment.span.si) % TURN)
+            orders = [max(0, continuity[_nearest_joint(joint_angles, edge)]) for edge in edges]
+            fixed = [1 + min(MAX_KEPT_CONTINUITY, order) for order in orders]
+            first, last = float(angles[fixed[0] - 1]), float(angles[-fixed[1]])
             for i in range(fixed[0], count - fixed[1]):
-                here = float(at[i])
-                found.append(Handle(index + i, here % TURN, number, here - first, last - here))
+                angle = float(angles[i])
+                handles.append(Handle(index + i, angle % TURN, number, angle - first, last - angle))
             index += count
-        return found
+        return handles
 
     @cached_property
     def _pieces(self) -> list[tuple[int, FloatArray]]:
-        """Of each piece its first ordinate's index, and ``(p + 1, k)`` from k of them (m)."""
-        degree, lift, found, index = self.start.law.degree, self.start.cam.lift.si, [], 0
+        """Index of the first ordinate and matrix ``(p + 1, k)`` (m) of each piece."""
+        degree, lift, pieces, index = self.start.law.degree, self.start.cam.lift.si, [], 0
         for segment in self.start.cam.segments:
-            if not isinstance(segment, DRAWN):
-                found.append((0, np.zeros((degree + 1, 0))))
+            if not isinstance(segment, DRAWABLE_SEGMENTS):
+                pieces.append((0, np.zeros((degree + 1, 0))))
                 continue
-            for columns in _bezier(segment):
+            for columns in _bezier_matrices(segment):
                 used = np.flatnonzero(columns.any(axis=0))
-                own = columns[:, used[0] : used[-1] + 1]
-                found.append((index + int(used[0]), lift * bernstein.elevate(own, degree)))
+                matrix = columns[:, used[0] : used[-1] + 1]
+                pieces.append((index + int(used[0]), lift * bernstein.elevate(matrix, degree)))
             index += len(segment.ordinates.numbers)
-        return found
+        return pieces
 
     def law(self, ordinates: FloatArray, name: str) -> Law:
-        """The law of some ordinates ``(m,)``."""
+        """Return the law of ordinates ``(m,)``."""
         start = self.start.law
         columns = [
             matrix @ ordinates[first : first + matrix.shape[1]]
@@ -127,53 +137,61 @@ class DrawnLaw:
 
     @cached_property
     def table(self) -> MotionTable:
-        """What gives s to s''' at `POINTS` equal steps of a turn; right limits at joints."""
+        """Linear map from the ordinates to s to s''' at equal steps of a turn.
+
+        At joints the values are right limits.
+        """
         law = self.start.law
         angle = table_angles()
         piece = np.searchsorted(law.breaks[1:-1], angle, side="right")
         u = (angle - law.breaks[piece]) / law.spans[piece]
         width = max(matrix.shape[1] for _, matrix in self._pieces)
-        first, count = np.zeros(POINTS), self.ordinates.size
-        table, constant = np.zeros((ORDERS, POINTS, width)), np.zeros((ORDERS, POINTS))
+        first, count = np.zeros(MOTION_POINTS), self.ordinates.size
+        table = np.zeros((ORDERS, MOTION_POINTS, width))
+        constant = np.zeros((ORDERS, MOTION_POINTS))
         for i in np.unique(piece):
-            here, (begin, matrix) = np.flatnonzero(piece == i), self._pieces[i]
+            rows, (start, matrix) = np.flatnonzero(piece == i), self._pieces[i]
             if not matrix.shape[1]:
-                constant[0, here] = law.ordinates[0, i]
+                constant[0, rows] = law.ordinates[0, i]
                 continue
-            shift = max(0, begin + width - count)  # no row reaches beyond the last ordinate
+            # No row may extend beyond the last ordinate.
+            shift = max(0, start + width - count)
             columns = slice(shift, shift + matrix.shape[1])
-            first[here] = begin - shift
+            first[rows] = start - shift
             for order in range(min(ORDERS, law.degree + 1)):
-                values = bernstein.basis(law.degree - order, u[here]) @ matrix
-                table[order, here, columns] = values
+                values = bernstein.basis(law.degree - order, u[rows]) @ matrix
+                table[order, rows, columns] = values
                 matrix = bernstein.derivative(matrix) / law.spans[i]
         return MotionTable(first, table, constant)
 
 
 def table_angles() -> FloatArray:
-    """``(n,)`` cam angles (rad) of a `MotionTable`."""
-    return np.linspace(0.0, TURN, POINTS, endpoint=False)
+    """Return the cam angles (rad) of a `MotionTable`, shape ``(n,)``."""
+    return np.linspace(0.0, TURN, MOTION_POINTS, endpoint=False)
 
 
 def in_base64(array: FloatArray) -> str:
-    """As little-endian float64, row by row: what a page decodes."""
+    """Return an array as base64 of little-endian float64, row by row."""
     return base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
 
 
 def motion_in_base64(law: Law) -> str:
-    """S to s''' of any law at a table's angles, ``(4, n)`` m/rad^order."""
+    """Return s to s''' of a law at the table's angles as base64.
+
+    The array is ``(4, n)`` in m/rad^order.
+    """
     return in_base64(np.stack([law(table_angles(), order) for order in range(ORDERS)]))
 
 
-def _bezier(segment: Drawn) -> list[FloatArray]:
-    """From the ordinates of a segment to those of each of its Bézier pieces."""
-    alone = np.eye(len(segment.ordinates.numbers))
+def _bezier_matrices(segment: DrawableSegment) -> list[FloatArray]:
+    """Return the matrices from a segment's ordinates to those of its Bézier pieces."""
+    identity = np.eye(len(segment.ordinates.numbers))
     if not isinstance(segment, BSpline):
-        return [alone]
-    return spline.pieces(np.array(segment.knots.numbers), alone, segment.degree)[1]
+        return [identity]
+    return spline.pieces(np.array(segment.knots.numbers), identity, segment.degree)[1]
 
 
-def _nearest(ends: FloatArray, angle: float) -> float:
-    """The joint at an angle (rad) of the turn, rounding aside."""
-    apart = np.abs((ends - angle + 0.5 * TURN) % TURN - 0.5 * TURN)
-    return float(ends[np.argmin(apart)])
+def _nearest_joint(angles: FloatArray, angle: float) -> float:
+    """Return the angle of the joint nearest to an angle (rad) of the turn."""
+    distance = np.abs((angles - angle + 0.5 * TURN) % TURN - 0.5 * TURN)
+    return float(angles[np.argmin(distance)])

@@ -1,4 +1,4 @@
-"""The drawing board's pages: its file, what a page needs once, and a websocket of changes."""
+"""Pages of the drawing board, and the server's side of its worker processes."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from cam_rig.panel.server import LivePage, PanelPages, get, page_file, post
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.show import looks as colours
 
-#: A law rests when it has not changed for so long, s.
-REST_S = 0.15
-#: Curves of the page in the colours of the rig's other pictures.
+#: Time (s) without changes after which the slow results of a law are computed.
+PAUSE_S = 0.15
+#: Colours of the page's curves, as in the rig's other figures.
 COLOURS = {
     "lift": colours.LIFT,
     "velocity": colours.VELOCITY,
@@ -43,13 +43,13 @@ COLOURS = {
 
 
 class BoardPages(PanelPages):
-    """The pages of one board: files, what a page needs once, and a websocket of changes."""
+    """Pages of one board: HTML file, initial data, and a websocket of changes."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
         self._pages: set[LivePage] = set()
         self._changed = asyncio.Event()
-        self._designs = Designs(board, self._tell)
+        self._designs = Designs(board, self._broadcast)
         self.routes = (
             page_file("/", "board"),
             get("/board", self._board),
@@ -63,29 +63,29 @@ class BoardPages(PanelPages):
 
     @asynccontextmanager
     async def alive(self) -> AsyncIterator[None]:
-        """Answer what takes longer, as long as the pages are served."""
-        resting = asyncio.create_task(self._answer_at_rest())
+        """Compute the slow results while the context is active."""
+        answering = asyncio.create_task(self._answer_pauses())
         try:
             yield
         finally:
-            await self._designs.end()
-            resting.cancel()
+            await self._designs.stop()
+            answering.cancel()
             with suppress(asyncio.CancelledError):
-                await resting
+                await answering
 
     async def _board(self, _: dict[str, Any]) -> dict[str, Any]:
-        shades = {name: colours.web(colour) for name, colour in COLOURS.items()}
-        return self.board.page() | {"colours": shades}
+        web_colours = {name: colours.web(colour) for name, colour in COLOURS.items()}
+        return self.board.page_data() | {"colours": web_colours}
 
-    async def _other(self, asked: dict[str, Any]) -> dict[str, Any]:
-        return self.board.other(asked["cam"])
+    async def _other(self, parameters: dict[str, Any]) -> dict[str, Any]:
+        return self.board.shipped_law(parameters["cam"])
 
     async def _save(self, body: dict[str, Any]) -> dict[str, Any]:
-        return self.board.saved(body.get("name"), body.get("ordinates"))
+        return self.board.save_for_page(body.get("name"), body.get("ordinates"))
 
     async def _open(self, body: dict[str, Any]) -> dict[str, Any]:
         await asyncio.to_thread(self.board.open, body.get("text"))
-        self._tell({"type": "opened"})
+        self._broadcast({"type": "opened"})
         self._changed.set()
         return {"name": self.board.file.name}
 
@@ -95,89 +95,94 @@ class BoardPages(PanelPages):
 
     async def _changes(self, socket: WebSocket) -> None:
         await socket.accept()
-        shown = LivePage(socket)
-        shown.tell("moved", lambda: self._state() | self.board.at_once())
-        self._pages.add(shown)
+        page = LivePage(socket)
+        page.queue("moved", lambda: self._moved_message() | self.board.evaluate_fast())
+        self._pages.add(page)
         self._changed.set()
         try:
-            await shown.serve(partial(self._take, shown))
+            await page.serve(partial(self._apply_change, page))
         finally:
-            self._pages.discard(shown)
+            self._pages.discard(page)
 
-    async def _take(self, page: LivePage, change: dict[str, Any]) -> dict[str, Any]:
-        self.board.take(change.get("ordinates"), change.get("rpm"))
-        answer = {"type": "exact", "number": change.get("number")} | self.board.at_once()
-        self._tell(answer | self._state(), self._pages - {page})
+    async def _apply_change(self, page: LivePage, change: dict[str, Any]) -> dict[str, Any]:
+        self.board.update(change.get("ordinates"), change.get("rpm"))
+        answer = {"type": "exact", "number": change.get("number")} | self.board.evaluate_fast()
+        self._broadcast(answer | self._moved_message(), self._pages - {page})
         self._changed.set()
         return answer
 
-    def _state(self) -> dict[str, Any]:
-        """For a page that did not make the last change."""
+    def _moved_message(self) -> dict[str, Any]:
+        """Return the board's state for a page that did not make the last change."""
         ordinates = self.board.ordinates.tolist()
         return {"type": "moved", "number": None, "ordinates": ordinates, "rpm": self.board.rpm}
 
-    def _tell(self, message: dict[str, Any], pages: set[LivePage] | None = None) -> None:
+    def _broadcast(self, message: dict[str, Any], pages: set[LivePage] | None = None) -> None:
         for page in self._pages if pages is None else pages:
-            page.tell(message["type"], lambda: message)
+            page.queue(message["type"], lambda: message)
 
-    async def _answer_at_rest(self) -> None:
-        """What takes longer, of the last law alone, once it has rested."""
+    async def _answer_pauses(self) -> None:
+        """Compute the slow results of the latest law after each pause in the changes."""
         board = self.board
         while True:
             drawn, start = board.drawn, board.drawn.start
-            first: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
-            first["file"] = None if start.own or start.exact else board.file.model_dump()
-            async with beside(first) as process:
+            request: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
+            is_file_law = start.has_file_ordinates or start.exact
+            request["file"] = None if is_file_law else board.file.model_dump()
+            async with worker_process(request) as process:
                 try:
-                    while board.drawn is drawn:  # until another file is opened
+                    while board.drawn is drawn:  # a new worker follows if another file is opened
                         await self._answer_once(process)
-                except WorkerLostError as error:  # the next one answers the next change
+                except WorkerLostError as error:  # the next worker answers the next change
                     message = {"type": "rest", "version": self.board.version, "words": str(error)}
-                    self._tell(message)
+                    self._broadcast(message)
 
     async def _answer_once(self, process: asyncio.subprocess.Process) -> None:
         drawn = self.board.drawn
-        await self._rest()
+        await self._wait_for_pause()
         if self.board.drawn is not drawn:
             self._changed.set()
             return
-        asked = {"type": "rest", "version": self.board.version, "rpm": self.board.rpm}
-        found = await ask(process, self.board.law(), self.board.rpm)
-        self._tell(asked | found)
+        header = {"type": "rest", "version": self.board.version, "rpm": self.board.rpm}
+        results = await request_results(process, self.board.law(), self.board.rpm)
+        self._broadcast(header | results)
 
-    async def _rest(self) -> None:
+    async def _wait_for_pause(self) -> None:
         await self._changed.wait()
         while self._changed.is_set():
             self._changed.clear()
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._changed.wait(), REST_S)
+                await asyncio.wait_for(self._changed.wait(), PAUSE_S)
 
 
-# The server's end of its worker processes: of the law that rests, and of a design.
+# The server's end of its worker processes, for the slow results of a law and for a design.
 
-#: Bytes of a line, at most.
+#: Largest number of bytes of a line.
 MAX_LINE = 1 << 24
-WORKER, DESIGN = "cam_rig.panel.board.worker", "design"
+#: Module of the worker process.
+WORKER = "cam_rig.panel.board.worker"
+#: Argument with which a worker makes a design.
+DESIGN = "design"
+#: Worker process.
 Process = asyncio.subprocess.Process
 
 
 class WorkerLostError(CamRigError):
-    """The process ended; another one is to be started."""
+    """The worker process has ended, and another must be started."""
 
 
 @asynccontextmanager
-async def beside(first: dict[str, Any], *arguments: str) -> AsyncIterator[Process]:
-    """A worker that runs beside the server for as long as the context lasts, and its first line."""
+async def worker_process(request: dict[str, Any], *arguments: str) -> AsyncIterator[Process]:
+    """Run a worker process while the context is active, and send it a first request."""
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", WORKER, *arguments),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        start_new_session=True,  # Ctrl-C reaches the server alone
+        start_new_session=True,  # Ctrl-C reaches only the server
         limit=MAX_LINE,
     )
     try:
-        _send(process, first)
+        _send(process, request)
         yield process
     finally:
         with suppress(ProcessLookupError):
@@ -185,19 +190,22 @@ async def beside(first: dict[str, Any], *arguments: str) -> AsyncIterator[Proces
         await process.wait()
 
 
-async def ask(process: Process, law: Law, rpm: float) -> dict[str, Any]:
-    """What a law comes to at a speed (rpm)."""
-    asked = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist(), "rpm": rpm}
+async def request_results(process: Process, law: Law, rpm: float) -> dict[str, Any]:
+    """Return the slow results of a law at a speed (rpm), see `drawable.evaluate_full`.
+
+    Raises WorkerLostError if the process has ended.
+    """
+    request = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist(), "rpm": rpm}
     assert process.stdout is not None
     try:
-        _send(process, asked)
+        _send(process, request)
         line = await process.stdout.readline()
     except (BrokenPipeError, ConnectionResetError):
         line = b""
     if not line:
-        raise WorkerLostError("the process of jump speed and level ended")
-    found: dict[str, Any] = json.loads(line)
-    return found
+        raise WorkerLostError("the worker process of jump speed and level has ended")
+    results: dict[str, Any] = json.loads(line)
+    return results
 
 
 def _send(process: Process, data: dict[str, Any]) -> None:
@@ -206,59 +214,63 @@ def _send(process: Process, data: dict[str, Any]) -> None:
 
 
 class Designs:
-    """Designs from the cams that a board saved, one at a time; ``tell`` tells every page."""
+    """Designs from the cams that a board saved, one at a time.
 
-    def __init__(self, board: Board, tell: Callable[[dict[str, Any]], None]) -> None:
-        self._board, self._tell = board, tell
+    `broadcast` sends a message to all pages.
+    """
+
+    def __init__(self, board: Board, broadcast: Callable[[dict[str, Any]], None]) -> None:
+        self._board, self._broadcast = board, broadcast
         self._running: asyncio.Task[None] | None = None
         self.routes = (
-            post("/design", self._begin),
+            post("/design", self._start),
             Route("/design/stop", self._stop, methods=["POST"]),
         )
 
-    async def end(self) -> None:
-        """No design outlives the server."""
+    async def stop(self) -> None:
+        """Stop the running design, so that it does not outlive the server."""
         if self._running is not None:
             self._running.cancel()
             with suppress(asyncio.CancelledError):
                 await self._running
             self._running = None
 
-    async def _begin(self, body: dict[str, Any]) -> Response:
+    async def _start(self, body: dict[str, Any]) -> Response:
         name = require_name(body.get("name"))
         if self._running is not None and not self._running.done():
-            raise RefusedError("design: one is running; allowed: one at a time, so stop it")
-        start = self._board.out / f"{name}.yaml"
-        out = designed_path(start)
+            raise RefusedError("design: another design is running; stop it first")
+        path = self._board.out / f"{name}.yaml"
+        out = designed_path(path)
         require_new(out)
-        self._running = asyncio.create_task(self._run(load_cam(start), out))
+        self._running = asyncio.create_task(self._run(load_cam(path), out))
         return JSONResponse({"path": str(out)}, 202)
 
     async def _stop(self, _: Request) -> Response:
-        await self.end()
-        self._tell({"type": "design", "stopped": True})
+        await self.stop()
+        self._broadcast({"type": "design", "stopped": True})
         return JSONResponse({})
 
     async def _run(self, cam: CamConfig, out: Path) -> None:
-        """Tell the pages each better law, and write the last."""
-        rig, found = self._board.rig.model_dump(), dict[str, Any]()
-        first = {"cam": cam.model_dump(), "rig": rig, "name": out.stem}
-        async with beside(first, DESIGN) as process:
+        """Send each better law to the pages, and write the last."""
+        rig, result = self._board.rig.model_dump(), dict[str, Any]()
+        request = {"cam": cam.model_dump(), "rig": rig, "name": out.stem}
+        async with worker_process(request, DESIGN) as process:
             assert process.stdout is not None
             while line := await process.stdout.readline():
-                found = json.loads(line)
-                if "so_far_rpm" in found:
-                    self._tell({"type": "design"} | found)
-        self._tell({"type": "design"} | _written(found, out))
+                result = json.loads(line)
+                if "so_far_rpm" in result:
+                    self._broadcast({"type": "design"} | result)
+        self._broadcast({"type": "design"} | _write_design(result, out))
 
 
-def _written(found: dict[str, Any], out: Path) -> dict[str, Any]:
-    if "words" in found:
-        return found
-    if "text" not in found:
-        return {"words": "the design's process ended before it had a law"}
+def _write_design(result: dict[str, Any], out: Path) -> dict[str, Any]:
+    """Write the designed cam's file and return the message for the pages."""
+    if "words" in result:
+        return result
+    if "text" not in result:
+        return {"words": "the worker process ended before the design had a law"}
     try:
-        write_new(out.parent, {out.name: found.pop("text")})
+        write_new(out.parent, {out.name: result.pop("text")})
     except OutputError as error:
         return {"words": str(error)}
-    return found | {"path": str(out)}
+    return result | {"path": str(out)}

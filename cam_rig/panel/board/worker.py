@@ -1,8 +1,8 @@
-"""A process beside the server for what takes longer than a page may wait.
+"""Worker process for the results that take longer than a page may wait.
 
-It reads lines of JSON and writes such lines. Asked to ``design`` it makes one design; else it says
-of each law what it comes to at rest (`drawable.at_rest`), until its input ends: however the server
-ends, it is not left behind.
+It reads lines of JSON from standard input and writes lines of JSON. With the argument ``design`` it
+makes one design. Otherwise it returns the slow results of each law (`drawable.evaluate_full`) until
+its input ends. It therefore ends with the server, however the server ends.
 """
 
 from __future__ import annotations
@@ -15,48 +15,52 @@ import numpy as np
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
-from cam_rig.panel.board.drawable import at_rest, file_jump
+from cam_rig.panel.board.drawable import evaluate_full, file_jump
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import RPM
 
 
-def _say(message: dict[str, Any]) -> None:
+def _send(message: dict[str, Any]) -> None:
     print(json.dumps(message), flush=True)
 
 
 def answer_laws(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Laws on a cam, a line each; with the jump speed of the ``file`` they stand for, if any."""
-    own = {}
+    """Write the slow results of the laws on a cam, one line per law.
+
+    If `first` contains a ``file``, they include the jump speed of the law in that file, which the
+    laws replace.
+    """
+    constant = {}
     if first["file"] is not None:
-        own = {"file_jump": file_jump(CamConfig.model_validate(first["file"]), rig)}
+        constant = {"file_jump": file_jump(CamConfig.model_validate(first["file"]), rig)}
     for line in sys.stdin:
-        asked = json.loads(line)
-        law = Law(cam.name, np.array(asked["breaks"]), np.array(asked["ordinates"]))
-        _say(at_rest(cam, law, rig, asked["rpm"]) | own)
+        request = json.loads(line)
+        law = Law(cam.name, np.array(request["breaks"]), np.array(request["ordinates"]))
+        _send(evaluate_full(cam, law, rig, request["rpm"]) | constant)
 
 
 def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Each better jump speed that `cam-rig design` finds, then its law, or why there is none."""
+    """Write each better jump speed of a design, then its law or why it failed."""
     from cam_rig.panel.board.board import GOAL, LIMIT
     from cam_rig.panel.board.drawn_law import motion_in_base64
     from cam_rig.studies.design.request import DesignRequest
     from cam_rig.studies.design.study import search_design
 
-    def told(_: object, value: float) -> None:
-        _say({"so_far_rpm": value / RPM})
+    def report(_: object, value: float) -> None:
+        _send({"so_far_rpm": value / RPM})
 
     try:
         request = DesignRequest.of(maximise=GOAL, limits=[LIMIT])
-        found = search_design(cam, rig, request, first["name"], told)
+        result = search_design(cam, rig, request, first["name"], report)
     except CamRigError as error:
-        _say({"words": str(error)})
+        _send({"words": str(error)})
     else:
-        rpm = found.measures[0].result / RPM
-        _say({"rpm": rpm, "motion": motion_in_base64(found.law), "text": found.text})
+        rpm = result.measures[0].result / RPM
+        _send({"rpm": rpm, "motion": motion_in_base64(result.law), "text": result.text})
 
 
 def main() -> None:
-    """Do what the first line of standard input is about."""
+    """Execute the request in the first line of standard input."""
     first = json.loads(sys.stdin.readline())
     cam, rig = CamConfig.model_validate(first["cam"]), RigConfig.model_validate(first["rig"])
     (design if sys.argv[1:] == ["design"] else answer_laws)(first, cam, rig)

@@ -1,1 +1,1 @@
-"""Lab sheets: a student's task on a rig in a browser, the readings, and their marks."""
+"""Lab sheets: tasks on a rig in a browser, the readings, and their marks."""

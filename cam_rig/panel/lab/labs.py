@@ -1,4 +1,4 @@
-"""The labs that there are: what each measures, what it asks, and what is true of it."""
+"""The labs: set-ups, observations, question and true answer of each."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import shown
 from cam_rig.laws import Law
-from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
+from cam_rig.panel.bench.live_state import FULL_SCALE_PA, MIN_RATE_HZ
 from cam_rig.panel.lab.sheet import (
-    CURVE,
+    CURVE_POINTS,
     KNOB_FROM,
     KNOB_TO,
     LabReading,
@@ -36,7 +36,7 @@ from cam_rig.panel.lab.sheet import (
     LabSheet,
     LabTurn,
     Span,
-    drawn,
+    hidden_factor,
 )
 from cam_rig.quantities.steady import vibrating
 from cam_rig.schema import CamConfig, RigConfig
@@ -44,53 +44,59 @@ from cam_rig.schema.load import cam_path, load_cam
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 
-# What one sees and hears of the rig at a speed: a turn of its steady state, and its contact.
+# Observation of the rig at a speed: a turn of its steady state, its contact and its sound.
 
-#: Samples of the force a second, Hz; the sound has as many.
-RATE_HZ = LEAST_RATE
-#: Points of a turn that are shown.
-POINTS = 720
-#: What the force sensor resolves, N.
+#: Sample rate (Hz) of the force and of the sound.
+RATE_HZ = MIN_RATE_HZ
+#: Number of points of a displayed turn.
+TURN_POINTS = 720
+#: Resolution of the force sensor, N.
 RESOLUTION_N = 0.1
 
 
 def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:
-    """A turn of a follower at a speed (rpm): its force (N), and the sound."""
+    """Return the observed turn of a follower at a speed (rpm): force (N) and sound."""
     speed = rpm * RPM
     blocks = _turns(law, follower, speed)
     block = blocks[-1]
     grid = block.interval.grid(RATE_HZ)
     angles = block.interval.angle + speed * grid.since_start()
-    source = SoundSource(radiation, RATE_HZ, LEAST_RATE)
-    # Heard twice: the second time the structure is already in motion, and the ends meet.
+    source = SoundSource(radiation, RATE_HZ, MIN_RATE_HZ)
+    # The second pass starts with the structure in motion, so that the sound is periodic.
     for _ in range(2):
         pressure = source.pressure(block.force, block.impulse, speed)
-    seen = over_turn(angles, block.force, RESOLUTION_N)
-    lost = len(blocks) > 1
-    return LabTurn(lost, lost, seen, np.asarray(pressure / FULL_SCALE_PA))
+    curve = over_turn(angles, block.force, RESOLUTION_N)
+    is_lost = len(blocks) > 1
+    return LabTurn(is_lost, is_lost, curve, np.asarray(pressure / FULL_SCALE_PA))
 
 
 def over_turn(angles: FloatArray, values: FloatArray, resolution: float) -> FloatArray:
-    """``(POINTS,)`` of values at cam angles (rad) of a turn, as a sensor resolves them."""
-    at = np.arange(POINTS) * (TURN / POINTS)
-    read = np.interp(at, angles, values, period=TURN)
-    return np.asarray(np.round(read / resolution)) * resolution
+    """Return values at cam angles (rad) of a turn as a sensor resolves them.
+
+    The result has the shape ``(TURN_POINTS,)``, at equal steps of the cam angle.
+    """
+    grid = np.arange(TURN_POINTS) * (TURN / TURN_POINTS)
+    sampled = np.interp(grid, angles, values, period=TURN)
+    return np.asarray(np.round(sampled / resolution)) * resolution
 
 
-def _read(value: float, resolution: float) -> float:
-    """A number as an instrument shows it."""
+def _round_to(value: float, resolution: float) -> float:
+    """Return a number as an instrument with this resolution displays it."""
     return round(round(value / resolution) * resolution, 6)
 
 
 def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
-    """One turn that keeps contact, or some in which it is lost."""
+    """Return the simulated turns at a speed (rad/s).
+
+    There is one turn if contact is kept, else `LAB_TURNS` turns, of which the last is observed.
+    """
     model, state = MODELS["one_mass"], None
-    if isinstance(follower, TwoMassParameters):  # from the steady state in which they are held
+    if isinstance(follower, TwoMassParameters):  # start from the steady state in contact
         model = MODELS["two_mass"]
         state = vibrating(contact_response(law, follower, speed).periodic())
     turn, blocks = round(TURN / speed * NS), list[Block]()
     for i in range(LAB_TURNS):
-        # Each turn begins at angle 0: what a turn in whole nanoseconds leaves is not added up.
+        # Each turn starts at angle 0, so that the rounding to nanoseconds does not accumulate.
         interval = Interval(i * turn, (i + 1) * turn, 0.0, speed, turns=i)
         state, block = model.advance(law, follower, state, interval, RATE_HZ)
         blocks.append(block)
@@ -99,89 +105,95 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
     return blocks
 
 
-#: By which part the numbers of a hidden rig may differ, where its stem is not what is asked for.
+#: Largest relative differences of the hidden rig's numbers, in labs that do not ask for the stem.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
 
 # The jump speed of springs, masses and preloads.
 
-#: rpm² of one unit of the plot: 400 rpm are 160.
+#: Unit (rpm²) of the plot's y axis: 400 rpm is plotted at 160.
 SQUARE_RPM = 1000.0
 
 
 class JumpSheet(LabSheet):
-    """The lowest speed at which the follower leaves the cam, for springs, masses and preloads."""
+    """Lab of the lowest speed at which the follower leaves the cam.
+
+    Springs, masses and preloads are varied.
+    """
 
     name = "jump"
-    parts: ClassVar = {
+    multiples: ClassVar = {
         "spring_stiffness": (0.75, 1.0, 1.5),
         "added_mass": (0.0, 0.5, 1.0),
         "preload": (1.0, 2.0),
     }
     tolerances: ClassVar = TOLERANCES
-    asked, unit, filled = "jump speed", "rpm", "preload"
+    question, unit, filled = "jump speed", "rpm", "preload"
     truth = "the lowest speed at which the steady state loses contact"
 
     def true(self, setup: LabSetup) -> float:
-        """The jump speed (rpm): the lowest at which the steady state is off."""
+        """Return the jump speed (rpm): the lowest at which the steady state loses contact."""
         return _jump_rpm(self.law, follower_of(self.true_rig(setup, self.seed)))
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """The force, by two masses where the rig says how they split.
+        """Return the force, by the model of two masses if the rig splits its mass.
 
-        The lamp stays on above a speed at which contact was lost: between two resonances of the
-        stem the follower may stay on again, but whoever comes from below has seen it leave.
+        The lamp stays on above a speed at which contact was lost. Between two resonances of the
+        stem the follower may stay in contact again, but on the way up it has left the cam before.
         """
         rig = self.true_rig(setup, self.seed)
         radiation = RadiationParameters.from_rig(rig)
-        seen = observe(self.law, follower_of(rig), radiation, rpm)
-        return replace(seen, was_lost=seen.contact_lost or rpm > self.true(setup))
+        turn = observe(self.law, follower_of(rig), radiation, rpm)
+        return replace(turn, was_lost=turn.contact_lost or rpm > self.true(setup))
 
     @cached_property
     def knob(self) -> Span:
-        """By what one rigid mass with the sheet's numbers does."""
+        """Speeds (rpm) of the knob, by one rigid mass with the numbers on the sheet."""
         if not self.rig.follower.preload.si:
             raise ConfigError(
                 f"lab {self.name!r}: rig {self.rig.name!r} has a preload of 0 N; allowed: above 0, "
-                "for the sheet doubles it, and asks for it"
+                "because the sheet varies it"
             )
         rigs = [self.true_rig(setup, None) for setup in self.setups]
-        return _knob(self, [_rigid_rpm(self.law, rig) for rig in rigs], KNOB_TO)
+        return _knob_range(self, [_rigid_rpm(self.law, rig) for rig in rigs], KNOB_TO)
 
     @cached_property
     def critical(self) -> tuple[float, float]:
-        """S (m) and s'' (m/rad²) where a rigid follower without damping leaves the cam first."""
-        own = FollowerParameters.from_rig(self.rig)
-        _, angle = rigid_jump(self.law, replace(own, damping=0.0))
+        """Lift (m) and s'' (m/rad²) at the critical angle of the cam.
+
+        A rigid follower without damping leaves the cam there first.
+        """
+        follower = FollowerParameters.from_rig(self.rig)
+        _, angle = rigid_jump(self.law, replace(follower, damping=0.0))
         lift, _, curvature = self.law.at(angle)
         return float(lift), float(curvature)
 
     def load(self, setup: LabSetup) -> float:
-        """What presses the follower on, over its mass: (k s + preload) / m by the sheet, m/s²."""
+        """Return the closing acceleration (k s + preload)/m (m/s²) by the sheet's numbers."""
         f = FollowerParameters.from_rig(self.true_rig(setup, None))
         return (f.spring_stiffness * self.critical[0] + f.preload) / f.mass
 
     @property
     def plot(self) -> tuple[Span, Span]:
-        """n² over the load."""
-        most = 50.0 * math.ceil(max(map(self.load, self.setups)) / 50.0)
-        return (0.0, most), (0.0, self.knob[1] ** 2 / SQUARE_RPM)
+        """Ranges of load (m/s²) and n² (1000 rpm²)."""
+        max_load = 50.0 * math.ceil(max(map(self.load, self.setups)) / 50.0)
+        return (0.0, max_load), (0.0, self.knob[1] ** 2 / SQUARE_RPM)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """The load (m/s²), and n² in 1000 rpm²."""
+        """Return load (m/s²) and n² (1000 rpm²) of a reading."""
         return self.load(reading.setup), (reading.rpm or 0.0) ** 2 / SQUARE_RPM
 
     def theory(self) -> list[FloatArray]:
-        """The straight line of one rigid mass."""
+        """Return the straight line of one rigid mass."""
         slope = RPM_PER_RAD_S**2 / abs(self.critical[1]) / SQUARE_RPM
-        return [slope * np.linspace(*self.plot[0], CURVE)]
+        return [slope * np.linspace(*self.plot[0], CURVE_POINTS)]
 
 
 def _rigid_rpm(law: Law, rig: RigConfig) -> float:
     return rigid_jump(law, FollowerParameters.from_rig(rig))[0] / RPM
 
 
-def _knob(sheet: LabSheet, speeds: list[float], to: float) -> Span:
-    """Ends (rpm) of a knob over these jump speeds."""
+def _knob_range(sheet: LabSheet, speeds: list[float], max_factor: float) -> Span:
+    """Return the lowest and highest speed (rpm) of a knob for these jump speeds."""
     if not (min(speeds) > 1.0 and math.isfinite(max(speeds))):
         cams = " and ".join(map(repr, sheet.cams))
         raise ConfigError(
@@ -190,52 +202,54 @@ def _knob(sheet: LabSheet, speeds: list[float], to: float) -> Span:
         )
     return (
         10.0 * math.floor(0.1 * KNOB_FROM * min(speeds)),
-        10.0 * math.ceil(0.1 * to * max(speeds)),
+        10.0 * math.ceil(0.1 * max_factor * max(speeds)),
     )
 
 
-#: One for each set-up of some sheets.
+# The cache has room for all set-ups of several sheets.
 @lru_cache(maxsize=256)
 def _jump_rpm(law: Law, follower: AnyFollower) -> float:
     return find_jump(law, follower, None).rpm
 
 
-# The stem's natural frequency, of residual vibration over speed.
+# The natural frequency of the stem, from the residual vibration over speed.
 
-#: What the sensor on the stem resolves, µm.
+#: Resolution of the sensor on the stem, µm.
 RESOLUTION_UM = 0.1
-#: Periods of the stem in a turn at the knob's end, at most: peaks lie 1/60 of the speed apart.
-MOST_PERIODS = 60.0
+#: Largest number of periods of the stem per turn at the highest speed of the knob. Neighbouring
+#: peaks are then at least 1/60 of the speed apart.
+MAX_PERIODS_PER_TURN = 60.0
 
 
 class VibrationSheet(LabSheet):
-    """The stem's natural frequency for several masses, of the peaks of its residual vibration.
+    """Lab of the natural frequency of the stem for several masses.
 
-    A mass on its stem that is held on the cam (eq. 5 of the paper). What a turn leaves of the free
-    vibration adds to the next one's in phase where a whole number k of periods fills the turn: at
-    speeds n = f/k. Of a law whose fall mirrors its rise every second one is missing.
+    A mass on its stem stays in contact with the cam (eq. 5 of the paper). The free vibration that
+    remains after a turn adds in phase to that of the next turn if a whole number k of periods fills
+    the turn, which is at the speeds n = f/k. The residual vibration has its peaks there. If the
+    fall of a law mirrors its rise, every second peak is missing.
     """
 
     name = "vibration"
-    parts: ClassVar = {"added_mass": (0.0, 0.5, 1.0)}
+    multiples: ClassVar = {"added_mass": (0.0, 0.5, 1.0)}
     tolerances: ClassVar = {"stem_stiffness": 0.2, "mass": 0.04, "damping": 0.25}
     measured, answer = "residual_um", "frequency_Hz"
-    asked, unit, heard = "natural frequency", "Hz", False
+    question, unit, has_sound = "natural frequency", "Hz", False
     truth = "√((k + k_stem)/m)/2π"
 
     def _follower(self, setup: LabSetup, seed: str | None) -> FollowerParameters:
         return FollowerParameters.on_stem(self.true_rig(setup, seed), "lab 'vibration'")
 
     def true(self, setup: LabSetup) -> float:
-        """√((k + k_stem)/m)/2π, Hz."""
+        """Return the natural frequency √((k + k_stem)/m)/2π, Hz."""
         return _stem_frequency(self._follower(setup, self.seed))
 
     @cached_property
-    def held_to(self) -> dict[LabSetup, float]:
-        """Speed (rpm) of each set-up above which the follower leaves the cam in truth."""
-        return self._held_to(self.seed)
+    def contact_lost_rpm(self) -> dict[LabSetup, float]:
+        """True speed (rpm) of each set-up above which the follower leaves the cam."""
+        return self._contact_limits(self.seed)
 
-    def _held_to(self, seed: str | None) -> dict[LabSetup, float]:
+    def _contact_limits(self, seed: str | None) -> dict[LabSetup, float]:
         return {
             setup: contact_lost_speed(self.law, self.true_rig(setup, seed)) / RPM
             for setup in self.setups
@@ -243,45 +257,46 @@ class VibrationSheet(LabSheet):
 
     @cached_property
     def knob(self) -> Span:
-        """Where the follower is held on the cam, by the sheet's numbers."""
+        """Speeds (rpm) of the knob, with contact by the numbers on the sheet."""
         followers = [self._follower(setup, None) for setup in self.setups]
-        # of the hidden rig's stem, which may be softer, periods must fit in a turn too
+        # the stem of the hidden rig may be softer, and its periods must fit in a turn too
         limit = 0.8 * min(map(fastest, followers))
-        low, high = _knob(self, [min(n, limit) for n in self._held_to(None).values()], 1.0)
+        speeds = [min(rpm, limit) for rpm in self._contact_limits(None).values()]
+        low, high = _knob_range(self, speeds, 1.0)
         periods = _stem_frequency(followers[0]) * 60.0 / high
-        if periods > MOST_PERIODS:
+        if periods > MAX_PERIODS_PER_TURN:
             raise ConfigError(
                 f"lab 'vibration': rig {self.rig.name!r}: {periods:.0f} periods of the stem in a "
-                f"turn at {high:g} rpm; allowed: {MOST_PERIODS:g}, or peaks cannot be told apart; "
-                "remedy: a rig with a softer stem, as paper_table2"
+                f"turn at {high:g} rpm; allowed: {MAX_PERIODS_PER_TURN:g}, so that peaks "
+                "are separate; use a rig with a softer stem, such as paper_table2"
             )
         return low, high
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """The stem's vibration (µm), and its residual amplitude in the low dwell."""
-        if rpm > self.held_to[setup]:
+        """Return the stem's vibration (µm) and its residual amplitude in the low dwell."""
+        if rpm > self.contact_lost_rpm[setup]:
             return LabTurn(contact_lost=True, was_lost=True)
         follower = self._follower(setup, self.seed)
         turn = steady_turn(self.law, follower, rpm * RPM)
         curve = over_turn(turn.angle, 1e6 * turn.vibration, RESOLUTION_UM)
         residual = 1e6 * float(residual_vibration(self.law, follower, np.array([rpm * RPM]))[0])
-        return LabTurn(False, False, curve, measured=_read(residual, RESOLUTION_UM))
+        return LabTurn(False, False, curve, measured=_round_to(residual, RESOLUTION_UM))
 
     @property
     def plot(self) -> tuple[Span, Span]:
-        """Residual vibration over speed."""
+        """Ranges of speed (rpm) and residual vibration (µm)."""
         return self.knob, (0.0, 50.0)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Speed (rpm) and residual vibration (µm)."""
+        """Return speed (rpm) and residual vibration (µm) of a reading."""
         return reading.rpm or 0.0, reading.measured or 0.0
 
     def theory(self) -> list[FloatArray]:
-        """Residual vibration (µm) of each mass, up to where it leaves the cam."""
-        rpm = np.linspace(*self.knob, CURVE)
+        """Return the residual vibration (µm) of each mass, up to the loss of contact."""
+        rpm = np.linspace(*self.knob, CURVE_POINTS)
         return [
-            1e6 * residual_vibration(self.law, self._follower(setup, None), rpm[rpm <= most] * RPM)
-            for setup, most in self._held_to(None).items()
+            1e6 * residual_vibration(self.law, self._follower(setup, None), rpm[rpm <= limit] * RPM)
+            for setup, limit in self._contact_limits(None).items()
         ]
 
 
@@ -291,120 +306,154 @@ def _stem_frequency(follower: FollowerParameters) -> float:
 
 # The speed at which two cams are equally loud.
 
-#: Standard deviation (dB) of a reading of the sound level meter: assumed, as no source prints it.
+#: Standard deviation (dB) of a reading of the sound-level meter. It is assumed, because no source
+#: prints it.
 SCATTER_DB = 0.3
-#: What the meter shows, dB.
+#: Resolution of the meter, dB.
 RESOLUTION_DB = 0.1
-#: Speeds over the knob at which a crossing is looked for, and halvings that then find it.
-LOOKED_AT, HALVINGS = 80, 24
+#: Number of speeds of the knob at which the levels are compared to locate a crossing.
+CROSSING_SPEEDS = 80
+#: Number of bisections that refine the crossing.
+BISECTIONS = 24
 
 
 class NoiseSheet(LabSheet):
-    """The lowest speed at which two cams are equally loud, by readings that scatter."""
+    """Lab of the lowest speed at which two cams are equally loud.
+
+    The readings of the meter scatter.
+    """
 
     name = "noise"
     tolerances: ClassVar = TOLERANCES
     measured, answer = "level_dB", "crossing_rpm"
-    asked, unit, marker, beside = "crossing speed", "rpm", "cam", "arcs_convex"
+    question, unit, marker, default_other_cam = "crossing speed", "rpm", "cam", "arcs_convex"
     truth = "the lowest speed at which both cams are equally loud, without the meter's scatter"
-    within = 2.0
+    default_tolerance = 2.0
 
     @cached_property
     def options(self) -> dict[str, list[Any]]:
-        """The two cams."""
+        """Names of the two cams."""
         return {"cam": list(self.cams)}
 
     def level(self, cam: str, rpm: FloatArray, seed: str | None) -> FloatArray:
-        """Levels (dB) of a cam at speeds, without scatter."""
+        """Return the levels (dB) of a cam at speeds (rpm), without scatter."""
         rig = self.true_rig(LabSetup(), seed)
         follower = FollowerParameters.from_rig(rig)
         turns = settled_turns(self.laws[cam], "one_mass", follower, rpm * RPM)
         return Acoustics(RadiationParameters.from_rig(rig)).levels(turns)
 
-    def _louder(self, rpm: FloatArray) -> FloatArray:
-        """By how much (dB) the second cam is louder than the first."""
-        one, two = (self.level(cam, rpm, self.seed) for cam in self.cams)
-        return two - one
+    def _level_difference(self, rpm: FloatArray) -> FloatArray:
+        """Return the level (dB) of the second cam minus that of the first."""
+        first, second = (self.level(cam, rpm, self.seed) for cam in self.cams)
+        return second - first
 
     @cached_property
     def _crossing(self) -> float:
-        rpm = np.linspace(*self.knob, LOOKED_AT)
-        louder = self._louder(rpm) > 0.0
-        changes = np.flatnonzero(louder[1:] != louder[:-1])
+        rpm = np.linspace(*self.knob, CROSSING_SPEEDS)
+        is_louder = self._level_difference(rpm) > 0.0
+        changes = np.flatnonzero(is_louder[1:] != is_louder[:-1])
         if not changes.size:
             names = " and ".join(map(repr, self.cams))
             raise ConfigError(
-                f"lab 'noise': cams {names} on rig {self.rig.name!r}: the same is the louder from "
-                f"{rpm[0]:g} to {rpm[-1]:g} rpm; allowed: cams whose levels cross, as poly345 and "
-                "arcs_convex on tm21"
+                f"lab 'noise': cams {names} on rig {self.rig.name!r}: the same cam is louder from "
+                f"{rpm[0]:g} to {rpm[-1]:g} rpm; allowed: cams whose levels cross, such as poly345 "
+                "and arcs_convex on tm21"
             )
         i = int(changes[0])
         low, high = float(rpm[i]), float(rpm[i + 1])
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            as_low = bool(self._louder(np.array([middle]))[0] > 0.0) == bool(louder[i])
-            low, high = (middle, high) if as_low else (low, middle)
+            is_below = bool(self._level_difference(np.array([middle]))[0] > 0.0) == is_louder[i]
+            low, high = (middle, high) if is_below else (low, middle)
         return low
 
     def true(self, setup: LabSetup) -> float:
-        """The crossing (rpm), of the one set-up that there is."""
+        """Return the crossing (rpm), which does not depend on the set-up."""
         return self._crossing
 
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """The force, and the level as the meter reads it: it scatters from reading to reading."""
+        """Return the force and the level that the meter displays.
+
+        The level scatters from reading to reading. Equal reading numbers give equal scatter.
+        """
         cam, rig = setup.cam or self.cam.name, self.true_rig(setup, self.seed)
         follower, radiation = FollowerParameters.from_rig(rig), RadiationParameters.from_rig(rig)
-        seen = observe(self.laws[cam], follower, radiation, rpm)
-        words = f"meter {number} {cam} {rpm:.2f}"
-        part = 0.5 * drawn(self.name, self.seed or "", words, 1.0)
+        turn = observe(self.laws[cam], follower, radiation, rpm)
+        key = f"meter {number} {cam} {rpm:.2f}"
+        probability = 0.5 * hidden_factor(self.name, self.seed or "", key, 1.0)
         level = float(self.level(cam, np.array([rpm]), self.seed)[0])
-        level += SCATTER_DB * NormalDist().inv_cdf(part)
-        return replace(seen, measured=_read(level, RESOLUTION_DB))
+        level += SCATTER_DB * NormalDist().inv_cdf(probability)
+        return replace(turn, measured=_round_to(level, RESOLUTION_DB))
 
     @cached_property
     def knob(self) -> Span:
-        """From half the lower to the higher of the jump speeds by the sheet's numbers."""
-        return _knob(self, [_rigid_rpm(law, self.rig) for law in self.laws.values()], 1.0)
+        """Speeds (rpm) of the knob, from half the lower to the higher jump speed.
+
+        The jump speeds are those of the numbers on the sheet.
+        """
+        return _knob_range(self, [_rigid_rpm(law, self.rig) for law in self.laws.values()], 1.0)
 
     @property
     def plot(self) -> tuple[Span, Span]:
-        """Level over speed."""
+        """Ranges of speed (rpm) and level (dB)."""
         return self.knob, (70.0, 90.0)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Speed (rpm) and level (dB)."""
+        """Return speed (rpm) and level (dB) of a reading."""
         return reading.rpm or 0.0, reading.measured or 0.0
 
     def theory(self) -> list[FloatArray]:
-        """Each cam's level (dB)."""
-        rpm = np.linspace(*self.knob, CURVE)
+        """Return the levels (dB) of each cam."""
+        rpm = np.linspace(*self.knob, CURVE_POINTS)
         return [self.level(cam, rpm, None) for cam in self.cams]
 
 
-#: By the names that are given to --lab; a page has the task of each in its texts.
+#: Labs by the name that --lab accepts. The text of each task is in the page's texts.
 LABS: dict[str, type[LabSheet]] = {
     sheet.name: sheet for sheet in (JumpSheet, VibrationSheet, NoiseSheet)
 }
 
 
 def lab_of(name: str) -> type[LabSheet]:
-    """The lab of a name."""
+    """Return the lab of a name, or raise ConfigError."""
     if name not in LABS:
-        like = did_you_mean(name, LABS)
-        raise ConfigError(f"--lab: is {shown(name)}; allowed: {', '.join(LABS)}{like}")
+        hint = did_you_mean(name, LABS)
+        raise ConfigError(f"--lab: is {shown(name)}; allowed: {', '.join(LABS)}{hint}")
     return LABS[name]
 
 
 def lab_sheet(
     name: str, cams: Sequence[CamConfig], rig: RigConfig, seed: str | None = None
 ) -> LabSheet:
-    """The sheet of a lab; one that compares two cams takes a shipped one beside a single one."""
+    """Return the sheet of a lab.
+
+    Parameters
+    ----------
+    name : str
+        Name of the lab, a key of `LABS`.
+    cams : sequence of CamConfig
+        One cam. A lab that compares two cams accepts two, and adds a shipped cam to a single one.
+    rig : RigConfig
+        Rig with the numbers on the sheet.
+    seed : str or None
+        Name of the hidden rig that is measured, or None for `rig` itself (default).
+
+    Returns
+    -------
+    LabSheet
+        The sheet.
+
+    Raises
+    ------
+    ConfigError
+        If the lab, the cams or the seed are not allowed.
+    """
     lab = lab_of(name)
-    own = list(cams)
-    if lab.beside and len(own) == 1:
-        own.append(load_cam(cam_path(lab.beside)))
-    names, count = [cam.name for cam in own], 2 if lab.beside else 1
+    sheet_cams = list(cams)
+    if lab.default_other_cam and len(sheet_cams) == 1:
+        sheet_cams.append(load_cam(cam_path(lab.default_other_cam)))
+    names, count = [cam.name for cam in sheet_cams], 2 if lab.default_other_cam else 1
     if not len(set(names)) == len(names) == count:
-        words = "two that differ" if lab.beside else "one"
-        raise ConfigError(f"cam: is {' '.join(names)}; allowed in lab {name!r}: {words}")
-    return lab(own[0], rig, seed, own[1] if lab.beside else None)
+        rule = "two different cams" if lab.default_other_cam else "one cam"
+        raise ConfigError(f"cam: is {' '.join(names)}; allowed in lab {name!r}: {rule}")
+    return lab(sheet_cams[0], rig, seed, sheet_cams[1] if lab.default_other_cam else None)

@@ -1,4 +1,4 @@
-"""How far the answers on a sheet are from the truth."""
+"""Marks of lab sheets: differences between the answers and the true values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ from cam_rig.show.result import Column, Records, Result
 
 @dataclass(frozen=True)
 class AnswerMark:
-    """An answer of a file, the true value of its set-up, whether it is near enough."""
+    """Mark of an answer.
+
+    `answer` and `true` are in the lab's unit. `within` is true if the answer is within the
+    tolerance.
+    """
 
     file: str
     lab: type[LabSheet]
@@ -31,18 +35,18 @@ class AnswerMark:
 
     @property
     def difference(self) -> float:
-        """Answer less truth."""
+        """Answer minus true value, in the lab's unit."""
         return self.answer - self.true
 
     @property
     def difference_percent(self) -> float:
-        """The same in % of the truth."""
+        """Answer minus true value, in % of the true value."""
         return 100.0 * self.difference / self.true
 
 
 @dataclass(frozen=True)
 class MarkedSheet:
-    """A sheet with a mark an answer, which is right within a tolerance (%)."""
+    """Sheet with one mark per answer. `tolerance` is in %."""
 
     path: Path
     recorded: RecordedSheet
@@ -50,25 +54,26 @@ class MarkedSheet:
     tolerance: float
 
     @property
-    def right(self) -> int:
-        """How many answers are near enough."""
+    def correct_count(self) -> int:
+        """Number of answers within the tolerance."""
         return sum(mark.within for mark in self.marks)
 
     @property
-    def farthest(self) -> float:
-        """How far (%) the farthest answer is off; infinite without one."""
+    def max_error_percent(self) -> float:
+        """Largest magnitude of the differences (%), infinite without an answer."""
         return max((abs(mark.difference_percent) for mark in self.marks), default=math.inf)
 
     @property
     def summary(self) -> str:
-        """What the sheet comes to, in a line."""
-        off = np.array([mark.difference_percent for mark in self.marks])
-        who = f" by {self.recorded.student}" if self.recorded.student else ""
-        if not off.size:
-            return f"{self.path}{who}: no answer"
+        """Summary of the sheet in one line."""
+        errors = np.array([mark.difference_percent for mark in self.marks])
+        student = f" by {self.recorded.student}" if self.recorded.student else ""
+        if not errors.size:
+            return f"{self.path}{student}: no answer"
         return (
-            f"{self.path}{who}: {self.right} of {off.size} within {self.tolerance:g} %; mean "
-            f"{off.mean():+.2f} %, farthest {off[np.abs(off).argmax()]:+.2f} %"
+            f"{self.path}{student}: {self.correct_count} of {errors.size} within "
+            f"{self.tolerance:g} %; mean {errors.mean():+.2f} %, "
+            f"largest {errors[np.abs(errors).argmax()]:+.2f} %"
         )
 
 
@@ -78,30 +83,53 @@ def mark_sheet(
     cam_of: Callable[[str], CamConfig],
     rig_of: Callable[[str], RigConfig],
 ) -> MarkedSheet:
-    """Mark a sheet with a tolerance (%, None: the lab's); others read files by names on it."""
+    """Return the marks of a sheet.
+
+    Parameters
+    ----------
+    path : Path
+        File of the sheet.
+    tolerance : float or None
+        Tolerance of the answers in %, or None for that of the lab.
+    cam_of, rig_of : callable
+        Functions that load a cam and a rig by their names on the sheet.
+
+    Returns
+    -------
+    MarkedSheet
+        The sheet with one mark per answer.
+
+    Raises
+    ------
+    ConfigError
+        If the file is not a lab sheet, or if cam or rig cannot be loaded.
+    """
     recorded = read_sheet(path)
     try:
         cams, rig = [cam_of(name) for name in recorded.cam.split()], rig_of(recorded.rig)
         sheet = lab_sheet(recorded.lab, cams, rig, recorded.seed)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    within = sheet.within if tolerance is None else tolerance
-    marks = (_mark(path, sheet, reading, within) for reading in recorded.readings)
-    return MarkedSheet(path, recorded, tuple(mark for mark in marks if mark), within)
+    percent = sheet.default_tolerance if tolerance is None else tolerance
+    marks = (_mark(path, sheet, reading, percent) for reading in recorded.readings)
+    return MarkedSheet(path, recorded, tuple(mark for mark in marks if mark), percent)
 
 
 def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> AnswerMark | None:
-    """None where a reading answers nothing."""
+    """Return the mark of a reading, or None if it has no answer."""
     answer = reading.answer if sheet.answer else reading.rpm
     setup = reading.setup
-    if setup not in (sheet.setups if answer is None else sheet.asked_setups):
+    if setup not in (sheet.setups if answer is None else sheet.answerable_setups):
         units = {"spring_stiffness": "N/m", "added_mass": "kg", "preload": "N", "cam": ""}
-        given = [f"{_shown(getattr(setup, name))} {units[name]}".strip() for name in sheet.options]
+        values = [
+            f"{_option_text(getattr(setup, name))} {units[name]}".strip() for name in sheet.options
+        ]
         allowed = " | ".join(
-            f"{name} {', '.join(map(_shown, values))}" for name, values in sheet.options.items()
+            f"{name} {', '.join(map(_option_text, values))}"
+            for name, values in sheet.options.items()
         )
         raise ConfigError(
-            f"{path}, reading {reading.number}: {', '.join(given)} is no set-up of this sheet; "
+            f"{path}, reading {reading.number}: {', '.join(values)} is not a set-up of this sheet; "
             f"allowed: {allowed}"
         )
     if answer is None:
@@ -111,13 +139,13 @@ def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) ->
     return AnswerMark(str(path), type(sheet), reading, answer, true, within)
 
 
-def _shown(value: float | str | None) -> str:
+def _option_text(value: float | str | None) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True, repr=False)
 class MarksResult(Result):
-    """The marks of sheets: each answer beside the true value."""
+    """Marks of lab sheets: each answer compared with the true value."""
 
     schema = "cam_rig.panel_marks.2"
     plot_function = "cam_rig.panel.lab.figures:marks_figure"
@@ -125,11 +153,11 @@ class MarksResult(Result):
         "answers": (
             Column("file"),
             Column("reading", "", "d", of="reading.number"),
-            Column("asked", of="lab.asked"),
+            Column("asked", of="lab.question"),
             Column("spring_stiffness", "N/m", "g", "spring", "reading.setup.spring_stiffness"),
             Column("added_mass", "kg", "g", of="reading.setup.added_mass"),
             Column("preload", "N", "g", of="reading.setup.preload"),
-            Column("answer", "", ".2f", doc="in the unit beside it"),
+            Column("answer", "", ".2f", doc="in the given unit"),
             Column("true", "", ".2f"),
             Column("unit", of="lab.unit"),
             Column("difference", "%", "+.2f", of=lambda mark: 0.01 * mark.difference_percent),
@@ -140,27 +168,27 @@ class MarksResult(Result):
             Column("lab", of="recorded.lab", hidden=True),
             Column("cam", of="recorded.cam"),
             Column("rig", of="recorded.rig"),
-            Column("seed", of="recorded.seed", missing="the rig's own numbers"),
+            Column("seed", of="recorded.seed", missing="the numbers of the rig"),
             Column("student", of="recorded.student"),
             Column("date", of="recorded.date", hidden=True),
             Column("tolerance", "%", "g", of=lambda sheet: 0.01 * sheet.tolerance),
             Column("answers", "", "d", of=lambda sheet: len(sheet.marks)),
-            Column("within", "", "d", of="right", doc="answers that are"),
+            Column("within", "", "d", of="correct_count", doc="answers within the tolerance"),
         ),
     }
 
     sheets: tuple[MarkedSheet, ...]
 
     def tables(self) -> list[Records]:
-        """``answers``, sheet by sheet, and ``sheets``."""
+        """Return the tables `answers`, grouped by sheet, and `sheets`."""
         rows = [mark for sheet in self.sheets for mark in sheet.marks]
         labs = [LABS[name] for name in dict.fromkeys(s.recorded.lab for s in self.sheets)]
-        note = "; ".join(f"{lab.asked}: {lab.truth}" for lab in labs)
+        note = "; ".join(f"{lab.question}: {lab.truth}" for lab in labs)
         return [
             self.table("answers", "{file}", rows, f"True {note}.", group_by="file"),
             self.table("sheets", "Sheets", self.sheets),
         ]
 
     def summary(self) -> list[str]:
-        """A line a sheet."""
+        """Return one line per sheet."""
         return [sheet.summary for sheet in self.sheets]

@@ -1,4 +1,4 @@
-"""The lab sheet's pages: one sheet a place, whichever page shows it."""
+"""Pages of lab sheets, one sheet per path."""
 
 from __future__ import annotations
 
@@ -14,48 +14,51 @@ from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.panel.bench.drawing import cam_picture
 from cam_rig.panel.lab.labs import RATE_HZ, SCATTER_DB, JumpSheet, NoiseSheet
 from cam_rig.panel.lab.recorded import MAX_NAME, Notebook, to_text
-from cam_rig.panel.lab.sheet import CURVE, LabSheet
-from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
+from cam_rig.panel.lab.sheet import CURVE_POINTS, LabSheet
+from cam_rig.panel.server import Handler, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 
-#: Where a panel's only sheet is, and what the places of a class's begin with.
+#: Path of a panel's only sheet, and prefix of the paths of a class's sheets.
 LAB = "/lab"
-#: A colour for each added mass, or cam; the markers differ too.
+#: Colours of the added masses, or of the cams. Their markers differ too.
 MARKER_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
 class LabPages(PanelPages):
-    """A sheet at a ``place``; of a class it ``goes_on`` with a file: a server may be killed."""
+    """Pages of a sheet at a path.
 
-    def __init__(self, sheet: LabSheet, out: Path, place: str = LAB, goes_on: bool = False) -> None:
-        self.notebook = Notebook(sheet, out, goes_on)
+    If `resumes` is true, the sheet continues its file, as after the server of a class was killed.
+    """
+
+    def __init__(self, sheet: LabSheet, out: Path, path: str = LAB, resumes: bool = False) -> None:
+        self.notebook = Notebook(sheet, out, resumes)
         self._sheet, self._busy = sheet, asyncio.Lock()
-        # What cannot be told is refused now, and not in the middle of a lab.
+        # Compute all answers now, so that an error occurs before the lab starts.
         self._knob = sheet.knob
-        for setup in sheet.asked_setups:
+        for setup in sheet.answerable_setups:
             sheet.true(setup)
         self.routes = (
-            page_file(place, "lab"),
-            get(f"{place}/sheet", self._about),
-            get(f"{place}/theory", self._theory),
-            get(f"{place}/picture/{{cam}}", self._picture),
-            get(f"{place}/readings.csv", self._csv),
-            self._alone(f"{place}/turn", self._turn),
-            self._alone(f"{place}/record", self._record),
-            self._alone(f"{place}/answer", self._answer),
-            self._alone(f"{place}/student", self._student),
+            page_file(path, "lab"),
+            get(f"{path}/sheet", self._sheet_data),
+            get(f"{path}/theory", self._theory),
+            get(f"{path}/picture/{{cam}}", self._picture),
+            get(f"{path}/readings.csv", self._csv),
+            self._exclusive_post(f"{path}/turn", self._turn),
+            self._exclusive_post(f"{path}/record", self._record),
+            self._exclusive_post(f"{path}/answer", self._answer),
+            self._exclusive_post(f"{path}/student", self._student),
         )
 
-    async def _about(self, _: dict[str, Any]) -> dict[str, Any]:
-        sheet, own = self._sheet, self._sheet.rig.follower
+    async def _sheet_data(self, _: dict[str, Any]) -> dict[str, Any]:
+        sheet, follower = self._sheet, self._sheet.rig.follower
         return {
             "lab": sheet.name,
             "cams": list(sheet.cams),
             "rig": {
                 "name": sheet.rig.name,
-                "spring_stiffness": own.spring_stiffness.si,
-                "mass": own.mass.si,
-                "preload": own.preload.si,
+                "spring_stiffness": follower.spring_stiffness.si,
+                "mass": follower.mass.si,
+                "preload": follower.preload.si,
             },
             "seed": sheet.seed,
             "tolerances": sheet.tolerances if sheet.seed else None,
@@ -65,26 +68,26 @@ class LabPages(PanelPages):
             "scatter_db": SCATTER_DB if isinstance(sheet, NoiseSheet) else None,
             "measured": sheet.measured is not None,
             "answered": sheet.answer is not None,
-            "heard": sheet.heard,
+            "heard": sheet.has_sound,
             "unit": sheet.unit,
             "knob": self._knob,
             "plot": dict(zip("xy", sheet.plot, strict=True)),
             "max_name": MAX_NAME,
             "colours": [colours.web(colour) for colour in MARKER_COLOURS],
             "curve_colour": colours.web(colours.FORCE),
-        } | self.notebook.page()
+        } | self.notebook.page_data()
 
     async def _theory(self, _: dict[str, Any]) -> dict[str, Any]:
-        """Curves by the sheet's numbers over the plot's x, at equal steps of it."""
+        """Return the curves of theory by the sheet's numbers, at equal steps of x."""
         if self._sheet.seed is not None:
             raise RefusedError("theory: allowed: on a sheet without a seed")
-        found = await asyncio.to_thread(self._sheet.theory)
+        theory = await asyncio.to_thread(self._sheet.theory)
         low, high = self._sheet.plot[0]
-        curves = [[round(float(y), 4) for y in curve] for curve in found]
-        return {"step": (high - low) / (CURVE - 1), "curves": curves}
+        curves = [[round(float(y), 4) for y in curve] for curve in theory]
+        return {"step": (high - low) / (CURVE_POINTS - 1), "curves": curves}
 
-    async def _picture(self, asked: dict[str, Any]) -> dict[str, Any]:
-        name = asked["cam"]
+    async def _picture(self, parameters: dict[str, Any]) -> dict[str, Any]:
+        name = parameters["cam"]
         if name not in self._sheet.cams:
             raise ConfigError(f"cam: is {name!r:.40}; allowed: {', '.join(self._sheet.cams)}")
         return cam_picture(self._sheet.cams[name], self._sheet.laws[name])
@@ -93,39 +96,41 @@ class LabPages(PanelPages):
         book = self.notebook
         return csv_file(book.path.name if book.path else "lab_readings.csv", to_text(book.recorded))
 
-    def _alone(self, path: str, answer: Answer) -> Route:
-        async def answered(body: dict[str, Any]) -> dict[str, Any] | Response:
+    def _exclusive_post(self, path: str, answer: Handler) -> Route:
+        """Return a POST route whose requests are processed one at a time."""
+
+        async def respond(body: dict[str, Any]) -> dict[str, Any] | Response:
             async with self._busy:
                 return await answer(body)
 
-        return post(path, answered)
+        return post(path, respond)
 
     async def _turn(self, body: dict[str, Any]) -> dict[str, Any]:
-        """What is seen of a set-up at a speed."""
+        """Return the observation of a set-up at a speed."""
         book = self.notebook
         setup, rpm = book.setup(body), book.speed(body)
-        turn = await asyncio.to_thread(self._sheet.turn, setup, rpm, book.next)
-        shown: dict[str, Any] = {
+        turn = await asyncio.to_thread(self._sheet.turn, setup, rpm, book.next_number)
+        data: dict[str, Any] = {
             "contact_lost": turn.contact_lost,
             "was_lost": turn.was_lost,
             "curve": [round(y, 1) for y in turn.curve.tolist()],
             "measured": turn.measured,
         }
         if body.get("sound") is True and turn.sound.size:
-            data = base64.b64encode(turn.sound.astype("<f4").tobytes()).decode()
-            shown |= {"sound": data, "rate": RATE_HZ}
-        return shown
+            sound = base64.b64encode(turn.sound.astype("<f4").tobytes()).decode()
+            data |= {"sound": sound, "rate": RATE_HZ}
+        return data
 
     async def _record(self, body: dict[str, Any]) -> dict[str, Any]:
         await asyncio.to_thread(self.notebook.record, body)
-        return self.notebook.page()
+        return self.notebook.page_data()
 
     async def _answer(self, body: dict[str, Any]) -> dict[str, Any]:
         self.notebook.answer(body)
-        return self.notebook.page()
+        return self.notebook.page_data()
 
     async def _student(self, body: dict[str, Any]) -> dict[str, Any]:
         if "student" not in body:
-            raise RefusedError("student: is missing; allowed: a name")
-        self.notebook.name(body["student"])
-        return self.notebook.page()
+            raise RefusedError("student: missing; allowed: a name")
+        self.notebook.set_student(body["student"])
+        return self.notebook.page_data()

@@ -1,4 +1,4 @@
-"""A lab sheet as it is filled in: its file, and the rows as they are taken."""
+"""Recorded lab sheet: its file, and the notebook that records the rows."""
 
 from __future__ import annotations
 
@@ -17,29 +17,36 @@ from cam_rig.panel import is_number
 from cam_rig.panel.lab.labs import LABS, lab_of
 from cam_rig.panel.lab.sheet import COLUMNS, LabReading, LabSetup, LabSheet
 
-# A sheet as a file: CSV with a head of comment lines, which a spreadsheet opens and keeps.
+# The file of a sheet: CSV with a header of comment lines, which a spreadsheet preserves.
 
-#: First line of a sheet, before the lab's name.
+#: Key of the first line of a sheet. Its value is the lab's name.
 TITLE = "cam_rig lab sheet"
-#: What else stands in the head, and what may be left out there.
-HEAD = ("cam", "rig", "title", "seed", "student", "date")
-OPTIONAL = ("seed", "student")
-#: Columns that have no zero.
-POSITIVE = ("reading", "speed_rpm", *(lab.answer for lab in LABS.values() if lab.answer))
-#: Bytes of a sheet, and rows on it, at most.
-MAX_BYTES, MAX_READINGS = MIB, 1000
-#: Characters of a line of a sheet, at most. Python's reader raises an error from 131 072 on.
-MAX_LINE = 10_000
-#: Characters of a student's name.
+#: Other keys of the header.
+HEADER_KEYS = ("cam", "rig", "title", "seed", "student", "date")
+#: Keys that may be missing in the header.
+OPTIONAL_KEYS = ("seed", "student")
+#: Columns whose numbers must be above 0.
+POSITIVE_COLUMNS = ("reading", "speed_rpm", *(lab.answer for lab in LABS.values() if lab.answer))
+#: Largest size of a sheet, bytes.
+MAX_BYTES = MIB
+#: Largest number of rows of a sheet.
+MAX_READINGS = 1000
+#: Largest number of characters of a line. Python's CSV reader fails from 131 072 on.
+MAX_LINE_LENGTH = 10_000
+#: Largest number of characters of a student's name.
 MAX_NAME = 80
 
 
 @dataclass(frozen=True)
 class RecordedSheet:
-    """A sheet with its rows: names of lab, cams and rig, the rig's title, when it was begun."""
+    """Lab sheet with its rows.
+
+    It contains the names of lab, cams, rig and student, the rig's title, the date at which the
+    sheet was started, and the seed, None for the numbers of the rig.
+    """
 
     lab: str
-    cam: str  #: two are apart by a space
+    cam: str  #: names of the cams, separated by a space
     rig: str
     title: str
     date: str
@@ -49,102 +56,106 @@ class RecordedSheet:
 
 
 def to_text(sheet: RecordedSheet) -> str:
-    """The file's text."""
+    """Return the text of the sheet's file."""
     out = io.StringIO()
     out.write(f"# {TITLE}: {sheet.lab}\n")
     writer = csv.writer(out, lineterminator="\n")
-    for key in HEAD:
+    for key in HEADER_KEYS:
         if value := getattr(sheet, key):
-            # in one cell: what stands after a comma could become a formula
+            # one cell, because a spreadsheet could take text after a comma for a formula
             writer.writerow([f"# {key}: {' '.join(value.split())}"])
     lab = LABS[sheet.lab]
     writer.writerow(lab.columns())
     for r in sheet.readings:
         setup = [getattr(r.setup, name) for name in lab.choices()]
-        more = [*([r.measured] if lab.measured else []), *([r.answer] if lab.answer else [])]
-        writer.writerow([r.number, *setup, r.rpm, *more])
+        values = [*([r.measured] if lab.measured else []), *([r.answer] if lab.answer else [])]
+        writer.writerow([r.number, *setup, r.rpm, *values])
     return out.getvalue()
 
 
 def read_sheet(path: Path) -> RecordedSheet:
-    """Read a sheet, as it was written or as a spreadsheet saved it."""
+    """Read a sheet as the panel wrote it or as a spreadsheet saved it.
+
+    Raises ConfigError if the file is not a lab sheet, or if a row is not valid.
+    """
     try:
-        return _parsed(read_bytes(path, MAX_BYTES).decode("utf-8-sig"))
+        return _parse(read_bytes(path, MAX_BYTES).decode("utf-8-sig"))
     except UnicodeDecodeError:
-        why = "is no text in UTF-8; allowed: a file that cam-rig panel --lab wrote"
+        reason = "is not UTF-8 text; allowed: a file that cam-rig panel --lab wrote"
     except OSError as error:
-        why = f"cannot be read ({error.strerror})"
+        reason = f"cannot be read ({error.strerror})"
     except ConfigError as error:
-        why = str(error)
-    raise ConfigError(f"{path}: {why}")
+        reason = str(error)
+    raise ConfigError(f"{path}: {reason}")
 
 
-def _parsed(text: str) -> RecordedSheet:
-    # Line by line: no quotation mark in a name reaches beyond its own.
+def _parse(text: str) -> RecordedSheet:
+    # Lines are parsed one by one, so that a quotation mark in a name affects only its line.
     lines = [line for line in text.splitlines() if line.strip(" ,")]
-    if (longest := max(map(len, lines), default=0)) > MAX_LINE:
-        raise ConfigError(f"a line has {longest} characters; allowed: {MAX_LINE}")
-    found = dict(_entry(line) for line in lines if _is_head(line))
-    body = [next(csv.reader([line])) for line in lines if not _is_head(line)]
-    if not {TITLE, *HEAD} - set(OPTIONAL) <= found.keys():
-        raise ConfigError("no lab sheet; allowed: a file that cam-rig panel --lab wrote")
-    lab = lab_of(found[TITLE])
+    if (longest := max(map(len, lines), default=0)) > MAX_LINE_LENGTH:
+        raise ConfigError(f"a line has {longest} characters; allowed: {MAX_LINE_LENGTH}")
+    header = dict(_header_entry(line) for line in lines if _is_header(line))
+    body = [next(csv.reader([line])) for line in lines if not _is_header(line)]
+    if not {TITLE, *HEADER_KEYS} - set(OPTIONAL_KEYS) <= header.keys():
+        raise ConfigError("not a lab sheet; allowed: a file that cam-rig panel --lab wrote")
+    lab = lab_of(header[TITLE])
     if not body or tuple(cell.strip() for cell in body[0]) != lab.columns():
-        raise ConfigError(f"the columns are others; allowed: {', '.join(lab.columns())}")
+        raise ConfigError(f"the columns differ; allowed: {', '.join(lab.columns())}")
     if not 0 < len(body) - 1 <= MAX_READINGS:
-        raise ConfigError(
-            f"has {len(body) - 1} readings; allowed: 1 to {MAX_READINGS}, so record one"
-        )
+        raise ConfigError(f"has {len(body) - 1} readings; allowed: 1 to {MAX_READINGS}")
     readings = tuple(_reading(lab, row) for row in body[1:])
-    words: dict[str, Any] = {key: found.get(key, "") for key in HEAD}
-    words["seed"] = words["seed"] or None
-    return RecordedSheet(found[TITLE], readings=readings, **words)
+    values: dict[str, Any] = {key: header.get(key, "") for key in HEADER_KEYS}
+    values["seed"] = values["seed"] or None
+    return RecordedSheet(header[TITLE], readings=readings, **values)
 
 
-def _is_head(line: str) -> bool:
+def _is_header(line: str) -> bool:
     return line.lstrip(' "').startswith("#")
 
 
-def _entry(line: str) -> tuple[str, str]:
-    """Key and value; a spreadsheet puts the line into quotation marks, and commas after it."""
-    words = ",".join(next(csv.reader([line]))).strip("#, ")
-    key, _, value = words.partition(":")
+def _header_entry(line: str) -> tuple[str, str]:
+    """Return key and value of a header line.
+
+    A spreadsheet puts the line into quotation marks and appends commas.
+    """
+    text = ",".join(next(csv.reader([line]))).strip("#, ")
+    key, _, value = text.partition(":")
     return key.strip(), value.strip()
 
 
 def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
     columns = lab.columns()
     cells = [cell.strip() for cell in row[: len(columns)]]
-    where = f"reading {shown(row[0], quoted=False)}"
+    context = f"reading {shown(row[0], quoted=False)}"
     if len(cells) < len(columns) or any(cell.strip() for cell in row[len(columns) :]):
-        raise ConfigError(f"{where}: has {len(row)} cells; allowed: {len(columns)}")
-    given = dict(zip(columns, cells, strict=True))
-    # A row of such a lab has what was read, or an answer.
-    answered = bool(lab.answer and given[lab.answer])
-    blank = {"speed_rpm", lab.measured} if answered else {lab.answer}
+        raise ConfigError(f"{context}: has {len(row)} cells; allowed: {len(columns)}")
+    texts = dict(zip(columns, cells, strict=True))
+    # If the lab has a column for answers, a row contains either a reading or an answer.
+    is_answer = bool(lab.answer and texts[lab.answer])
+    blank = {"speed_rpm", lab.measured} if is_answer else {lab.answer}
     numbers = {
-        name: _in_file(where, name, cell)
-        for name, cell in given.items()
+        name: _number_in_cell(context, name, cell)
+        for name, cell in texts.items()
         if name != "cam" and not (name in blank and not cell)
     }
     chosen: dict[str, Any] = {
-        name: numbers.get(column) for name, column in COLUMNS.items() if column in given
+        name: numbers.get(column) for name, column in COLUMNS.items() if column in texts
     }
-    if "cam" in given:
-        chosen["cam"] = None if answered else given["cam"]
+    if "cam" in texts:
+        chosen["cam"] = None if is_answer else texts["cam"]
     read = (numbers.get(name or "") for name in ("speed_rpm", lab.measured, lab.answer))
     return LabReading(int(numbers["reading"]), LabSetup(**chosen), *read)
 
 
-def _in_file(where: str, name: str, cell: str) -> float:
-    number = number_in(cell)
-    if number is None or (name in POSITIVE and number <= 0.0):
-        raise ConfigError(f"{where}: {name} is {shown(cell)}; allowed: a number above 0")
+def _number_in_cell(context: str, name: str, cell: str) -> float:
+    number = parse_number(cell)
+    if number is None or (name in POSITIVE_COLUMNS and number <= 0.0):
+        raise ConfigError(f"{context}: {name} is {shown(cell)}; allowed: a number above 0")
     return number
 
 
-def number_in(text: str) -> float | None:
-    """The finite number in a text, with a decimal point or a decimal comma."""
+def parse_number(text: str) -> float | None:
+    """Return the finite number in a text with a decimal point or comma, else None."""
     try:
         number = float(text.strip().replace(",", "."))
     except ValueError:
@@ -152,16 +163,19 @@ def number_in(text: str) -> float | None:
     return number if math.isfinite(number) else None
 
 
-# The readings of one sheet as they are taken: in a file after every one of them.
+# The readings of one sheet, written to its file after each reading.
 
-#: Decimals of a speed (rpm) that are kept.
-DECIMALS = 2
+#: Number of decimals of a recorded speed (rpm).
+SPEED_DECIMALS = 2
 
 
 class Notebook:
-    """What is recorded, in a file from the first reading on; it may go on with its own."""
+    """Recorder of a sheet, with a file from the first reading on.
 
-    def __init__(self, sheet: LabSheet, out: Path, goes_on: bool = False) -> None:
+    If `resumes` is true, it continues the sheet's file and locks it against other panels.
+    """
+
+    def __init__(self, sheet: LabSheet, out: Path, resumes: bool = False) -> None:
         self.sheet, self._out = sheet, out
         self.path: Path | None = None
         cams, rig = " ".join(sheet.cams), sheet.rig
@@ -169,116 +183,135 @@ class Notebook:
         self.recorded = RecordedSheet(
             sheet.name, cams, rig.name, rig.title, date, "", sheet.seed, ()
         )
-        self._lock = self._hold() if goes_on else None
-        if goes_on and self._file().exists():
-            self._take(self._file())
+        self._lock = self._acquire_lock() if resumes else None
+        if resumes and self._path().exists():
+            self._resume(self._path())
 
-    def _file(self, number: int = 1) -> Path:
-        """Where the sheet is kept; with a number where another sheet is there."""
+    def _path(self, number: int = 1) -> Path:
+        """Return the sheet's path. A number above 1 is added to the name."""
         stem = f"lab_{self.sheet.name}_{self.sheet.seed or self.sheet.rig.name}"
         return self._out / f"{stem}{f'_{number}' if number > 1 else ''}.csv"
 
-    def _hold(self) -> IO[str]:
-        """Keep others off the sheet for as long as this one lives, however it ends."""
-        place = self._file()
+    def _acquire_lock(self) -> IO[str]:
+        """Lock the sheet for the lifetime of the notebook.
+
+        The operating system releases the lock even if the process is killed. Raises OutputError if
+        another panel has the lock.
+        """
+        path = self._path()
         try:
             self._out.mkdir(parents=True, exist_ok=True)
-            lock = place.with_name(f".{place.stem}.lock").open("w")
+            lock = path.with_name(f".{path.stem}.lock").open("w")
         except OSError as error:
-            raise OutputError(f"{place}: cannot be written ({error.strerror})") from None
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.close()
             raise OutputError(
-                f"{place}: another panel writes it; allowed: to end that one, or another --out"
+                f"{path}: another panel writes it; end that panel, or use another --out"
             ) from None
         return lock
 
-    def _take(self, path: Path) -> None:
-        """Go on with a sheet; refused for one of something else. An empty one was just claimed."""
+    def _resume(self, path: Path) -> None:
+        """Continue the sheet of a file.
+
+        An empty file was created just before its process ended. Raises ConfigError if the file is
+        the sheet of another lab, cam, rig or seed.
+        """
         self.path = path
         if not path.stat().st_size:
             return
-        there = read_sheet(path)
+        stored = read_sheet(path)
         for key in ("lab", "cam", "rig", "seed"):
-            if getattr(there, key) != getattr(self.recorded, key):
+            if getattr(stored, key) != getattr(self.recorded, key):
                 raise ConfigError(
-                    f"{path}: is of {key} {getattr(there, key)}; allowed: of "
-                    f"{getattr(self.recorded, key)}, so name another --out, or move it away"
+                    f"{path}: {key} is {getattr(stored, key)}; allowed: "
+                    f"{getattr(self.recorded, key)}; use another --out, or move the file"
                 )
-        self.recorded = there
+        self.recorded = stored
 
-    def setup(self, given: dict[str, Any], but: tuple[str, ...] = ()) -> LabSetup:
-        """The set-up that a page names by the numbers on the sheet; ``but`` is not asked about."""
+    def setup(self, data: dict[str, Any], ignored: tuple[str, ...] = ()) -> LabSetup:
+        """Return the set-up that a page's data define, by the numbers on the sheet.
+
+        The fields in `ignored` are None. Raises RefusedError if a value is not an option of the
+        sheet.
+        """
         chosen: dict[str, Any] = {}
         for name, allowed in self.sheet.options.items():
-            value = given.get(name)
-            if name in but:
+            value = data.get(name)
+            if name in ignored:
                 continue
             if isinstance(value, bool) or value not in allowed:
-                words = ", ".join(f"{one:g}" if is_number(one) else one for one in allowed)
-                raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: {words}")
+                text = ", ".join(f"{v:g}" if is_number(v) else v for v in allowed)
+                raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: {text}")
             chosen[name] = value
         return LabSetup(**chosen)
 
-    def speed(self, given: dict[str, Any]) -> float:
-        """The speed (rpm) that a page names."""
-        rpm, (low, high) = given.get("rpm"), self.sheet.knob
+    def speed(self, data: dict[str, Any]) -> float:
+        """Return the speed (rpm) of a page's data, or raise RefusedError."""
+        rpm, (low, high) = data.get("rpm"), self.sheet.knob
         if not (is_number(rpm) and low <= rpm <= high):
             raise RefusedError(f"rpm: is {str(rpm)[:40]!r}; allowed: {low:g} to {high:g}")
-        return round(float(rpm), DECIMALS)
+        return round(float(rpm), SPEED_DECIMALS)
 
     @property
-    def next(self) -> int:
+    def next_number(self) -> int:
         """Number of the next row."""
         return len(self.recorded.readings) + 1
 
-    def record(self, given: dict[str, Any]) -> LabReading:
-        """Take a reading, and write the file."""
-        setup, rpm = self.setup(given), self.speed(given)
+    def record(self, data: dict[str, Any]) -> LabReading:
+        """Record a reading, write the file, and return the reading.
+
+        Raises RefusedError if the data are not valid, or if contact is lost and a value must be
+        measured.
+        """
+        setup, rpm = self.setup(data), self.speed(data)
         measured = None
         if self.sheet.measured:
-            measured = self.sheet.turn(setup, rpm, self.next).measured
+            measured = self.sheet.turn(setup, rpm, self.next_number).measured
             if measured is None:
                 raise RefusedError(f"reading: contact is lost at {rpm:g} rpm; allowed: below")
-        return self._add(LabReading(self.next, setup, rpm, measured))
+        return self._add(LabReading(self.next_number, setup, rpm, measured))
 
-    def answer(self, given: dict[str, Any]) -> LabReading:
-        """Take an answer, a number or its text, and write the file."""
-        found = number_in(str(given.get("answer")))
-        if not self.sheet.answer or found is None or found <= 0.0:
-            what = f"a number above 0, in {self.sheet.unit}" if self.sheet.answer else "readings"
-            raise RefusedError(f"answer: is {str(given.get('answer'))[:40]!r}; allowed: {what}")
-        return self._add(LabReading(self.next, self.setup(given, but=("cam",)), answer=found))
+    def answer(self, data: dict[str, Any]) -> LabReading:
+        """Record an answer, write the file, and return the row.
+
+        The answer is a number or its text. Raises RefusedError if it is not a number above 0.
+        """
+        text = str(data.get("answer"))
+        value = parse_number(text)
+        if not self.sheet.answer or value is None or value <= 0.0:
+            rule = f"a number above 0, in {self.sheet.unit}" if self.sheet.answer else "readings"
+            raise RefusedError(f"answer: is {text[:40]!r}; allowed: {rule}")
+        setup = self.setup(data, ignored=("cam",))
+        return self._add(LabReading(self.next_number, setup, answer=value))
 
     def _add(self, reading: LabReading) -> LabReading:
         readings = self.recorded.readings
         if len(readings) >= MAX_READINGS:
-            raise RefusedError(
-                f"reading: {MAX_READINGS} are recorded; allowed: no more, begin another sheet"
-            )
-        self._keep(replace(self.recorded, readings=(*readings, reading)))
+            raise RefusedError(f"reading: limit of {MAX_READINGS} reached; start another sheet")
+        self._save(replace(self.recorded, readings=(*readings, reading)))
         return reading
 
-    def name(self, student: Any) -> None:
-        """Put the student's name on the sheet."""
+    def set_student(self, student: Any) -> None:
+        """Write the student's name on the sheet, or raise RefusedError."""
         if not isinstance(student, str) or len(student) > MAX_NAME or not student.isprintable():
             raise RefusedError(f"student: allowed: a line of {MAX_NAME} characters")
-        self._keep(replace(self.recorded, student=student.strip()))
+        self._save(replace(self.recorded, student=student.strip()))
 
-    def _keep(self, recorded: RecordedSheet) -> None:
+    def _save(self, recorded: RecordedSheet) -> None:
         if recorded.readings:
-            self.path = self.path or self._claim()
-            with writing(self.path) as part:
-                part.write_text(to_text(recorded), encoding="utf-8")
+            self.path = self.path or self._create_file()
+            with writing(self.path) as temporary:
+                temporary.write_text(to_text(recorded), encoding="utf-8")
         self.recorded = recorded
 
-    def _claim(self) -> Path:
-        """A file of one's own: another's is not overwritten."""
+    def _create_file(self) -> Path:
+        """Create a new file for the sheet. Existing files are not overwritten."""
         number = 1
         while True:
-            path = self._file(number)
+            path = self._path(number)
             try:
                 self._out.mkdir(parents=True, exist_ok=True)
                 path.open("x").close()
@@ -290,8 +323,8 @@ class Notebook:
             except OSError as error:
                 raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
 
-    def page(self) -> dict[str, Any]:
-        """What a page is shown of it."""
+    def page_data(self) -> dict[str, Any]:
+        """Return the data that a page displays of the notebook."""
         return {
             "student": self.recorded.student,
             "file": None if self.path is None else str(self.path),
@@ -299,14 +332,14 @@ class Notebook:
         }
 
     def _row(self, reading: LabReading) -> dict[str, Any]:
-        """With where it is in the plot, which marker it has, and whether that is full."""
+        """Return a reading with its position and marker in the plot."""
         sheet, setup = self.sheet, asdict(reading.setup)
-        found = {key: value for key, value in asdict(reading).items() if key != "setup"} | setup
+        row = {key: value for key, value in asdict(reading).items() if key != "setup"} | setup
         if reading.rpm is not None:
             x, y = sheet.point(reading)
             marker = sheet.options[sheet.marker].index(setup[sheet.marker])
-            full = (
+            is_full = (
                 sheet.filled is not None and setup[sheet.filled] != sheet.options[sheet.filled][0]
             )
-            found["point"] = {"x": x, "y": y, "marker": marker, "full": full}
-        return found
+            row["point"] = {"x": x, "y": y, "marker": marker, "full": is_full}
+        return row

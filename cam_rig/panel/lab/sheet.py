@@ -1,4 +1,4 @@
-"""A lab sheet: what it asks for, the set-ups that there are for it, and the rig behind it."""
+"""Frame of every lab sheet: question, set-ups, and the rig that is measured."""
 
 from __future__ import annotations
 
@@ -21,15 +21,20 @@ from cam_rig.laws.cam import require_sprung
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import FloatArray
 
-#: A seed is part of a file's name.
+#: Pattern of a seed, which becomes part of a file's name.
 SEED_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
-#: The knob begins and ends at these parts of the least and the greatest speed that one expects.
-KNOB_FROM, KNOB_TO = 0.5, 1.25
+#: Lowest speed of the knob, relative to the lowest expected speed.
+KNOB_FROM = 0.5
+#: Highest speed of the knob, relative to the highest expected speed.
+KNOB_TO = 1.25
 
 
 @dataclass(frozen=True)
 class LabSetup:
-    """Spring (N/m), added mass (kg), preload (N), cam's name; None: as the lab has it."""
+    """Set-up: spring stiffness (N/m), added mass (kg), preload (N), name of the cam.
+
+    A field is None if the lab does not vary it.
+    """
 
     spring_stiffness: float | None = None
     added_mass: float | None = None
@@ -39,10 +44,11 @@ class LabSetup:
 
 @dataclass(frozen=True)
 class LabReading:
-    """A row of a sheet: its number from 1 on, the set-up by the sheet, and the speed (rpm).
+    """Row of a sheet.
 
-    Beside the speed what an instrument showed, where the lab has one. Where what is asked is not
-    itself read, a row has the ``answer`` alone.
+    `number` starts at 1. `setup` contains the numbers on the sheet. `rpm` is the speed and
+    `measured` the reading of the instrument, if the lab has one. If the lab asks for a quantity
+    that is not read directly, a row of an answer contains only `answer`.
     """
 
     number: int
@@ -54,11 +60,12 @@ class LabReading:
 
 @dataclass(frozen=True, eq=False)
 class LabTurn:
-    """A turn of the steady state as it is observed at a speed.
+    """Observed turn of the steady state at a speed.
 
-    ``curve`` has points at equal steps of the cam angle from 0 on, as its sensor resolves them;
-    ``sound`` is of full scale, to be repeated; ``measured`` is what the lab's instrument shows.
-    ``was_lost``: contact was lost on the way up to this speed. Empty where nothing can be seen.
+    `curve` has the resolution of its sensor, at equal steps of the cam angle from 0. `sound` is of
+    full scale and is played in a loop. `measured` is the reading of the lab's instrument.
+    `was_lost` is true if contact was lost on the way up to this speed. The arrays are empty if
+    the turn cannot be observed.
     """
 
     contact_lost: bool
@@ -68,43 +75,62 @@ class LabTurn:
     measured: float | None = None
 
 
-#: From and to, of a knob or an axis.
+#: Lowest and highest value of a knob or an axis.
 Span = tuple[float, float]
 
 
-def drawn(lab: str, seed: str, number: str, tolerance: float) -> float:
-    """The factor on a number: in 1 ± ``tolerance``, evenly, the same for the same words."""
+def hidden_factor(lab: str, seed: str, number: str, tolerance: float) -> float:
+    """Return the factor between a hidden number and the number on the sheet.
+
+    Parameters
+    ----------
+    lab, seed, number : str
+        Names of the lab, the seed and the number. Equal names give equal factors on every machine.
+    tolerance : float
+        Largest relative difference.
+
+    Returns
+    -------
+    float
+        Factor between 1 - tolerance and 1 + tolerance, uniformly distributed by SHA-256.
+    """
     data = hashlib.sha256(f"cam_rig\n{lab}\n{seed}\n{number}".encode()).digest()
     return 1.0 + tolerance * (2.0 * int.from_bytes(data[:8], "big") / (2**64 - 1) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class LabSheet(ABC):
-    """The frame of every lab: one or two cams, a rig; ``seed`` names the rig that is measured."""
+    """Sheet of a lab with one or two cams and a rig.
+
+    `seed` selects the hidden rig that is measured. Without a seed, the sheet's rig is measured.
+    """
 
     name: ClassVar[str]
-    #: What can be set up: fields of `LabSetup`, and the parts of the rig's own number that there
-    #: are; of the added mass kg.
-    parts: ClassVar[Mapping[str, tuple[float, ...]]] = {}
-    #: By which part the hidden rig's numbers may differ from those on the sheet, either way.
+    #: Options by field of `LabSetup`, as multiples of the rig's number. Those of the added mass are
+    #: in kg.
+    multiples: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    #: Largest relative difference of each number of the hidden rig from the sheet, both ways.
     tolerances: ClassVar[Mapping[str, float]]
-    #: Column of what an instrument shows beside the speed.
+    #: Column of the instrument's reading, None if only the speed is read.
     measured: ClassVar[str | None] = None
-    #: What is asked for, its unit, and its column where it is not the speed that is read.
-    asked: ClassVar[str]
+    #: Quantity that an answer gives, such as the jump speed.
+    question: ClassVar[str]
+    #: Unit of the answer.
     unit: ClassVar[str]
+    #: Column of the answer, None if the answer is the speed of a reading.
     answer: ClassVar[str | None] = None
-    #: How the true value is defined, in a sentence.
+    #: Definition of the true value.
     truth: ClassVar[str]
-    #: By how much (%) an answer may be off, if nothing else is said.
-    within: ClassVar[float] = 1.0
-    #: The set-up's field that has a marker each, and the one whose second value fills it.
+    #: Tolerance (%) of an answer, unless another is given.
+    default_tolerance: ClassVar[float] = 1.0
+    #: Field of the set-up whose values have different markers in the plot.
     marker: ClassVar[str] = "added_mass"
+    #: Field of the set-up that fills the marker unless it has its first value, None if none does.
     filled: ClassVar[str | None] = None
-    #: Whether a turn has a sound.
-    heard: ClassVar[bool] = True
-    #: The cam that is compared with the sheet's, if no other is named.
-    beside: ClassVar[str | None] = None
+    #: True if a turn has a sound.
+    has_sound: ClassVar[bool] = True
+    #: Second cam unless another is named, None if the lab has one cam.
+    default_other_cam: ClassVar[str | None] = None
 
     cam: CamConfig
     rig: RigConfig
@@ -122,111 +148,117 @@ class LabSheet(ABC):
 
     @cached_property
     def cams(self) -> dict[str, CamConfig]:
-        """The sheet's cams by their names."""
+        """Cams of the sheet by name."""
         return {cam.name: cam for cam in (self.cam, self.other) if cam is not None}
 
     @cached_property
     def laws(self) -> dict[str, Law]:
-        """Their laws."""
+        """Laws of the cams by name."""
         return {name: build_law(cam) for name, cam in self.cams.items()}
 
     @property
     def law(self) -> Law:
-        """The first cam's."""
+        """Law of the first cam."""
         return self.laws[self.cam.name]
 
     @cached_property
     def options(self) -> dict[str, list[Any]]:
-        """What can be chosen, by the field of `LabSetup`; to three digits as a catalogue has it."""
-        own = self.rig.follower
-        found: dict[str, list[Any]] = {}
-        for name, parts in self.parts.items():
-            unit = 1.0 if name == "added_mass" else getattr(own, name).si
-            found[name] = [float(f"{unit * part:.3g}") for part in parts]
-        return found
+        """Options by field of `LabSetup`, rounded to three digits as in a catalogue."""
+        options: dict[str, list[Any]] = {}
+        for name, multiples in self.multiples.items():
+            unit = 1.0 if name == "added_mass" else getattr(self.rig.follower, name).si
+            options[name] = [float(f"{unit * multiple:.3g}") for multiple in multiples]
+        return options
 
     @cached_property
     def setups(self) -> list[LabSetup]:
-        """Every set-up that there is."""
-        every = product(*self.options.values())
-        return [LabSetup(**dict(zip(self.options, values, strict=True))) for values in every]
+        """All set-ups of the sheet."""
+        combinations = product(*self.options.values())
+        return [LabSetup(**dict(zip(self.options, c, strict=True))) for c in combinations]
 
     @property
-    def asked_setups(self) -> list[LabSetup]:
-        """Those that an answer may be of: cams are compared, and not asked about."""
+    def answerable_setups(self) -> list[LabSetup]:
+        """Set-ups that have an answer. They have no cam, as cams are only compared."""
         return list(dict.fromkeys(replace(setup, cam=None) for setup in self.setups))
 
     def true_rig(self, setup: LabSetup, seed: str | None) -> RigConfig:
-        """The rig as it is set up, with its true numbers; no seed: the sheet's own."""
+        """Return the rig of a set-up with its true numbers.
 
-        def factor(kind: str, which: float) -> float:
+        If `seed` is None, they are the numbers on the sheet.
+        """
+
+        def factor(kind: str, option: float) -> float:
             if seed is None or kind not in self.tolerances:
                 return 1.0
-            return drawn(self.name, seed, f"{kind} {which:.6g}", self.tolerances[kind])
+            return hidden_factor(self.name, seed, f"{kind} {option:.6g}", self.tolerances[kind])
 
-        own = self.rig.follower
+        follower = self.rig.follower
         spring, preload = setup.spring_stiffness, setup.preload
-        spring = own.spring_stiffness.si if spring is None else spring
-        preload = own.preload.si if preload is None else preload
+        spring = follower.spring_stiffness.si if spring is None else spring
+        preload = follower.preload.si if preload is None else preload
         numbers = {
             "spring_stiffness": spring * factor("spring_stiffness", spring),
-            # the follower, and each weight, is a body of its own
-            "mass": own.mass.si * factor("mass", 0.0)
+            # the follower and each weight have different factors
+            "mass": follower.mass.si * factor("mass", 0.0)
             + (added := setup.added_mass or 0.0) * factor("mass", added),
             "preload": preload * factor("preload", preload),
-            "damping": own.damping.si * factor("damping", 0.0),
+            "damping": follower.damping.si * factor("damping", 0.0),
         }
-        if own.stem_damping is not None:
-            numbers["stem_damping"] = own.stem_damping.si * factor("damping", 1.0)
-        if own.stem_stiffness is not None:
-            numbers["stem_stiffness"] = own.stem_stiffness.si * factor("stem_stiffness", 0.0)
+        if follower.stem_damping is not None:
+            numbers["stem_damping"] = follower.stem_damping.si * factor("damping", 1.0)
+        if follower.stem_stiffness is not None:
+            numbers["stem_stiffness"] = follower.stem_stiffness.si * factor("stem_stiffness", 0.0)
         return self.rig.with_follower(**numbers)
 
     @classmethod
     def columns(cls) -> tuple[str, ...]:
-        """Of the sheet's file."""
-        own = [COLUMNS[name] for name in cls.choices()]
-        more = [column for column in (cls.measured, cls.answer) if column]
-        return ("reading", *own, "speed_rpm", *more)
+        """Return the columns of the sheet's file."""
+        setup_columns = [COLUMNS[name] for name in cls.choices()]
+        value_columns = [column for column in (cls.measured, cls.answer) if column]
+        return ("reading", *setup_columns, "speed_rpm", *value_columns)
 
     @classmethod
     def choices(cls) -> tuple[str, ...]:
-        """Fields of `LabSetup` that can be chosen."""
-        return (*cls.parts, *(["cam"] if cls.beside else []))
+        """Return the fields of `LabSetup` that can be chosen."""
+        return (*cls.multiples, *(["cam"] if cls.default_other_cam else []))
 
     @property
     @abstractmethod
     def knob(self) -> Span:
-        """Speeds (rpm) of the knob, by the sheet's numbers."""
+        """Speeds (rpm) of the knob, by the numbers on the sheet."""
 
     @abstractmethod
     def true(self, setup: LabSetup) -> float:
-        """The true answer of a set-up, in ``unit``."""
+        """Return the true answer of a set-up, in `unit`."""
 
     @abstractmethod
     def turn(self, setup: LabSetup, rpm: float, number: int) -> LabTurn:
-        """What is seen of a set-up at a speed (rpm) while the reading of a number is taken."""
+        """Return the observed turn of a set-up at a speed (rpm) for a reading's number."""
 
     @property
     @abstractmethod
     def plot(self) -> tuple[Span, Span]:
-        """Where x and y of the readings' plot begin and end; y grows with what is drawn."""
+        """Ranges of x and y in the plot of the readings. y grows upwards."""
 
     @abstractmethod
     def point(self, reading: LabReading) -> tuple[float, float]:
-        """Where a reading is in the plot."""
+        """Return the position of a reading in the plot."""
 
     @abstractmethod
     def theory(self) -> list[FloatArray]:
-        """Curves at `CURVE` equal steps of x by the sheet's numbers, one a marker or for all."""
+        """Return the curves of theory by the numbers on the sheet.
+
+        They are evaluated at `CURVE_POINTS` equal steps of x. There is one curve per marker, or one
+        for all.
+        """
 
 
-#: Fields of a set-up as columns of a file.
+#: Columns of a file by field of a set-up.
 COLUMNS = {
     "spring_stiffness": "spring_N_m",
     "added_mass": "added_mass_kg",
     "preload": "preload_N",
     "cam": "cam",
 }
-#: Points of a curve of theory over the whole axis, its ends among them.
-CURVE = 401
+#: Number of points of a curve of theory over the whole axis, ends included.
+CURVE_POINTS = 401
