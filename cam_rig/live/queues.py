@@ -23,7 +23,7 @@ SAMPLE_TIME_ATOL_S = 1e-6
 
 
 class FollowerQueue:
-    """Combines the drive's states and the law server's laws into ticks."""
+    """Combines the states of the drive and the laws of the law server into ticks."""
 
     def __init__(self, simulator: FollowerSimulator, scene: SceneConfig) -> None:
         self._simulator = simulator

@@ -166,7 +166,7 @@ class CamDrive(ClockSource):
         self.set_pacing(self.settings["pacing"])
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self._controls = DriveControls(self)
-        server.watch(self.program.expects, self.program.mounted)
+        server.watch(self.program.expects, self.program.on_mounted)
         self.start_flow(consumers, self.program.flow)
 
     def set_pacing(self, pacing: str) -> None:
@@ -232,7 +232,7 @@ class CamDrive(ClockSource):
             self.publish_time(time_ns)
 
     def _on_refused(self, cam: str, reason: str) -> None:
-        self.program.refused(cam)
+        self.program.on_refused(cam)
         self.reject(RefusedError(f"cam {cam!r}: refused by the law server ({reason})"))
 
     def _on_law(self, message: Float64MultiArray) -> None:

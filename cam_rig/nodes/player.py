@@ -43,7 +43,7 @@ class Player(ClockSource):
         played_state = self._next
         if played_state is None or not self._flow.may_send() or not self._is_weighted(played_state):
             return False
-        self._flow.sent(played_state.state.time_ns)
+        self._flow.record_sent(played_state.state.time_ns)
         for topic, cdr in played_state.messages:
             self._publishers_by_topic[topic].publish(cdr)
         self.report_sent(played_state.state, self._sent)
