@@ -143,7 +143,7 @@ class ClockSource(RigNode):
                 text = f"no answer for {patience:g} s after {self.pending_text()}"
             self.fail(RunError(f"{text}; is it running?"))
         if (due := self.time_until_due()) > 0.0:
-            # rclpy has no one-shot timer: _on_due cancels this one
+            # rclpy does not provide one-shot timers, so that _on_due cancels the timer
             self._due_timer.timer_period_ns = max(MIN_TIMER_NS, int(due * 1e9))
             self._due_timer.reset()
 

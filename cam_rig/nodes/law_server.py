@@ -77,7 +77,7 @@ class LawServer(RigNode):
 
 
 def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
-    """Return the contour of a cam (m, in its own frame), or of the first of conjugate cams."""
+    """Return the contour of a cam (or of the first of conjugate cams) in m, in the cam's frame."""
     message = PolygonStamped(header=to_header(0, law.name))
     message.polygon.points = [
         Point32(x=float(x), y=float(y), z=0.0) for x, y in contour_of(cam, law).T

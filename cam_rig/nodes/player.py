@@ -39,7 +39,7 @@ class Player(ClockSource):
         self.start_flow(consumers, FlowControl(consumers))
 
     def send_next(self) -> bool:
-        """Publish the next state with its messages, and return True; return False if it waits."""
+        """Publish the next state with its messages and return True, or return False if it waits."""
         played_state = self._next
         if played_state is None or not self._flow.may_send() or not self._is_weighted(played_state):
             return False
@@ -52,7 +52,7 @@ class Player(ClockSource):
         return True
 
     def _is_weighted(self, played_state: Played) -> bool:
-        """Return True if the microphone measures the recorded quantity, or request it."""
+        """Return True if the microphone measures the recorded quantity, else request it."""
         quantity = played_state.quantity or self._quantity
         if quantity == self._quantity:
             return True

@@ -35,10 +35,12 @@ SIGNAL_POLL_S = 0.1
 #: Time (s, wall clock) for DDS to shut down, which usually takes less than one second. It is
 #: shorter than the time after which the runner kills a node.
 MAX_TEARDOWN_S = 3
-#: Times (s, wall clock) for the error of a node that cannot start to reach /rosout: to discover a
-#: subscriber, which takes 0.06 to 0.08 s on a free machine, to poll for it, and to deliver.
+#: Time (s, wall clock) to discover a subscriber of /rosout, for the error of a node that cannot
+#: start. The discovery takes 0.06 to 0.08 s on an idle machine.
 ROSOUT_DISCOVERY_S = 0.5
+#: Period (s, wall clock) at which the number of these subscribers is polled.
 ROSOUT_POLL_S = 0.02
+#: Time (s, wall clock) to deliver the error to the subscribers.
 ROSOUT_DELIVERY_S = 0.2
 
 
@@ -64,7 +66,7 @@ def bounded(failed: bool = False) -> Iterator[None]:
     """End the process if DDS does not shut down within `MAX_TEARDOWN_S`.
 
     The process ends by SIGALRM, which the runner counts as code 0, or with code 1 if the node has
-    `failed`. If another node leaves while this one announces itself, Fast DDS can deadlock
+    `failed`. If another node leaves while this node announces itself, Fast DDS can deadlock
     (eProsima/Fast-DDS issue 6502). All work of the node is done by then.
     """
     with open(os.devnull, "w", encoding="utf-8") as devnull:
@@ -102,7 +104,7 @@ def run(name: str, make: Callable[[], RigNode]) -> None:
 
 
 def first_line(error: Exception) -> str:
-    """Return the text of an error of rcl without the places in its source files."""
+    """Return the text of an error of rcl without the positions in its source files."""
     return str(error).splitlines()[0].split(", at ")[0]
 
 

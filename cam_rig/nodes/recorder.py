@@ -92,7 +92,7 @@ class Recorder(RigNode):
         number = info["publication_sequence_number"] or 0
         stamps = self._bag.take(topic, cdr, gid_of(info), number)
         for stamp in stamps:
-            # Written directly, not through DDS: the recorder does not wait for its own message.
+            # Written directly, because the recorder does not receive its messages through DDS.
             if message := self.diagnostics.report(stamp, OK, "recording"):
                 self._bag.take(topics.DIAGNOSTICS, serialize_message(message))
         if stamps:
@@ -133,7 +133,7 @@ class Recorder(RigNode):
 
     @property
     def _is_unused(self) -> bool:
-        """True if the node stayed for another run, and none was started."""
+        """True if the node stayed for another run, and no run was started."""
         return self.runs_before > 0 and self._bag.count == 0
 
     def summary(self) -> str:

@@ -23,7 +23,7 @@ class PublisherMonitor:
     """Ends the run if another node publishes on one of the topics of this node.
 
     The number of publishers is polled, because the matched event of rclpy reports only endpoints
-    that match this node's own subscriptions, and an owner does not subscribe to its own topics.
+    that match a subscription of this node, and an owner does not subscribe to its topics.
     """
 
     def __init__(self, node: RigNode) -> None:

@@ -40,9 +40,9 @@ MAX_BLOCKED_S = 60.0
 #: Time (s, wall clock) for messages in transit at the end of a run. The runner kills a node that
 #: has not ended after 10 s.
 MAX_DRAIN_S = 3.0
-#: Duration (s, wall clock) of one spin while draining, and number of spins without a message
-#: after which the queues are considered empty.
+#: Duration (s, wall clock) of a spin while messages in transit are processed.
 DRAIN_SPIN_S = 0.02
+#: Number of spins without a message after which the queues are considered empty.
 QUIET_SPINS = 5
 #: Exceptions that reading a message of the right type but with invalid content can raise.
 INVALID_CONTENT = (
@@ -94,7 +94,7 @@ class RigNode(Node):
     their timers with `create_wall_timer`. These catch errors: a message that cannot be used is
     logged as a warning, and any other error of the rig ends the process through `fail`.
 
-    All callbacks run on the one thread of the executor, so the state of a node needs no lock. The
+    All callbacks run on the thread of the executor, so the state of a node needs no lock. The
     signal handler that calls `interrupt` runs on the same thread.
 
     Attributes
@@ -112,7 +112,8 @@ class RigNode(Node):
     """
 
     #: True if callbacks need the publisher and sequence number of each message. The events
-    #: executor of rclpy does not pass them; the other one uses 0.1 ms more CPU time per message.
+    #: executor of rclpy does not pass them. The other executor uses 0.1 ms more CPU time per
+    #: message.
     needs_message_info = False
     #: Nodes whose messages this node needs before its first tick.
     waits_for: tuple[str, ...] = ("cam_drive",)
@@ -169,11 +170,11 @@ class RigNode(Node):
                 )
 
     def _require_own_topic(self, topic: Topic) -> None:
-        """Raise ConfigError if a topic is remapped: nodes and bags know it by its own name."""
+        """Raise ConfigError if a topic is remapped: nodes and bags need its original name."""
         expected = topic.within(self.get_namespace().rstrip("/"))
-        if (found := self.resolve_topic_name(topic.relative)) != expected:
+        if (actual := self.resolve_topic_name(topic.relative)) != expected:
             raise ConfigError(
-                f"the topic {expected} cannot be remapped, got {found}; remove the remapping, or "
+                f"the topic {expected} cannot be remapped, got {actual}; remove the remapping, or "
                 "separate rigs by namespace: -r __ns:=/rig1"
             )
 
@@ -314,7 +315,7 @@ class RigNode(Node):
 
     @property
     def stays(self) -> bool:
-        """True if the run has ended and this process waits for another one."""
+        """True if the run has ended and this process waits for another run."""
         return bool(self.rig_endpoints) and self.settings.get("at_end") == STAY
 
     def monitor_run_end(self) -> None:
@@ -363,7 +364,7 @@ class RigNode(Node):
 
 
 def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks") -> str:
-    """Return how far a node has come at its end; a `total` of 0 is unknown."""
+    """Return the progress of a node at its end as text; a `total` of 0 is unknown."""
     if is_complete:
         return f"done with {done} {unit}"
     # a run that an operator has reset may have more ticks than its scene

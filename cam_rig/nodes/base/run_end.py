@@ -44,15 +44,15 @@ def find_endpoints(node: Node, *names: str) -> Endpoints:
     }
 
 
-def have_left(node: Node, known: Endpoints) -> bool:
-    """Return True if discovery reports none of the known publishers."""
-    present = find_endpoints(node, *known)
-    return not any(known[name] & present[name] for name in known)
+def have_left(node: Node, endpoints: Endpoints) -> bool:
+    """Return True if discovery does not report any of the endpoints."""
+    present = find_endpoints(node, *endpoints)
+    return not any(endpoints[name] & present[name] for name in endpoints)
 
 
-def wait_until_gone(node: Node, known: Endpoints, is_stopped: Callable[[], bool]) -> None:
-    """Block until all known publishers have left or `is_stopped` returns True."""
-    while not (have_left(node, known) or is_stopped()):
+def wait_until_gone(node: Node, endpoints: Endpoints, is_stopped: Callable[[], bool]) -> None:
+    """Block until all endpoints have left or `is_stopped` returns True."""
+    while not (have_left(node, endpoints) or is_stopped()):
         time.sleep(POLL_S)
 
 
@@ -60,7 +60,7 @@ def create_staying_node(name: str) -> Node:
     """Create a hidden node that keeps the DDS participant of the process between two runs.
 
     A participant that is created again in a process has the same identifier. A remote node that has
-    not noticed the end of the previous one would ignore the announcements of the new one.
+    not detected the end of the previous participant would ignore the announcements of the new one.
     """
     return rclpy.create_node(
         f"_{name}_between_runs",
