@@ -1,4 +1,4 @@
-"""Program of the drive: the next cam state, the next cam request and the end of the run."""
+"""Program of the drive: cam states, cam requests and end of the run."""
 
 from __future__ import annotations
 
@@ -107,7 +107,10 @@ class SetpointSchedule:
         self.state = replace(self.state, speed=speed)
 
     def mount(self, cam: str) -> None:
-        """Mount a cam until the scene mounts its next cam; an empty name ends the override."""
+        """Mount a cam until the scene mounts its next cam.
+
+        An empty name ends the override.
+        """
         planned = None if self._planned is None else self._planned.cam
         cams = None if planned is None or cam in (planned, "") else (planned, cam)
         self.state = replace(self.state, cam=cams)
@@ -129,7 +132,10 @@ class SetpointSchedule:
         return stopped
 
     def rewind(self) -> None:
-        """Restart the scene: commands end, rig time and θ continue from their present values."""
+        """Restart the scene without commands.
+
+        Rig time and θ continue from their present values.
+        """
         state, planned = self.state, self._planned
         if planned is None:
             return
@@ -189,7 +195,7 @@ REQUEST_RETRY_S = 1.0
 
 
 class DriveProgram:
-    """Program of the drive: releases the scene's states in order when all consumers can follow.
+    """Program of the drive, which releases the scene's states in order.
 
     A state is released when fewer than `MAX_TICKS_IN_FLIGHT` ticks are in flight, the law of its
     cam is known and its time has come. A new cam is requested when every tick of the previous cam
@@ -224,7 +230,7 @@ class DriveProgram:
 
     @property
     def done(self) -> bool:
-        """True if every state is sent, every tick acknowledged and the drive is not halted."""
+        """True if every state is sent and acknowledged and the drive is not halted."""
         at_end = self.schedule.next_state is None and not self.halted
         return at_end and self.flow.in_flight == 0
 
@@ -267,7 +273,10 @@ class DriveProgram:
             self.schedule.mount("")
 
     def wait(self, now: float) -> float:
-        """Return the time (s, wall clock) until the next state is due, 0 if it waits for a node."""
+        """Return the time (s, wall clock) until the next state is due.
+
+        The time is 0 if the state waits for a node.
+        """
         state = self.schedule.next_state
         return 0.0 if state is None else self.pacing.wait(state.time_ns, now)
 
@@ -288,7 +297,7 @@ class DriveProgram:
         self.schedule.command(speed or None)
 
     def require_speed(self, speed: float) -> None:
-        """Raise RefusedError if a speed (rad/s) is beyond the limits of a cam or of a tick."""
+        """Raise RefusedError if a speed (rad/s) is outside the limits."""
         low, high = self._speed_limits
         if speed != 0.0 and not low <= speed <= high:
             raise RefusedError(
@@ -297,7 +306,10 @@ class DriveProgram:
             )
 
     def run(self, running: bool) -> None:
-        """Resume the motion, or stop it after the current tick; rig time stops with the cam."""
+        """Resume the motion, or stop it after the current tick.
+
+        Rig time stops with the cam.
+        """
         if not running or not self.running:
             self.pacing.pause()
         self.running = running
@@ -313,7 +325,10 @@ class DriveProgram:
         return state
 
     def reset(self) -> None:
-        """Return to the start of the scene, stopped; rig time and θ continue."""
+        """Stop, and return to the start of the scene.
+
+        Rig time and θ continue.
+        """
         self.run(False)
         if self.schedule.overrides_cam:
             self._requested_cam = ""  # the operator's cam is still mounted
@@ -324,7 +339,10 @@ class DriveProgram:
         self.sent += 1
 
     def _is_ready(self, state: CamState, now: float) -> bool:
-        """Return True if the law of the state's cam is known, else request the cam if necessary."""
+        """Return True if the law of the state's cam is known.
+
+        Otherwise the cam is requested if necessary.
+        """
         has_law, is_overridden = state.cam in self.laws, self.schedule.overrides_cam
         if has_law and (is_overridden or state.cam == self._requested_cam):
             return True

@@ -1,4 +1,4 @@
-"""Flow control of the drive: a bounded number of ticks in flight, and pacing in wall-clock time.
+"""Flow control of the drive: limited ticks in flight, and wall-clock pacing.
 
 The bound makes every queue of the protocol bounded: a topic has one message per tick, so that a
 history of `HISTORY_DEPTH` messages never overflows.
@@ -28,7 +28,7 @@ MAX_WAITING = 2 * HISTORY_DEPTH
 
 
 class FlowControl:
-    """Counts the ticks sent, and those acknowledged by each consumer with their closing stamps."""
+    """Counters of the ticks sent, and of those acknowledged by each consumer."""
 
     def __init__(self, consumers: list[str]) -> None:
         self._acknowledged = dict.fromkeys(consumers, -1)
@@ -88,7 +88,10 @@ MAX_FACTOR = 1e3
 
 
 def pacing_of(value: object) -> object:
-    """Convert a bare number to a pacing, such as 20 to "20x"; return other values unchanged."""
+    """Convert a bare number to a pacing, such as 20 to "20x".
+
+    Other values are returned unchanged.
+    """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f"{Decimal(repr(value)):f}x" if math.isfinite(value) else str(value)
     is_number = isinstance(value, str) and re.fullmatch(r"\d+(?:\.\d+)?", value)
@@ -117,7 +120,7 @@ def factor_of(pacing: str) -> float | None:
 
 @dataclass
 class Pacing:
-    """Delays each state until its rig time has come. Lost time of a late run is not made up."""
+    """Delay of each state until its rig time has come."""
 
     #: Real-time factor, None for a free run, which never waits.
     factor: float | None = None
@@ -132,11 +135,11 @@ class Pacing:
         self.factor, self._reference, self.late = factor_of(pacing), None, 0.0
 
     def pause(self) -> None:
-        """Stop rig time until the next state is sent. This state is due at once."""
+        """Stop rig time until the next state is sent, which is then due at once."""
         self._is_paused = True
 
     def wait(self, rig_ns: int, now: float) -> float:
-        """Return the time (s) from wall-clock time `now` until the state at `rig_ns` is due."""
+        """Return the time (s) from `now` (wall clock) until a state at `rig_ns` is due."""
         if self.factor is None or self._reference is None or self._is_paused:
             return 0.0
         return max(0.0, self._due(rig_ns) - now)
@@ -178,7 +181,7 @@ MAX_LOST = 0.1
 
 
 class LostTime:
-    """Wall-clock time that a paced run has given up in a window, and the nodes it waited for.
+    """Wall-clock time lost by a paced run in a window, and the nodes waited for.
 
     `start` is the wall-clock time (s) at which the first window starts.
     """
@@ -196,7 +199,7 @@ class LostTime:
         self._waits[node] += 1
 
     def text(self, factor: float, now: float, window: float) -> str:
-        """Return a warning at the end of a window (s) in which much time was lost, else ""."""
+        """Return a warning if much time was lost in a window (s), else ""."""
         duration = now - self._start
         if duration < window:
             return ""

@@ -1,4 +1,4 @@
-"""Law server without ROS: mounting of cams, and checks of received laws and contours."""
+"""Law server without ROS: mounted cam, and checks of laws and contours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cam_rig.units import FloatArray
 
 
 class CamMounting:
-    """Cams of a scene's library, one of which is mounted (default: the first of the scene)."""
+    """Mounted cam of a scene's library (default: the first of the scene)."""
 
     def __init__(self, loaded: LoadedScene, cam: str = "") -> None:
         self._loaded = loaded
@@ -85,7 +85,7 @@ def contour_of(cam: CamConfig, law: Law) -> FloatArray:
 
 
 def require_own_law(loaded: LoadedScene, law: Law) -> None:
-    """Raise RefusedError if a law is not that of the cam's file in the scene's library."""
+    """Raise RefusedError if a law differs from that of the cam's file."""
     _mount(loaded, law.name)
     expected, file = loaded.laws[law.name], loaded.cam_files[law.name]
     for field in ("breaks", "ordinates"):
@@ -94,7 +94,10 @@ def require_own_law(loaded: LoadedScene, law: Law) -> None:
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
-    """Raise RefusedError if a contour, shape (2, n) in m, is not that of the cam's file."""
+    """Raise RefusedError if a contour differs from that of the cam's file.
+
+    `points` are in m, shape (2, n).
+    """
     _mount(loaded, cam)
     expected = contour_of(loaded.cams[cam], loaded.laws[cam])
     text = f"contour of {cam!r}: its points"

@@ -1,4 +1,4 @@
-"""Playback buffer of a paced run: samples of finished ticks at a constant wall-clock rate.
+"""Playback buffer of a paced run: samples at a constant wall-clock rate.
 
 The motion of a tick is known when the tick has ended. The playback is therefore one tick and a
 margin behind the drive. It shows the samples at which the cam was one tick ago.
@@ -35,7 +35,10 @@ class Tick(NamedTuple):
 
 
 class PlaybackSamples(NamedTuple):
-    """Indices of samples of a tick, and the wall-clock times (s) to show them, each shape (n,)."""
+    """Indices of samples of a tick and their times of display (s, wall clock).
+
+    Both arrays have shape (n,).
+    """
 
     tick: Tick
     indices: NDArray[np.int64]
@@ -119,7 +122,7 @@ class Playback:
         return min(self._position + self._rate * (now - self._since), self._end_ns)
 
     def samples_at(self, wall_times: FloatArray) -> PlaybackSamples | None:
-        """Return the samples to show at rising wall-clock times (s), or None without a new sample.
+        """Return the new samples to show at rising times (s, wall clock), or None.
 
         All samples are of one tick. Each sample is shown once.
         """

@@ -1,4 +1,7 @@
-"""Input queues of follower and microphone, whose messages arrive on two topics in any order."""
+"""Input queues of follower and microphone.
+
+Their messages arrive on two topics in any order.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ class FollowerQueue:
         self._waiting: deque[CamState] = deque()
 
     def add_law(self, law: Law) -> None:
-        """Add a law; a law of a known name is not replaced."""
+        """Add a law unless there is a law of this name."""
         try:
             self._simulator.model.require(law)
         except DynamicsError as error:

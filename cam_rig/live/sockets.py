@@ -1,4 +1,4 @@
-"""Loopback interface, and JSON lines over a Unix socket between a page's server and a node."""
+"""Loopback interface, and JSON lines between a page's server and a node."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LOOPBACK = "127.0.0.1"
 
 
 def require_loopback() -> None:
-    """Raise RunError if the loopback interface, which nodes and pages need, is not available."""
+    """Raise RunError if the loopback interface is not available."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((LOOPBACK, 0))
@@ -110,7 +110,10 @@ def line_of(message: dict[str, Any]) -> bytes:
 
 
 def read_line(line: bytes) -> dict[str, Any]:
-    """Return the object of a line of JSON; another content raises RunError."""
+    """Return the object of a line of JSON.
+
+    Any other content raises RunError.
+    """
     try:
         value = json.loads(line)
     except (ValueError, RecursionError):

@@ -17,7 +17,7 @@ MAX_SAMPLES = 1_000_000
 
 
 def speed_limits(scene: SceneConfig) -> tuple[float, float]:
-    """Return the lowest and the highest speed (rad/s) that may be commanded in a scene.
+    """Return the lowest and the highest speed (rad/s) of commands in a scene.
 
     At the highest speed a tick has `MIN_SAMPLES` samples. At the lowest speed it has half of
     `MAX_SAMPLES`.
@@ -86,7 +86,7 @@ class StateValidator:
 
 
 def require_possible(state: CamState) -> None:
-    """Raise RefusedError if time, angle or speed of a state are outside the limits of a rig."""
+    """Raise RefusedError if time, angle or speed are outside the limits of a rig."""
     is_angle = math.isfinite(state.angle) and abs(state.unwrapped) <= MAX_ANGLE
     if not (is_angle and math.isfinite(state.speed) and state.time_ns >= 0):
         raise RefusedError(

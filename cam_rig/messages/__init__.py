@@ -1,1 +1,1 @@
-"""Messages of the rig: topics, types, quality of service, conversion to and from numbers."""
+"""Messages of the rig: topics, types, quality of service and conversion."""

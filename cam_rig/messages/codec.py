@@ -1,4 +1,4 @@
-"""Conversion of laws, blocks of samples and cam states to and from the content of messages.
+"""Conversion of laws, blocks and cam states to and from messages.
 
 The module does not depend on message classes. Nodes (rclpy) and analysis (rosbags) share it.
 """
@@ -54,7 +54,7 @@ def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
 
 
 def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
-    """Return a law as an array, shape (n, p + 2): one row per piece, labelled with its name."""
+    """Return a law as a labelled array, shape (n, p + 2), one row per piece."""
     rows = np.column_stack([law.breaks[:-1], law.ordinates.T])
     return [(law.name, rows.shape[0]), (PIECE_LABEL, rows.shape[1])], rows
 
@@ -89,7 +89,7 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
-    """Return a block of samples, shape (6, n), as an array with a row for each of `COLUMNS`."""
+    """Return a block, shape (6, n), as a labelled array with rows `COLUMNS`."""
     return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
 
 
@@ -117,7 +117,10 @@ def block_of(message: Any) -> FloatArray:
 
 
 def rig_time(seconds: int, nanoseconds: int) -> int:
-    """Return a stamp as rig time in ns; an invalid stamp raises RefusedError."""
+    """Return a stamp as rig time in ns.
+
+    An invalid stamp raises RefusedError.
+    """
     if seconds < 0 or nanoseconds >= NS:
         raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
     return seconds * NS + nanoseconds
@@ -129,7 +132,7 @@ def stamp_ns(stamp: Any) -> int:
 
 
 def real_time_factor(value: float) -> float:
-    """Check the real-time factor of /rig/real_time_factor and return it; 0 is a free run."""
+    """Check and return the value of /rig/real_time_factor, 0 for a free run."""
     if value != 0.0 and not MIN_FACTOR <= value <= MAX_FACTOR:
         raise RefusedError(
             f"real-time factor: is {value:g}; allowed: 0, or {MIN_FACTOR:g} to {MAX_FACTOR:g}"
@@ -138,7 +141,7 @@ def real_time_factor(value: float) -> float:
 
 
 def cam_state_of(message: Any) -> CamState:
-    """Return the cam state of a JointState, whose frame is the name of the mounted cam.
+    """Return the cam state of a JointState, whose frame is the cam's name.
 
     Raises
     ------
@@ -159,7 +162,7 @@ def cam_state_of(message: Any) -> CamState:
 
 
 def _within_turn(state: CamState, angle: float) -> CamState:
-    """Return a state with its angle within the turn (rad), which has the full precision."""
+    """Return a state with the exact angle within the turn (rad)."""
     if not 0.0 <= angle < TURN:
         raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
     unwrapped = state.unwrapped
@@ -174,7 +177,10 @@ def _within_turn(state: CamState, angle: float) -> CamState:
 
 
 def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
-    """Return the data in the shape of the dimensions; `name` is the content in messages."""
+    """Return the data in the shape of the dimensions.
+
+    `name` is the content in error messages.
+    """
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:
         raise RefusedError(

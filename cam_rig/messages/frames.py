@@ -85,7 +85,7 @@ def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Rig of a scene as a robot: a link for each cam, one mounted cam and its follower."""
+    """Rig of a scene as a robot: a link per cam, the mounted cam, the follower."""
 
     loaded: LoadedScene
     mounted: CamConfig
@@ -93,14 +93,17 @@ class Robot:
 
     @classmethod
     def of(cls, loaded: LoadedScene, cam: str | None = None) -> Robot:
-        """Return the robot of a scene with a mounted cam (default: the first of the scene)."""
+        """Return the robot of a scene with a mounted cam (default: the first)."""
         name = loaded.scene.cams[0] if cam is None else cam
         law = loaded.law_of(name)
         return cls(loaded, loaded.cams[name], follower_shape(loaded.cams[name], law))
 
     @property
     def size(self) -> float:
-        """Largest distance of the follower from the shaft (m), to which display sizes scale."""
+        """Largest distance of the follower from the shaft (m).
+
+        Display sizes are in proportion to it.
+        """
         return self.shape.reach
 
     @property
@@ -115,7 +118,7 @@ class Robot:
 
     @property
     def max_force_and_velocity(self) -> tuple[float, float]:
-        """Largest contact force (N) and follower velocity (m/s) of all cams at `top_speed`."""
+        """Largest contact force (N) and velocity (m/s) of all cams at `top_speed`."""
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
         slopes = [abs(peak(self.loaded.laws[cam], 1).value) for cam in self.cams]
         return max(forces), max(slopes) * self.top_speed

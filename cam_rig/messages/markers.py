@@ -1,4 +1,4 @@
-"""Markers of contact point, contact force and gap (/follower/markers), and of the cam.
+"""Markers of contact point, contact force, gap and cam.
 
 Each message of /follower/markers is complete and independent of the previous messages. Marker 0 is
 the point of contact, or in flight the line from the cam's contour to the follower. Marker 1 is the
@@ -40,7 +40,7 @@ def point(x: float, y: float, z: float = 0.0) -> Any:
 
 
 def colour(rgba: int, opacity: float = 1.0) -> Any:
-    """Return a colour 0xRRGGBBAA of the palette as std_msgs/ColorRGBA, with another opacity."""
+    """Return a colour 0xRRGGBBAA as std_msgs/ColorRGBA, with another opacity."""
     red, green, blue = (((rgba >> shift) & 0xFF) / 255.0 for shift in (24, 16, 8))
     return new("std_msgs/ColorRGBA", red, green, blue, opacity)
 
@@ -156,7 +156,10 @@ class FollowerMarkers:
 
 
 def cam_markers(robot: Robot) -> bytes:
-    """Return the serialized MarkerArray of the mounted cam, with the contour of /cam/profile."""
+    """Return the serialized MarkerArray of the cam.
+
+    Its contour is equal to that of /cam/profile.
+    """
     cam, size = robot.mounted, robot.size
     outline, half = contour_of(cam, robot.law).T, 0.5 * DISC_THICKNESS * size
     strip = [point(float(x), float(y), half) for x, y in closed(outline)]

@@ -76,7 +76,7 @@ def instants_of(
     sample_rate: int,
     selection: int | Indices,
 ) -> Instants:
-    """Return the motion at selected instants of the tick between two states of the cam.
+    """Return the motion at selected instants of the tick between two states.
 
     Parameters
     ----------
@@ -137,14 +137,17 @@ def select_samples(lift: FloatArray, force: FloatArray, count: int) -> Indices:
 
 
 class Transforms:
-    """Serialized /tf and /tf_static of a robot, equal to those of robot_state_publisher."""
+    """Serialized /tf and /tf_static, as of robot_state_publisher."""
 
     def __init__(self, robot: Robot) -> None:
         self._joints, self._fixed = robot.moving, robot.fixed
         self._template = CdrTemplate("tf2_msgs/msg/TFMessage", self._example, 4 * len(self._joints))
 
     def moving(self, stamps: Indices, angle: FloatArray, lift: FloatArray) -> list[bytes]:
-        """Return a message of /tf for each stamp (ns); cam angle (rad) and lift (m), shape (n,)."""
+        """Return a message of /tf for each stamp (ns).
+
+        Cam angle (rad) and lift (m) have shape (n,).
+        """
         columns = list[FloatArray]()
         for joint in self._joints:
             position = angle if joint.name == CAM else lift * (joint.follows or 1.0)
@@ -172,7 +175,10 @@ class Transforms:
 
 
 def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
-    """Return x, y, z, w of rotations by roll, pitch and yaw (rad), about the parent's axes."""
+    """Return the quaternion x, y, z, w of roll, pitch and yaw (rad).
+
+    The rotations are about the parent's axes, in this order.
+    """
     (sr, cr), (sp, cp), (sy, cy) = ((math.sin(0.5 * a), math.cos(0.5 * a)) for a in rpy)
     return (
         sr * cp * cy - cr * sp * sy,
@@ -214,7 +220,10 @@ def joint_states(_robot: Robot) -> InstantMaker:
 
 
 def contact_force(_robot: Robot) -> InstantMaker:
-    """Return the maker of /follower/contact: the cam's force on the follower, along its travel."""
+    """Return the maker of /follower/contact.
+
+    The force is that of the cam on the follower, along its travel.
+    """
 
     def example(force: float) -> Any:
         vectors = (new("geometry_msgs/Vector3", 0.0, y, 0.0) for y in (force, 0.0))

@@ -1,4 +1,4 @@
-"""Serialization (CDR) of messages: single messages, many at once, and normalised bytes."""
+"""Serialization (CDR) of messages, one by one or many at once."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read_message(topic: Topic, cdr: bytes) -> tuple[Any, bytes]:
 
 
 def new(kind: str, *fields: Any) -> Any:
-    """Return a message of a type such as ``std_msgs/Header``, with its fields in their order."""
+    """Return a message of a type such as ``std_msgs/Header`` with its fields."""
     return TYPES.types[kind.replace("/", "/msg/")](*fields)
 
 
@@ -58,7 +58,7 @@ def header(stamp_ns: int, frame: str) -> Any:
 
 
 def cam_of(message: Any) -> str:
-    """Return the cam of a law or a profile, or an empty string if the message names no cam."""
+    """Return the cam of a law or profile, or "" if the message names no cam."""
     if hasattr(message, "header"):
         return str(message.header.frame_id)
     return str(message.layout.dim[0].label) if message.layout.dim else ""
@@ -70,7 +70,10 @@ def diagnosed_node(message: Any) -> str:
 
 
 def stamp_of(cdr: bytes) -> int:
-    """Return the rig time (ns) of a serialized message that starts with a stamp or a clock."""
+    """Return the rig time (ns) at the start of a serialized message.
+
+    The message starts with a stamp or a clock.
+    """
     if len(cdr) < 12:
         raise RefusedError(f"{len(cdr)} bytes are not a message; allowed: 12 at least")
     return rig_time(*struct.unpack_from("<iI" if cdr[1] == 1 else ">iI", cdr, 4))
@@ -112,7 +115,10 @@ class CdrTemplate:
             raise ValueError(f"an example of {kind} lacks one of its {count} numbers")
 
     def fill(self, time_ns: NDArray[np.int64], *columns: FloatArray) -> list[bytes]:
-        """Return a message for each stamp (ns), with the numbers of the columns, shape (n,)."""
+        """Return a message for each stamp (ns).
+
+        Each column, shape (n,), has a number for each message.
+        """
         out = np.tile(self._example, (time_ns.size, 1))
         stamps = np.stack(np.divmod(time_ns, NS), axis=1).astype("<u4").view(np.uint8)
         for offset in self._stamp_offsets:

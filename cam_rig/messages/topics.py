@@ -1,4 +1,4 @@
-"""Table of topics: name, type, quality of service, publisher and messages per tick.
+"""Table of topics: name, type, quality of service, publisher and rate.
 
 The names are those of the root namespace. A rig in another namespace has it as a prefix.
 """
@@ -25,7 +25,7 @@ GLOBAL_TOPICS = ("/parameter_events", "/tf", "/tf_static")
 
 @dataclass(frozen=True)
 class Topic:
-    """Topic of the rig. All topics are reliable.
+    """Reliable topic of the rig.
 
     Parameters
     ----------
@@ -170,12 +170,12 @@ def motion_depth(points_per_turn: int) -> int:
 
 @lru_cache(maxsize=1024)
 def recorded_topic(name: str) -> Topic | None:
-    """Return the topic of a recorded name in any namespace, or None if it is not of a rig."""
+    """Return the topic of a recorded name in any namespace, or None."""
     return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)
 
 
 def occasions(before: CamState | None, state: CamState) -> set[str]:
-    """Return the values of `Topic.per` whose topics have a message at the time of a state.
+    """Return the values of `Topic.per` that apply at the time of a state.
 
     `before` is the previous state, None for the first.
     """
@@ -212,7 +212,7 @@ class Publishers:
         self._gids: dict[tuple[str, str], bytes] = {}  # by node and topic
 
     def require(self, node: str, topic: Topic, gid: bytes) -> None:
-        """Raise RunError if a second publisher publishes the messages of a node on a topic.
+        """Raise RunError if a topic of a node has a second publisher.
 
         An empty `gid` is the recorder itself.
         """

@@ -53,7 +53,7 @@ MATERIALS = {
 
 @dataclass(frozen=True)
 class Body:
-    """Box with its lengths along x, y and z, or cylinder with its radius and length along z.
+    """Box (lengths along x, y and z) or cylinder (radius, length along z).
 
     Sizes and the position `xyz` in the link are in m, `rpy` is roll, pitch and yaw in rad.
     """
@@ -73,7 +73,7 @@ class Body:
 
     @property
     def inertia(self) -> FloatArray:
-        """Inertia about the centre of the body, along the axes of the link, shape (3, 3), kg m²."""
+        """Inertia about the centre, along the link's axes, shape (3, 3), kg m²."""
         if len(self.size) == 3:
             x, y, z = np.square(self.size) / 12.0
             principal = np.array([y + z, x + z, x + y])
@@ -162,7 +162,7 @@ def format_lengths(numbers: Sequence[float] | FloatArray) -> str:
 
 
 def format_numbers(numbers: Sequence[float], digits: int = 6) -> str:
-    """Return numbers with significant digits as text; zero has no sign."""
+    """Return numbers with `digits` significant digits as text, zero without sign."""
     return " ".join(f"{float(number) + 0.0:.{digits}g}" for number in numbers)
 
 
@@ -198,7 +198,7 @@ def urdf(robot: Robot) -> str:
 
 
 def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
-    """Add a link with its bodies, mass and inertia; a comment states the assumptions."""
+    """Add a link with bodies, mass, inertia and a comment on the assumptions."""
     element, mass = SubElement(root, "link", name=name), None
     comment = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
     if name == FOLLOWER:
@@ -262,7 +262,7 @@ def _bodies(robot: Robot) -> dict[str, list[Body]]:
 
 
 def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:
-    """Return the body of an outline: a line, a circle, or the bounding box of the outline."""
+    """Return the body of an outline: a line, a circle, or the bounding box."""
     low, high = strip.min(axis=0), strip.max(axis=0)
     (x, y), (width, height) = 0.5 * (low + high), high - low
     centre = float(x), float(y), 0.0

@@ -1,4 +1,4 @@
-"""ROS 2 nodes of the rig: thin shells around the core. Only this package imports rclpy."""
+"""ROS 2 nodes of the rig, the only package that imports rclpy."""
 
 import os
 

@@ -1,4 +1,6 @@
-"""Start of a node's process: `python -m cam_rig.nodes follower`, or the executable of its name.
+"""Start of a node's process.
+
+Run `python -m cam_rig.nodes follower`, or the executable with the name of the node.
 
 Signal handlers are installed before the slow imports. A node that receives a signal early therefore
 also ends with code 0, and without incomplete files.
@@ -40,7 +42,7 @@ def main(name: str) -> None:
 
 
 def start(name: str) -> None:
-    """Run a node until it finishes, fails, or receives SIGINT or SIGTERM; or print its help."""
+    """Run a node until it ends or receives SIGINT or SIGTERM, or print its help."""
     if any(option in sys.argv[1:] for option in HELP):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be closed before the end
         print(import_module("cam_rig.nodes.parameters").usage(name))

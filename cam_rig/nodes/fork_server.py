@@ -1,4 +1,4 @@
-"""Fork server: process with the modules of the nodes in memory, from which nodes are forked.
+"""Fork server: process with preloaded modules, from which nodes are forked.
 
 `cam_rig.runner.fork_server` sends its requests over a socket. The process ends when the runner
 closes the socket. The process must have one thread: a fork has only the thread that forks, and the
@@ -56,7 +56,10 @@ PR_SET_NAME = 15
 
 
 def preload() -> None:
-    """Import the modules of the nodes. A failed import is repeated, and reported, in the node."""
+    """Import the modules of the nodes.
+
+    A failed import is repeated and reported in the node.
+    """
     for name in PRELOADED:
         with suppress(Exception):
             import_module(name)
@@ -124,7 +127,9 @@ def run_node(request: dict[str, Any], streams: list[int]) -> None:
 
 
 def show_command(name: str, command: list[str]) -> None:
-    """Make `ps` and `pgrep -f` display a command line, truncated to the space of the original.
+    """Make `ps` and `pgrep -f` display a command line of the node.
+
+    It is truncated to the length of the original command line.
 
     The text of the command line in the memory of the process is overwritten.
     """

@@ -71,7 +71,10 @@ class MotionPublisher:
         node.create_wall_timer(REPORT_PERIOD_S, self._report)
 
     def publish(self, tick: Tick, received_at: float) -> None:
-        """Publish a finished tick whose last state was received at `received_at` (s, monotonic)."""
+        """Publish a finished tick.
+
+        Its last state was received at `received_at` (s, monotonic clock).
+        """
         wanted = self._subscribed_topics()
         # A drive publishes its real-time factor at once. A bag played by ros2 bag play may not
         # have a publisher of it, and is shown like a free run.

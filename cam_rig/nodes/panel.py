@@ -1,4 +1,4 @@
-"""Panel node: forwards commands of a page to the other nodes, and their messages to the page."""
+"""Panel node: forwards commands of a page to the nodes, and messages back."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXCHANGES_PER_REQUEST = 25
 
 
 class Panel(RigNode):
-    """Exchanges JSON lines with the server of a page: messages of the run, commands and answers."""
+    """Exchanges commands, answers and messages with the server of a page."""
 
     def __init__(self) -> None:
         super().__init__("panel")
@@ -117,7 +117,7 @@ class Panel(RigNode):
         self._send_levels()
 
     def _send_levels(self) -> None:
-        """Queue the levels that have a time: the n-th level has the stamp of the n-th pressure."""
+        """Queue each level with the stamp of its pressure, which has the same number."""
         while self._stamps and self._levels:
             reading = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
             self._socket.put(reading)

@@ -82,7 +82,7 @@ def bounded(failed: bool = False) -> Iterator[None]:
 
 
 def run(name: str, make: Callable[[], RigNode]) -> None:
-    """Run a node until it finishes, fails, or receives SIGINT or SIGTERM; exit with its code."""
+    """Run a node until it ends or receives a signal, and exit with its code."""
     request = StopRequest()
     # rclpy warns if a node could not be created, in addition to the error
     warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)

@@ -36,7 +36,7 @@ FRAME_S = 1.0 / 60.0
 
 
 class Viewer(RigNode):
-    """Draws the run in a window, a Rerun viewer or a page, and acknowledges the drawn ticks."""
+    """Draws the run in a window, viewer or page, and acknowledges drawn ticks."""
 
     def __init__(self) -> None:
         super().__init__("viewer")
@@ -70,7 +70,7 @@ class Viewer(RigNode):
             self._frame_timer.cancel()
 
     def _drawing(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that handles a message, draws finished ticks and acknowledges them."""
+        """Return a callback that draws and acknowledges the ticks of a message."""
 
         def draw(message: Any) -> None:
             self._received += 1

@@ -81,7 +81,7 @@ class Diagnostics:
 
 
 class Heartbeat:
-    """Publishes the activity of a node once per second while its status does not change.
+    """Publishes the activity of a node each second while its status is constant.
 
     Rig time stops with the cam, so a heartbeat has the stamp of the newest status or state of its
     node, 0 before the first. It shows that the node is alive, and for which nodes it waits. The

@@ -1,4 +1,4 @@
-"""Parameters of a node: declaration from the table of `parameters`, conversion and checks."""
+"""Parameters of a node: declaration, conversion and checks."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class ParameterTable:
         return warnings
 
     def _convert(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return the parameters with converted values, such as 250.0 for 250 and "20x" for 20."""
+        """Return the parameters with converted values, such as "20x" for 20."""
         converted = []
         for parameter in parameters:
             value = parameter.value
@@ -105,7 +105,7 @@ class ParameterTable:
 
 
 def make_descriptor(spec: Spec) -> ParameterDescriptor:
-    """Return the descriptor, which `ros2 param describe` shows and rclpy checks ranges by."""
+    """Return the descriptor, by which rclpy describes and checks a parameter."""
     descriptor = ParameterDescriptor(
         description=spec.description, read_only=not spec.live, dynamic_typing=True
     )

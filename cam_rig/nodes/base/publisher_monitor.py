@@ -36,7 +36,7 @@ class PublisherMonitor:
         self._topics.append(topic)
 
     def find_publishers(self, topic: Topic) -> dict[bytes, str]:
-        """Return the full node name of each publisher of a topic by DDS endpoint identifier.
+        """Return the full node name of each publisher of a topic by DDS identifier.
 
         Publishers of another message type are left out, because DDS never connects them. The call
         blocks up to `MAX_NAME_WAIT_S` while the name of a node is not discovered yet.

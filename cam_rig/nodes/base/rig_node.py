@@ -193,14 +193,14 @@ class RigNode(Node):
         return publisher
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to a topic; `callback` takes the message."""
+        """Subscribe to a topic with a `callback` that takes the message."""
         kind = message_class(topic)
         return self.subscribe_raw(topic, lambda cdr: callback(deserialize_message(cdr, kind)))
 
     def subscribe_raw(
         self, topic: Topic, callback: Callable[..., None], histories: int = 1
     ) -> Subscription:
-        """Subscribe to a topic; `callback` takes the serialized message.
+        """Subscribe to a topic with a `callback` that takes the serialized message.
 
         The message is deserialized inside the guarded callback, because rclpy would propagate a
         deserialization error to the executor and end the process. If `needs_message_info` is set,
@@ -229,7 +229,10 @@ class RigNode(Node):
         )
 
     def create_trigger(self, service: str, action: Callable[[], str]) -> None:
-        """Create the service `~/service` (std_srvs/Trigger); `action` returns the reply text."""
+        """Create the service `~/service` (std_srvs/Trigger).
+
+        `action` returns the text of the reply.
+        """
 
         def on_request(_request: Any, response: Any) -> Any:
             try:
@@ -259,7 +262,9 @@ class RigNode(Node):
         self.get_logger().warning(f"rejected: {error}", throttle_duration_sec=1.0)
 
     def _guard(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback that handles errors; `name` is the topic or service in messages.
+        """Return a callback that handles errors.
+
+        `name` is the topic or service in error messages.
 
         `wraps` keeps the signature, by which rclpy decides whether to pass the message info.
         """
@@ -306,7 +311,7 @@ class RigNode(Node):
         return progress_text(self.ticks, self.total_ticks, self.ticks >= self.total_ticks)
 
     def report_ready(self) -> None:
-        """Publish (latched) that this node receives messages, and the identity of its scene."""
+        """Publish (latched) that this node is ready, and the identity of its scene."""
         identity = scene_identity(self.settings.get("scene", ""))
         text = f"{self.get_name()} {identity}".rstrip()
         self._ready_publisher.publish(message_class(READY)(data=text))
@@ -357,14 +362,23 @@ class RigNode(Node):
             quiet = quiet + 1 if self.received == before else 0
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Notify the other nodes of the end; called once, while messages are still received."""
+        """Notify the other nodes of the end.
+
+        The method is called once, while messages are still received.
+        """
 
     def close(self) -> None:
-        """Release the resources of the node; called once, after the executor has stopped."""
+        """Release the resources of the node.
+
+        The method is called once, after the executor has stopped.
+        """
 
 
 def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks") -> str:
-    """Return the progress of a node at its end as text; a `total` of 0 is unknown."""
+    """Return the progress of a node at its end as text.
+
+    A `total` of 0 is unknown.
+    """
     if is_complete:
         return f"done with {done} {unit}"
     # a run that an operator has reset may have more ticks than its scene
@@ -372,7 +386,7 @@ def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks")
 
 
 def scene_identity(scene: str) -> str:
-    """Return a scene's name and CRC-32 such as quick#1c291ca3, or an empty string without a file.
+    """Return a scene's name and CRC-32 such as quick#1c291ca3, or "" without a file.
 
     All nodes of a run must have the same scene. The drive compares the identities.
     """
