@@ -1,4 +1,4 @@
-"""Drive: sequence of the cam states under commands, and conditions for sending them."""
+"""Drive: sequence of cam states under commands, and conditions for sending."""
 
 import itertools
 import random
@@ -26,7 +26,10 @@ RAMPED = SCENE.model_copy(update={"program": PROGRAM})
 
 
 def run_out(schedule, commands=()):
-    """Return all remaining states. `commands` maps a number of states sent to a command."""
+    """Return all remaining states.
+
+    `commands` maps a number of states sent to a command.
+    """
     commands, out = dict(commands), []
     for number in itertools.count():
         commands.get(number, lambda: None)()
@@ -43,7 +46,10 @@ def test_states_without_a_command_equal_those_of_the_scene():
 
 
 def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
-    """The tick continues at the first speed of the ramp. At rest no state is sent."""
+    """The tick continues at the first speed of the ramp.
+
+    At rest no state is sent.
+    """
     for done in range(1, len(list(cam_states(RAMPED)))):
         schedule, validator = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
         for _ in range(done):
@@ -56,7 +62,7 @@ def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
 
 
 def test_a_commanded_speed_applies_from_the_next_state_on():
-    """Each tick turns by its planned angle at the commanded speed, until the command ends."""
+    """Each tick turns by its planned angle at the commanded speed."""
     schedule = SetpointSchedule(SCENE)
     commands = {3: lambda: schedule.command(240 * RPM), 6: lambda: schedule.command(None)}
     out = run_out(schedule, commands)
@@ -168,7 +174,10 @@ def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
 
 
 def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
-    """A start without a reset has no effect. The scene restarts one second of rig time later."""
+    """A start without a reset has no effect.
+
+    After the reset the scene restarts one second of rig time later.
+    """
     follow(program, 5)
     due = program.schedule.next_state
     stopped = program.halt()
@@ -187,7 +196,10 @@ def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
 
 
 def test_a_speed_outside_the_limits_is_rejected(program):
-    """The error states the limits. Below them a tick has more samples than a message may have."""
+    """The error states the limits.
+
+    Below them a tick has more samples than a message may have.
+    """
     limits = r"allowed: 0, or 0\.0126 to 3141\.59 rad/s \(0\.12 to 30000 rpm\)"
     for speed in (-1.0, 1e6, 1e-3, float("nan")):
         with pytest.raises(RefusedError, match=limits):
@@ -219,7 +231,7 @@ def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
 
 
 def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
-    """Otherwise the law server would keep the operator's cam mounted, and viewers display it."""
+    """Otherwise the operator's cam would stay mounted and displayed."""
     requested = []
     program = drive(lambda cam: requested.append(cam) is None)
     assert len(follow(program, 2)) == 2
@@ -240,7 +252,7 @@ def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
 
 
 def test_rig_time_advances_between_two_states(program):
-    """At a factor of 0.5 rig time advances by 5 ms in 10 ms, and stays before the next state.
+    """At a factor of 0.5 it advances by 5 ms in 10 ms, up to the next state.
 
     In a free run and while the cam is stopped there is no rig time between the states.
     """
@@ -292,7 +304,7 @@ def test_rig_time_is_never_past_the_next_state(program, seed):
 
 
 def test_a_late_report_of_the_law_server_is_not_an_override():
-    """All states of a cam with few ticks may be sent before the report that it is mounted."""
+    """All states of a cam may be sent before the report that it is mounted."""
     first, program = [state for state in PLAN if state.cam == SCENE.cams[0]], drive()
     assert follow(program, len(first)) == first
     assert program.take(100.0).cam == SCENE.cams[1]  # it is requested by now

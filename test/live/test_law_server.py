@@ -1,4 +1,4 @@
-"""Law server without ROS: mounting of cams, published laws, checks of received laws."""
+"""Law server without ROS: mounted cams, published laws, checks of laws."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,9 @@ def test_a_state_of_an_unknown_cam_is_rejected(cams):
 
 
 def test_laws_and_contours_must_be_those_of_the_cams_file():
-    """Rounding is accepted. Otherwise the error names the file, the difference and the limit.
+    """The error names the file, the difference and the limit.
+
+    Differences by rounding are accepted.
 
     A second law server therefore cannot publish another law of the same name.
     """

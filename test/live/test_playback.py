@@ -1,4 +1,4 @@
-"""Playback of a paced run: constant rate, one tick behind the drive, never backwards."""
+"""Playback of a paced run: constant rate, one tick behind the drive."""
 
 from itertools import pairwise
 
@@ -31,7 +31,7 @@ def ticks(speeds, ticks_per_turn):
 
 
 def show(playback, wall_time):
-    """Return tick and sample to show at a wall-clock time (s), or None without a new sample."""
+    """Return the new tick and sample at a wall-clock time (s), or None."""
     samples = playback.samples_at(np.array([wall_time]))
     if samples is None:
         return None
@@ -40,7 +40,7 @@ def show(playback, wall_time):
 
 
 def play(ticks, factor, rate, latency=lambda: 0.0, settling_ticks=0):
-    """Return wall-clock time, rig time and delay behind the drive (s) of the samples shown.
+    """Return wall-clock time, rig time and delay (s) of the samples shown.
 
     `latency` returns the time (s) that a state takes to the follower. The samples shown before the
     end of `settling_ticks` are left out.
@@ -113,7 +113,7 @@ def test_the_playback_stops_and_continues_with_the_drive():
 
 
 def test_a_query_of_several_times_gives_the_samples_of_single_queries():
-    """One query of 16 times, as far as they are in one tick, equals queries one by one."""
+    """One query of several times in one tick equals queries one by one."""
     made, wall_times = ticks([100.0, 300.0], 1), 0.9 + 0.01 * np.arange(16)
     playback, single = Playback(RATE), Playback(RATE)
     for tick, received_at in zip(made, (0.6, 0.8), strict=True):

@@ -1,4 +1,4 @@
-"""Input queues of the nodes: validation of states, matching of messages, flow control."""
+"""Input queues of the nodes, validation of states, and flow control."""
 
 from dataclasses import replace
 from itertools import islice
@@ -83,7 +83,7 @@ def test_a_state_that_cannot_follow_is_rejected(state, text):
 
 
 def test_a_lost_state_is_detected():
-    """Angle and time of the state after it are consistent, but the tick would be twice as long."""
+    """Angle and time are consistent, but the tick would be twice as long."""
     validator = StateValidator.of(LOADED.scene)
     validator.validate(STATES[0])
     with pytest.raises(RefusedError, match="was one lost, or is a second drive"):
@@ -175,7 +175,7 @@ def block(first_s, last_s):
 
 
 def start_times(matcher, states=(), blocks=()):
-    """Return the start (ns) of each tick that is complete after states and blocks are added."""
+    """Return the starts (ns) of the ticks that added states and blocks complete."""
     for state in states:
         matcher.add_state(state)
     result = []
@@ -201,7 +201,7 @@ def test_a_block_waits_for_the_state_at_the_end_of_its_tick():
 
 
 def test_each_tick_is_yielded_once():
-    """Blocks before the first state, repeated blocks and intervals at rest are skipped."""
+    """Early blocks, repeated blocks and intervals at rest are skipped."""
     assert start_times(TickMatcher(), [state_at(S), state_at(2 * S)], [0.0, 1.0]) == [S]
     states = [state_at(i * S) for i in range(4)]
     repeated = [0.0, 1.0, 0.0, 1.0, 2.0]
@@ -233,7 +233,7 @@ def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
 
 
 def test_flow_control_limits_the_ticks_in_flight():
-    """No more than the maximum number is sent before the slowest consumer acknowledges."""
+    """The drive waits for the slowest consumer after the maximum number."""
     flow = make_flow("fast", "slow")
     assert flow.in_flight == MAX_TICKS_IN_FLIGHT == 4 and not flow.may_send()
     flow.acknowledge("fast", 40)
@@ -245,7 +245,7 @@ def test_flow_control_limits_the_ticks_in_flight():
 
 
 def test_only_the_new_stamp_of_a_sent_state_is_an_acknowledgement():
-    """Otherwise another publisher could release states, or a repetition would count as progress."""
+    """Other publishers and repetitions must not release states."""
     flow = make_flow("recorder", ticks=2)
     assert not flow.acknowledge("recorder", 10**18) and flow.in_flight == 2
     assert flow.acknowledge("recorder", 10)
@@ -271,7 +271,10 @@ def test_pacings_are_free_real_time_or_a_factor():
 
 
 def test_each_state_waits_for_its_time():
-    """At 4x a state 2 s later in rig time is due 0.5 s later; a free run never waits."""
+    """At 4x a state 2 s later in rig time is due 0.5 s later.
+
+    A free run never waits.
+    """
     pacing = Pacing()
     pacing.record_sent(0, 0.0)
     assert pacing.wait(10**15, 0.0) == 0.0
@@ -305,7 +308,7 @@ def test_a_late_run_reports_the_lost_time_and_does_not_make_it_up():
 
 
 def test_a_slow_run_warns_once_per_window_with_factors_and_nodes():
-    """The warning has the factor in the window and the nodes waited for, most frequent first."""
+    """The nodes waited for are sorted, the most frequent first."""
     lost = LostTime(start=100.0)
     lost.add(5.0)
     for node in ("microphone", "follower", "follower"):

@@ -55,7 +55,10 @@ def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
 
 
 def test_a_cam_state_is_decoded_bit_for_bit():
-    """The angle is exact after any number of turns. A single number would lose the last digits."""
+    """The angle is exact after any number of turns.
+
+    A single number would lose the last digits.
+    """
     for turns in (0, 1, 2_000, 10_000_000):
         rng = np.random.default_rng(turns)
         for angle in (0.0, *rng.uniform(0.0, TURN, 50), np.nextafter(TURN, 0.0)):
@@ -110,7 +113,7 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follower, seed):
-    """This applies to any law, speed, ticks per turn, number of points and sample rate."""
+    """This applies to any law, speed, ticks per turn, points and sample rate."""
     chance = np.random.default_rng(seed)
     law = laws[chance.choice(sorted(set(laws) - {"worked_example_constant_velocity"}))]
     ticks, points = int(chance.choice([1, 3, 7, 72, 100])), int(chance.choice([1, 2, 36, 72, 720]))
@@ -181,7 +184,7 @@ def serialized_by_rosbags(topic, time_ns, i, n):
 
 @pytest.mark.parametrize("ticks_per_turn", [1, 7])
 def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_per_turn):
-    """The messages of a turn are in the order of time, and in that of the topics at an instant."""
+    """Messages are in the order of time, then of the topics."""
     loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
     motion, rate = MotionMessages(loaded, 72, BOTH), int(loaded.scene.sample_rate.si)
     law = next(iter(loaded.laws.values()))

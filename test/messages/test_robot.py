@@ -148,7 +148,7 @@ def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds
 
 
 def test_the_bodies_of_the_cam_approximate_its_contour(kind):
-    """The projection of boxes and cylinder along the shaft has the area of the contour to 0.5 %."""
+    """The projection of the bodies along the shaft has its area to 0.5 %."""
     robot = kind.robot
     parts = [Point(0.0, 0.0).buffer(robot.mounted.follower.base_radius.si, 128)]
     for visual in links_of(kind.urdf)[robot.mounted.name].iter("visual"):
@@ -169,7 +169,9 @@ def inertia(link):
 
 
 def test_every_link_has_a_possible_mass_and_inertia(kind):
-    """Principal moments of inertia satisfy the triangle inequality. Gazebo drops massless links.
+    """Principal moments of inertia satisfy the triangle inequality.
+
+    Gazebo drops links without a mass.
 
     Bodies for display and collision are equal, and a comment states each assumption.
     """
@@ -217,7 +219,7 @@ def test_inertia_of_a_turned_box():
 
 
 def matrices(cdr):
-    """Return the transforms, shape (4, 4), of a message by (parent, child), and its stamps."""
+    """Return the transforms, shape (4, 4), of a message by link, and its stamps."""
     result, stamps = {}, set()
     for stamped in TYPES.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage").transforms:
         r, t = stamped.transform.rotation, stamped.transform.translation
@@ -276,14 +278,17 @@ def time_of(marker):
 
 
 def in_link(robot, lift, link, points):
-    """Return points of the guide, shape (n, 4), one per instant, in the frame of a link."""
+    """Return points of the guide, shape (n, 4), in a link, one per instant."""
     moving = Transforms(robot).moving(np.zeros(COUNT, np.int64), ANGLE, lift)
     into = np.stack([np.linalg.inv(matrices(cdr)[0][GUIDE, link]) for cdr in moving])
     return np.einsum("nij,nj->ni", into, points)
 
 
 def distance_to_follower(robot, points):
-    """Return the distance (m) of points in the link follower from roller, point or face."""
+    """Return the distance (m) of points from roller, point or face.
+
+    The points are in the link follower.
+    """
     shape, lift_0 = robot.shape, np.zeros(1)
     element = shape.element
     origin = shape.place(lift_0)

@@ -1,4 +1,4 @@
-"""Runs of the nodes in this process or as processes, and their bags, files and processes."""
+"""Runs of the nodes in this process or as processes."""
 
 import json
 import time
@@ -88,7 +88,10 @@ class OneProcess:
         return self._threads[name].is_alive()
 
     def progress(self):
-        """Yield the reports of the drive until it is done; raise the error of a failed node."""
+        """Yield the reports of the drive until it is done.
+
+        The error of a failed node is raised.
+        """
         is_over = False
         while not is_over:
             is_over = not self.is_running(self._source) and self._reports.empty()
@@ -133,7 +136,7 @@ def payloads_of(bag):
 
 
 def mapped(*pids):
-    """Return the Fast DDS files in /dev/shm that processes (default: all) have mapped or open."""
+    """Return the Fast DDS files of processes (default: all) in /dev/shm."""
     used = set()
     for folder in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -181,7 +184,7 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
 
 @pytest.fixture(scope="session", autouse=True)
 def unbounded():
-    """Disable the time limit of DDS's shutdown, which would end the process of the tests."""
+    """Disable the time limit of DDS's shutdown, which would end the tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(process, "bounded", lambda failed=False: nullcontext())
         yield
@@ -245,7 +248,7 @@ class User(RigClient):
     get, set = RigClient.get_parameter, RigClient.set_parameter
 
     def call(self, service, succeeds=True):
-        """Call a std_srvs/Trigger service and return the text of its reply or of its error."""
+        """Call a std_srvs/Trigger service and return the text of its reply or error."""
         if succeeds:
             return super().call(service)
         with pytest.raises(RunError) as refused:

@@ -1,4 +1,4 @@
-"""Operator commands to a running rig by services, parameters and topics; namespaces."""
+"""Operator commands to a running rig, and rigs in namespaces."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -30,7 +30,7 @@ SCENE_RPM = (250.0, 400.0)
 
 
 def set_speeds(user, reports):
-    """Require that integers are accepted, 0 means the scene's speeds, and reading changes none."""
+    """Require that integers are accepted, and that 0 means the scene's speeds."""
 
     def turns_at(*rpm, set_point=0.0):
         next(report for report in reports if round(report["rpm"], 3) in rpm)
@@ -129,7 +129,7 @@ def test_two_rigs_in_one_domain_do_not_affect_each_other(
 
 
 def test_a_bag_of_a_namespace_can_be_read_and_recovered(tmp_path):
-    """It is read with the names of the table, and a recovered bag keeps the names of its rig."""
+    """It is read without the namespace, which a recovered bag keeps."""
     bag = write_rigs(tmp_path / "namespaced", GOLDEN, "/lab/rig1")
     expected = read_counts(GOLDEN)
     assert read_counts(bag) == expected
@@ -142,7 +142,7 @@ def test_a_bag_of_a_namespace_can_be_read_and_recovered(tmp_path):
 
 
 def test_a_bag_of_two_rigs_is_rejected(tmp_path):
-    """`ros2 bag record -a` records both rigs. The error names them."""
+    """`ros2 bag record -a` records both rigs, which the error names."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     with pytest.raises(BagError, match="holds several rigs, /, /rig2; allowed: one"):
         read_counts(bag)

@@ -1,4 +1,4 @@
-"""Parameters and topics of the nodes, their help texts, and the check of a common scene."""
+"""Parameters, topics and help texts of the nodes, and their common scene."""
 
 import re
 import sys
@@ -54,7 +54,7 @@ def values_of(parameter_table):
 
 
 def test_a_node_has_the_interface_of_its_tables(make):
-    """Parameters have their descriptions and limits, and are read-only unless they are live.
+    """Parameters have descriptions and limits, and are read-only unless live.
 
     The node has exactly the topics and services of the tables.
     """
@@ -79,7 +79,7 @@ def test_a_node_has_the_interface_of_its_tables(make):
 
 
 def test_integers_and_names_are_converted_at_the_start(values_of):
-    """An integer may replace a number, a factor may lack its x, and a scene may be a name."""
+    """An integer is a number, 20 is 20x, and the name of a scene is its path."""
     arguments = ("-p", "rpm:=300", "-p", "pacing:=20", "-p", "scene:=quick", "-p", "patience:=60")
     values = values_of("cam_drive", *arguments)
     assert (values["rpm"], values["pacing"], values["patience"]) == (300.0, "20x", 60.0)
@@ -109,7 +109,7 @@ def test_an_invalid_value_at_the_start_is_rejected_with_the_allowed_values(value
 
 
 def test_a_value_that_is_set_is_converted_or_rejected(make):
-    """An integer becomes a number. A rejected value has no effect, and the reason is readable."""
+    """A rejected value has no effect, and the reason is readable."""
     drive = make("cam_drive")
     assert drive.set_parameters_atomically([Parameter("rpm", value=250)]).successful
     assert drive.program.schedule.state.speed == 250.0 * RPM
@@ -128,7 +128,10 @@ def test_a_value_that_is_set_is_converted_or_rejected(make):
 
 
 def test_the_speed_parameter_is_the_set_point(make):
-    """Setting the value that was read, as `ros2 param dump` and `load` do, has no effect."""
+    """Setting the value that was read has no effect.
+
+    `ros2 param dump` and `load` do this.
+    """
     drive = make("cam_drive")
     state = next(cam_states(drive._loaded.scene))
     drive.program.laws[state.cam] = build_law(drive._loaded.cams[state.cam])
@@ -198,7 +201,9 @@ def test_help_does_not_start_a_node():
 
 
 def test_scenes_are_compared_by_name_and_content(tmp_path):
-    """Copies in other folders are equal. A scene of another name or content is rejected.
+    """A scene of another name or content is rejected.
+
+    Copies in other folders are equal.
 
     A node without a scene is accepted, as are the consumers of a player. A file that was removed
     after it was read is not compared.

@@ -31,14 +31,14 @@ NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
 
 def addresses(pid):
-    """Return the local IPv4 and IPv6 addresses of the UDP and TCP sockets of a process."""
+    """Return the local IP addresses of the UDP and TCP sockets of a process."""
     rows = sockets(pid, "udp", "udp6", "tcp", "tcp6")
     return {".".join(map(str, struct.pack("<I", int(row[1][:8], 16)))) for row in rows}
 
 
 @pytest.mark.long
 def test_all_sockets_use_the_loopback_interface(forked, domain, short_scene, tmp_path, monkeypatch):
-    """Addresses are that of the loopback and its multicast group, with any settings of the user.
+    """This applies to any settings of the user.
 
     No process remains after the run.
     """
@@ -77,7 +77,7 @@ with rclpy.init():
 
 @pytest.mark.parametrize("profiles", ["fastdds_loopback.xml", "fastdds_subnet.xml"])
 def test_the_type_lookup_service_is_disabled(profiles):
-    """With it, Fast DDS connects endpoints only after a reply, which it may lose, and may crash."""
+    """With it Fast DDS waits for replies, which it may lose, and may crash."""
     process = ended(sys.executable, "-c", THREADS, config_root() / profiles)
     assert "dds.ev" in process.stdout, process.stderr
     assert "dds.tls" not in process.stdout
@@ -93,7 +93,7 @@ def start_run(scene, bag, pacing):
 
 
 def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
-    """It has more ticks than its scene, reports their number at the end, and has code 0."""
+    """It has more ticks than its scene, and code 0."""
     bag = tmp_path / "bag"
     process = start_run(short_scene, bag, "1x")
     for service in ("stop", "reset", "start"):
@@ -110,7 +110,10 @@ def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
     "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
 )
 def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, name):
-    """Ctrl-C, kill and a closed terminal give code 128 + signal, and no process remains."""
+    """The code is 128 + signal, and no process remains.
+
+    The signals are those of Ctrl-C, kill and a closed terminal.
+    """
     bag, number = tmp_path / "bag", getattr(signal, name)
     process = start_run(short_scene, bag, SLOW)  # does not end before the signal
     assert len(node_processes(short_scene)) > 5  # the runner and its five nodes
@@ -139,7 +142,7 @@ def test_a_run_that_is_interrupted_before_its_start_has_no_bag(
 
 @pytest.fixture
 def run_here(monkeypatch, capfd):
-    """Function that runs a node's entry point in this process and returns its code and stderr."""
+    """Function that runs a node's entry point and returns its code and stderr."""
 
     def run(name, *arguments):
         monkeypatch.setattr(sys, "argv", [name, "--ros-args", *arguments])
@@ -218,7 +221,7 @@ def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("nodes", [2, pytest.param(15, marks=LONG)])
 def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, number, nodes):
-    """The code is 0, without a traceback, at any time between process start and running node."""
+    """The code is 0, without a traceback, at any time of the start."""
     chance = random.Random(int(number))
     for i in range(nodes):
         name = NODES[i % len(NODES)]

@@ -1,4 +1,4 @@
-"""Protocol of the nodes: equality with the core, completeness, independence of other programs."""
+"""Protocol of the nodes: equality with the core, independence of others."""
 
 from functools import partial
 from random import Random
@@ -64,7 +64,7 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
     ],
 )
 def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
-    """All ticks are reported in order, also if a cam is reported as mounted after its last tick."""
+    """All ticks are reported in order."""
     text = QUICK.read_text(encoding="utf-8")
     for old, new in changes.items():
         assert old in text
@@ -97,7 +97,7 @@ MOUNTED = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 def test_a_subscriber_receives_the_messages_of_the_bag(user, short_scene, undisturbed, tmp_path):
-    """From the time of discovery it receives each message once, in order and byte by byte.
+    """From discovery on it receives each message once and in order.
 
     The bag equals that of an undisturbed run.
     """
@@ -146,7 +146,7 @@ KEEPS_ALL = QoSProfile(
 def test_endpoints_of_other_programs_do_not_affect_a_run(
     user, domain, short_scene, undisturbed, tmp_path
 ):
-    """The drive does not wait for a reader that never reads, because histories keep the newest.
+    """The drive does not wait for a reader that never reads.
 
     DDS does not match endpoints of different types.
     """
@@ -173,7 +173,7 @@ def test_endpoints_of_other_programs_do_not_affect_a_run(
 
 @pytest.fixture
 def block_writer(monkeypatch):
-    """Function that makes DDS reject some messages of a topic, as if its writer was blocked.
+    """Function that makes DDS reject messages as if the writer was blocked.
 
     It returns a list that receives the published messages.
     """
@@ -206,7 +206,7 @@ def follow(node, payloads):
 
 
 def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbed):
-    """The follower publishes the samples of every tick, although half of the attempts fail."""
+    """The samples of every tick are published if half of the attempts fail."""
     random = Random(0)
     published = block_writer(topics.FOLLOWER_SAMPLES, lambda: random.random() < 0.5)
     follow(make("follower"), undisturbed)
@@ -216,7 +216,7 @@ def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbe
 
 
 def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, monkeypatch, capfd):
-    """The rig does not wait for displays, and names the subscribers that may be the cause."""
+    """The rig does not wait for displays, and names the topic."""
     monkeypatch.setattr(RigPublisher, "get_subscription_count", lambda _self: 1)
     attempts = []
     published = block_writer(topics.JOINT_STATES, lambda: attempts.append(1) or len(attempts) == 5)
@@ -238,7 +238,7 @@ def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatc
 
 
 def test_weightings_can_be_changed_live(make):
-    """They change from the next tick on. A weighting that is not in the standard is rejected."""
+    """A weighting that is not in the standard is rejected."""
     microphone = make("microphone")
     names = ("frequency_weighting", "time_weighting")
     assert [microphone.get_parameter(name).value for name in names] == ["Z", "F"]

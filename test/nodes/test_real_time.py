@@ -20,7 +20,7 @@ MOTION = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
 
 
 class Watcher:
-    """Subscriber that records the wall-clock time of each message's arrival in a thread.
+    """Subscriber that records the arrival time of each message in a thread.
 
     Another thread wakes at the same rate, for comparison: `wake_times` are its wall-clock times,
     which show the timing that this machine is capable of at present.
@@ -105,7 +105,7 @@ class Watcher:
 def test_a_paced_run_has_constant_rates_and_the_bag_of_a_free_run(
     user, short_scene, undisturbed, tmp_path, factor, rate
 ):
-    """The motion has the required rate, and is at most one tick and 50 ms behind the drive.
+    """The motion is at most one tick and 50 ms behind the drive.
 
     Its values are samples of the bag. /clock advances between the states.
     """

@@ -36,7 +36,7 @@ NODES = ("follower", "microphone", "law_server", "cam_drive", "recorder")
 def test_a_stalled_consumer_stops_the_drive_and_no_message_is_lost(
     short_scene, undisturbed, tmp_path
 ):
-    """The drive sends no more than the maximum number of ticks in flight, so no queue grows."""
+    """Queues do not grow, because the number of ticks in flight is limited."""
     stalled, resume = threading.Event(), threading.Event()
     with OneProcess(patient(short_scene, tmp_path / "bag", autostart=False)) as here:
         microphone, drive = here.nodes["microphone"], here.nodes["cam_drive"]
@@ -90,7 +90,10 @@ def test_memory_does_not_grow_while_a_consumer_is_suspended(short_scene, undistu
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("victim", NODES)
 def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
-    """The error names the last tick. The bag is closed and readable, and no file remains."""
+    """The error names the last tick.
+
+    The bag is closed and readable, and no temporary file remains.
+    """
     bag, logged, before = tmp_path / "bag", [], unused()
     text = rf"node {victim} was ended by signal 9 after tick \d+ \(\w+, \d+ rpm\)"
     graph = Graph(patient(short_scene, bag, pacing=SLOW), log=logged.append)
@@ -108,7 +111,7 @@ def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
 
 @pytest.mark.long
 def test_a_recorder_killed_at_the_end_of_the_run_is_named(short_scene, tmp_path, monkeypatch):
-    """It is killed before it has closed the bag. The run has code 1, and the bag is recovered."""
+    """The run has code 1, and the bag, which was not closed, is recovered."""
 
     def kill_recorder(nodes):
         for node in nodes:

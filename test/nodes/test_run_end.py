@@ -40,7 +40,10 @@ def parameters(short_scene, tmp_path):
 
 @pytest.fixture
 def start(parameters, domain):
-    """Function that starts nodes one by one as `ros2 run` does; they end with the test."""
+    """Function that starts nodes one by one as `ros2 run` does.
+
+    The nodes end with the test.
+    """
     started = []
 
     def start(*names, **common):
@@ -62,7 +65,7 @@ def listen(user, kind, topic):
 def test_nodes_end_with_the_run_and_leave_a_closed_bag(
     user, parameters, undisturbed, tmp_path, capfd
 ):
-    """The codes are 0, the bag equals that of `cam-rig run`, and each node logs its progress."""
+    """The bag equals that of `cam-rig run`, and each node logs its progress."""
     finished = listen(user, DiagnosticStatus, "/rig/finished")
     with OneProcess(parameters(*NODES)) as here:
         wait_until(lambda: user.spin(0.1) or not any(map(here.is_running, NODES)))
@@ -84,7 +87,7 @@ def test_nodes_end_with_the_run_and_leave_a_closed_bag(
 def test_nodes_that_stay_make_another_run_with_another_bag(
     user, start, undisturbed, tmp_path, drive
 ):
-    """The second bag equals the first byte by byte: no node keeps state of the first run."""
+    """The bags are equal byte by byte: no node keeps state of the first run."""
     nodes = list(start(*NODES[:-1], at_end="stay"))
     first = start(DRIVE, at_end="stay" if drive == "that stays" else "end")[-1]
     if drive == "that stays":
@@ -109,7 +112,7 @@ def test_waiting_nodes_publish_heartbeats(user, parameters):
     diagnostics = listen(user, DiagnosticArray, "/diagnostics")
 
     def heartbeats(name, missing):
-        """Return the stamps (s) of the heartbeats of a node that waits for the missing nodes."""
+        """Return the stamps (s) of a node's heartbeats with these missing nodes."""
         expected = {"state": "waiting", "waits_for": missing}
         return [
             message.header.stamp.sec
