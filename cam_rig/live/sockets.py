@@ -22,7 +22,7 @@ def require_loopback() -> None:
         except OSError as error:
             raise RunError(
                 f"the loopback interface, {LOOPBACK}: is down or missing ({error.strerror}); "
-                "needed by the nodes and the pages, so: ip link set lo up"
+                "nodes and pages need it, so: ip link set lo up"
             ) from None
 
 

@@ -59,29 +59,30 @@ class StateValidator:
         duration = (state.time_ns - last.time_ns) / NS
         if not 0.0 < duration <= self._longest:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns after the one at {last.time_ns} ns; allowed: "
+                f"cam state at {state.time_ns} ns after that at {last.time_ns} ns; allowed: "
                 f"stamps that rise, by at most {self._longest:g} s (is a second drive at work?)"
             )
         first, end = (-(-time * self._rate // NS) for time in (last.time_ns, state.time_ns))
         if end <= first:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the one at "
-                f"{last.time_ns} ns; allowed: one in every tick"
+                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the state "
+                f"at {last.time_ns} ns; allowed: one or more per tick"
             )
         turned = state.since(last)
         if turned > 1.5 * self._tick_angle:  # twice the angle of a tick if a state was lost
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the one "
-                f"before; allowed: {self._tick_angle:.6g} rad (was one lost, or is a second drive "
-                "at work?)"
+                f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the "
+                f"previous state; allowed: {self._tick_angle:.6g} rad (was a state lost, or is a "
+                "second drive at work?)"
             )
         # the speed is constant in a tick, or changes linearly
         constant, ramped = last.speed * duration, 0.5 * (last.speed + state.speed) * duration
         difference = min(abs(turned - constant), abs(turned - ramped))
         if difference > ANGLE_TOLERANCE:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: θ is {difference:.3g} rad from where the state "
-                f"before leads; allowed: {ANGLE_TOLERANCE:g} rad (is a second drive at work?)"
+                f"cam state at {state.time_ns} ns: θ is {difference:.3g} rad from the value that "
+                f"follows from the previous state; allowed: {ANGLE_TOLERANCE:g} rad (is a second "
+                "drive at work?)"
             )
 
 

@@ -76,7 +76,8 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
             f"{MAX_PIECES} of {MAX_DEGREE}"
         )
     if not CAM_NAME.fullmatch(dimensions[0][0]):
-        raise RefusedError(f"law coefficients: of {dimensions[0][0][:80]!r}; allowed: a cam's name")
+        label = dimensions[0][0][:80]
+        raise RefusedError(f"law coefficients: label is {label!r}; allowed: a cam's name")
     if not np.abs(rows[:, 1:]).max() <= MAX_LIFT:
         raise RefusedError(f"law coefficients: allowed: finite, at most {MAX_LIFT:g} m")
     try:
@@ -122,7 +123,7 @@ def rig_time(seconds: int, nanoseconds: int) -> int:
     An invalid stamp raises RefusedError.
     """
     if seconds < 0 or nanoseconds >= NS:
-        raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
+        raise RefusedError(f"stamp is {seconds} s and {nanoseconds} ns; allowed: 0 or later")
     return seconds * NS + nanoseconds
 
 
@@ -164,7 +165,9 @@ def cam_state_of(message: Any) -> CamState:
 def _within_turn(state: CamState, angle: float) -> CamState:
     """Return a state with the exact angle within the turn (rad)."""
     if not 0.0 <= angle < TURN:
-        raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
+        raise RefusedError(
+            f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π (exclusive)"
+        )
     unwrapped = state.unwrapped
     precise = replace(state, angle=angle, turns=round((unwrapped - angle) / TURN))
     difference, rounding = abs(precise.since(state)), 4.0 * math.ulp(unwrapped)
@@ -184,6 +187,6 @@ def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:
         raise RefusedError(
-            f"{name}: {data.size} numbers in dimensions {shape}; allowed: two that fit"
+            f"{name}: {data.size} numbers in dimensions {shape}; allowed: two that match the data"
         )
     return data.reshape(shape)

@@ -99,7 +99,7 @@ def instants_of(
     grid = interval.grid(sample_rate)
     if grid.count != rows.shape[1]:
         raise RefusedError(
-            f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that begins "
+            f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that starts "
             f"at {start.time_ns / NS:.6f} s"
         )
     index = selection

@@ -86,7 +86,7 @@ def test_a_lost_state_is_detected():
     """Angle and time are consistent, but the tick would be twice as long."""
     validator = StateValidator.of(LOADED.scene)
     validator.validate(STATES[0])
-    with pytest.raises(RefusedError, match="was one lost, or is a second drive"):
+    with pytest.raises(RefusedError, match="was a state lost, or is a second drive"):
         validator.validate(STATES[2])
     validate_all(validator, STATES[1:3])
 

@@ -166,7 +166,7 @@ def test_a_wrong_number_of_samples_is_rejected(laws, follower):
     law = laws["tm21"]
     start, end, rows = next(ticks_of(law, follower, 300.0, 1, 12_000))
     for other in (rows[:, 1:], np.hstack([rows, rows[:, :1]])):
-        with pytest.raises(RefusedError, match="allowed: the 2400 of the tick that begins at 0"):
+        with pytest.raises(RefusedError, match="allowed: the 2400 of the tick that starts at 0"):
             instants_of(law, start, end, other, 12_000, 72)
 
 
