@@ -46,7 +46,7 @@ def colour(rgba: int, opacity: float = 1.0) -> Any:
 
 
 def marker(
-    of_frame: Any,
+    head: Any,
     namespace: str,
     number: int,
     shape: int,
@@ -66,7 +66,7 @@ def marker(
     no_rotation = new("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
     return new(
         "visualization_msgs/Marker",
-        of_frame,
+        head,
         namespace,
         number,
         shape,
