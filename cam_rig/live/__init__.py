@@ -1,1 +1,1 @@
-"""The protocol between the nodes, without ROS: setpoints, flow control, pacing."""
+"""Protocol between the nodes, without ROS: setpoints, flow control, pacing."""

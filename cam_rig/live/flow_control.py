@@ -1,4 +1,4 @@
-"""Flow control of the drive: a bounded number of ticks in flight, and pacing in wall-clock time.
+"""Flow control of the drive: limited ticks in flight, and wall-clock pacing.
 
 The bound makes every queue of the protocol bounded: a topic has one message per tick, so that a
 history of `HISTORY_DEPTH` messages never overflows.
@@ -20,14 +20,15 @@ MAX_TICKS_IN_FLIGHT = 4
 #: Maximum number of states that the recorder writes between two flushes; a kill can lose them.
 MAX_STATES_UNFLUSHED = 8
 #: Messages in the history of a topic. A node that is discovered late still receives the first
-#: ticks, which are at most `MAX_TICKS_IN_FLIGHT`; the rest is margin for cam and speed changes.
+#: ticks, of which there are at most `MAX_TICKS_IN_FLIGHT`. The remaining messages are a margin for
+#: changes of cam and speed.
 HISTORY_DEPTH = 64
 #: Maximum number of blocks and states that wait for their counterpart: two histories.
 MAX_WAITING = 2 * HISTORY_DEPTH
 
 
 class FlowControl:
-    """Counts the ticks sent, and those acknowledged by each consumer with their closing stamps."""
+    """Counters of the ticks sent, and of those acknowledged by each consumer."""
 
     def __init__(self, consumers: list[str]) -> None:
         self._acknowledged = dict.fromkeys(consumers, -1)
@@ -35,33 +36,37 @@ class FlowControl:
 
     @property
     def in_flight(self) -> int:
-        """Ticks that a consumer has not acknowledged yet."""
+        """Number of ticks that at least one consumer has not acknowledged."""
         return max(0, len(self._sent) - 1)
 
     def may_send(self) -> bool:
-        """Whether the next state may go out."""
+        """Return True if the next state may be sent."""
         return self.in_flight < MAX_TICKS_IN_FLIGHT
 
-    def sent(self, stamp_ns: int) -> None:
-        """Note a state that went out."""
+    def record_sent(self, stamp_ns: int) -> None:
+        """Record that the state of a stamp (ns) was sent."""
         self._sent.append(stamp_ns)
 
     def acknowledge(self, consumer: str, stamp_ns: int) -> bool:
-        """Note a tick that a consumer has processed, and all before; False if it counts nothing."""
-        known = self._acknowledged.get(consumer)
-        if known is None or stamp_ns not in self._sent or stamp_ns <= known:
+        """Record that a consumer has processed all ticks up to a stamp (ns).
+
+        Returns False, without an effect, if the consumer is unknown, no state of this stamp is in
+        flight, or the stamp is acknowledged already.
+        """
+        previous = self._acknowledged.get(consumer)
+        if previous is None or stamp_ns not in self._sent or stamp_ns <= previous:
             return False
         self._acknowledged[consumer] = stamp_ns
         self._release()
         return True
 
     def drop(self, consumer: str) -> None:
-        """Wait for a consumer no longer."""
+        """Stop waiting for a consumer."""
         self._acknowledged.pop(consumer, None)
         self._release()
 
     def behind(self) -> list[str]:
-        """The consumers that have not acknowledged every tick sent."""
+        """Return the consumers that have not acknowledged every tick."""
         if self.in_flight == 0:
             return []
         return [name for name, stamp in self._acknowledged.items() if stamp < self._sent[-1]]
@@ -72,16 +77,21 @@ class FlowControl:
             self._sent.popleft()
 
 
-# Rig time against wall time: the real-time factor of a run.
+# Real-time factor of a run: rig seconds per wall-clock second.
 
-#: Wall time (s) that a paced run may be late before it gives that time up and reports so.
+#: Time (s, wall clock) that a paced run may be late. If it is later, the lost time is reported and
+#: not made up.
 MAX_LATENESS_S = 0.1
-#: Least and greatest real-time factor.
-FACTORS = (1e-3, 1e3)
+#: Limits of the real-time factor.
+MIN_FACTOR = 1e-3
+MAX_FACTOR = 1e3
 
 
 def pacing_of(value: object) -> object:
-    """The pacing that a bare number means, 20x for 20; anything else as it is."""
+    """Convert a bare number to a pacing, such as 20 to "20x".
+
+    Other values are returned unchanged.
+    """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f"{Decimal(repr(value)):f}x" if math.isfinite(value) else str(value)
     is_number = isinstance(value, str) and re.fullmatch(r"\d+(?:\.\d+)?", value)
@@ -89,66 +99,77 @@ def pacing_of(value: object) -> object:
 
 
 def factor_of(pacing: str) -> float | None:
-    """Rig seconds a wall second: 1 for ``real_time``, N for ``Nx``, None for ``free``."""
+    """Return the real-time factor: 1 for "real_time", N for "Nx", None for "free".
+
+    Raises
+    ------
+    ConfigError
+        If the text is not a pacing, or the factor is not between `MIN_FACTOR` and `MAX_FACTOR`.
+    """
     if pacing == "free":
         return None
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[x×]", pacing)
-    factor = 1.0 if pacing == "real_time" else float(found[1]) if found else 0.0
-    if not FACTORS[0] <= factor <= FACTORS[1]:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[x×]", pacing)
+    factor = 1.0 if pacing == "real_time" else float(match[1]) if match else 0.0
+    if not MIN_FACTOR <= factor <= MAX_FACTOR:
         raise ConfigError(
             f"pacing: is {pacing!r}; allowed: free, real_time, or a factor of "
-            f"{FACTORS[0]:g} to {FACTORS[1]:g} such as 20x"
+            f"{MIN_FACTOR:g} to {MAX_FACTOR:g} such as 20x"
         )
     return factor
 
 
 @dataclass
 class Pacing:
-    """Delays each state until its rig time has come; what a late run has lost is not made up."""
+    """Delay of each state until its rig time has come."""
 
-    #: Rig seconds a wall second; None never waits.
+    #: Real-time factor, None for a free run, which never waits.
     factor: float | None = None
-    #: Wall time (s) given up at the last state; zero while the run is on time.
+    #: Time (s, wall clock) given up at the last state, 0 while the run is on time.
     late: float = 0.0
-    _begin: tuple[int, float] | None = field(default=None, repr=False)
-    _stands: bool = field(default=False, repr=False)
+    #: Rig time (ns) and wall-clock time (s) from which due times are computed.
+    _reference: tuple[int, float] | None = field(default=None, repr=False)
+    _is_paused: bool = field(default=False, repr=False)
 
     def set(self, pacing: str) -> None:
-        """Change the real-time factor from the next state on."""
-        self.factor, self._begin, self.late = factor_of(pacing), None, 0.0
+        """Set the pacing from the next state on."""
+        self.factor, self._reference, self.late = factor_of(pacing), None, 0.0
 
-    def stand(self) -> None:
-        """Hold the next state back no longer: its rig time comes when it is sent."""
-        self._stands = True
+    def pause(self) -> None:
+        """Stop rig time until the next state is sent, which is then due at once."""
+        self._is_paused = True
 
     def wait(self, rig_ns: int, now: float) -> float:
-        """Wall time (s) until the state at a rig time is due, seen from wall time ``now``."""
-        if self.factor is None or self._begin is None or self._stands:
+        """Return the time (s) from `now` (wall clock) until a state at `rig_ns` is due."""
+        if self.factor is None or self._reference is None or self._is_paused:
             return 0.0
         return max(0.0, self._due(rig_ns) - now)
 
-    def reached(self, now: float) -> int | None:
-        """Rig time (ns) come by wall time ``now``; None of a free run, or before a state."""
-        if self.factor is None or self._begin is None:
-            return None
-        from_ns, wall = self._begin
-        return from_ns + round((now - wall) * self.factor * NS)
+    def rig_time_ns(self, now: float) -> int | None:
+        """Return the rig time (ns) at wall-clock time `now` (s).
 
-    def sent(self, rig_ns: int, now: float) -> None:
-        """Note that a state went out."""
+        Returns None in a free run and before the first state.
+        """
+        if self.factor is None or self._reference is None:
+            return None
+        reference_ns, wall = self._reference
+        return reference_ns + round((now - wall) * self.factor * NS)
+
+    def record_sent(self, rig_ns: int, now: float) -> None:
+        """Record that the state at `rig_ns` was sent at wall-clock time `now` (s)."""
         self.late = 0.0
         if self.factor is None:
             return
-        if self._begin is None or self._stands:
-            self._begin, self._stands = (rig_ns, now), False
+        if self._reference is None or self._is_paused:
+            self._reference, self._is_paused = (rig_ns, now), False
         late = now - self._due(rig_ns)
         if late > MAX_LATENESS_S:
-            self.late, self._begin = late, (rig_ns, now)
+            self.late, self._reference = late, (rig_ns, now)
 
     def _due(self, rig_ns: int) -> float:
-        assert self.factor is not None and self._begin is not None
-        from_ns, wall = self._begin
-        return wall + (rig_ns - from_ns) / NS / self.factor
+        """Return the wall-clock time (s) at which the state at `rig_ns` is due."""
+        assert self.factor is not None and self._reference is not None
+        reference_ns, wall = self._reference
+        return wall + (rig_ns - reference_ns) / NS / self.factor
 
 
 #: Duration (s, wall clock) over which the pace of a run is compared with the requested one.
@@ -160,7 +181,7 @@ MAX_LOST = 0.1
 
 
 class LostTime:
-    """Wall-clock time that a paced run has given up in a window, and the nodes it waited for.
+    """Wall-clock time lost by a paced run in a window, and the nodes waited for.
 
     `start` is the wall-clock time (s) at which the first window starts.
     """
@@ -178,7 +199,7 @@ class LostTime:
         self._waits[node] += 1
 
     def text(self, factor: float, now: float, window: float) -> str:
-        """Return a warning at the end of a window (s) in which much time was lost, else ""."""
+        """Return a warning if much time was lost in a window (s), else ""."""
         duration = now - self._start
         if duration < window:
             return ""

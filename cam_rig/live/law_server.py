@@ -1,4 +1,4 @@
-"""The law server without ROS: what may be mounted and why not, and which law is published when."""
+"""Law server without ROS: mounted cam, and checks of laws and contours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cam_rig.units import FloatArray
 
 
 class CamMounting:
-    """Cams of a scene's library, one of which is mounted (default: the first of the scene)."""
+    """Mounted cam of a scene's library (default: the first of the scene)."""
 
     def __init__(self, loaded: LoadedScene, cam: str = "") -> None:
         self._loaded = loaded
@@ -29,11 +29,18 @@ class CamMounting:
 
     @property
     def law(self) -> Law:
-        """The mounted cam's law."""
+        """Law of the mounted cam."""
         return self._loaded.laws[self.cam]
 
     def request(self, cam: str) -> bool:
-        """Mount a cam of the library whose law the model can turn; False where it was mounted."""
+        """Mount a cam of the library, or return False if it is mounted already.
+
+        Raises
+        ------
+        CamRigError
+            If the library has no such cam, or the scene's model rejects its law. The mounted cam
+            stays.
+        """
         if cam == self.cam:
             return False
         require = MODELS[self._loaded.scene.model].require
@@ -42,10 +49,13 @@ class CamMounting:
         return True
 
     def follow(self, state: CamState) -> Law | None:
-        """Take a state; the law to publish with it, None unless cam or speed are new."""
+        """Return the law to publish for a state of the cam.
+
+        Returns None if the cam is stopped, or if cam and speed are those of the previous state.
+        """
         last, self._last = self._last, state
-        known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
-        if known or state.speed == 0.0:
+        is_same = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
+        if is_same or state.speed == 0.0:
             return None
         try:
             self._loaded.mount(state.cam)
@@ -55,34 +65,43 @@ class CamMounting:
         return self._loaded.laws[state.cam]
 
 
-# Laws and contours received from the law server, compared with those of the cam's file.
+# Comparison of received laws and contours with those of the cam's file.
 
-#: Points of the contour over one turn.
+#: Number of points of the contour over one turn.
 CONTOUR_POINTS = 180
-#: Differences allowed, over the largest value: two machines that build one law from one file may
-#: round differently, and a contour is published in single precision.
-LAW_TOLERANCE, CONTOUR_TOLERANCE = 1e-9, 1e-6
+#: Tolerance of a received law, relative to the largest value. Two machines may round the law of the
+#: same file differently.
+LAW_RTOL = 1e-9
+#: Tolerance of a received contour, relative to the largest value, for its single precision.
+CONTOUR_RTOL = 1e-6
 
 
 def contour_of(cam: CamConfig, law: Law) -> FloatArray:
-    """Points of the cam's contour in its own frame (m), ``(2, n)``; of conjugate cams the first."""
+    """Return the contour of a cam in the frame of the cam (m), shape (2, n).
+
+    For conjugate cams this is the contour of the first cam.
+    """
     return contours(cam.follower, law, CONTOUR_POINTS)[0].points
 
 
 def require_own_law(loaded: LoadedScene, law: Law) -> None:
-    """Refuse a law that is not that of the cam's file in the scene's library."""
+    """Raise RefusedError if a law differs from that of the cam's file."""
     _mount(loaded, law.name)
-    own, file = loaded.laws[law.name], loaded.cam_files[law.name]
-    for of in ("breaks", "ordinates"):
-        what = f"law {law.name!r}: its {of}"
-        _require_near(getattr(law, of), getattr(own, of), LAW_TOLERANCE, what, file)
+    expected, file = loaded.laws[law.name], loaded.cam_files[law.name]
+    for field in ("breaks", "ordinates"):
+        text = f"law {law.name!r}: its {field}"
+        _require_near(getattr(law, field), getattr(expected, field), LAW_RTOL, text, file)
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
-    """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file."""
+    """Raise RefusedError if a contour differs from that of the cam's file.
+
+    `points` are in m, shape (2, n).
+    """
     _mount(loaded, cam)
-    known, what = contour_of(loaded.cams[cam], loaded.laws[cam]), f"contour of {cam!r}: its points"
-    _require_near(points, known, CONTOUR_TOLERANCE, what, loaded.cam_files[cam])
+    expected = contour_of(loaded.cams[cam], loaded.laws[cam])
+    text = f"contour of {cam!r}: its points"
+    _require_near(points, expected, CONTOUR_RTOL, text, loaded.cam_files[cam])
 
 
 def _mount(loaded: LoadedScene, cam: str) -> None:
@@ -93,14 +112,14 @@ def _mount(loaded: LoadedScene, cam: str) -> None:
 
 
 def _require_near(
-    received: FloatArray, known: FloatArray, tolerance: float, what: str, file: Path
+    received: FloatArray, expected: FloatArray, rtol: float, text: str, file: Path
 ) -> None:
-    if received.shape != known.shape:
-        raise RefusedError(f"{what} are {received.shape}; {file} has {known.shape}")
-    difference = float(np.abs(received - known).max())
-    limit = tolerance * float(np.abs(known).max())
+    if received.shape != expected.shape:
+        raise RefusedError(f"{text} are {received.shape}; {file} has {expected.shape}")
+    difference = float(np.abs(received - expected).max())
+    limit = rtol * float(np.abs(expected).max())
     if not difference <= limit:
         raise RefusedError(
-            f"{what} differ by {difference:.3g} from those of {file}; allowed: {limit:.3g} "
+            f"{text} differ by {difference:.3g} from those of {file}; allowed: {limit:.3g} "
             "(was the file changed, or is a second law server at work?)"
         )

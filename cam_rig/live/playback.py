@@ -1,7 +1,7 @@
-"""The ticks of a paced run as people see them: each while the next one turns, evenly in wall time.
+"""Playback buffer of a paced run: samples at a constant wall-clock rate.
 
-A tick's motion is known when the tick is over. So what is shown is a tick behind the drive, and a
-margin: at each moment where the cam was a tick ago, by its samples and their own rig time.
+The motion of a tick is known when the tick has ended. The playback is therefore one tick and a
+margin behind the drive. It shows the samples at which the cam was one tick ago.
 """
 
 from __future__ import annotations
@@ -15,61 +15,83 @@ from numpy.typing import NDArray
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray
 
-#: Of /joint_states and the like: drive, network and follower at work.
+#: Default margin (s, wall clock), for the motion topics such as /joint_states. It covers the time
+#: that drive, network and follower need.
 MARGIN_S = 0.03
-#: Wall time (s) in which what is shown returns to its place: ticks never come quite evenly.
+#: Time (s, wall clock) in which a deviation from the intended delay is corrected. Ticks never
+#: arrive at an exactly constant rate.
 SETTLE_S = 0.5
-#: Wall time (s), beside half a tick, that is caught up; of what is farther behind a part is left
-#: out. A viewer that starts late receives several ticks at once.
-CAUGHT_UP_S = 0.1
+#: Largest delay (s, wall clock), in addition to half a tick, that is corrected gradually. After a
+#: larger delay samples are skipped: a viewer that starts late receives several ticks at once.
+MAX_GRADUAL_DELAY_S = 0.1
 
 
 class Tick(NamedTuple):
-    """A tick between two states of the cam, with its samples ``(6, n)``."""
+    """A tick between two states of the cam, with its samples, shape (6, n)."""
 
     start: CamState
     end: CamState
     rows: FloatArray
 
 
-class Shown(NamedTuple):
-    """Samples of a tick ``(n,)``, counted from 0, and the wall times (s) at which to show them."""
+class PlaybackSamples(NamedTuple):
+    """Indices of samples of a tick and their times of display (s, wall clock).
+
+    Both arrays have shape (n,).
+    """
 
     tick: Tick
-    samples: NDArray[np.int64]
-    walls: FloatArray
+    indices: NDArray[np.int64]
+    wall_times: FloatArray
 
 
 class Playback:
-    """What to show of the finished ticks at a wall time.
+    """Samples of the finished ticks that are to be shown at a wall-clock time.
 
-    The position, a rig time, moves at the rate at which it comes to the newest tick's end when the
-    next tick is due, and a margin later. The cam so seems to turn as fast as the drive turns it
-    now, also where ticks become longer or shorter. It never goes back. ``margin`` is the wall time
-    (s) that a tick may come late without a pause.
+    The playback position is a rig time. It moves at the rate at which it reaches the end of the
+    newest tick one margin after the next tick is due. The displayed cam therefore turns as fast as
+    the drive turns it at present, also if ticks become longer or shorter. The position never moves
+    backwards.
+
+    Parameters
+    ----------
+    sample_rate : int
+        Sample rate in Hz.
+    margin : float
+        Time (s, wall clock) that a tick may be late without a pause of the playback.
     """
 
     def __init__(self, sample_rate: int, margin: float = MARGIN_S) -> None:
         self._sample_rate, self._margin = sample_rate, margin
         self._ticks: deque[Tick] = deque()
-        #: Position (ns) at a wall time (s), and its rate (ns of rig time a wall second).
+        #: Position (ns) at the wall-clock time `_since` (s), and its rate (ns per wall-clock s).
         self._position, self._since, self._rate = 0.0, 0.0, 0.0
-        #: Of the newest tick: its end (ns), and the wall time (s) at which that came.
-        self._end_ns, self._came, self._factor = 0, 0.0, 1.0
-        self._shown = -1
-        #: Counts the ticks that were added: what was looked up ahead holds until the next.
+        #: End of the newest tick (ns), wall-clock time (s) of its arrival, and real-time factor.
+        self._end_ns, self._received_at, self._factor = 0, 0.0, 1.0
+        self._last_sample = -1  # number in the run
+        #: Number of changes of the ticks. A result of `samples_at` is valid until the next change.
         self.version = 0
-        #: Rig time (ns) that was shown last, and how far it was behind the drive, at its pace, in
-        #: wall time (s).
-        self.shown_ns, self.lag = -1, 0.0
+        #: Rig time (ns) of the sample that was shown last, -1 before the first.
+        self.shown_ns = -1
+        #: Delay (s, wall clock) of this sample behind the drive.
+        self.lag = 0.0
 
     def clear(self) -> None:
-        """Forget all ticks: what follows is not shown evenly, or begins anew."""
+        """Remove all ticks, at the start of a free run or of another run."""
         self._ticks.clear()
         self.version += 1
 
-    def add(self, tick: Tick, factor: float, came: float, now: float) -> None:
-        """Take the next finished tick, whose last state came at ``came`` (s of wall time)."""
+    def add(self, tick: Tick, factor: float, received_at: float, now: float) -> None:
+        """Add the next finished tick.
+
+        Parameters
+        ----------
+        tick : Tick
+        factor : float
+            Real-time factor of the run.
+        received_at, now : float
+            Wall-clock times (s): arrival of the last state of the tick, and present time.
+        """
         start, end = tick.start, tick.end
         interval = start.until(end)
         length = interval.duration
@@ -77,59 +99,64 @@ class Playback:
             length *= start.speed / end.speed
         due = length / factor + self._margin
         natural = (end.time_ns - start.time_ns) / (length / factor)
-        wanted = max(0.0, due - (now - came))
+        delay = max(0.0, due - (now - received_at))
         position = self.position(now)
-        follows = bool(self._ticks) and self._ticks[-1].end == start
-        error = (end.time_ns - position) / natural - wanted
-        if not follows or error > CAUGHT_UP_S + 0.5 * due:
-            position, error = end.time_ns - wanted * natural, 0.0
-        if not follows:
+        is_next = bool(self._ticks) and self._ticks[-1].end == start
+        error = (end.time_ns - position) / natural - delay
+        if not is_next or error > MAX_GRADUAL_DELAY_S + 0.5 * due:
+            position, error = end.time_ns - delay * natural, 0.0
+        if not is_next:
             self._ticks.clear()
         self._ticks.append(tick)
         self._position, self._since, self._end_ns = position, now, end.time_ns
         self._rate = natural * max(0.0, 1.0 + error / max(SETTLE_S, due))
-        self._factor, self._came = factor, came
+        self._factor, self._received_at = factor, received_at
         self.version += 1
-        self._drop_shown(int(position))
+        self._drop_before(int(position))
 
     def position(self, now: float) -> float:
-        """Rig time (ns) that is shown at a wall time (s): the newest tick's end at most."""
+        """Return the playback position (ns) at wall-clock time `now` (s).
+
+        It is at most the end of the newest tick.
+        """
         return min(self._position + self._rate * (now - self._since), self._end_ns)
 
-    def ahead(self, walls: FloatArray) -> Shown | None:
-        """What to show at rising wall times (s) of one tick, each sample once; None: nothing."""
+    def samples_at(self, wall_times: FloatArray) -> PlaybackSamples | None:
+        """Return the new samples to show at rising times (s, wall clock), or None.
+
+        All samples are of one tick. Each sample is shown once.
+        """
         if not self._ticks:
             return None
-        positions = self._position + self._rate * (walls - self._since)
+        positions = self._position + self._rate * (wall_times - self._since)
         positions = np.minimum(positions, self._end_ns).astype(np.int64)
-        self._drop_shown(int(positions[0]))
+        self._drop_before(int(positions[0]))
         tick = self._ticks[0]
         first = self._first_sample(tick)
-        seconds, rest = np.divmod(positions, NS)
-        numbers = seconds * self._sample_rate + rest * self._sample_rate // NS
+        seconds, remainder = np.divmod(positions, NS)
+        numbers = seconds * self._sample_rate + remainder * self._sample_rate // NS
         if len(self._ticks) == 1:
             numbers = np.minimum(numbers, first + tick.rows.shape[1] - 1)
         is_new = np.diff(numbers, prepend=-1) > 0
-        is_new &= (numbers >= first) & (numbers > self._shown)
+        is_new &= (numbers >= first) & (numbers > self._last_sample)
         is_new &= numbers < first + tick.rows.shape[1]
         if not is_new.any():
             return None
-        return Shown(tick, numbers[is_new] - first, walls[is_new])
+        return PlaybackSamples(tick, numbers[is_new] - first, wall_times[is_new])
 
-    def note_shown(self, shown: Shown, place: int) -> None:
-        """Note that what stands at a place is shown now."""
-        wall = float(shown.walls[place])
-        self._shown = self._first_sample(shown.tick) + int(shown.samples[place])
-        self.shown_ns = self._shown * NS // self._sample_rate
-        behind = (self._end_ns - self.shown_ns) / NS / self._factor
-        self.lag = behind + wall - self._came
+    def record_shown(self, samples: PlaybackSamples, index: int) -> None:
+        """Record that the sample at an index of `samples` is shown now."""
+        self._last_sample = self._first_sample(samples.tick) + int(samples.indices[index])
+        self.shown_ns = self._last_sample * NS // self._sample_rate
+        remainder = (self._end_ns - self.shown_ns) / NS / self._factor
+        self.lag = remainder + float(samples.wall_times[index]) - self._received_at
 
-    def _drop_shown(self, position: int) -> None:
-        """Drop the ticks before the one that has the sample of a position (ns)."""
+    def _drop_before(self, position: int) -> None:
+        """Remove the ticks before that of the sample at a position (ns)."""
         sample = position * self._sample_rate // NS
         while len(self._ticks) > 1 and self._first_sample(self._ticks[1]) <= sample:
             self._ticks.popleft()
 
     def _first_sample(self, tick: Tick) -> int:
-        """By its number in the run's one grid of samples."""
+        """Return the number of the first sample of a tick, counted over the whole run."""
         return -(-tick.start.time_ns * self._sample_rate // NS)

@@ -1,4 +1,7 @@
-"""Input queues of follower and microphone, whose messages arrive on two topics in any order."""
+"""Input queues of follower and microphone.
+
+Their messages arrive on two topics in any order.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ SAMPLE_TIME_ATOL_S = 1e-6
 
 
 class FollowerQueue:
-    """Combines the drive's states and the law server's laws into ticks."""
+    """Combines the states of the drive and the laws of the law server into ticks."""
 
     def __init__(self, simulator: FollowerSimulator, scene: SceneConfig) -> None:
         self._simulator = simulator
@@ -31,7 +34,7 @@ class FollowerQueue:
         self._waiting: deque[CamState] = deque()
 
     def add_law(self, law: Law) -> None:
-        """Add a law; a law of a known name is not replaced."""
+        """Add a law unless there is a law of this name."""
         try:
             self._simulator.model.require(law)
         except DynamicsError as error:

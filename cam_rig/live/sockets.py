@@ -1,4 +1,4 @@
-"""Sockets of one machine: its loopback, and JSON lines between a page's server and a node."""
+"""Loopback interface, and JSON lines between a page's server and a node."""
 
 from __future__ import annotations
 
@@ -9,31 +9,33 @@ from typing import Any
 
 from cam_rig.errors import ConfigError, RunError
 
+#: Address of the loopback interface.
 LOOPBACK = "127.0.0.1"
 
 
 def require_loopback() -> None:
-    """Refuse a machine without it: nodes, and the servers of pages, speak over it."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+    """Raise RunError if the loopback interface is not available."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            asked.bind((LOOPBACK, 0))
-            asked.connect(asked.getsockname())
+            probe.bind((LOOPBACK, 0))
+            probe.connect(probe.getsockname())
         except OSError as error:
             raise RunError(
                 f"the loopback interface, {LOOPBACK}: is down or missing ({error.strerror}); "
-                "needed by the nodes and the pages, so: ip link set lo up"
+                "nodes and pages need it, so: ip link set lo up"
             ) from None
 
 
-#: Bytes of a line, at most: a second of sound at the highest sample rate fits.
+#: Maximum length of a line in bytes, sufficient for one second of samples at the highest rate.
 MAX_LINE = 1 << 24
-#: Bytes that may wait to be sent; a server that takes nothing for so long has stopped.
+#: Maximum number of bytes that wait to be sent. If more wait, the server has stopped reading.
 MAX_UNSENT = 1 << 25
+#: Number of bytes that are read or sent in one call.
 _CHUNK = 1 << 16
 
 
 class LineSocket:
-    """The node's end of the socket at ``path``; it never waits."""
+    """Non-blocking socket of a node, connected to the page's server at `path`."""
 
     def __init__(self, path: Path) -> None:
         self._socket = socket.socket(socket.AF_UNIX)
@@ -49,7 +51,13 @@ class LineSocket:
         self._received, self._unsent = bytearray(), bytearray()
 
     def receive(self) -> list[dict[str, Any]]:
-        """The objects that have come."""
+        """Return the objects received since the last call.
+
+        Raises
+        ------
+        RunError
+            If the server has closed the connection, or a line is invalid or longer than `MAX_LINE`.
+        """
         try:
             while chunk := self._socket.recv(_CHUNK):
                 self._received += chunk
@@ -60,21 +68,27 @@ class LineSocket:
             pass
         except ConnectionError:
             raise RunError("the page's server has ended") from None
-        *lines, rest = bytes(self._received).split(b"\n")
-        self._received = bytearray(rest)
+        *lines, remainder = bytes(self._received).split(b"\n")
+        self._received = bytearray(remainder)
         return [read_line(line) for line in lines]
 
     def put(self, message: dict[str, Any]) -> None:
-        """Send an object with the next `flush`, which wakes the receiver once for all that wait."""
+        """Queue an object for the next `flush`, which sends all queued objects together."""
         self._unsent += line_of(message)
 
     def send(self, message: dict[str, Any]) -> None:
-        """Send an object, now or with the next `flush`."""
+        """Send an object now, or with the next `flush` if the server does not take it yet."""
         self.put(message)
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as it is taken."""
+        """Send queued objects as far as the server takes them.
+
+        Raises
+        ------
+        RunError
+            If the server has closed the connection, or more than `MAX_UNSENT` bytes wait.
+        """
         try:
             while self._unsent:
                 del self._unsent[: self._socket.send(self._unsent[:_CHUNK])]
@@ -86,21 +100,24 @@ class LineSocket:
             raise RunError(f"the page's server has not taken {len(self._unsent)} bytes")
 
     def close(self) -> None:
-        """Close it."""
+        """Close the socket."""
         self._socket.close()
 
 
 def line_of(message: dict[str, Any]) -> bytes:
-    """An object as a line."""
+    """Return an object as a line of JSON."""
     return json.dumps(message).encode() + b"\n"
 
 
 def read_line(line: bytes) -> dict[str, Any]:
-    """The object of a line."""
+    """Return the object of a line of JSON.
+
+    Any other content raises RunError.
+    """
     try:
-        found = json.loads(line)
+        value = json.loads(line)
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        value = None
+    if not isinstance(value, dict):
         raise RunError(f"the page's server: {line[:40]!r} is not a JSON object")
-    return found
+    return value

@@ -1,4 +1,4 @@
-"""Which cam states are possible: the cam turns steadily, so time rises and θ is continuous."""
+"""Validation of received cam states: rig time must rise and θ must be continuous."""
 
 from __future__ import annotations
 
@@ -12,14 +12,19 @@ from cam_rig.schema.scene import MAX_SPEED, MIN_SAMPLES
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
 
-#: Samples in one tick at most: a message of 48 MB.
+#: Maximum number of samples in one tick. A message with this number has 48 MB.
 MAX_SAMPLES = 1_000_000
 
 
-def speeds(scene: SceneConfig) -> tuple[float, float]:
-    """Least and greatest speed (rad/s) whose ticks have two samples, and no more than a message."""
-    turned = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
-    return 2.0 * turned / MAX_SAMPLES, min(MAX_SPEED, turned / MIN_SAMPLES)
+def speed_limits(scene: SceneConfig) -> tuple[float, float]:
+    """Return the lowest and the highest speed (rad/s) of commands in a scene.
+
+    At the highest speed a tick has `MIN_SAMPLES` samples. At the lowest speed it has half of
+    `MAX_SAMPLES`.
+    """
+    speed_of_one_sample = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
+    highest = min(MAX_SPEED, speed_of_one_sample / MIN_SAMPLES)
+    return 2.0 * speed_of_one_sample / MAX_SAMPLES, highest
 
 
 class StateValidator:
@@ -54,35 +59,37 @@ class StateValidator:
         duration = (state.time_ns - last.time_ns) / NS
         if not 0.0 < duration <= self._longest:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns after the one at {last.time_ns} ns; allowed: "
+                f"cam state at {state.time_ns} ns after that at {last.time_ns} ns; allowed: "
                 f"stamps that rise, by at most {self._longest:g} s (is a second drive at work?)"
             )
         first, end = (-(-time * self._rate // NS) for time in (last.time_ns, state.time_ns))
         if end <= first:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the one at "
-                f"{last.time_ns} ns; allowed: one in every tick"
+                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the state "
+                f"at {last.time_ns} ns; allowed: one or more per tick"
             )
         turned = state.since(last)
-        if turned > 1.5 * self._tick_angle:  # a state that was lost makes it twice
+        if turned > 1.5 * self._tick_angle:  # twice the angle of a tick if a state was lost
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the one "
-                f"before; allowed: {self._tick_angle:.6g} rad (was one lost, or is a second drive "
-                "at work?)"
+                f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the "
+                f"previous state; allowed: {self._tick_angle:.6g} rad (was a state lost, or is a "
+                "second drive at work?)"
             )
-        held, ramped = last.speed * duration, 0.5 * (last.speed + state.speed) * duration
-        away = min(abs(turned - held), abs(turned - ramped))
-        if away > ANGLE_TOLERANCE:
+        # the speed is constant in a tick, or changes linearly
+        constant, ramped = last.speed * duration, 0.5 * (last.speed + state.speed) * duration
+        difference = min(abs(turned - constant), abs(turned - ramped))
+        if difference > ANGLE_TOLERANCE:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: θ is {away:.3g} rad from where the state before "
-                f"leads; allowed: {ANGLE_TOLERANCE:g} rad (is a second drive at work?)"
+                f"cam state at {state.time_ns} ns: θ is {difference:.3g} rad from the value that "
+                f"follows from the previous state; allowed: {ANGLE_TOLERANCE:g} rad (is a second "
+                "drive at work?)"
             )
 
 
 def require_possible(state: CamState) -> None:
-    """Refuse numbers that no cam can have, whatever the state before."""
-    known = math.isfinite(state.angle) and abs(state.unwrapped) <= MAX_ANGLE
-    if not (known and math.isfinite(state.speed) and state.time_ns >= 0):
+    """Raise RefusedError if time, angle or speed are outside the limits of a rig."""
+    is_angle = math.isfinite(state.angle) and abs(state.unwrapped) <= MAX_ANGLE
+    if not (is_angle and math.isfinite(state.speed) and state.time_ns >= 0):
         raise RefusedError(
             f"cam state: {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s; "
             f"allowed: finite numbers, θ up to {MAX_ANGLE:g} rad, time from zero"

@@ -1,1 +1,1 @@
-"""Messages: topics, types and quality of service, conversion from and to numbers."""
+"""Messages of the rig: topics, types, quality of service and conversion."""

@@ -1,6 +1,6 @@
-"""Laws, blocks and cam states as the content of messages: labelled arrays, stamps, joints.
+"""Conversion of laws, blocks and cam states to and from messages.
 
-No message class enters here, so nodes (rclpy) and analysis (rosbags) share it.
+The module does not depend on message classes. Nodes (rclpy) and analysis (rosbags) share it.
 """
 
 from __future__ import annotations
@@ -15,44 +15,58 @@ import numpy as np
 from cam_rig.dynamics import ANGLE_TOLERANCE, COLUMNS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.flow_control import FACTORS
+from cam_rig.live.flow_control import MAX_FACTOR, MIN_FACTOR
 from cam_rig.live.state_validation import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray
 
-#: A label and a size each, outermost first.
+#: Label and size of each dimension of an array, outermost first.
 Dimensions = list[tuple[str, int]]
-#: The row of a piece: the cam angle where it begins, then its Bernstein ordinates.
+#: Label of the rows of a law: cam angle at the start of the piece, then its Bernstein ordinates.
 PIECE_LABEL = "break_rad, ordinates_m"
+#: Label of the rows of a block.
 BLOCK_LABEL = ", ".join(COLUMNS)
+#: Label of the columns of a block.
 SAMPLE_LABEL = "sample"
-#: A cam's name; its file has the same.
+#: Pattern of the names of cams, which are also the names of their files.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
-#: The joints of a cam's state: the angle with all turns, and the angle within the turn, which has
-#: all its digits. Bags of earlier versions have the first alone.
+#: Joints of a cam state: the angle with all turns, and the angle within the turn, which has the
+#: full precision. Bags of earlier versions have the first joint only.
 CAM_JOINTS = ("cam", "cam_in_turn")
-#: Limits beyond any cam's pieces and degree: a receiver would compute for minutes.
-MAX_PIECES, MAX_DEGREE = 1000, 64
-#: A shorter piece, in rad, would have accelerations beyond what numbers hold.
+#: Maximum number of pieces of a law, more than any cam has. Larger laws would occupy a receiver for
+#: minutes.
+MAX_PIECES = 1000
+#: Maximum degree of a piece, for the same reason.
+MAX_DEGREE = 64
+#: Shortest span of a piece (rad). The accelerations of shorter pieces could exceed the range of
+#: float64.
 MIN_PIECE_SPAN = 1e-9
-#: No cam lifts farther, m; no sample of a test rig is larger, in SI units.
-MAX_LIFT, MAX_VALUE = 10.0, 1e12
+#: Largest lift of a law (m), larger than that of any cam.
+MAX_LIFT = 10.0
+#: Largest value of a sample in SI units, larger than any value of a test rig.
+MAX_VALUE = 1e12
 
 
 def array_of(message: Any) -> tuple[Dimensions, FloatArray]:
-    """Dimensions and data of a Float64MultiArray, of rclpy or of rosbags alike."""
+    """Return dimensions and data of a Float64MultiArray of rclpy or rosbags."""
     dimensions = [(str(d.label), int(d.size)) for d in message.layout.dim]
     return dimensions, np.frombuffer(message.data, dtype=np.float64)
 
 
 def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
-    """A law as ``(n, p + 2)``: one row per piece, labelled with the cam's name."""
+    """Return a law as a labelled array, shape (n, p + 2), one row per piece."""
     rows = np.column_stack([law.breaks[:-1], law.ordinates.T])
     return [(law.name, rows.shape[0]), (PIECE_LABEL, rows.shape[1])], rows
 
 
 def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
-    """The law of an array made by `encode_law`."""
+    """Return the law of an array made by `encode_law`.
+
+    Raises
+    ------
+    RefusedError
+        If the array is not a law, or is beyond the limits of this module.
+    """
     rows = _shaped(dimensions, data, "law coefficients")
     if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
         raise RefusedError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
@@ -62,7 +76,8 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
             f"{MAX_PIECES} of {MAX_DEGREE}"
         )
     if not CAM_NAME.fullmatch(dimensions[0][0]):
-        raise RefusedError(f"law coefficients: of {dimensions[0][0][:80]!r}; allowed: a cam's name")
+        label = dimensions[0][0][:80]
+        raise RefusedError(f"law coefficients: label is {label!r}; allowed: a cam's name")
     if not np.abs(rows[:, 1:]).max() <= MAX_LIFT:
         raise RefusedError(f"law coefficients: allowed: finite, at most {MAX_LIFT:g} m")
     try:
@@ -75,12 +90,18 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
-    """A block of samples as it is, ``(6, n)``: a row each for `COLUMNS`."""
+    """Return a block, shape (6, n), as a labelled array with rows `COLUMNS`."""
     return [(BLOCK_LABEL, rows.shape[0]), (SAMPLE_LABEL, rows.shape[1])], rows
 
 
 def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
-    """Rows ``(6, n)`` of an array made by `encode_block`."""
+    """Return the rows, shape (6, n), of an array made by `encode_block`.
+
+    Raises
+    ------
+    RefusedError
+        If the array is not a block, or is beyond the limits of this module.
+    """
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
         raise RefusedError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
@@ -92,33 +113,42 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
 
 
 def block_of(message: Any) -> FloatArray:
-    """Rows ``(6, n)`` of a message of /follower/samples."""
+    """Return the rows, shape (6, n), of a message of /follower/samples."""
     return decode_block(*array_of(message))
 
 
 def rig_time(seconds: int, nanoseconds: int) -> int:
-    """Rig time in ns."""
+    """Return a stamp as rig time in ns.
+
+    An invalid stamp raises RefusedError.
+    """
     if seconds < 0 or nanoseconds >= NS:
-        raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
+        raise RefusedError(f"stamp is {seconds} s and {nanoseconds} ns; allowed: 0 or later")
     return seconds * NS + nanoseconds
 
 
 def stamp_ns(stamp: Any) -> int:
-    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike."""
+    """Return a builtin_interfaces/Time of rclpy or rosbags as rig time in ns."""
     return rig_time(int(stamp.sec), int(stamp.nanosec))
 
 
 def real_time_factor(value: float) -> float:
-    """Rig seconds a wall second, as /rig/real_time_factor has it; 0 of a free run."""
-    if value != 0.0 and not FACTORS[0] <= value <= FACTORS[1]:
+    """Check and return the value of /rig/real_time_factor, 0 for a free run."""
+    if value != 0.0 and not MIN_FACTOR <= value <= MAX_FACTOR:
         raise RefusedError(
-            f"real-time factor: is {value:g}; allowed: 0, or {FACTORS[0]:g} to {FACTORS[1]:g}"
+            f"real-time factor: is {value:g}; allowed: 0, or {MIN_FACTOR:g} to {MAX_FACTOR:g}"
         )
     return value
 
 
 def cam_state_of(message: Any) -> CamState:
-    """The cam's state of a JointState; the frame names the mounted cam."""
+    """Return the cam state of a JointState, whose frame is the cam's name.
+
+    Raises
+    ------
+    RefusedError
+        If the message has other joints, or values that no cam can have.
+    """
     cam, count = str(message.header.frame_id), len(message.position)
     if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
         raise RefusedError(
@@ -132,25 +162,31 @@ def cam_state_of(message: Any) -> CamState:
     return state if count == 1 else _within_turn(state, float(message.position[1]))
 
 
-def _within_turn(read: CamState, angle: float) -> CamState:
-    """A state with its angle (rad) within the turn; ``read`` has the angle with all turns."""
+def _within_turn(state: CamState, angle: float) -> CamState:
+    """Return a state with the exact angle within the turn (rad)."""
     if not 0.0 <= angle < TURN:
-        raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
-    turns = round((read.unwrapped - angle) / TURN)
-    state = replace(read, angle=angle, turns=turns)
-    away, rounding = abs(state.since(read)), 4.0 * math.ulp(read.unwrapped)
-    if not away <= ANGLE_TOLERANCE + rounding:
         raise RefusedError(
-            f"cam state: θ {read.unwrapped!r} rad and {angle!r} rad within the turn are {away:.3g} "
-            f"rad apart; allowed: {ANGLE_TOLERANCE:g} rad"
+            f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π (exclusive)"
         )
-    return state
+    unwrapped = state.unwrapped
+    precise = replace(state, angle=angle, turns=round((unwrapped - angle) / TURN))
+    difference, rounding = abs(precise.since(state)), 4.0 * math.ulp(unwrapped)
+    if not difference <= ANGLE_TOLERANCE + rounding:
+        raise RefusedError(
+            f"cam state: θ {unwrapped!r} rad and {angle!r} rad within the turn are "
+            f"{difference:.3g} rad apart; allowed: {ANGLE_TOLERANCE:g} rad"
+        )
+    return precise
 
 
-def _shaped(dimensions: Dimensions, data: FloatArray, what: str) -> FloatArray:
+def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
+    """Return the data in the shape of the dimensions.
+
+    `name` is the content in error messages.
+    """
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:
         raise RefusedError(
-            f"{what}: {data.size} numbers in dimensions {shape}; allowed: two that fit"
+            f"{name}: {data.size} numbers in dimensions {shape}; allowed: two that match the data"
         )
     return data.reshape(shape)

@@ -1,4 +1,4 @@
-"""cam-rig urdf: the rig of a scene as a robot, for robot_state_publisher and RViz."""
+"""Command cam-rig urdf, for robot_state_publisher and RViz."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ def urdf(
     scene: Scene = DEFAULT_SCENE,
     cam: Annotated[
         str | None,
-        typer.Option(help="Cam that is mounted, a name in config/cams; by default the first."),
+        typer.Option(help="Mounted cam, a name in config/cams (default: the first of the scene)."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The URDF; by default to stdout.")
+        Path | None, typer.Option(metavar="FILE", help="URDF file (default: stdout).")
     ] = None,
 ) -> None:
     """Print the rig of a scene as URDF: base, guide, motor, microphone, cam and follower.
 
-    Lengths in m and axes by REP 103: x forward along the shaft, z up. Every link has a mass, and
-    bodies to look at and to collide with. The mounted cam is a prism of its contour, which is
-    whole on /cam/markers.
+    Lengths are in m, axes follow REP 103: x points forward along the shaft, z up. Every link has a
+    mass, and the same bodies for display and collision. The mounted cam is approximated by a prism.
+    The topic /cam/markers has its exact contour.
 
     Examples
     --------

@@ -1,11 +1,12 @@
-"""Links, joints and where they are: what the URDF says, and what /tf is made of.
+"""Links and joints of the rig, from which the URDF and /tf are made.
 
-By REP 103 lengths are in m, angles in rad, x of ``base_link`` points forward, y left, z up. One who
-stands before the rig looks along -x: the shaft points at him, the cam turns counterclockwise, and a
-translating follower moves up along z. The origin is on the shaft, in the middle of the cam.
+Lengths are in m and angles in rad. The axes of ``base_link`` follow REP 103: x points forward, y
+left, z up. An observer in front of the rig looks along -x. For this observer the shaft points
+forward, the cam turns counterclockwise, and a translating follower moves up along z. The origin is
+on the shaft, in the middle of the cam.
 
 The ``guide`` is the frame of `cam_rig.profile.contact`: x to the right, y up, z out of the plane
-of the cam. The cam turns in it, and the follower moves in it.
+of the cam. The cam turns in this frame, and the follower moves in it.
 """
 
 from __future__ import annotations
@@ -25,25 +26,38 @@ from cam_rig.schema.cam import FRAMES
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
 from cam_rig.units import FloatArray
 
-#: Links besides one for each cam, which has the cam's name and turns with the link ``cam``. An
-#: oscillating follower's joint moves ``follower_arc``, the way along the arc, which has no body.
+#: Names of the links. In addition each cam has a link with the cam's name, which turns with the
+#: link ``cam``. The joint of an oscillating follower moves the link ``follower_arc``, its travel
+#: along the arc, which has no body.
 BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
-#: The joint by which an oscillating follower turns; it follows the joint ``follower``.
+#: Joint that turns an oscillating follower. Its position follows that of the joint ``follower``.
 ARM = "follower_arm"
-#: Roll, pitch and yaw of the guide in base_link, rad: its x is y there, its y is z.
-UPRIGHT = (0.5 * math.pi, 0.0, 0.5 * math.pi)
-#: Room for lift-off over the scene's greatest lift, as a share of it.
-LIFT_OFF = 1.0
+#: Roll, pitch and yaw (rad) of the guide in base_link: x of the guide is y, its y is z.
+GUIDE_RPY = (0.5 * math.pi, 0.0, 0.5 * math.pi)
+#: Travel for lift-off above the largest lift of the scene, relative to this lift.
+LIFT_OFF_TRAVEL = 1.0
 Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class RobotJoint:
-    """A link on its parent: where it stays (m, and roll, pitch, yaw in rad), or moves in a plane.
+    """Joint between a link and its parent.
 
-    There it turns about z by the joint's position (rad), or slides along its own y by it (m), from
-    where it is at position 0. ``limits`` are None where it turns for ever; ``follows`` is its
-    position over that of the joint ``follower``, None for one of its own.
+    A moving child turns about z by the position of the joint (rad), or slides along its y axis by
+    this position (m).
+
+    Parameters
+    ----------
+    name, kind, parent, child
+        Name and type of the joint, and names of its links.
+    xyz
+        Origin of the child in the parent at position 0, in m.
+    rpy
+        Roll, pitch and yaw of the child in the parent at position 0, in rad.
+    limits
+        Lowest and highest position, None for an endless rotation.
+    follows
+        Ratio of the position to that of the joint ``follower``, None for an independent joint.
     """
 
     name: str
@@ -56,13 +70,13 @@ class RobotJoint:
     follows: float | None = None
 
     def pose(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y (m) and yaw (rad) of a moving child at positions, each ``(n,)``."""
+        """Return x, y (m) and yaw (rad) of a moving child at positions, each shape (n,)."""
         (x, y, _), yaw = self.xyz, self.rpy[2]
         if self.kind != "prismatic":
-            still = np.zeros_like(position)
-            return x + still, y + still, yaw + position
-        slid_x, slid_y = -math.sin(yaw) * position, math.cos(yaw) * position
-        return x + slid_x, y + slid_y, np.full_like(position, yaw)
+            zero = np.zeros_like(position)
+            return x + zero, y + zero, yaw + position
+        slide_x, slide_y = -math.sin(yaw) * position, math.cos(yaw) * position
+        return x + slide_x, y + slide_y, np.full_like(position, yaw)
 
 
 def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0, 0)) -> RobotJoint:
@@ -71,7 +85,7 @@ def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """The rig of a scene, each of whose cams has a link, with one mounted and its follower."""
+    """Rig of a scene as a robot: a link per cam, the mounted cam, the follower."""
 
     loaded: LoadedScene
     mounted: CamConfig
@@ -79,43 +93,46 @@ class Robot:
 
     @classmethod
     def of(cls, loaded: LoadedScene, cam: str | None = None) -> Robot:
-        """The rig of a scene with a cam mounted, by default the scene's first."""
+        """Return the robot of a scene with a mounted cam (default: the first)."""
         name = loaded.scene.cams[0] if cam is None else cam
         law = loaded.law_of(name)
         return cls(loaded, loaded.cams[name], follower_shape(loaded.cams[name], law))
 
     @property
     def size(self) -> float:
-        """How far the follower is from the shaft at most, m; the measure of what is only looks."""
+        """Largest distance of the follower from the shaft (m).
+
+        Display sizes are in proportion to it.
+        """
         return self.shape.reach
 
     @property
     def cams(self) -> list[str]:
-        """The cams that have a link: the scene's, and one that an operator mounted."""
+        """Names of the cams that have a link: those of the scene, and the mounted cam."""
         return list(dict.fromkeys([*self.loaded.scene.cams, self.mounted.name]))
 
     @property
     def top_speed(self) -> float:
-        """The scene's highest speed, rad/s."""
+        """Highest speed of the scene in rad/s."""
         return max(self.loaded.scene.program.speeds.si_list)
 
     @property
-    def most(self) -> tuple[float, float]:
-        """Greatest contact force (N) and lift's speed (m/s) of the scene's cams at that speed."""
+    def max_force_and_velocity(self) -> tuple[float, float]:
+        """Largest contact force (N) and velocity (m/s) of all cams at `top_speed`."""
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
         slopes = [abs(peak(self.loaded.laws[cam], 1).value) for cam in self.cams]
         return max(forces), max(slopes) * self.top_speed
 
     @property
     def law(self) -> Law:
-        """The mounted cam's."""
+        """Law of the mounted cam."""
         return self.loaded.laws[self.mounted.name]
 
     @property
     def fixed(self) -> list[RobotJoint]:
-        """The joints of /tf_static."""
+        """Joints of /tf_static."""
         return [
-            _mount(BASE, GUIDE, rpy=UPRIGHT),
+            _mount(BASE, GUIDE, rpy=GUIDE_RPY),
             _mount(BASE, MOTOR, (-0.75 * self.size, 0.0, 0.0)),
             _mount(BASE, MICROPHONE, (2.0 * self.size, 0.0, 2.0 * self.size)),
             *(_mount(CAM, name) for name in self.cams),
@@ -123,22 +140,22 @@ class Robot:
 
     @property
     def moving(self) -> list[RobotJoint]:
-        """The joints of /tf, in the order of their names."""
-        # of all the scene's cams, as its follower is one joint for them
+        """Joints of /tf, in the order of their names."""
+        # the largest lift of all cams, because they share the follower's joint
         lift = max(extremes(self.loaded.laws[cam], 0)[1].value for cam in self.cams)
-        limits = 0.0, (1.0 + LIFT_OFF) * lift
+        limits = 0.0, (1.0 + LIFT_OFF_TRAVEL) * lift
         cam = RobotJoint(CAM, "continuous", GUIDE, CAM)
         slide = RobotJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)
         if not isinstance(self.shape.element, Swung):
             return [cam, slide]
-        rest, rate = np.zeros(1), -1.0 / self.shape.element.arm
-        x, y = self.shape.origin(rest)[0].tolist()
-        turn, turned = (0.0, 0.0, float(self.shape.turn(rest)[0])), (rate * limits[1], 0.0)
-        arm = RobotJoint(ARM, "revolute", GUIDE, FOLLOWER, (x, y, 0.0), turn, turned, rate)
+        lift_0, ratio = np.zeros(1), -1.0 / self.shape.element.arm
+        x, y = self.shape.origin(lift_0)[0].tolist()
+        rpy, arm_limits = (0.0, 0.0, float(self.shape.turn(lift_0)[0])), (ratio * limits[1], 0.0)
+        arm = RobotJoint(ARM, "revolute", GUIDE, FOLLOWER, (x, y, 0.0), rpy, arm_limits, ratio)
         return [cam, replace(slide, child=ARC), arm]
 
     def body(self, points: FloatArray) -> FloatArray:
-        """Points ``(n, 2)`` of the follower's outline, in the link ``follower``."""
+        """Return points of the follower's outline, shape (n, 2), in the link ``follower``."""
         if isinstance(self.shape.element, Swung):
             return points
         return points + self.shape.origin(np.zeros(1))

@@ -1,7 +1,7 @@
-"""The motion as standard messages, at the instants of each tick: for people and their viewers.
+"""Motion of the rig as standard messages for RViz, Foxglove and other viewers.
 
-They follow from what else is published: the follower sends them while somebody subscribes, and the
-recorder makes the same bytes by itself.
+The messages are derived from other messages, at selected instants of each tick. The follower
+publishes them while they have subscribers. The recorder generates the same bytes itself.
 """
 
 from __future__ import annotations
@@ -34,13 +34,26 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Instants:
-    """The motion at some samples of one tick: arrays ``(n,)`` in the order of time.
+    """Motion at selected samples of one tick, in the order of time.
 
-    ``law`` is the mounted cam's and bears its name; ``index`` counts the tick's samples from 0.
-    ``time_ns`` is rig time, to the nanosecond that the sample falls in. ``angle`` (rad) of the cam
-    has all its turns, ``angle_in_turn`` those since the tick began; ``speed`` in rad/s, ``torque``
-    of the shaft in N·m: contact force times ds/dθ. ``lift``, ``velocity`` and contact ``force`` in
-    m, m/s and N are the samples' own.
+    Parameters
+    ----------
+    law
+        Law of the mounted cam, with its name.
+    index
+        Indices of the samples within the tick. All arrays have shape (n,).
+    time_ns
+        Rig time in ns, rounded down.
+    angle
+        Cam angle with all turns, in rad.
+    angle_in_turn
+        Cam angle without the full turns before the tick, in rad.
+    speed
+        Cam speed in rad/s.
+    torque
+        Shaft torque in N·m: contact force times ds/dθ.
+    lift, velocity, force
+        Lift (m), velocity (m/s) and contact force (N) of the samples.
     """
 
     law: Law
@@ -61,28 +74,44 @@ def instants_of(
     end: CamState,
     rows: FloatArray,
     sample_rate: int,
-    shown: int | Indices,
+    selection: int | Indices,
 ) -> Instants:
-    """The instants of the tick between two states of the cam.
+    """Return the motion at selected instants of the tick between two states.
 
-    ``rows`` are its samples, ``(6, n)``, at ``sample_rate`` (Hz); ``shown`` is how many instants,
-    see `choose`, or the indices of their samples.
+    Parameters
+    ----------
+    law : Law
+        Law of the mounted cam.
+    start, end : CamState
+    rows : array
+        Samples of the tick, shape (6, n).
+    sample_rate : int
+        Sample rate in Hz.
+    selection : int or array of int
+        Number of instants, see `select_samples`, or the indices of their samples.
+
+    Raises
+    ------
+    RefusedError
+        If the number of samples is not that of the tick.
     """
     samples, interval = Samples(rows), start.until(end)
     grid = interval.grid(sample_rate)
     if grid.count != rows.shape[1]:
         raise RefusedError(
-            f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that begins "
+            f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that starts "
             f"at {start.time_ns / NS:.6f} s"
         )
-    index = choose(samples.lift, samples.force, shown) if isinstance(shown, int) else shown
+    index = selection
+    if isinstance(index, int):
+        index = select_samples(samples.lift, samples.force, index)
     since, force = grid.offset + index / sample_rate, samples.force[index]
     in_turn = interval.angle + since * (interval.speed + 0.5 * interval.acceleration * since)
-    seconds, rest = np.divmod(grid.first + index, sample_rate)
+    seconds, remainder = np.divmod(grid.first + index, sample_rate)
     return Instants(
         law=law,
         index=index,
-        time_ns=seconds * NS + rest * NS // sample_rate,
+        time_ns=seconds * NS + remainder * NS // sample_rate,
         angle=interval.unwrapped_at(since),
         angle_in_turn=in_turn,
         speed=interval.speed + interval.acceleration * since,
@@ -93,28 +122,32 @@ def instants_of(
     )
 
 
-def choose(lift: FloatArray, force: FloatArray, count: int) -> Indices:
-    """Indices of the samples that are shown of a tick's ``(n,)``, rising.
+def select_samples(lift: FloatArray, force: FloatArray, count: int) -> Indices:
+    """Return the rising indices of about `count` samples of a tick, with its extremes.
 
-    The tick is divided evenly into ``count`` bins, each with one sample at least, and the first of
-    each is taken. In a bin that has the tick's largest lift, its largest or its least force, these
-    are taken instead; they are two or three instants where they fall into one bin.
+    The tick is divided into `count` bins of equal size with at least one sample each. The first
+    sample of each bin is selected, except in the bins that contain the largest lift, the largest
+    force and the smallest force of the tick. In these bins the extremes are selected instead. The
+    result has up to two more samples than `count` if several extremes are in one bin.
     """
     bins = np.arange(min(count, lift.size)) * lift.size // min(count, lift.size)
-    peaks = np.unique([lift.argmax(), force.argmax(), force.argmin()])
-    taken = np.unique(np.searchsorted(bins, peaks, side="right") - 1)
-    return np.union1d(np.delete(bins, taken), peaks)
+    extremes = np.unique([lift.argmax(), force.argmax(), force.argmin()])
+    replaced = np.unique(np.searchsorted(bins, extremes, side="right") - 1)
+    return np.union1d(np.delete(bins, replaced), extremes)
 
 
 class Transforms:
-    """The serialized /tf and /tf_static of a robot, as robot_state_publisher makes them."""
+    """Serialized /tf and /tf_static, as of robot_state_publisher."""
 
     def __init__(self, robot: Robot) -> None:
         self._joints, self._fixed = robot.moving, robot.fixed
         self._template = CdrTemplate("tf2_msgs/msg/TFMessage", self._example, 4 * len(self._joints))
 
     def moving(self, stamps: Indices, angle: FloatArray, lift: FloatArray) -> list[bytes]:
-        """A message of /tf at each of ``(n,)`` stamps (ns); cam angle in rad, lift in m."""
+        """Return a message of /tf for each stamp (ns).
+
+        Cam angle (rad) and lift (m) have shape (n,).
+        """
         columns = list[FloatArray]()
         for joint in self._joints:
             position = angle if joint.name == CAM else lift * (joint.follows or 1.0)
@@ -124,7 +157,7 @@ class Transforms:
         return self._template.fill(stamps, *columns)
 
     def fixed(self, stamp_ns: int) -> bytes:
-        """The message of /tf_static, of rig time in ns."""
+        """Return the message of /tf_static at a rig time in ns."""
         transforms = [
             _transform(
                 header(stamp_ns, joint.parent), joint.child, joint.xyz, quaternion(joint.rpy)
@@ -136,13 +169,16 @@ class Transforms:
     def _example(self, *numbers: float) -> Any:
         transforms = []
         for joint, (x, y, z, w) in zip(self._joints, np.reshape(numbers, (-1, 4)), strict=True):
-            place, turn = (x, y, 0.0), (0.0, 0.0, z, w)
-            transforms.append(_transform(example_header(joint.parent), joint.child, place, turn))
+            head, translation = example_header(joint.parent), (x, y, 0.0)
+            transforms.append(_transform(head, joint.child, translation, (0.0, 0.0, z, w)))
         return new("tf2_msgs/TFMessage", transforms)
 
 
 def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
-    """x, y, z, w of roll, pitch and yaw (rad) about the parent's axes, in this order."""
+    """Return the quaternion x, y, z, w of roll, pitch and yaw (rad).
+
+    The rotations are about the parent's axes, in this order.
+    """
     (sr, cr), (sp, cp), (sy, cy) = ((math.sin(0.5 * a), math.cos(0.5 * a)) for a in rpy)
     return (
         sr * cp * cy - cr * sp * sy,
@@ -153,21 +189,25 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 
 
 def _transform(
-    of_parent: Any, child: str, place: Vector, turn: tuple[float, float, float, float]
+    head: Any, child: str, translation: Vector, rotation: tuple[float, float, float, float]
 ) -> Any:
-    pose = new("geometry_msgs/Vector3", *place), new("geometry_msgs/Quaternion", *turn)
+    pose = new("geometry_msgs/Vector3", *translation), new("geometry_msgs/Quaternion", *rotation)
     transform = new("geometry_msgs/Transform", *pose)
-    return new("geometry_msgs/TransformStamped", of_parent, child, transform)
+    return new("geometry_msgs/TransformStamped", head, child, transform)
 
 
-# What makes the serialized messages of each topic, for a robot with a cam mounted.
+# Functions that make the serialized messages of each topic, for a robot with its mounted cam.
 
-#: Of a tick's instants, one for each.
+#: Returns a message for each of the instants of a tick.
 InstantMaker = Callable[[Instants], list[bytes]]
 
 
 def joint_states(_robot: Robot) -> InstantMaker:
-    """/joint_states: θ with all its turns, ω, shaft torque; lift, velocity, contact force."""
+    """Return the maker of /joint_states.
+
+    The joint ``cam`` has angle with all turns, speed and shaft torque. The joint ``follower`` has
+    lift, velocity and contact force.
+    """
 
     def example(*numbers: float) -> Any:
         pairs = np.array(numbers).reshape(3, 2)
@@ -180,7 +220,10 @@ def joint_states(_robot: Robot) -> InstantMaker:
 
 
 def contact_force(_robot: Robot) -> InstantMaker:
-    """/follower/contact: the force of the cam on the follower, along its way."""
+    """Return the maker of /follower/contact.
+
+    The force is that of the cam on the follower, along its travel.
+    """
 
     def example(force: float) -> Any:
         vectors = (new("geometry_msgs/Vector3", 0.0, y, 0.0) for y in (force, 0.0))
@@ -192,39 +235,41 @@ def contact_force(_robot: Robot) -> InstantMaker:
 
 
 def follower_markers(robot: Robot) -> InstantMaker:
-    """/follower/markers."""
-    made = FollowerMarkers(robot)
-    return lambda i: made.at(i.time_ns, i.angle_in_turn, i.lift, i.force)
+    """Return the maker of /follower/markers."""
+    markers = FollowerMarkers(robot)
+    return lambda i: markers.messages(i.time_ns, i.angle_in_turn, i.lift, i.force)
 
 
 def transforms(robot: Robot) -> InstantMaker:
-    """/tf."""
-    made = Transforms(robot)
-    return lambda i: made.moving(i.time_ns, i.angle_in_turn, i.lift)
+    """Return the maker of /tf."""
+    robot_transforms = Transforms(robot)
+    return lambda i: robot_transforms.moving(i.time_ns, i.angle_in_turn, i.lift)
 
 
-#: The joints of /joint_states, as the robot's description names them.
+#: Names of the joints of /joint_states, which are those of the URDF.
 JOINTS = ("cam", "follower")
-#: At one instant in this order.
+#: Makers of the topics with messages at each instant, in the order of one instant.
 EACH_INSTANT = {
     topics.JOINT_STATES: joint_states,
     topics.FOLLOWER_CONTACT: contact_force,
     topics.FOLLOWER_MARKERS: follower_markers,
     topics.TF: transforms,
 }
-#: Of a cam as it is mounted at a rig time (ns).
+#: Makers of the topics with a message per mounted cam. The arguments are the robot and the rig time
+#: (ns) of the mounting.
 EACH_CAM: dict[Topic, Callable[[Robot, int], bytes]] = {
     topics.TF_STATIC: lambda robot, time_ns: Transforms(robot).fixed(time_ns),
     topics.ROBOT_DESCRIPTION: lambda robot, _: serialize(new("std_msgs/String", urdf(robot))),
     topics.CAM_MARKERS: lambda robot, _: cam_markers(robot),
 }
-#: Who publishes what live; robot_state_publisher does the rest.
+#: Topics that the follower publishes. robot_state_publisher publishes /tf and /tf_static.
 OF_FOLLOWER = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
+#: Topics that the law server publishes.
 OF_LAW_SERVER = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 class DerivedMessage(NamedTuple):
-    """A serialized message that follows from others, and its rig time (ns)."""
+    """Serialized message that is derived from others, and its rig time (ns)."""
 
     topic: Topic
     time_ns: int
@@ -232,7 +277,16 @@ class DerivedMessage(NamedTuple):
 
 
 class MotionMessages:
-    """Derived messages of a run, of some topics, at some instants a turn; 0: the scene's."""
+    """Derived messages of a run.
+
+    Parameters
+    ----------
+    loaded : LoadedScene
+    points_per_turn : int
+        Number of instants per turn (default 0: that of the scene).
+    topics : tuple of Topic
+        Topics of the messages (default: all derived topics except /clock).
+    """
 
     def __init__(
         self,
@@ -243,12 +297,12 @@ class MotionMessages:
         self.topics, self.sample_rate = topics, int(loaded.scene.sample_rate.si)
         self._loaded, scene = loaded, loaded.scene
         points = (points_per_turn or scene.points_per_turn) / scene.program.ticks_per_turn
-        self._points = max(1, round(points))  # a tick
+        self._points = max(1, round(points))  # per tick
         self._robot = cache(lambda cam: Robot.of(loaded, cam))
         self._maker = cache(lambda topic, cam: EACH_INSTANT[topic](self._robot(cam)))
 
     def mounted(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
-        """The messages of a cam that is mounted from a rig time (ns) on."""
+        """Return the messages of a cam that is mounted from a rig time (ns) on."""
         if cam not in self._loaded.laws:
             return []
         return [
@@ -263,19 +317,30 @@ class MotionMessages:
         end: CamState,
         rows: FloatArray,
         wanted: Set[Topic] | None = None,
-        shown: Indices | None = None,
+        selection: Indices | None = None,
     ) -> list[DerivedMessage]:
-        """Messages of a tick in order of time, of all topics or ``wanted``, or at ``shown``."""
-        made = [t for t in self.topics if t in EACH_INSTANT and (wanted is None or t in wanted)]
-        if not made or start.cam not in self._loaded.laws:
+        """Return the messages of a tick in the order of time.
+
+        Parameters
+        ----------
+        start, end : CamState
+        rows : array
+            Samples of the tick, shape (6, n).
+        wanted : set of Topic, optional
+            Topics of the messages (default: all topics of this object).
+        selection : array of int, optional
+            Indices of the samples (default: the instants of `select_samples`).
+        """
+        chosen = [t for t in self.topics if t in EACH_INSTANT and (wanted is None or t in wanted)]
+        if not chosen or start.cam not in self._loaded.laws:
             return []
-        law, points = self._loaded.laws[start.cam], self._points if shown is None else shown
+        law, points = self._loaded.laws[start.cam], self._points if selection is None else selection
         instants = instants_of(law, start, end, rows, self.sample_rate, points)
-        found = [
+        messages = [
             DerivedMessage(topic, time_ns, cdr)
-            for topic in made
+            for topic in chosen
             for time_ns, cdr in zip(
                 instants.time_ns.tolist(), self._maker(topic, start.cam)(instants), strict=True
             )
         ]
-        return sorted(found, key=attrgetter("time_ns"))
+        return sorted(messages, key=attrgetter("time_ns"))

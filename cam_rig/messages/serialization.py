@@ -1,4 +1,4 @@
-"""Serialized messages: made one by one, or many at once; read, and brought to one form."""
+"""Serialization (CDR) of messages, one by one or many at once."""
 
 from __future__ import annotations
 
@@ -18,15 +18,23 @@ from cam_rig.messages.codec import rig_time
 from cam_rig.messages.topics import Topic
 from cam_rig.units import NS, FloatArray
 
-#: The message types of the distribution that the rig writes.
+#: Message types of the ROS distribution in which the rig writes.
 TYPES = get_typestore(Stores.ROS2_KILTED)
-_CONTENTS = (LookupError, ValueError, TypeError, OverflowError, MemoryError, AssertionError)
-#: What rosbags raises on bytes that are not what they should be.
-MALFORMED = (SerdeError, struct.error, *_CONTENTS)
+_INVALID_CONTENT = (LookupError, ValueError, TypeError, OverflowError, MemoryError, AssertionError)
+#: Exceptions that rosbags raises for invalid bytes.
+MALFORMED = (SerdeError, struct.error, *_INVALID_CONTENT)
 
 
 def read_message(topic: Topic, cdr: bytes) -> tuple[Any, bytes]:
-    """A message, and its bytes with zeros in the gaps, where the middleware leaves anything."""
+    """Return a message, and its bytes with zeros as padding.
+
+    The padding of messages from the middleware is undefined.
+
+    Raises
+    ------
+    RefusedError
+        If the bytes are not a message of the topic.
+    """
     try:
         message = TYPES.deserialize_cdr(cdr, topic.type)
         return message, bytes(TYPES.serialize_cdr(message, topic.type))
@@ -35,77 +43,93 @@ def read_message(topic: Topic, cdr: bytes) -> tuple[Any, bytes]:
 
 
 def new(kind: str, *fields: Any) -> Any:
-    """A message of a type such as ``std_msgs/Header``, with its fields in their order."""
+    """Return a message of a type such as ``std_msgs/Header`` with its fields."""
     return TYPES.types[kind.replace("/", "/msg/")](*fields)
 
 
 def serialize(message: Any) -> bytes:
-    """The message's bytes."""
+    """Return the bytes of a message."""
     return bytes(TYPES.serialize_cdr(message, message.__msgtype__))
 
 
 def header(stamp_ns: int, frame: str) -> Any:
-    """A std_msgs/Header with rig time in ns."""
+    """Return a std_msgs/Header with a rig time in ns."""
     return new("std_msgs/Header", new("builtin_interfaces/Time", *divmod(stamp_ns, NS)), frame)
 
 
 def cam_of(message: Any) -> str:
-    """The name of the cam of a law or a profile."""
+    """Return the cam of a law or profile, or "" if the message names no cam."""
     if hasattr(message, "header"):
         return str(message.header.frame_id)
     return str(message.layout.dim[0].label) if message.layout.dim else ""
 
 
 def diagnosed_node(message: Any) -> str:
-    """The node that a /diagnostics message is of."""
+    """Return the node whose status a message of /diagnostics contains."""
     return " ".join(str(status.name) for status in message.status)
 
 
 def stamp_of(cdr: bytes) -> int:
-    """Rig time (ns) at the head of a serialized message: a header's stamp, or a clock."""
+    """Return the rig time (ns) at the start of a serialized message.
+
+    The message starts with a stamp or a clock.
+    """
     if len(cdr) < 12:
-        raise RefusedError(f"{len(cdr)} bytes are not a message; allowed: 12 at least")
+        raise RefusedError(f"{len(cdr)} bytes are not a message; allowed: 12 or more")
     return rig_time(*struct.unpack_from("<iI" if cdr[1] == 1 else ">iI", cdr, 4))
 
 
-# Many messages at once that differ in their stamp and some numbers alone.
+# Many messages at once that differ only in their stamp and some numbers.
 
-#: Looked for in an example's bytes; no message has such a stamp by chance.
+#: Seconds and nanoseconds of the stamp of an example, chosen so that the same bytes do not occur
+#: elsewhere in a message.
 EXAMPLE_STAMP = (0x5A17C0DE, 0x1B2D4F63)
-#: A header for an example; the stamps of what is made of it replace its own.
+#: Make the header of an example, whose stamp `CdrTemplate.fill` replaces.
 example_header = partial(header, EXAMPLE_STAMP[0] * NS + EXAMPLE_STAMP[1])
 
 
 class CdrTemplate:
-    """Messages of one type whose texts and array lengths never change, so all are as long.
+    """Template of messages of one type that all have the same length.
 
-    The bytes of an example are copied, and stamps and numbers put in their places by columns,
-    instead of one message after the other. The ``example`` makes a message of ``count`` numbers
-    (float64 fields), with headers by `example_header`.
+    Texts and array lengths must be constant. The bytes of an example are copied for all messages,
+    then stamps and numbers are written into the copies column by column. This is faster than to
+    serialize the messages one by one.
+
+    Parameters
+    ----------
+    kind : str
+        Message type.
+    example : callable
+        Makes a message of `count` numbers (float64 fields), with headers of `example_header`.
+    count : int
+        Number of numbers.
     """
 
     def __init__(self, kind: str, example: Callable[..., Any], count: int) -> None:
-        numbers = [0.1 + i for i in range(count)]  # whose bytes are all different
+        numbers = [0.1 + i for i in range(count)]  # the bytes of all numbers are different
         cdr = bytes(TYPES.serialize_cdr(example(*numbers), kind))
         self._example = np.frombuffer(cdr, dtype=np.uint8)
-        self._stamps = _places(cdr, struct.pack("<II", *EXAMPLE_STAMP))
-        self._numbers = [_places(cdr, struct.pack("<d", number)) for number in numbers]
-        if not all(self._numbers):
+        self._stamp_offsets = _offsets(cdr, struct.pack("<II", *EXAMPLE_STAMP))
+        self._number_offsets = [_offsets(cdr, struct.pack("<d", number)) for number in numbers]
+        if not all(self._number_offsets):
             raise ValueError(f"an example of {kind} lacks one of its {count} numbers")
 
     def fill(self, time_ns: NDArray[np.int64], *columns: FloatArray) -> list[bytes]:
-        """A message for each stamp ``(n,)`` in ns, with a number of each column ``(n,)``."""
+        """Return a message for each stamp (ns).
+
+        Each column, shape (n,), has a number for each message.
+        """
         out = np.tile(self._example, (time_ns.size, 1))
         stamps = np.stack(np.divmod(time_ns, NS), axis=1).astype("<u4").view(np.uint8)
-        for place in self._stamps:
-            out[:, place : place + 8] = stamps
-        for places, column in zip(self._numbers, columns, strict=True):
+        for offset in self._stamp_offsets:
+            out[:, offset : offset + 8] = stamps
+        for offsets, column in zip(self._number_offsets, columns, strict=True):
             values = np.ascontiguousarray(column, dtype="<f8").view(np.uint8).reshape(-1, 8)
-            for place in places:
-                out[:, place : place + 8] = values
+            for offset in offsets:
+                out[:, offset : offset + 8] = values
         data, length = out.tobytes(), self._example.size
         return [data[i : i + length] for i in range(0, len(data), length)]
 
 
-def _places(cdr: bytes, part: bytes) -> list[int]:
-    return [found.start() for found in re.finditer(re.escape(part), cdr)]
+def _offsets(cdr: bytes, part: bytes) -> list[int]:
+    return [match.start() for match in re.finditer(re.escape(part), cdr)]

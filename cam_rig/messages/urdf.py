@@ -1,8 +1,8 @@
-"""The rig as a URDF: links and joints of `cam_rig.messages.frames`, with bodies.
+"""URDF of the rig: the links and joints of `cam_rig.messages.frames`, with bodies.
 
-Given by the files are the contour, roller, face and arm, the follower's mass, and all that the
-joints say. Only looks are thicknesses, shaft, stem, bearing, motor, microphone and the wall behind
-them; masses and inertias that follow from looks are assumed, and a comment says so.
+The contour, roller, face and arm, the mass of the follower and the joints are taken from the files.
+Thicknesses, shaft, stem, bearing, motor, microphone and wall are for display only. The masses and
+inertias that follow from them are assumed, which a comment in the URDF states.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from cam_rig.messages.frames import (
 from cam_rig.show import looks as colours
 from cam_rig.units import FloatArray
 
-#: Sides of the prism that a cam is drawn as.
-SIDES = 72
+#: Number of sides of the prism by which a cam is approximated.
+PRISM_SIDES = 72
 
 
 class Material(NamedTuple):
-    """Colour, and density in kg/m³, which is assumed."""
+    """Colour (0xRRGGBBAA) and assumed density in kg/m³."""
 
     rgba: int
     density: float
@@ -53,7 +53,10 @@ MATERIALS = {
 
 @dataclass(frozen=True)
 class Body:
-    """A box of x, y, z, or a cylinder of radius and length along z; m and rad in its link."""
+    """Box (lengths along x, y and z) or cylinder (radius, length along z).
+
+    Sizes and the position `xyz` in the link are in m, `rpy` is roll, pitch and yaw in rad.
+    """
 
     size: tuple[float, ...]
     material: str
@@ -62,7 +65,7 @@ class Body:
 
     @property
     def mass(self) -> float:
-        """Of solid material, kg."""
+        """Mass of the solid body in kg."""
         volume = math.prod(self.size)
         if len(self.size) == 2:
             volume *= math.pi * self.size[0]
@@ -70,104 +73,120 @@ class Body:
 
     @property
     def inertia(self) -> FloatArray:
-        """``(3, 3)`` about its own centre, along the link's axes, kg m²."""
+        """Inertia about the centre, along the link's axes, shape (3, 3), kg m²."""
         if len(self.size) == 3:
             x, y, z = np.square(self.size) / 12.0
-            own = np.array([y + z, x + z, x + y])
+            principal = np.array([y + z, x + z, x + y])
         else:
             radius, length = self.size
-            across = radius**2 / 4.0 + length**2 / 12.0
-            own = np.array([across, across, radius**2 / 2.0])
+            transverse = radius**2 / 4.0 + length**2 / 12.0
+            principal = np.array([transverse, transverse, radius**2 / 2.0])
         (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy), np.sin(self.rpy)
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
         about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
         about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-        turn = about_z @ about_y @ about_x  # scipy's import would hold a bag's first tick
-        return np.asarray(self.mass * turn @ np.diag(own) @ turn.T)
+        # without scipy, whose import would delay the first tick of a bag
+        rotation = about_z @ about_y @ about_x
+        return np.asarray(self.mass * rotation @ np.diag(principal) @ rotation.T)
 
     def elements(self) -> tuple[Element, Element]:
-        """What is seen, and the same to collide with."""
+        """Return the elements for display and for collision, which have the same geometry."""
         visual, collision = Element("visual"), Element("collision")
         for element in (visual, collision):
-            SubElement(element, "origin", xyz=lengths(self.xyz), rpy=text(self.rpy))
+            SubElement(
+                element, "origin", xyz=format_lengths(self.xyz), rpy=format_numbers(self.rpy)
+            )
             geometry = SubElement(element, "geometry")
             if len(self.size) == 3:
-                SubElement(geometry, "box", size=lengths(self.size))
+                SubElement(geometry, "box", size=format_lengths(self.size))
             else:
-                radius, length = (text((number,)) for number in self.size)
+                radius, length = (format_numbers((number,)) for number in self.size)
                 SubElement(geometry, "cylinder", radius=radius, length=length)
         SubElement(visual, "material", name=self.material)
         return visual, collision
 
 
 def inertial(bodies: Sequence[Body], mass: float | None = None) -> Element:
-    """Mass (a gram at least), centre and inertia of solid bodies; ``mass`` (kg) is spread."""
-    alone = bodies or (Body((0.05, 0.05, 0.05), "steel"),)
-    masses, places = np.array([b.mass for b in alone]), np.array([b.xyz for b in alone])
-    whole = 1e-3 if not bodies else float(masses.sum()) if mass is None else mass
-    masses, share = masses * (whole / masses.sum()), whole / masses.sum()
-    centre = masses @ places / whole
-    away = places - centre
-    squares = masses * np.sum(away**2, axis=1)
-    about = share * sum(b.inertia for b in alone) + squares.sum() * np.eye(3)
-    about -= (masses * away.T) @ away
-    about[np.abs(about) < 1e-9 * np.trace(about)] = 0.0  # rounding
+    """Return the element with mass, centre and inertia of solid bodies.
+
+    A `mass` (kg) replaces the total mass of the bodies, and is distributed in proportion to their
+    masses. Without bodies the mass is 1 g, because every link needs a mass.
+    """
+    solids = bodies or (Body((0.05, 0.05, 0.05), "steel"),)
+    masses, positions = np.array([b.mass for b in solids]), np.array([b.xyz for b in solids])
+    total = 1e-3 if not bodies else float(masses.sum()) if mass is None else mass
+    masses, scale = masses * (total / masses.sum()), total / masses.sum()
+    centre = masses @ positions / total
+    offset = positions - centre
+    squares = masses * np.sum(offset**2, axis=1)
+    inertia = scale * sum(b.inertia for b in solids) + squares.sum() * np.eye(3)
+    inertia -= (masses * offset.T) @ offset
+    inertia[np.abs(inertia) < 1e-9 * np.trace(inertia)] = 0.0  # rounding
     element = Element("inertial")
-    SubElement(element, "origin", xyz=lengths(centre), rpy="0 0 0")
-    SubElement(element, "mass", value=text((whole,)))
+    SubElement(element, "origin", xyz=format_lengths(centre), rpy="0 0 0")
+    SubElement(element, "mass", value=format_numbers((total,)))
     pairs = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))
-    SubElement(element, "inertia", {f"i{name}": text((about[i, j],)) for name, i, j in pairs})
+    values = {f"i{name}": format_numbers((inertia[i, j],)) for name, i, j in pairs}
+    SubElement(element, "inertia", values)
     return element
 
 
 def prism(outline: FloatArray, radius: float, thickness: float, material: str) -> list[Body]:
-    """A cam's contour ``(n, 2)``, clockwise, as boxes each with a face on a chord of it.
+    """Return boxes that approximate a cam with a clockwise contour, shape (n, 2).
 
-    They reach inwards to the base circle's ``radius`` (m), which a cylinder fills. URDF has no
-    polygon, and a mesh would be a file that a message cannot bring along.
+    One face of each box is on a chord of the contour. The boxes reach inwards to the base circle of
+    `radius` (m), which a cylinder fills. URDF does not support polygons, and a mesh would be a file
+    that cannot be sent with a message.
     """
-    start = outline[np.arange(SIDES) * len(outline) // SIDES]
+    start = outline[np.arange(PRISM_SIDES) * len(outline) // PRISM_SIDES]
     along = np.roll(start, -1, axis=0) - start
     chord = np.hypot(*along.T)
     unit = along / chord[:, None]
     outward = np.column_stack([-unit[:, 1], unit[:, 0]])
     middle = start + 0.5 * along
-    height, aside = np.sum(middle * outward, axis=1), np.sum(middle * unit, axis=1)
-    inside = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
-    depth = np.clip(height - inside, 0.1 * radius, height)
-    place = middle - 0.5 * depth[:, None] * outward
+    height, offset = np.sum(middle * outward, axis=1), np.sum(middle * unit, axis=1)
+    base = np.sqrt(np.maximum(radius**2 - offset**2, 0.0))  # height of the base circle
+    depth = np.clip(height - base, 0.1 * radius, height)
+    centre = middle - 0.5 * depth[:, None] * outward
     yaw = np.arctan2(unit[:, 1], unit[:, 0])
-    rows = np.column_stack([chord, depth, place, yaw]).tolist()
+    boxes = np.column_stack([chord, depth, centre, yaw]).tolist()
     return [
-        Body((length, deep, thickness), material, (x, y, 0.0), (0.0, 0.0, turn))
-        for length, deep, x, y, turn in rows
+        Body((box_length, box_depth, thickness), material, (x, y, 0.0), (0.0, 0.0, box_yaw))
+        for box_length, box_depth, x, y, box_yaw in boxes
     ]
 
 
-def lengths(numbers: Sequence[float] | FloatArray) -> str:
-    """Numbers in m, to the nanometre."""
-    return text([round(float(number), 9) for number in numbers])
+def format_lengths(numbers: Sequence[float] | FloatArray) -> str:
+    """Return numbers in m, rounded to 1 nm, as text."""
+    return format_numbers([round(float(number), 9) for number in numbers])
 
 
-def text(numbers: Sequence[float], digits: int = 6) -> str:
-    """Numbers to so many digits; zero has no sign."""
+def format_numbers(numbers: Sequence[float], digits: int = 6) -> str:
+    """Return numbers with `digits` significant digits as text, zero without sign."""
     return " ".join(f"{float(number) + 0.0:.{digits}g}" for number in numbers)
 
 
-#: Thicknesses along the shaft as shares of the robot's size; only looks.
-DISC, BODY, LINE = 0.24, 0.12, 0.04
-#: What wall, motor and microphone are in proportion to, m: the bench is one for all cams.
-BENCH = 0.125
-#: Digits of joints, of which others compute where the links are; of all else there are six.
+#: Thickness of the cam along the shaft, relative to the size of the robot (display only).
+DISC_THICKNESS = 0.24
+#: Thickness of the follower's bodies along the shaft, relative to the size of the robot.
+BODY_THICKNESS = 0.12
+#: Thickness of lines such as the stem, relative to the size of the robot.
+LINE_THICKNESS = 0.04
+#: Size (m) to which wall, motor and microphone scale. It is the same for all cams.
+BENCH_SIZE = 0.125
+#: Significant digits of joints, from which other programs compute the positions of the links. All
+#: other numbers have six digits.
 JOINT_DIGITS = 12
 
 
 def urdf(robot: Robot) -> str:
-    """The URDF of a rig, as /robot_description has it."""
+    """Return the URDF of a rig, which is the content of /robot_description."""
     root = Element("robot", name="cam_rig")
     for name, (rgba, _) in MATERIALS.items():
         channels = [(rgba >> shift & 0xFF) / 255.0 for shift in (24, 16, 8)]
-        SubElement(SubElement(root, "material", name=name), "color", rgba=text([*channels, 1.0]))
+        SubElement(
+            SubElement(root, "material", name=name), "color", rgba=format_numbers([*channels, 1.0])
+        )
     joints, bodies = [*robot.fixed, *robot.moving], _bodies(robot)
     arc = [joint.child for joint in joints if joint.child == ARC]
     for link in (BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, *robot.cams, *arc):
@@ -179,14 +198,14 @@ def urdf(robot: Robot) -> str:
 
 
 def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
-    """A link with its bodies, its mass and its inertia; a comment says what is assumed."""
+    """Add a link with bodies, mass, inertia and a comment on the assumptions."""
     element, mass = SubElement(root, "link", name=name), None
-    words = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
+    comment = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
     if name == FOLLOWER:
         rig = robot.loaded.rig
         mass, origin = rig.follower.mass.si, rig.follower.mass.origin
-        words = f"mass {origin} in rig {rig.name}; inertia assumed: spread as in solid bodies"
-    element.append(Comment(f" {words} "))
+        comment = f"mass {origin} in rig {rig.name}; inertia assumed: spread as in solid bodies"
+    element.append(Comment(f" {comment} "))
     element.append(inertial(bodies, mass))
     for body in bodies:
         element.extend(body.elements())
@@ -194,7 +213,7 @@ def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
 
 def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
     element = SubElement(root, "joint", name=joint.name, type=joint.kind)
-    xyz, rpy = text(joint.xyz, JOINT_DIGITS), text(joint.rpy, JOINT_DIGITS)
+    xyz, rpy = (format_numbers(numbers, JOINT_DIGITS) for numbers in (joint.xyz, joint.rpy))
     SubElement(element, "origin", xyz=xyz, rpy=rpy)
     SubElement(element, "parent", link=joint.parent)
     SubElement(element, "child", link=joint.child)
@@ -202,52 +221,54 @@ def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
         return
     SubElement(element, "axis", xyz="0 1 0" if joint.kind == "prismatic" else "0 0 1")
     if joint.limits is not None:
-        # What the joint bears at the scene's highest speed; the follower's own unit, N or N m.
-        rate = abs(joint.follows or 1.0)
-        effort, speed = robot.most
+        # load at the scene's highest speed, in N and m/s, or in N m and rad/s of an arm
+        ratio = abs(joint.follows or 1.0)
+        force, velocity = robot.max_force_and_velocity
         names = ("lower", "upper", "effort", "velocity")
-        values = (*joint.limits, effort / rate, rate * speed)
-        found = {name: text((value,)) for name, value in zip(names, values, strict=True)}
-        SubElement(element, "limit", found)
+        values = (*joint.limits, force / ratio, ratio * velocity)
+        limits = {name: format_numbers((value,)) for name, value in zip(names, values, strict=True)}
+        SubElement(element, "limit", limits)
     if joint.follows is not None:
-        follows = text((joint.follows,), JOINT_DIGITS)
+        follows = format_numbers((joint.follows,), JOINT_DIGITS)
         SubElement(element, "mimic", joint=FOLLOWER, multiplier=follows, offset="0")
 
 
 def _bodies(robot: Robot) -> dict[str, list[Body]]:
-    """The bodies of each link that has some."""
-    size, cam, shape = robot.size, robot.mounted, robot.shape
-    disc, line, radius = DISC * size, LINE * size, cam.follower.base_radius.si
-    wall = (LINE * BENCH, 2.4 * BENCH, 3.0 * BENCH)
-    behind = 0.75 * (size - BENCH)  # the motor's link is as far off as the cam is large
+    """Return the bodies of each link that has bodies."""
+    size, bench, cam, shape = robot.size, BENCH_SIZE, robot.mounted, robot.shape
+    disc, line = DISC_THICKNESS * size, LINE_THICKNESS * size
+    radius = cam.follower.base_radius.si
+    wall = (LINE_THICKNESS * bench, 2.4 * bench, 3.0 * bench)
+    motor_x = 0.75 * (size - bench)  # the distance of the motor's link depends on the cam's size
     along_shaft = (0.0, 0.5 * math.pi, 0.0)
-    front, back = 0.15 * size, -0.75 * BENCH  # of the shaft
+    front, back = 0.15 * size, -0.75 * bench  # ends of the shaft
     middle = (0.0, 0.0, 0.5 * (front + back))
     contour = contour_of(cam, robot.law).T
     return {
-        BASE: [Body(wall, "wall", (-0.5 * BENCH, 0.0, 0.4 * BENCH))],
+        BASE: [Body(wall, "wall", (-0.5 * bench, 0.0, 0.4 * bench))],
         GUIDE: [_strip(strip, disc, line, "wall") for strip in shape.support()],
-        MOTOR: [Body((0.35 * BENCH, 0.4 * BENCH), "black", (behind, 0.0, 0.0), along_shaft)],
-        MICROPHONE: [Body((0.05 * BENCH, 0.4 * BENCH), "black")],
+        MOTOR: [Body((0.35 * bench, 0.4 * bench), "black", (motor_x, 0.0, 0.0), along_shaft)],
+        MICROPHONE: [Body((0.05 * bench, 0.4 * bench), "black")],
         CAM: [
             Body((radius, 0.9 * disc), "steel"),
             Body((0.25 * radius, front - back), "steel", middle),
         ],
         FOLLOWER: [
-            _strip(robot.body(strip), BODY * size, line, "brass") for strip in shape.outline()
+            _strip(robot.body(strip), BODY_THICKNESS * size, line, "brass")
+            for strip in shape.outline()
         ],
         cam.name: prism(contour, radius, 0.9 * disc, "steel"),
     }
 
 
 def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:
-    """A body of an outline: a line, a circle, or else a box as large as the outline."""
+    """Return the body of an outline: a line, a circle, or the bounding box."""
     low, high = strip.min(axis=0), strip.max(axis=0)
-    (x, y), (wide, tall) = 0.5 * (low + high), high - low
-    place = float(x), float(y), 0.0
+    (x, y), (width, height) = 0.5 * (low + high), high - low
+    centre = float(x), float(y), 0.0
     if len(strip) == 2:
-        turn = float(np.arctan2(*(strip[1] - strip[0])[::-1]))
-        return Body((float(np.hypot(wide, tall)), line, depth), material, place, (0.0, 0.0, turn))
+        yaw, length = np.arctan2(*(strip[1] - strip[0])[::-1]), np.hypot(width, height)
+        return Body((float(length), line, depth), material, centre, (0.0, 0.0, float(yaw)))
     if len(strip) > 5:
-        return Body((0.5 * float(wide), depth), material, place)
-    return Body((float(wide), float(tall), depth), material, place)
+        return Body((0.5 * float(width), depth), material, centre)
+    return Body((float(width), float(height), depth), material, centre)

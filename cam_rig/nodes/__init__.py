@@ -1,6 +1,6 @@
-"""The ROS 2 nodes: thin shells around the core, and the importers of rclpy."""
+"""ROS 2 nodes of the rig, the only package that imports rclpy."""
 
 import os
 
-# As in cam_rig.cli: before numpy is imported, one thread of BLAS a node.
+# One BLAS thread per node, as in cam_rig.cli. The variable is read when numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,7 +1,9 @@
-"""Starting a node's process: `python -m cam_rig.nodes follower`, or the executable of its name.
+"""Start of a node's process.
 
-Signal handlers are set before anything heavy is imported, so that a signal which comes early ends
-the node in order as well: with nothing half made, nothing left behind, and code 0.
+Run `python -m cam_rig.nodes follower`, or the executable with the name of the node.
+
+Signal handlers are installed before the slow imports. A node that receives a signal early therefore
+also ends with code 0, and without incomplete files.
 """
 
 from __future__ import annotations
@@ -16,42 +18,44 @@ from importlib import import_module
 from cam_rig.errors import CamRigError
 from cam_rig.extras import libraries_named, source_date
 
-#: The class of each node, by its name and its module's.
+#: Class of each node by the name of the node, which is also that of its module.
 NODES = {"law_server": "LawServer", "cam_drive": "CamDrive", "follower": "Follower",
          "microphone": "Microphone", "recorder": "Recorder", "viewer": "Viewer",
          "player": "Player", "panel": "Panel"}  # fmt: skip
+#: Options that print the help text.
 HELP = ("-h", "--help")
+#: Signals that end a node.
 STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 def main(name: str) -> None:
-    """Be a node's process, which ends with it."""
+    """Run a node, then end the process with the exit code of the node."""
     try:
         start(name)
-    except SystemExit as ended:
-        if isinstance(ended.code, str):  # which the interpreter prints
+    except SystemExit as exit_request:
+        if isinstance(exit_request.code, str):  # a text, which the interpreter prints
             raise
-        # all is closed: to take a thousand modules apart would only double the time of its end
+        # All resources are closed. The regular end would take twice as long, to free the modules.
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(ended.code or 0)
+        os._exit(exit_request.code or 0)
 
 
 def start(name: str) -> None:
-    """Run a node until it finishes, fails, or gets SIGINT or SIGTERM; or print its help."""
-    if any(word in sys.argv[1:] for word in HELP):
-        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be left before the end
+    """Run a node until it ends or receives SIGINT or SIGTERM, or print its help."""
+    if any(option in sys.argv[1:] for option in HELP):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be closed before the end
         print(import_module("cam_rig.nodes.parameters").usage(name))
         return
-    # while the imports run there is nothing to close; also where a shell that started this process
-    # in the background has set SIGINT to be ignored
+    # During the imports the process can end at once. The handler also replaces SIG_IGN, which a
+    # shell sets for SIGINT of a background process.
     for number in STOPPING:
         signal.signal(number, lambda *_: os._exit(0))
-    # the runner starts this process with both blocked, so that none can come before this line
+    # The runner starts this process with both signals blocked, so that they arrive after this line.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
-    _end_with_the_runner()
+    _end_with_runner()
     try:
-        source_date()  # scipy's import ends at what is none
+        source_date()  # checked here, because an invalid date makes the import of scipy fail
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
             process = import_module("cam_rig.nodes.process")
@@ -61,8 +65,12 @@ def start(name: str) -> None:
         sys.exit(error.exit_code)
 
 
-def _end_with_the_runner() -> None:
-    """A runner that is killed outright must not leave its nodes behind (PR_SET_PDEATHSIG)."""
+def _end_with_runner() -> None:
+    """Request SIGINT for this process when the runner ends, even if it is killed.
+
+    The request is PR_SET_PDEATHSIG of Linux. The environment variable CAM_RIG_RUNNER is the process
+    identifier of the runner.
+    """
     runner = os.environ.get("CAM_RIG_RUNNER")
     if runner is not None and sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGINT)
@@ -70,15 +78,15 @@ def _end_with_the_runner() -> None:
             sys.exit(f"the runner {runner} has ended")
 
 
-# the executables, by the nodes' names
+# entry points of the executables, which have the names of the nodes
 globals().update({name: partial(main, name) for name in NODES})
 
 
 if __name__ == "__main__":
     if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        how = f"usage: python -m cam_rig.nodes {{{','.join(NODES)}}} [--help] [--ros-args ...]"
+        text = f"usage: python -m cam_rig.nodes {{{','.join(NODES)}}} [--help] [--ros-args ...]"
         if not set(sys.argv[1:]) & set(HELP):
-            sys.exit(how)
-        print(how)
+            sys.exit(text)
+        print(text)
         sys.exit(0)
     main(sys.argv.pop(1))

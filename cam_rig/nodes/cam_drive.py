@@ -1,4 +1,4 @@
-"""Drive node: turns the cam through the scene's speeds, at the pace of the slowest consumer."""
+"""Drive node: turns the cam at the pace of the slowest consumer."""
 
 from __future__ import annotations
 
@@ -55,12 +55,18 @@ class DriveControls:
         return "the cam turns"
 
     def stop(self) -> str:
-        """Stop after the current tick; rig time stops with the cam."""
+        """Stop after the current tick.
+
+        Rig time stops with the cam.
+        """
         self._program.run(False)
         return f"stopped after {self._program.sent} states"
 
     def reset(self) -> str:
-        """Return to the start of the scene, stopped; rig time and θ continue."""
+        """Stop, and return to the start of the scene.
+
+        Rig time and θ continue.
+        """
         self._program.reset()
         self._node.set_parameters([Parameter("rpm", value=0.0)])
         return "at the beginning of the scene"
@@ -100,7 +106,7 @@ class LawServerClient:
         self._client = AsyncParameterClient(node, LAW_SERVER)
 
     def request(self, cam: str) -> bool:
-        """Request a cam, or return False if the law server's services are not available yet."""
+        """Request a cam, or return False if the law server is not available yet."""
         if not self._client.services_are_ready():
             return False
 
@@ -148,7 +154,7 @@ class LawServerClient:
 
 
 class CamDrive(ClockSource):
-    """Publishes /cam/state and /clock, and requests each cam from the law server in turn."""
+    """Publishes /cam/state and /clock, and requests each cam from the law server."""
 
     def __init__(self) -> None:
         super().__init__("cam_drive")
@@ -166,7 +172,7 @@ class CamDrive(ClockSource):
         self.set_pacing(self.settings["pacing"])
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self._controls = DriveControls(self)
-        server.watch(self.program.expects, self.program.mounted)
+        server.watch(self.program.expects, self.program.on_mounted)
         self.start_flow(consumers, self.program.flow)
 
     def set_pacing(self, pacing: str) -> None:
@@ -207,7 +213,7 @@ class CamDrive(ClockSource):
         self.report_sent(state, self.program.sent - 1)
 
     def _check_pace(self) -> None:
-        """Note which node a paced run waits for, and warn if the run is slower than requested."""
+        """Count waits of a paced run by node, and warn if the run is too slow."""
         flow = self.program.flow
         if self._not_ready:
             self._lost_time = LostTime(time.monotonic())
@@ -232,7 +238,7 @@ class CamDrive(ClockSource):
             self.publish_time(time_ns)
 
     def _on_refused(self, cam: str, reason: str) -> None:
-        self.program.refused(cam)
+        self.program.on_refused(cam)
         self.reject(RefusedError(f"cam {cam!r}: refused by the law server ({reason})"))
 
     def _on_law(self, message: Float64MultiArray) -> None:

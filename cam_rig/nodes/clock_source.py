@@ -1,4 +1,4 @@
-"""Base class of drive and player: publishes states as the consumers' acknowledgements allow."""
+"""Base class of drive and player, which publish the states of the cam."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class ClockSource(RigNode):
                 text = f"no answer for {patience:g} s after {self.pending_text()}"
             self.fail(RunError(f"{text}; is it running?"))
         if (due := self.time_until_due()) > 0.0:
-            # rclpy has no one-shot timer: _on_due cancels this one
+            # rclpy does not provide one-shot timers, so that _on_due cancels the timer
             self._due_timer.timer_period_ns = max(MIN_TIMER_NS, int(due * 1e9))
             self._due_timer.reset()
 
@@ -200,7 +200,7 @@ class ClockSource(RigNode):
     # Published messages.
 
     def publish_state(self, state: CamState, torque: float) -> None:
-        """Publish a state of the cam and its rig time; `torque` is the shaft torque in N m."""
+        """Publish a cam state, its rig time and the shaft torque (N m)."""
         self.newest_ns = state.time_ns
         self.publish_time(state.time_ns)
         joints = {
@@ -211,7 +211,7 @@ class ClockSource(RigNode):
         self._state_publisher.publish(to_joint_state(header, **joints))
 
     def publish_factor(self, factor: float | None) -> None:
-        """Publish the real-time factor (rig seconds per wall-clock second), 0 for a free run."""
+        """Publish the real-time factor, 0 for a free run."""
         self._factor_publisher.publish(Float64(data=factor or 0.0))
 
     def publish_time(self, time_ns: int) -> None:
@@ -254,7 +254,7 @@ class ClockSource(RigNode):
             super().drain(spin_once)
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Publish the end of the run, and wait until the recorder has closed its bag or left."""
+        """Publish the end of the run, and wait for the recorder's closed bag."""
         level, text = WARN, "stopped"
         if self.failure is not None:
             level, text = ERROR, str(self.failure)

@@ -1,4 +1,4 @@
-"""Conversion between the types of the package and ROS messages, and QoS profiles of topics."""
+"""Conversion of types of the package to ROS messages, and QoS profiles."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def message_class(topic: Topic) -> Any:
 
 
 def qos(topic: Topic, histories: int = 1) -> QoSProfile:
-    """Return the QoS profile of a topic, with room for the histories of several publishers."""
+    """Return the QoS profile of a topic for the histories of several publishers."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
@@ -38,8 +38,8 @@ def qos(topic: Topic, histories: int = 1) -> QoSProfile:
 
 def require_length(topic: Topic, cdr: bytes) -> None:
     """Raise RefusedError if a serialized message is longer than its topic allows."""
-    if len(cdr) > topic.most_bytes:
-        raise RefusedError(f"{topic.name}: {len(cdr)} bytes; allowed: {topic.most_bytes}")
+    if len(cdr) > topic.max_bytes:
+        raise RefusedError(f"{topic.name}: {len(cdr)} bytes; allowed: {topic.max_bytes}")
 
 
 def to_time(time_ns: int) -> Time:
@@ -48,7 +48,10 @@ def to_time(time_ns: int) -> Time:
 
 
 def to_header(time_ns: int, frame: str = "") -> Header:
-    """Return a header with a rig time in ns; `frame` is empty for data without a location."""
+    """Return a header with a rig time in ns.
+
+    `frame` is empty for data without a location.
+    """
     return Header(stamp=to_time(time_ns), frame_id=frame)
 
 

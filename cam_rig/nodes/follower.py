@@ -27,7 +27,7 @@ from cam_rig.units import to_rpm
 
 
 class Follower(RigNode):
-    """Publishes /follower/samples and /follower/state for each tick, and the motion within it."""
+    """Publishes samples and state of the follower for each tick, and its motion."""
 
     waits_for = ("cam_drive", "law_server")
 

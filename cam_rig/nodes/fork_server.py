@@ -1,8 +1,9 @@
-"""The process that the runner's nodes are forked from, with what all of them import in memory.
+"""Fork server: process with preloaded modules, from which nodes are forked.
 
-Asked over a socket by `cam_rig.runner.fork_server`, it ends with whoever asks. It has one thread,
-and imports nothing of rclpy, which starts threads of its own (LTTng's): a fork has none but the one
-that forks, and finds the locks of the others locked. Each node imports rclpy after the fork.
+`cam_rig.runner.fork_server` sends its requests over a socket. The process ends when the runner
+closes the socket. The process must have one thread: a fork has only the thread that forks, and the
+locks of other threads would stay locked. It therefore does not import rclpy, which starts threads
+(of LTTng). Each node imports rclpy after the fork.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any
 
 from cam_rig.nodes.__main__ import main
 
-#: What the nodes of every run import, beside rclpy and `cam_rig.nodes`, with all that these import.
+#: Modules that the nodes of every run import, except rclpy and `cam_rig.nodes`.
 PRELOADED = (
     "cam_rig.bag.recorder",
     "cam_rig.live.drive",
@@ -45,66 +46,74 @@ PRELOADED = (
     "type_description_interfaces.srv",
     "visualization_msgs.msg",
 )
-#: Bytes of a request, at most.
+#: Maximum length of a request in bytes.
 MAX_REQUEST = 1 << 20
-#: Streams of a request: its leash, stdout, stderr, and a pipe for the drive's progress.
+#: Number of file descriptors of a request: leash, stdout, stderr, and a pipe for the drive's
+#: progress. The leash is a pipe that is closed without a byte if the node must not start.
 MAX_STREAMS = 4
-#: prctl's number for the name of this process.
-NAME = 15
+#: Option PR_SET_NAME of prctl, which sets the name of this process.
+PR_SET_NAME = 15
 
 
 def preload() -> None:
-    """Import what nodes need; what cannot be imported fails in the node, in its own words."""
+    """Import the modules of the nodes.
+
+    A failed import is repeated and reported in the node.
+    """
     for name in PRELOADED:
         with suppress(Exception):
             import_module(name)
         if name.endswith((".msg", ".srv")):
             with suppress(Exception):
                 import_module("rosidl_generator_py").import_type_support(name.partition(".")[0])
-    inspect.getframeinfo(sys._getframe())  # as rclpy's logger does: the first looks at all modules
-    gc.freeze()  # a collection in a node would copy the pages of all of them
+    inspect.getframeinfo(sys._getframe())  # rclpy's logger calls it; the first call is slow
+    gc.freeze()  # otherwise a collection in a node would copy the memory pages of all objects
 
 
 def serve(requests: socket.socket) -> tuple[dict[str, Any], list[int]]:
-    """Fork a node for each request; returns in the node, with what it is to be."""
+    """Fork a node for each request.
+
+    Returns only in the forked node, with the request and its file descriptors. The runner receives
+    the process identifier of the node, or an empty answer if the fork failed.
+    """
     while True:
         data, streams, _, _ = socket.recv_fds(requests, MAX_REQUEST, MAX_STREAMS)
-        if not data or len(os.listdir("/proc/self/task")) > 1:  # a thread's locks stay locked
+        if not data or len(os.listdir("/proc/self/task")) > 1:  # closed, or not safe to fork
             os._exit(0)
         read, write = os.pipe()
-        between = os.fork()
-        if between == 0:
+        parent = os.fork()
+        if parent == 0:
             try:
                 node = os.fork()
             except OSError:
                 os._exit(1)
             if node == 0:
-                os.setsid()  # Ctrl-C reaches the runner alone, which ends all in order
+                os.setsid()  # Ctrl-C reaches only the runner, which ends the nodes in order
                 os.write(write, str(os.getpid()).encode())
-                for own in (requests.fileno(), read, write):
-                    os.close(own)
+                for descriptor in (requests.fileno(), read, write):
+                    os.close(descriptor)
                 return json.loads(data), streams
-            os._exit(0)  # so that the node is an orphan, whom the runner adopts
+            os._exit(0)  # the node becomes an orphan, which the runner adopts
         os.close(write)
-        pid = os.read(read, 32)  # nothing, where no process was to be had
-        os.waitpid(between, 0)
+        pid = os.read(read, 32)  # empty if the fork failed
+        os.waitpid(parent, 0)
         requests.send(pid)
         for stream in (read, *streams):
             os.close(stream)
 
 
-def become(request: dict[str, Any], streams: list[int]) -> None:
-    """Be the node that was asked for, once the runner knows of it."""
+def run_node(request: dict[str, Any], streams: list[int]) -> None:
+    """Run the requested node in this process, once the runner has registered it."""
     leash, *streams = streams
     if not os.read(leash, 1):
         os._exit(0)
     os.close(leash)
     numbers = request["numbers"]
-    above = max(*streams, *numbers) + 1  # no copy lies where another stream belongs
-    apart = [fcntl.fcntl(stream, fcntl.F_DUPFD, above) for stream in streams]
+    first_free = max(*streams, *numbers) + 1  # so that no copy occupies a requested number
+    copies = [fcntl.fcntl(stream, fcntl.F_DUPFD, first_free) for stream in streams]
     for stream in streams:
         os.close(stream)
-    for copy, number in zip(apart, numbers, strict=True):
+    for copy, number in zip(copies, numbers, strict=True):
         os.dup2(copy, number)
         os.close(copy)
     os.chdir(request["folder"])
@@ -118,18 +127,23 @@ def become(request: dict[str, Any], streams: list[int]) -> None:
 
 
 def show_command(name: str, command: list[str]) -> None:
-    """Let `ps` and `pgrep -f` show the node's command line, as far as there is room for it."""
+    """Make `ps` and `pgrep -f` display a command line of the node.
+
+    It is truncated to the length of the original command line.
+
+    The text of the command line in the memory of the process is overwritten.
+    """
     with suppress(OSError, ValueError):
-        numbers = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-        first, last = int(numbers[45]), int(numbers[46])
+        fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        first, last = int(fields[45]), int(fields[46])  # arg_start and arg_end, see proc(5)
         text = b"\0".join(os.fsencode(part) for part in command)[: last - first - 1]
         ctypes.memset(first, 0, last - first)
         ctypes.memmove(first, text, len(text))
-    ctypes.CDLL(None).prctl(NAME, name.encode())
+    ctypes.CDLL(None).prctl(PR_SET_NAME, name.encode())
 
 
 if __name__ == "__main__":
-    asked = socket.socket(fileno=int(sys.argv[1]))
-    show_command("fork_server", sys.orig_argv[:-1])  # without the room for a node's
+    requests = socket.socket(fileno=int(sys.argv[1]))
+    show_command("fork_server", sys.orig_argv[:-1])  # the last argument reserves space
     preload()
-    become(*serve(asked))
+    run_node(*serve(requests))

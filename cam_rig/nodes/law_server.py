@@ -29,7 +29,7 @@ LAW_INTERVALS = 180
 
 
 class LawServer(RigNode):
-    """Publishes law, contour and markers of each mounted cam, and /cam/law for each speed.
+    """Publishes law, contour and markers of each cam, and /cam/law per speed.
 
     All topics are latched, so a node that subscribes later receives the mounted cam.
     """
@@ -77,7 +77,10 @@ class LawServer(RigNode):
 
 
 def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
-    """Return the contour of a cam (m, in its own frame), or of the first of conjugate cams."""
+    """Return the contour of a cam (m) in the frame of the cam.
+
+    For conjugate cams this is the contour of the first cam.
+    """
     message = PolygonStamped(header=to_header(0, law.name))
     message.polygon.points = [
         Point32(x=float(x), y=float(y), z=0.0) for x, y in contour_of(cam, law).T
@@ -86,7 +89,7 @@ def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
 
 
 def to_trajectory(law: Law, state: CamState) -> JointTrajectory:
-    """Return a law over one turn at the cam's speed: s (m), ds/dt (m/s) and d²s/dt² (m/s²)."""
+    """Return s (m), ds/dt (m/s) and d²s/dt² (m/s²) over one turn at the cam's speed."""
     message = JointTrajectory(header=to_header(state.time_ns, law.name), joint_names=["follower"])
     angle = np.linspace(0.0, TURN, LAW_INTERVALS + 1)
     motion = np.stack([law(angle, order) * state.speed**order for order in range(3)])

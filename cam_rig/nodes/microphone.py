@@ -1,4 +1,4 @@
-"""Microphone node: computes sound pressure and level from the contact force of each tick."""
+"""Microphone node: computes sound pressure and level from the contact force."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cam_rig.simulation.simulate import MicrophoneSimulator
 
 
 class Microphone(RigNode):
-    """Publishes /microphone/level (dB) and /microphone/pressure (Pa, r.m.s.) for each tick."""
+    """Publishes sound level (dB) and sound pressure (Pa, r.m.s.) for each tick."""
 
     waits_for = ("cam_drive", "follower")
 

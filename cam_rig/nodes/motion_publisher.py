@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from std_msgs.msg import Float64
 
-from cam_rig.live.playback import Playback, Shown, Tick
+from cam_rig.live.playback import Playback, PlaybackSamples, Tick
 from cam_rig.messages import topics
 from cam_rig.messages.codec import real_time_factor
 from cam_rig.messages.motion import DerivedMessage, MotionMessages
@@ -33,9 +33,9 @@ MAX_BATCH = 16
 
 
 class Instant(NamedTuple):
-    """Messages of one instant, and the index of its sample among the prepared ones."""
+    """Messages of one instant, and the index of its sample in `samples`."""
 
-    samples: Shown
+    samples: PlaybackSamples
     sample_index: int
     messages: list[DerivedMessage]
 
@@ -48,9 +48,9 @@ class MotionPublisher:
     time, so that the computation of the next tick does not delay them.
 
     Threads: `publish`, `close` and the callbacks run on the thread of the executor, `_play` and
-    what it calls on the playback thread. `_lock` protects `_playback`, which both threads use. It
-    is never held during a publish call. `_skipped_until` is read by both threads and written per
-    topic in one assignment, which needs no lock.
+    the methods that it calls on the playback thread. `_lock` protects `_playback`, which both
+    threads use. It is always released before a publish call. `_skipped_until` is read by both
+    threads and written per topic in one assignment, which needs no lock.
     """
 
     def __init__(self, node: RigNode, motion: MotionMessages, points: int, rate: float) -> None:
@@ -71,7 +71,10 @@ class MotionPublisher:
         node.create_wall_timer(REPORT_PERIOD_S, self._report)
 
     def publish(self, tick: Tick, received_at: float) -> None:
-        """Publish a finished tick whose last state was received at `received_at` (s, monotonic)."""
+        """Publish a finished tick.
+
+        Its last state was received at `received_at` (s, monotonic clock).
+        """
         wanted = self._subscribed_topics()
         # A drive publishes its real-time factor at once. A bag played by ros2 bag play may not
         # have a publisher of it, and is shown like a free run.
@@ -111,23 +114,25 @@ class MotionPublisher:
             with self._lock:
                 is_used_up = not batch or version != self._playback.version
                 version = self._playback.version
-                samples = self._playback.ahead(due + offsets) if is_used_up else None
+                samples = self._playback.samples_at(due + offsets) if is_used_up else None
             if is_used_up:
                 batch = deque(self._prepare(samples) if samples is not None else ())
             instant = None
             while (
-                batch and batch[0].samples.walls[batch[0].sample_index] < due + 0.5 * self._period
+                batch
+                and batch[0].samples.wall_times[batch[0].sample_index] < due + 0.5 * self._period
             ):
                 instant = batch.popleft()
             if instant is not None:
                 with self._lock:
-                    self._playback.note_shown(instant.samples, instant.sample_index)
+                    self._playback.record_shown(instant.samples, instant.sample_index)
                 self._publish(instant.messages, self._responsive_topics(), is_paced=True)
             missed_periods = (time.monotonic() - due) // self._period
             due += self._period * (1.0 + missed_periods)
 
-    def _prepare(self, samples: Shown) -> list[Instant]:
-        messages = self._motion.moved(*samples.tick, self._subscribed_topics(), samples.samples)
+    def _prepare(self, samples: PlaybackSamples) -> list[Instant]:
+        """Return the messages of the subscribed topics, by instant."""
+        messages = self._motion.moved(*samples.tick, self._subscribed_topics(), samples.indices)
         groups = groupby(messages, attrgetter("time_ns"))
         return [Instant(samples, index, list(group)) for index, (_, group) in enumerate(groups)]
 

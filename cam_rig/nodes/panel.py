@@ -1,4 +1,4 @@
-"""The panel's node: passes a page's commands on to the other nodes, and what they say back."""
+"""Panel node: forwards commands of a page to the nodes, and messages back."""
 
 from __future__ import annotations
 
@@ -25,46 +25,46 @@ from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.parameters import ABOUT, LIVE
 from cam_rig.units import to_rpm
 
-#: Wall time (s) between two looks for commands, and between what is told.
-LOOK_EVERY_S = 0.02
-#: Exchanges between two requests for the parameters of a node that has not answered.
+#: Period (s, wall clock) at which commands are read, and queued messages are sent to the page.
+EXCHANGE_PERIOD_S = 0.02
+#: Number of exchanges between two requests for the parameters of a node that has not answered.
 EXCHANGES_PER_REQUEST = 25
 
 
 class Panel(RigNode):
-    """Lines for the messages that a page shows, those of a look at once; commands as lines."""
+    """Exchanges commands, answers and messages with the server of a page."""
 
     def __init__(self) -> None:
         super().__init__("panel")
-        self._line = LineSocket(Path(self.settings["socket"]))
+        self._socket = LineSocket(Path(self.settings["socket"]))
         self._nodes = {name: AsyncParameterClient(self, name) for name in LIVE}
         self._drive: dict[str, Any] = {
             s: self.create_client(Trigger, f"cam_drive/{s}") for s in ABOUT["cam_drive"].services
         }
-        self._unread, self._exchanges = set(LIVE), 0
-        self._sound: Any = None
+        self._unread, self._exchanges = set(LIVE), 0  # nodes whose parameters are not known yet
+        self._samples_subscription: Any = None
         self.subscribe(topics.CAM_STATE, self._on_state)
         self._stamps, self._levels = deque[int](), deque[float]()
         self.subscribe(topics.PRESSURE, self._on_pressure)
         self.subscribe(topics.LEVEL, self._on_level)
         self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
         self.subscribe(topics.PARAMETER_EVENTS, self._on_parameters)
-        self.create_wall_timer(LOOK_EVERY_S, self._exchange)
+        self.create_wall_timer(EXCHANGE_PERIOD_S, self._exchange)
 
     def _exchange(self) -> None:
         self._exchanges += 1
         # A request or an answer can be lost during discovery, so it is repeated until answered.
         due = self._unread if self._exchanges % EXCHANGES_PER_REQUEST == 1 else ()
         for name in [n for n in due if self._nodes[n].services_are_ready()]:
-            asked = self._nodes[name].get_parameters(list(LIVE[name]))
-            asked.add_done_callback(partial(self._on_values, name))
-        for command in self._line.receive():
-            self._obey(command)
-        self._line.flush()
+            request = self._nodes[name].get_parameters(list(LIVE[name]))
+            request.add_done_callback(partial(self._on_values, name))
+        for command in self._socket.receive():
+            self._execute(command)
+        self._socket.flush()
 
-    def _obey(self, command: dict[str, Any]) -> None:
+    def _execute(self, command: dict[str, Any]) -> None:
         if "listen" in command:
-            return self._listen(bool(command["listen"]))
+            return self._set_listening(bool(command["listen"]))
         number = command.get("number")
         if "call" in command:
             client = self._drive[command["call"]]
@@ -73,73 +73,73 @@ class Panel(RigNode):
                 call.add_done_callback(partial(self._on_called, number))
                 return None
         elif self._nodes[command["node"]].services_are_ready():
-            wanted = Parameter(command["name"], value=command["value"])
-            call = self._nodes[command["node"]].set_parameters([wanted])
+            parameter = Parameter(command["name"], value=command["value"])
+            call = self._nodes[command["node"]].set_parameters([parameter])
             call.add_done_callback(partial(self._on_set, number))
             return None
         return self._answer(number, False, f"{command.get('node', 'cam_drive')} does not answer")
 
-    def _answer(self, number: Any, success: bool, words: str) -> None:
-        self._line.send({"answer": number, "success": success, "words": words})
+    def _answer(self, number: Any, success: bool, text: str) -> None:
+        self._socket.send({"answer": number, "success": success, "words": text})
 
-    def _on_called(self, number: Any, done: Any) -> None:
-        reply = done.result()
+    def _on_called(self, number: Any, future: Any) -> None:
+        reply = future.result()
         self._answer(number, reply.success, reply.message)
 
-    def _on_set(self, number: Any, done: Any) -> None:
-        (reply,) = done.result().results
+    def _on_set(self, number: Any, future: Any) -> None:
+        (reply,) = future.result().results
         self._answer(number, reply.successful, reply.reason)
 
-    def _on_values(self, node: str, done: Any) -> None:
+    def _on_values(self, node: str, future: Any) -> None:
         self._unread.discard(node)
-        values = map(parameter_value_to_python, done.result().values)
-        self._line.send({"node": node, "values": dict(zip(LIVE[node], values, strict=True))})
+        values = map(parameter_value_to_python, future.result().values)
+        self._socket.send({"node": node, "values": dict(zip(LIVE[node], values, strict=True))})
 
     def _on_parameters(self, event: ParameterEvent) -> None:
         node = event.node.rpartition("/")[2]
         values = {p.name: parameter_value_to_python(p.value) for p in event.changed_parameters}
         if values and event.node == self.resolve_service_name(node) and node in LIVE:
-            self._line.send({"node": node, "values": values})
+            self._socket.send({"node": node, "values": values})
 
     def _on_state(self, message: JointState) -> None:
         self.ticks += 1
         state = cam_state_of(message)
         self.diagnostics.newest_ns = state.time_ns
-        turned = {"time_ns": state.time_ns, "cam": state.cam, "rpm": to_rpm(state.speed)}
-        self._line.put({"state": turned | {"angle": state.angle}})
+        values = {"time_ns": state.time_ns, "cam": state.cam, "rpm": to_rpm(state.speed)}
+        self._socket.put({"state": values | {"angle": state.angle}})
 
     def _on_pressure(self, message: FluidPressure) -> None:
         self._stamps.append(stamp_ns(message.header.stamp))
-        self._read()
+        self._send_levels()
 
     def _on_level(self, message: Float64) -> None:
         self._levels.append(message.data)
-        self._read()
+        self._send_levels()
 
-    def _read(self) -> None:
-        """The n-th level belongs to the stamp of the n-th pressure."""
+    def _send_levels(self) -> None:
+        """Queue each level with the stamp of its pressure, which has the same number."""
         while self._stamps and self._levels:
-            read = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
-            self._line.put(read)
+            reading = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
+            self._socket.put(reading)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            self._line.put({"health": [status.name, status.level[0], values]})
+            self._socket.put({"health": [status.name, status.level[0], values]})
 
     def _on_samples(self, message: Float64MultiArray) -> None:
         rows = block_of(message)
         data = base64.b64encode(np.ascontiguousarray(rows, "<f8").tobytes()).decode("ascii")
-        self._line.put({"samples": data, "shape": rows.shape})
+        self._socket.put({"samples": data, "shape": rows.shape})
 
-    def _listen(self, listen: bool) -> None:
-        """Subscribe to the samples while somebody listens."""
-        if listen and self._sound is None:
-            from_now_on = replace(topics.FOLLOWER_SAMPLES, latched=False)
-            self._sound = self.subscribe(from_now_on, self._on_samples)
-        elif not listen and self._sound is not None:
-            self.destroy_subscription(self._sound)
-            self._sound = None
+    def _set_listening(self, listening: bool) -> None:
+        """Subscribe to the samples, which pages need to play the sound, or unsubscribe."""
+        if listening and self._samples_subscription is None:
+            topic = replace(topics.FOLLOWER_SAMPLES, latched=False)  # new samples only
+            self._samples_subscription = self.subscribe(topic, self._on_samples)
+        elif not listening and self._samples_subscription is not None:
+            self.destroy_subscription(self._samples_subscription)
+            self._samples_subscription = None
 
     def summary(self) -> str:
         """Return the text that is logged when the node ends without an error."""
@@ -147,4 +147,4 @@ class Panel(RigNode):
 
     def close(self) -> None:
         """Close the socket."""
-        self._line.close()
+        self._socket.close()

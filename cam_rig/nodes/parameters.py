@@ -1,4 +1,4 @@
-"""What each node takes and gives: parameters and their values, topics, services; without rclpy."""
+"""Parameters, topics and services of each node, without rclpy."""
 
 from __future__ import annotations
 
@@ -16,32 +16,53 @@ from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
 from cam_rig.schema.load import named_path
 from cam_rig.schema.scene import MAX_POINTS_PER_TURN
 
-#: What a value of each type is called.
+#: Description of the values of each type, for messages and help texts.
 KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text",
          list: "a list of texts"}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Spec:
-    """One parameter: its default gives its type; the description names the unit.
+    """Parameter of a node.
 
-    ``least`` and ``most`` bound a number; ``choices`` what a text, or each of a list, may be;
-    ``check`` raises what else is wrong; ``read`` takes other ways to write a value, a scene's name
-    for its path. A parameter that is not ``live`` is read-only.
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    default
+        Default value, which also determines the type.
+    description
+        Description with the unit, for help texts and `ros2 param describe`.
+    min_value, max_value
+        Limits of a number, None without limits.
+    choices
+        Allowed values of a text, or of each item of a list.
+    live
+        True if the parameter may be set while the node runs. Otherwise it is read-only.
+    check
+        Function that raises ConfigError if a value does not meet a further rule.
+    read
+        Function that converts other notations of a value, such as the name of a scene to its path.
     """
 
     name: str
     default: Any
     description: str
-    least: float | None = None
-    most: float | None = None
+    min_value: float | None = None
+    max_value: float | None = None
     choices: tuple[str, ...] = ()
     live: bool = False
     check: Callable[[Any], object] | None = None
     read: Callable[[Any], Any] | None = None
 
     def convert(self, value: Any) -> Any:
-        """A value as a parameter of this type: whole numbers are numbers as well."""
+        """Return a value in the type of this parameter, such as 250.0 for 250.
+
+        Raises
+        ------
+        ConfigError
+            If the value has another type.
+        """
         kind = type(self.default)
         if self.read is not None:
             value = self.read(value)
@@ -51,22 +72,22 @@ class Spec:
             return list(value)
         if type(value) is not kind:
             quote = f"; in quotes: '\"{value}\"'" if kind is str and self.check is None else ""
-            some = "a list, [], of " if kind is list and self.choices else ""
-            allowed = some + ", ".join(self.choices) or KINDS[kind] + quote
+            prefix = "a list, [], of " if kind is list and self.choices else ""
+            allowed = prefix + ", ".join(self.choices) or KINDS[kind] + quote
             raise ConfigError(f"{self.name}: is {value!r}; allowed: {allowed}")
         return value
 
     def require(self, value: Any) -> None:
-        """Refuse a value that is out of range, or none of the choices."""
-        given = value if isinstance(value, (list, tuple)) else [value]
-        unknown = [str(item) for item in given if self.choices and item not in self.choices]
+        """Raise ConfigError if a value is outside the limits or is not an allowed value."""
+        items = value if isinstance(value, (list, tuple)) else [value]
+        unknown = [str(item) for item in items if self.choices and item not in self.choices]
         if unknown:
             raise ConfigError(
                 f"{self.name}: has {', '.join(unknown)}; allowed: {', '.join(self.choices)}"
             )
-        if self.most is not None and not (self.least or 0.0) <= value <= self.most:
+        if self.max_value is not None and not (self.min_value or 0.0) <= value <= self.max_value:
             raise ConfigError(
-                f"{self.name}: is {value:g}; allowed: {self.least:g} to {self.most:g}"
+                f"{self.name}: is {value:g}; allowed: {self.min_value:g} to {self.max_value:g}"
             )
         if self.check is not None:
             self.check(value)
@@ -75,30 +96,32 @@ class Spec:
 SCENE = Spec(
     "scene",
     "tm21_sweep",
-    "scene file (YAML), or a name in config/scenes, that every node takes its numbers from",
+    "scene file (YAML), or a name in config/scenes; the same for all nodes",
     read=lambda scene: str(named_path("scenes", scene)) if isinstance(scene, str) else scene,
 )
-#: What a node does when the drive or the player says that the run is over.
+#: Behaviour of a node when the drive or the player has published the end of the run.
 AT_END = Spec(
     "at_end",
     END,
-    "at the run's end: end; stay, for another run, as if started anew; wait for a signal to stop",
+    "at the end of the run: end, stay for another run, or wait for a signal to stop",
     choices=(END, STAY, WAIT),
 )
 _PROGRESS = Spec(
-    "progress_fd", -1, "open file descriptor that gets a line of JSON for each state; -1: none"
+    "progress_fd", -1, "open file descriptor for a line of JSON per state; -1: no report"
 )
-_PATIENCE = Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0)
+_PATIENCE = Spec(
+    "patience", 20.0, "time without progress before an error, s, wall clock", 0.1, 86400.0
+)
 _POINTS = Spec(
     "points_per_turn",
     0,
-    "instants a turn at which /joint_states and the like show the motion; 0: as the scene says",
+    "instants per turn of the motion on /joint_states and similar topics; 0: as in the scene",
     0,
     MAX_POINTS_PER_TURN,
 )
-#: What every node publishes.
+#: Topics that every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
-#: The consumers that are waited for by default: a run need not be seen.
+#: Consumers that the drive waits for by default. Displays are optional.
 ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
 #: Parameters of the microphone, in the order of their letters in a quantity such as LAF.
 WEIGHTING_PARAMETERS = ("frequency_weighting", "time_weighting")
@@ -106,39 +129,57 @@ _ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDED)
 
 
 @dataclass(frozen=True)
-class About:
-    """One node: its parameters, the topics it takes and ``gives`` beside `COMMON`, its services."""
+class NodeSpec:
+    """Interface of a node.
 
-    does: str
+    Parameters
+    ----------
+    description
+        Function of the node, a verb phrase.
+    parameters
+        Parameters of the node.
+    subscribed
+        Topics to which the node subscribes.
+    example
+        Arguments of an example for the help text.
+    published
+        Topics without an owner that the node publishes, in addition to `COMMON`.
+    services
+        Names of its std_srvs/Trigger services, without "~/".
+    """
+
+    description: str
     parameters: tuple[Spec, ...]
-    takes: tuple[Topic, ...]
+    subscribed: tuple[Topic, ...]
     example: str
-    gives: tuple[Topic, ...] = ()
+    published: tuple[Topic, ...] = ()
     services: tuple[str, ...] = ()
 
 
+#: Interface of each node by name.
 ABOUT = {
-    "law_server": About(
-        "holds the motion law of the mounted cam and publishes it, latched",
+    "law_server": NodeSpec(
+        "mounts the cams, and publishes law, contour and markers of the mounted cam, latched",
         (
             SCENE, AT_END,
-            Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
-                 "empty: the scene's first", live=True),
+            Spec("cam", "", "cam, a name in config/cams, mounted until the drive requests another; "
+                 "empty: the first of the scene", live=True),
         ),
         (topics.CAM_STATE, topics.FINISHED),
         "-p scene:=quick -p cam:=cycloidal",
-        gives=(topics.ROBOT_DESCRIPTION,),
+        published=(topics.ROBOT_DESCRIPTION,),
     ),
-    "cam_drive": About(
-        "turns the cam through the scene's speeds, no faster than its slowest consumer",
+    "cam_drive": NodeSpec(
+        "turns the cam through the scene's speeds, at the pace of the slowest consumer",
         (
             SCENE, AT_END,
             Spec("rpm", 0.0, "set-point of the speed from the next tick on, rpm; 0: the scene's "
                  "speeds (the actual speed is on /cam/state)", 0.0, 1e5, live=True),
-            Spec("pacing", "free", "rig time beside wall time: free, real_time, or a factor: 20, "
-                 "20x", live=True, check=factor_of, read=pacing_of),
+            Spec("pacing", "free", "real-time factor: free, real_time, or a multiple such as 20x",
+                 live=True, check=factor_of, read=pacing_of),
             Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
-            Spec("consumers", list(ESSENTIAL), "nodes that are waited for", choices=CONSUMERS),
+            Spec("consumers", list(ESSENTIAL), "nodes whose acknowledgements the drive waits for",
+                 choices=CONSUMERS),
             _PATIENCE, _PROGRESS,
         ),
         (
@@ -148,18 +189,18 @@ ABOUT = {
         "-p scene:=quick -p pacing:=20 -p autostart:=false",
         services=("start", "stop", "reset", "emergency_stop"),
     ),
-    "follower": About(
-        "computes the follower's motion and contact force between the states of the cam",
+    "follower": NodeSpec(
+        "computes the follower's motion and contact force in each tick",
         (
             SCENE, AT_END, _POINTS,
-            Spec("motion_rate", 100.0, "how often /joint_states and the like show the motion of a "
-                 "run at real time or a factor, Hz of wall time", 1.0, 1000.0),
+            Spec("motion_rate", 100.0, "rate of /joint_states and similar topics in a paced run, "
+                 "Hz, wall clock", 1.0, 1000.0),
         ),
         (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.REAL_TIME_FACTOR, topics.FINISHED),
         "-p scene:=quick -p points_per_turn:=360",
-        gives=(topics.JOINT_STATES,),
+        published=(topics.JOINT_STATES,),
     ),
-    "microphone": About(
+    "microphone": NodeSpec(
         "computes sound pressure and level from the contact force of each tick",
         (
             SCENE, AT_END,
@@ -172,36 +213,36 @@ ABOUT = {
         (topics.FOLLOWER_SAMPLES, topics.CAM_STATE, topics.FINISHED),
         "-p scene:=quick -p frequency_weighting:=A",
     ),
-    "recorder": About(
+    "recorder": NodeSpec(
         "records every message of the rig into a rosbag2 bag (MCAP)",
         (
             SCENE, AT_END,
-            Spec("bag", "", "folder to record into, must not exist; empty: bags/<scene>_<date>"),
+            Spec("bag", "", "folder of the bag, must not exist; empty: bags/<scene>_<date>"),
             _POINTS,
-            Spec("max_bagfile_size", 0, "bytes after which the bag goes on in another file; 0: no "
-                 "limit", check=check_parameter_size),
-            Spec("max_bagfile_duration", 0.0, "rig time after which the bag goes on in another "
-                 "file, s; 0: no limit", check=check_parameter_duration),
+            Spec("max_bagfile_size", 0, "maximum size of a file of the bag, bytes; 0: no limit",
+                 check=check_parameter_size),
+            Spec("max_bagfile_duration", 0.0, "maximum duration of a file of the bag, s, rig time; "
+                 "0: no limit", check=check_parameter_duration),
         ),
         (*topics.RECEIVED, topics.FINISHED),
         "-p scene:=quick -p bag:=bags/mine",
     ),
-    "viewer": About(
-        "draws the run in Rerun while it runs",
+    "viewer": NodeSpec(
+        "displays the run live in Rerun",
         (
             SCENE, replace(AT_END, default=WAIT),
-            Spec("address", "", "Rerun's address that the picture goes to, or the folder that a "
-                 "page of cam-rig reads it from; empty opens a window"),
+            Spec("address", "", "address of a Rerun viewer, or folder that a page of cam-rig "
+                 "reads; empty: open a window"),
         ),
         (
             topics.PROFILE, topics.CAM_STATE, topics.FOLLOWER_SAMPLES, topics.LEVEL,
             topics.PRESSURE, topics.REAL_TIME_FACTOR, topics.FINISHED,
         ),
         "-p scene:=quick",
-        gives=(topics.SHOWN,),
+        published=(topics.SHOWN,),
     ),
-    "panel": About(
-        "passes commands of a page in a browser on to the other nodes, and shows it what they say",
+    "panel": NodeSpec(
+        "forwards commands of a page in a browser to the nodes, and their messages to the page",
         (
             SCENE, replace(AT_END, default=WAIT),
             Spec("socket", "", "socket of cam-rig panel, which starts this node"),
@@ -212,66 +253,68 @@ ABOUT = {
         ),
         "-p scene:=quick -p socket:=/run/user/1000/panel.socket",
     ),
-    "player": About(
+    "player": NodeSpec(
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
         (
             replace(AT_END, choices=(END, WAIT)),
-            Spec("bag", "", "bag whose cam states and laws are played"),
+            Spec("bag", "", "bag with the cam states and laws to publish"),
             _PATIENCE, _PROGRESS,
         ),
         (*_ACKNOWLEDGEMENTS, topics.CLOSED, topics.READY),
         "-p bag:=bags/golden",
-        gives=(
+        published=(
             topics.CLOCK, topics.CAM_STATE, topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW,
             topics.REAL_TIME_FACTOR, topics.FINISHED,
         ),
     ),
 }  # fmt: skip
-PARAMETERS = {node: about.parameters for node, about in ABOUT.items()}
+#: Parameters of each node by name.
+PARAMETERS = {node: interface.parameters for node, interface in ABOUT.items()}
 
 
-def published(node: str) -> tuple[Topic, ...]:
-    """The topics that a node publishes, in the table's order."""
-    about = ABOUT[node]
-    given = {topic.name for topic in (*about.gives, *COMMON)}
-    return tuple(topic for topic in TOPICS if topic.owner == node or topic.name in given)
+def published_topics(node: str) -> tuple[Topic, ...]:
+    """Return the topics that a node publishes, in the order of the table of topics."""
+    names = {topic.name for topic in (*ABOUT[node].published, *COMMON)}
+    return tuple(topic for topic in TOPICS if topic.owner == node or topic.name in names)
 
 
 def usage(node: str) -> str:
-    """What a node does and takes, for people: parameters, topics, services, an example."""
-    about = ABOUT[node]
+    """Return the help text of a node: parameters, topics, services and an example."""
+    interface = ABOUT[node]
     lines = [
-        f"{node}: {about.does}",
+        f"{node}: {interface.description}",
         "",
         f"usage: {node} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE] [-r __ns:=/NAME]]",
         "",
         "parameters (default; * may be set while the node runs)",
     ]
-    for spec in about.parameters:
+    for spec in interface.parameters:
         lines += _parameter(spec)
-    for how, of in (("subscribes to", about.takes), ("publishes", published(node))):
-        lines += ["", how, *(f"  {topic.name:34} {topic.type}" for topic in of)]
-    if about.services:
+    listed = {"subscribes to": interface.subscribed, "publishes": published_topics(node)}
+    for heading, topics_of_node in listed.items():
+        lines += ["", heading, *(f"  {topic.name:34} {topic.type}" for topic in topics_of_node)]
+    if interface.services:
         lines += ["", "services"]
-        lines += [f"  ~/{name:32} std_srvs/srv/Trigger" for name in about.services]
-    lines += ["", "example", f"  ros2 run cam_rig {node} --ros-args {about.example}"]
+        lines += [f"  ~/{name:32} std_srvs/srv/Trigger" for name in interface.services]
+    lines += ["", "example", f"  ros2 run cam_rig {node} --ros-args {interface.example}"]
     return "\n".join(lines)
 
 
 def _parameter(spec: Spec) -> list[str]:
+    """Return the lines of the help text on a parameter."""
     default = ", ".join(spec.default) if isinstance(spec.default, list) else spec.default
-    shown = str(default).lower() if isinstance(default, bool) else default
+    text = str(default).lower() if isinstance(default, bool) else default
     head = f"  {spec.name}{' *' if spec.live else ''}"
-    lines = [f"{head:34} {shown if shown != '' else 'none'} ({KINDS[type(spec.default)]})"]
+    lines = [f"{head:34} {text if text != '' else 'none'} ({KINDS[type(spec.default)]})"]
     lines.append(f"      {spec.description}")
     if spec.choices:
         lines.append(f"      allowed: {', '.join(spec.choices)}")
-    if spec.most is not None:
-        lines.append(f"      allowed: {spec.least:g} to {spec.most:g}")
+    if spec.max_value is not None:
+        lines.append(f"      allowed: {spec.min_value:g} to {spec.max_value:g}")
     return lines
 
 
-#: What may be set while the nodes run: the parameters of each node that are live.
+#: Live parameters of each node: those that may be set while the nodes run.
 LIVE = {
     node: live
     for node, specs in PARAMETERS.items()

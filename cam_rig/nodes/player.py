@@ -1,4 +1,4 @@
-"""Player node: publishes the drive's and the law server's messages of a bag to live nodes."""
+"""Player node: publishes the cam states and laws of a bag to live nodes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from cam_rig.runner.node_table import held_by
 
 
 class Player(ClockSource):
-    """Publishes the recorded cam states and laws, byte by byte, as fast as they are acknowledged.
+    """Publishes recorded cam states and laws, at the pace of the consumers.
+
+    The messages are equal to those of the bag byte by byte.
 
     Before a tick that was recorded with other weightings, the microphone's parameters are set.
     """
@@ -39,11 +41,11 @@ class Player(ClockSource):
         self.start_flow(consumers, FlowControl(consumers))
 
     def send_next(self) -> bool:
-        """Publish the next state with its messages, and return True; return False if it waits."""
+        """Publish the next state and its messages, or return False if it must wait."""
         played_state = self._next
         if played_state is None or not self._flow.may_send() or not self._is_weighted(played_state):
             return False
-        self._flow.sent(played_state.state.time_ns)
+        self._flow.record_sent(played_state.state.time_ns)
         for topic, cdr in played_state.messages:
             self._publishers_by_topic[topic].publish(cdr)
         self.report_sent(played_state.state, self._sent)
@@ -52,7 +54,7 @@ class Player(ClockSource):
         return True
 
     def _is_weighted(self, played_state: Played) -> bool:
-        """Return True if the microphone measures the recorded quantity, or request it."""
+        """Return True if the microphone measures the recorded quantity, else request it."""
         quantity = played_state.quantity or self._quantity
         if quantity == self._quantity:
             return True

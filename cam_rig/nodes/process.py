@@ -71,7 +71,7 @@ def bounded(failed: bool = False) -> Iterator[None]:
     """End the process if DDS does not shut down within `MAX_TEARDOWN_S`.
 
     The process ends by SIGALRM, which the runner counts as code 0, or with code 1 if the node has
-    `failed`. If another node leaves while this one announces itself, Fast DDS can deadlock
+    `failed`. If another node leaves while this node announces itself, Fast DDS can deadlock
     (eProsima/Fast-DDS issue 6502). All work of the node is done by then.
     """
     with open(os.devnull, "w", encoding="utf-8") as devnull:
@@ -87,7 +87,7 @@ def bounded(failed: bool = False) -> Iterator[None]:
 
 
 def run(name: str, make: Callable[[], RigNode]) -> None:
-    """Run a node until it finishes, fails, or receives SIGINT or SIGTERM; exit with its code."""
+    """Run a node until it ends or receives a signal, and exit with its code."""
     request = StopRequest()
     # rclpy warns if a node could not be created, in addition to the error
     warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
@@ -109,7 +109,7 @@ def run(name: str, make: Callable[[], RigNode]) -> None:
 
 
 def first_line(error: Exception) -> str:
-    """Return the text of an error of rcl without the places in its source files."""
+    """Return the text of an error of rcl without the positions in its source files."""
     return str(error).splitlines()[0].split(", at ")[0]
 
 

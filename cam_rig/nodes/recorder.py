@@ -1,4 +1,4 @@
-"""Recorder node: writes the messages of the rig, and those derived from them, to an MCAP bag."""
+"""Recorder node: writes received and derived messages to an MCAP bag."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ UNKNOWN_GID = b"?"
 
 
 class Recorder(RigNode):
-    """Records the topics `RECEIVED`, and acknowledges written ticks on /recorder/written."""
+    """Records the topics `RECEIVED`, and acknowledges the written ticks."""
 
     needs_message_info = True
 
@@ -92,7 +92,7 @@ class Recorder(RigNode):
         number = info["publication_sequence_number"] or 0
         stamps = self._bag.take(topic, cdr, gid_of(info), number)
         for stamp in stamps:
-            # Written directly, not through DDS: the recorder does not wait for its own message.
+            # Written directly, because the recorder does not receive its messages through DDS.
             if message := self.diagnostics.report(stamp, OK, "recording"):
                 self._bag.take(topics.DIAGNOSTICS, serialize_message(message))
         if stamps:
@@ -112,7 +112,7 @@ class Recorder(RigNode):
             self._finish_if_complete()
 
     def _require_one_drive(self, gid: bytes) -> None:
-        """Raise RunError if another node than the drive may have published the end of the run."""
+        """Raise RunError if another node may have published the end of the run."""
         owner, topic = topics.FINISHED.owner, topics.FINISHED
         names = self.publisher_monitor.find_publishers(topic).values()
         if len(names) > 1:
@@ -133,7 +133,7 @@ class Recorder(RigNode):
 
     @property
     def _is_unused(self) -> bool:
-        """True if the node stayed for another run, and none was started."""
+        """True if the node stayed for another run, and no run was started."""
         return self.runs_before > 0 and self._bag.count == 0
 
     def summary(self) -> str:
@@ -156,7 +156,7 @@ class Recorder(RigNode):
 
 
 def choose_bag(bag: Path, runs_before: int) -> Path:
-    """Return the folder of a run's bag: `bag`, or bag_2, bag_3 after earlier runs of a process."""
+    """Return the folder of a bag: `bag`, or bag_2, bag_3 after earlier runs."""
     names = (bag.with_name(f"{bag.name}_{number}") for number in count(2))
     return next(name for name in chain([bag], names) if not (runs_before and name.exists()))
 

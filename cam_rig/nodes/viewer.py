@@ -1,4 +1,4 @@
-"""The viewer node: every message of the run, as it comes, into Rerun."""
+"""Viewer node: draws the messages of the run in Rerun."""
 
 from __future__ import annotations
 
@@ -22,19 +22,21 @@ from cam_rig.simulation.schedule import tick_count
 from cam_rig.viewer.process import require_display, window
 from cam_rig.viewer.recording import SEND_EVERY_S, LiveView, polygon
 
-#: Messages that may wait per topic: a drive need not wait for the viewer.
+#: History of each topic, so that the drive does not wait for the viewer.
 QUEUE_DEPTH = 256
-#: Spins without a message that mean the end: one per subscription and some more.
+#: Number of spins without a message after which the queues are empty: more than one for each
+#: subscription, because a spin handles one message.
 SPINS_PER_DRAIN = 10
-#: Wall time (s) to wait for the level of the last tick: no drive waits until it is drawn.
+#: Time (s, wall clock) to wait for the level of the last tick, which is not acknowledged.
 LEVEL_TIMEOUT_S = 2.0
-#: Wall time (s) between two looks at whether there is something to send; of a run whose pictures
-#: are sent when their time has come.
-LOOK_EVERY_S, FRAME_S = SEND_EVERY_S, 1.0 / 60.0
+#: Period (s, wall clock) of sending drawn data in a free run.
+FREE_PERIOD_S = SEND_EVERY_S
+#: Period (s, wall clock) in a paced run, in which data are sent at their time of display.
+FRAME_S = 1.0 / 60.0
 
 
 class Viewer(RigNode):
-    """Draws to ``address``, a viewer or a page's folder, or a window; publishes how far it has."""
+    """Draws the run in a window, viewer or page, and acknowledges drawn ticks."""
 
     def __init__(self) -> None:
         super().__init__("viewer")
@@ -45,13 +47,13 @@ class Viewer(RigNode):
             _, address = self._windows.enter_context(window())
         self.total_ticks = tick_count(self._loaded.scene)
         self._view, self._received = LiveView(self._loaded, address), 0
-        self._shown, feed = self.advertise(topics.SHOWN), self._view.feed
+        self._shown_publisher, feed = self.advertise(topics.SHOWN), self._view.feed
         handlers = feed.handlers | {topics.PROFILE: self._on_profile}
         for topic, handle in handlers.items():
-            self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._on(handle))
-        self.create_wall_timer(LOOK_EVERY_S, self._view.flush)
-        self._frames = self.create_wall_timer(FRAME_S, self._view.flush)
-        self._frames.cancel()
+            self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._drawing(handle))
+        self.create_wall_timer(FREE_PERIOD_S, self._view.flush)
+        self._frame_timer = self.create_wall_timer(FRAME_S, self._view.flush)
+        self._frame_timer.cancel()
         self.subscribe(topics.REAL_TIME_FACTOR, self._on_factor)
         self.get_logger().info(self.activity().text)
 
@@ -63,11 +65,13 @@ class Viewer(RigNode):
     def _on_factor(self, message: Float64) -> None:
         self._view.set_pace(real_time_factor(message.data))
         if message.data:
-            self._frames.reset()
+            self._frame_timer.reset()
         else:
-            self._frames.cancel()
+            self._frame_timer.cancel()
 
-    def _on(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
+    def _drawing(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback that draws and acknowledges the ticks of a message."""
+
         def draw(message: Any) -> None:
             self._received += 1
             try:
@@ -75,14 +79,14 @@ class Viewer(RigNode):
                 for _, end, _ in self._view.draw():
                     self.ticks += 1
                     self.diagnostics.newest_ns = end.time_ns
-                    self._shown.publish(to_header(end.time_ns))
+                    self._shown_publisher.publish(to_header(end.time_ns))
             except CamRigError as error:
                 raise RefusedError(str(error)) from None
 
         return draw
 
     def drain(self, spin_once: Callable[..., None]) -> None:
-        """Draw what was received but not handled yet."""
+        """Draw all messages in transit, and wait for the level of the last tick."""
         before, deadline = -1, time.monotonic() + LEVEL_TIMEOUT_S
         while before < self._received or (
             self._view.feed.is_behind and time.monotonic() < deadline
@@ -92,6 +96,6 @@ class Viewer(RigNode):
                 spin_once(timeout_sec=0.02)
 
     def close(self) -> None:
-        """Send the rest; a window of our own closes."""
+        """Send the remaining data, and close the window if this node has opened it."""
         self._view.close()
         self._windows.close()

@@ -1,4 +1,4 @@
-"""The drive: which state comes next under commands, and when it goes out."""
+"""Drive: sequence of cam states under commands, and conditions for sending."""
 
 import itertools
 import random
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cam_rig.errors import RefusedError
 from cam_rig.live.drive import STANDSTILL_NS, DriveProgram, SetpointSchedule
-from cam_rig.live.state_validation import StateValidator, speeds
+from cam_rig.live.state_validation import StateValidator, speed_limits
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.scene import open_scene
@@ -21,13 +21,16 @@ SCENE = LOADED.scene
 PLAN = list(cam_states(SCENE))
 RAMP = Quantity.model_validate({"assumed": 0.7, "unit": "s", "source": "a test"})
 PROGRAM = SCENE.program.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
-#: The same from rest, each speed reached along a ramp.
+#: The same scene from rest, with a ramp to each speed.
 RAMPED = SCENE.model_copy(update={"program": PROGRAM})
 
 
-def run_out(schedule, at=()):
-    """All states to come; ``at`` maps the number of states done to a command."""
-    commands, out = dict(at), []
+def run_out(schedule, commands=()):
+    """Return all remaining states.
+
+    `commands` maps a number of states sent to a command.
+    """
+    commands, out = dict(commands), []
     for number in itertools.count():
         commands.get(number, lambda: None)()
         if (state := schedule.next_state) is None:
@@ -36,38 +39,41 @@ def run_out(schedule, at=()):
         schedule.advance()
 
 
-def test_without_a_command_it_is_the_scene():
-    """Bit for bit, so that a live run is the simulated one."""
+def test_states_without_a_command_equal_those_of_the_scene():
+    """They are equal bit for bit, so that a live run equals the simulated run."""
     for scene in (SCENE, RAMPED):
         assert run_out(SetpointSchedule(scene)) == list(cam_states(scene))
 
 
-def test_an_emergency_stop_on_a_ramp_stands_where_the_tick_ends():
-    """The ramp is broken off, its first speed held; or, at rest, nothing turns."""
+def test_an_emergency_stop_on_a_ramp_stops_at_the_end_of_the_tick():
+    """The tick continues at the first speed of the ramp.
+
+    At rest no state is sent.
+    """
     for done in range(1, len(list(cam_states(RAMPED)))):
         schedule, validator = SetpointSchedule(RAMPED), StateValidator.of(RAMPED)
         for _ in range(done):
             validator.validate(schedule.next_state)
             schedule.advance()
-        if (standing := schedule.halt()) is not None:
-            validator.validate(standing)
+        if (stopped := schedule.halt()) is not None:
+            validator.validate(stopped)
             schedule.rewind()
-            assert schedule.next_state.angle == standing.angle
+            assert schedule.next_state.angle == stopped.angle
 
 
-def test_a_commanded_speed_holds_from_the_next_state_on():
-    """Each tick turns by its planned angle at the commanded speed; 0 gives the scene back."""
+def test_a_commanded_speed_applies_from_the_next_state_on():
+    """Each tick turns by its planned angle at the commanded speed."""
     schedule = SetpointSchedule(SCENE)
     commands = {3: lambda: schedule.command(240 * RPM), 6: lambda: schedule.command(None)}
     out = run_out(schedule, commands)
     assert [s.speed for s in out[3:6]] == [240 * RPM] * 3
     assert [s.speed for s in out[6:]] == [s.speed for s in PLAN[6:]]
     assert len(out) == len(PLAN)
-    assert out[4].time_ns - out[3].time_ns == 250_000_000  # a turn at 240 rpm
+    assert out[4].time_ns - out[3].time_ns == 250_000_000  # one turn at 240 rpm
 
 
-def test_an_operators_cam_stays_until_the_scenes_next():
-    """θ goes on under the other cam."""
+def test_an_operators_cam_stays_until_the_scene_mounts_its_next_cam():
+    """The angles are those of the plan."""
     schedule = SetpointSchedule(SCENE)
     out = run_out(schedule, {2: lambda: schedule.mount("cycloidal")})
     assert [s.cam for s in out[:9]] == ["tm21"] * 2 + ["cycloidal"] * 6 + ["bezier15"]
@@ -78,7 +84,9 @@ COMMANDS = st.lists(
     st.tuples(
         st.integers(0, 16),
         st.one_of(
-            st.floats(speeds(SCENE)[0], speeds(RAMPED)[1]).map(lambda speed: ("command", speed)),
+            st.floats(speed_limits(SCENE)[0], speed_limits(RAMPED)[1]).map(
+                lambda speed: ("command", speed)
+            ),
             st.sampled_from(["tm21", "poly345", "bezier15"]).map(lambda cam: ("mount", cam)),
             st.just(("command", None)),
             st.just(("rewind",)),
@@ -92,23 +100,23 @@ COMMANDS = st.lists(
 @given(COMMANDS)
 @pytest.mark.parametrize("scene", [SCENE, RAMPED], ids=["steps", "ramps"])
 def test_no_command_makes_theta_or_time_jump(scene, commands):
-    """Whatever is commanded when, the validator admits all states of the drive."""
+    """The validator accepts all states of the drive, under any commands at any time."""
     schedule = SetpointSchedule(scene)
-    at = {n: lambda call=call: getattr(schedule, call[0])(*call[1:]) for n, call in commands}
+    calls = {n: lambda call=call: getattr(schedule, call[0])(*call[1:]) for n, call in commands}
     validator = StateValidator.of(scene)
-    out = run_out(schedule, at)
+    out = run_out(schedule, calls)
     for state in out:
         validator.validate(state)
     assert all(b.time_ns > a.time_ns for a, b in itertools.pairwise(out))
 
 
-# When a state goes out.
+# Conditions for sending a state.
 
 
 def drive(mount=lambda cam: True, laws=LOADED.laws):
-    made = DriveProgram(SCENE, ["all"], mount)
-    made.laws.update(laws)
-    return made
+    program = DriveProgram(SCENE, ["all"], mount)
+    program.laws.update(laws)
+    return program
 
 
 @pytest.fixture
@@ -117,7 +125,7 @@ def program():
 
 
 def follow(program, states):
-    """Answer as the other nodes do; returns the states that went out."""
+    """Acknowledge each state as the other nodes do, and return the states sent."""
     out = []
     for now in range(states):
         state = program.take(float(now))
@@ -127,33 +135,35 @@ def follow(program, states):
     return out
 
 
-def test_the_whole_scene_goes_out_once_and_in_order():
-    """Every state of the scene, with one request for each cam, once its law is known."""
-    asked = []
+def test_all_states_of_the_scene_are_sent_once_and_in_order():
+    """Each cam is requested once, and its states are sent when its law is known."""
+    requested = []
 
     def mount(cam):
-        asked.append(cam)
+        requested.append(cam)
         program.laws[cam] = LOADED.laws[cam]
         return True
 
     program = drive(mount, laws={})
     assert follow(program, 100) == PLAN
     assert program.done
-    assert asked == SCENE.cams
+    assert requested == SCENE.cams
 
 
-def test_nothing_turns_before_its_law_is_known():
-    """A cam without a published law is waited for, by name; its request is made again. The request
-    may come before the law server has discovered the drive; once a second, not more often."""
-    asked = []
-    program = drive(lambda cam: asked.append(cam) is None, laws={})
+def test_no_state_is_sent_before_the_law_of_its_cam_is_known():
+    """The request is repeated once per second.
+
+    The first request may be lost if the law server has not discovered the drive yet.
+    """
+    requested = []
+    program = drive(lambda cam: requested.append(cam) is None, laws={})
     for now in (0.0, 0.1, 0.9, 1.1, 1.2, 2.5):
         assert program.take(now) is None
-    assert asked == ["tm21"] * 3
+    assert requested == ["tm21"] * 3
     assert program.flow.behind() == [] and not program.done
 
 
-def test_a_stopped_drive_sends_nothing_and_goes_on(program):
+def test_a_stopped_drive_sends_no_state_and_can_be_resumed(program):
     out = follow(program, 5)
     program.run(False)
     assert follow(program, 5) == []
@@ -163,14 +173,17 @@ def test_a_stopped_drive_sends_nothing_and_goes_on(program):
     assert program.done
 
 
-def test_an_emergency_stop_stands_where_the_tick_ends_and_waits_for_a_reset(program):
-    """Start alone does nothing; after a second the scene begins again from there."""
+def test_an_emergency_stop_stops_at_the_end_of_the_tick_until_a_reset(program):
+    """A start without a reset has no effect.
+
+    After the reset the scene restarts one second of rig time later.
+    """
     follow(program, 5)
     due = program.schedule.next_state
-    standing = program.halt()
-    assert (standing.time_ns, standing.angle, standing.speed) == (due.time_ns, due.angle, 0.0)
+    stopped = program.halt()
+    assert (stopped.time_ns, stopped.angle, stopped.speed) == (due.time_ns, due.angle, 0.0)
     assert program.schedule.next_state is None and program.halt() is None
-    program.flow.acknowledge("all", standing.time_ns)
+    program.flow.acknowledge("all", stopped.time_ns)
     program.run(True)
     assert follow(program, 5) == [] and not program.done
     program.reset()
@@ -182,16 +195,19 @@ def test_an_emergency_stop_stands_where_the_tick_ends_and_waits_for_a_reset(prog
     assert len(again) == len(PLAN) and program.done
 
 
-def test_a_speed_no_cam_can_have_is_refused(program):
-    """With the limits; so slow a tick of it would hold more samples than a message may."""
+def test_a_speed_outside_the_limits_is_rejected(program):
+    """The error states the limits.
+
+    Below them a tick has more samples than a message may have.
+    """
     limits = r"allowed: 0, or 0\.0126 to 3141\.59 rad/s \(0\.12 to 30000 rpm\)"
     for speed in (-1.0, 1e6, 1e-3, float("nan")):
         with pytest.raises(RefusedError, match=limits):
             program.command(speed)
 
 
-def test_an_emergency_stop_holds_before_the_first_state():
-    """Only a reset lets the cam turn."""
+def test_an_emergency_stop_before_the_first_state_lasts_until_a_reset():
+    """A start alone does not turn the cam."""
     program = drive()
     assert program.halt() is None and program.halted
     program.run(True)
@@ -201,43 +217,45 @@ def test_an_emergency_stop_holds_before_the_first_state():
     assert follow(program, 3) == PLAN[:3]
 
 
-def test_a_cam_that_the_law_server_refuses_is_dropped():
-    """A wrong report that it is mounted cannot hold the drive for ever."""
-    asked = []
-    program = drive(lambda cam: asked.append(cam) is None)
+def test_an_override_with_a_cam_that_the_law_server_refuses_ends():
+    """A wrong report of a mounted cam does not stop the drive."""
+    requested = []
+    program = drive(lambda cam: requested.append(cam) is None)
     assert len(follow(program, 2)) == 2
-    program.mounted(asked[0])
-    program.mounted("nonsense")
+    program.on_mounted(requested[0])
+    program.on_mounted("nonsense")
     assert follow(program, 5) == []
-    assert asked[-1] == "nonsense"
-    program.refused("nonsense")
+    assert requested[-1] == "nonsense"
+    program.on_refused("nonsense")
     assert program.take(10.0).cam == SCENE.cams[0]
 
 
-def test_after_a_reset_the_scene_s_cam_is_mounted_again():
-    """Of a cam that an operator had mounted the law server is told, so that nobody shows it."""
-    asked = []
-    program = drive(lambda cam: asked.append(cam) is None)
+def test_after_a_reset_the_cam_of_the_scene_is_requested_again():
+    """Otherwise the operator's cam would stay mounted and displayed."""
+    requested = []
+    program = drive(lambda cam: requested.append(cam) is None)
     assert len(follow(program, 2)) == 2
-    program.mounted(SCENE.cams[0])
-    program.mounted(SCENE.cams[1])
+    program.on_mounted(SCENE.cams[0])
+    program.on_mounted(SCENE.cams[1])
     assert [state.cam for state in follow(program, 2)] == [SCENE.cams[1]] * 2
     program.reset()
     program.run(True)
-    before = len(asked)
+    before = len(requested)
     assert follow(program, 1)[0].cam == SCENE.cams[0]
-    assert asked[before:] == [SCENE.cams[0]]
-    program.mounted(SCENE.cams[0])
+    assert requested[before:] == [SCENE.cams[0]]
+    program.on_mounted(SCENE.cams[0])
     assert not program.schedule.overrides_cam
     program.reset()
     program.run(True)
     assert follow(program, 1)[0].cam == SCENE.cams[0]
-    assert len(asked) == before + 1
+    assert len(requested) == before + 1
 
 
-def test_rig_time_goes_on_between_two_states(program):
-    """At half real time 5 ms of it in 10 ms, up to the next state, which waits for its time, and
-    never past it, stopped or not; a free run has none, nor has a cam that stands."""
+def test_rig_time_advances_between_two_states(program):
+    """At a factor of 0.5 it advances by 5 ms in 10 ms, up to the next state.
+
+    In a free run and while the cam is stopped there is no rig time between the states.
+    """
     assert program.time_ns(50.0) is None
     program.pacing.set("0.5x")
     first = program.take(50.0)
@@ -245,7 +263,7 @@ def test_rig_time_goes_on_between_two_states(program):
     assert [program.time_ns(50.0 + t) for t in (0.0, 0.01, 0.3)] == [0, 5_000_000, 150_000_000]
     assert program.take(50.1) is None and program.wait(50.1) == pytest.approx(0.5)
     assert program.time_ns(60.0) == 299_999_999
-    program.run(False)  # the tick that turns is finished
+    program.run(False)  # the current tick is completed
     assert program.time_ns(60.0) == 299_999_999
     program.run(True)
     assert program.take(70.0).time_ns == 300_000_000
@@ -261,8 +279,8 @@ def test_rig_time_goes_on_between_two_states(program):
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_rig_time_is_never_past_the_next_state(program, seed):
-    """Under any commands, at any time: what is told between two states comes before the second."""
-    chance, told, states = random.Random(seed), -1, []
+    """A rig time between two states is earlier than the second, under any commands."""
+    chance, newest_ns, states = random.Random(seed), -1, []
     program.pacing.set("real_time")
     commands = (
         lambda: program.command(chance.choice([0.0, 5.0, 20.0, 40.0])),
@@ -278,22 +296,22 @@ def test_rig_time_is_never_past_the_next_state(program, seed):
         if (state := program.take(now)) is not None:
             states.append(state)
             program.flow.acknowledge("all", state.time_ns)
-            assert told < state.time_ns
+            assert newest_ns < state.time_ns
         if (between := program.time_ns(now)) is not None:
             assert states[-1].time_ns <= between < program.schedule.next_state.time_ns
-            told = max(told, between)
+            newest_ns = max(newest_ns, between)
     assert len(states) > 5
 
 
 def test_a_late_report_of_the_law_server_is_not_an_override():
-    """A cam of few ticks is sent before it is reported as mounted; the next cam turns."""
+    """All states of a cam may be sent before the report that it is mounted."""
     first, program = [state for state in PLAN if state.cam == SCENE.cams[0]], drive()
     assert follow(program, len(first)) == first
-    assert program.take(100.0).cam == SCENE.cams[1]  # asked for as well by now
+    assert program.take(100.0).cam == SCENE.cams[1]  # it is requested by now
     for cam in SCENE.cams:
-        program.mounted(cam)
+        program.on_mounted(cam)
     assert program.schedule.next_state.cam == SCENE.cams[1]
-    program.mounted("cycloidal")
+    program.on_mounted("cycloidal")
     assert program.schedule.next_state.cam == "cycloidal"
-    program.mounted(SCENE.cams[1])
+    program.on_mounted(SCENE.cams[1])
     assert program.schedule.next_state.cam == SCENE.cams[1]

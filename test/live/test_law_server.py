@@ -1,4 +1,4 @@
-"""The law server without ROS: which cams may be mounted, why another may not, what it publishes."""
+"""Law server without ROS: mounted cams, published laws, checks of laws."""
 
 import numpy as np
 import pytest
@@ -24,8 +24,8 @@ def cams():
     return CamMounting(LOADED)
 
 
-def test_the_scenes_first_cam_is_mounted_at_the_start(cams):
-    """Unless another one is named."""
+def test_the_first_cam_of_the_scene_is_mounted_by_default(cams):
+    """The constructor also accepts the name of another cam."""
     assert (cams.cam, cams.law.name) == (LOADED.scene.cams[0],) * 2
     assert CamMounting(LOADED, "cycloidal").cam == "cycloidal"
     with pytest.raises(CamRigError, match="nonsense"):
@@ -33,28 +33,28 @@ def test_the_scenes_first_cam_is_mounted_at_the_start(cams):
 
 
 def test_a_cam_of_the_library_is_mounted_on_request(cams):
-    """A second request finds it there, and changes nothing."""
+    """A second request returns False."""
     assert [cams.request("cycloidal") for _ in range(2)] == [True, False]
     assert cams.law.name == "cycloidal"
 
 
 @pytest.mark.parametrize(
-    ("cam", "words"),
+    ("cam", "text"),
     [
         ("nonsense", "nonsense"),
         ("../rigs/tm21", "allowed"),
         ("conjugate", "allowed on a rig: a follower that only a closing spring keeps"),
     ],
 )
-def test_a_refused_request_leaves_the_mounted_cam(cams, cam, words):
-    """The reply names what is wrong: no such file, a path, a follower that is moved both ways."""
-    with pytest.raises(CamRigError, match=words):
+def test_a_rejected_request_does_not_change_the_mounted_cam(cams, cam, text):
+    """The error names the reason: a missing file, a path, a desmodromic follower."""
+    with pytest.raises(CamRigError, match=text):
         cams.request(cam)
     assert cams.cam == LOADED.scene.cams[0]
 
 
-def test_a_cam_that_was_refused_is_read_again(tmp_path, make_loaded_scene):
-    """An operator mends its file; the same request then mounts it."""
+def test_the_file_of_a_rejected_cam_is_read_again(tmp_path, make_loaded_scene):
+    """The same request mounts the cam after an operator has corrected its file."""
     (tmp_path / "cams").mkdir()
     own, shipped = tmp_path / "cams" / "own.yaml", config_root() / "cams" / "poly345.yaml"
     text = shipped.read_text(encoding="utf-8").replace("name: poly345", "name: own")
@@ -68,33 +68,35 @@ def test_a_cam_that_was_refused_is_read_again(tmp_path, make_loaded_scene):
 
 
 def test_a_law_is_published_for_each_new_cam_or_speed(cams):
-    """Once; not for the state in which a cam stands."""
-    found = []
+    """It is published once, and not for a state of a stopped cam."""
+    published = []
     for state in STATES:
         cams.validator.validate(state)
         if (law := cams.follow(state)) is not None:
-            found.append((law.name, state.speed))
+            published.append((law.name, state.speed))
     turned = [(state.cam, state.speed) for state in STATES if state.speed > 0.0]
-    assert found == list(dict.fromkeys(turned))
+    assert published == list(dict.fromkeys(turned))
 
 
-def test_a_state_of_an_unknown_cam_is_refused(cams):
-    """Its file is not in the library; the next state is taken."""
+def test_a_state_of_an_unknown_cam_is_rejected(cams):
+    """The next state of a known cam is accepted."""
     with pytest.raises(RefusedError, match=r"cam state: .*unknown"):
         cams.follow(CamState(0, 0.0, 20.0, "unknown"))
     assert cams.follow(STATES[0]) is not None
 
 
-def test_a_law_and_a_contour_are_those_of_the_cams_file():
-    """To rounding; of another cam, shape or value the file, the difference and the limit are said.
-    A second law server cannot publish another one of the same name."""
+def test_laws_and_contours_must_be_those_of_the_cams_file():
+    """The error names the file, the difference and the limit.
+
+    Differences by rounding are accepted.
+
+    A second law server therefore cannot publish another law of the same name.
+    """
     law, points = LOADED.laws["tm21"], contour_of(LOADED.cams["tm21"], LOADED.laws["tm21"])
     require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * (1.0 + 1e-12)))
     require_own_contour(LOADED, "tm21", points.astype(np.float32))
-    words = (
-        r"law 'tm21': its ordinates differ by .* of .*tm21\.yaml; allowed: .*a second law server"
-    )
-    with pytest.raises(RefusedError, match=words):
+    text = r"law 'tm21': its ordinates differ by .* of .*tm21\.yaml; allowed: .*a second law server"
+    with pytest.raises(RefusedError, match=text):
         require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * 1.01))
     with pytest.raises(RefusedError, match=r"law 'tm21': its breaks are .* has"):
         other = LOADED.laws["bezier15"]

@@ -1,4 +1,4 @@
-"""What people see of a paced run: a tick behind the drive, evenly, and never back."""
+"""Playback of a paced run: constant rate, one tick behind the drive."""
 
 from itertools import pairwise
 
@@ -13,8 +13,11 @@ RATE = 12_000
 
 
 def ticks(speeds, ticks_per_turn):
-    """A tick at each speed (rpm), of the same angle each; row 1 has each sample's number."""
-    found, states = [], [CamState(0, 0.0, speeds[0] * RPM, "tm21")]
+    """Return a tick of the same angle at each speed (rpm).
+
+    Rows 1 to 4 contain the number of each sample in the run.
+    """
+    result, states = [], [CamState(0, 0.0, speeds[0] * RPM, "tm21")]
     for now, then in pairwise([*speeds, speeds[-1]]):
         start = states[-1]
         time_ns = start.time_ns + round(60.0 * NS / now / ticks_per_turn)
@@ -23,41 +26,48 @@ def ticks(speeds, ticks_per_turn):
         grid = start.until(states[-1]).grid(RATE)
         rows = grid.open_rows()
         rows[1:5] = grid.first + np.arange(grid.count, dtype=float)
-        found.append(Tick(start, states[-1], rows))
-    return found
+        result.append(Tick(start, states[-1], rows))
+    return result
 
 
-def at(playback, wall):
-    """Tick and sample that are shown at a wall time (s); None where there is nothing new."""
-    found = playback.ahead(np.array([wall]))
-    if found is None:
+def show(playback, wall_time):
+    """Return the new tick and sample at a wall-clock time (s), or None."""
+    samples = playback.samples_at(np.array([wall_time]))
+    if samples is None:
         return None
-    playback.note_shown(found, 0)
-    return found.tick, int(found.samples[0])
+    playback.record_shown(samples, 0)
+    return samples.tick, int(samples.indices[0])
 
 
-def shown(ticks, factor, rate, late=lambda: 0.0, settled=0):
-    """Wall time, rig time (s) and how far behind the drive (s of wall time), of all that is shown.
-    ``late`` tells how long each state takes to the follower."""
-    playback, found, due = Playback(RATE), [], 0.0
+def play(ticks, factor, rate, latency=lambda: 0.0, settling_ticks=0):
+    """Return wall-clock time, rig time and delay (s) of the samples shown.
+
+    `latency` returns the time (s) that a state takes to the follower. The samples shown before the
+    end of `settling_ticks` are left out.
+    """
+    playback, rows, due = Playback(RATE), [], 0.0
     for n, tick in enumerate(ticks):
-        came = tick.end.time_ns / NS / factor + late()
-        while due < came:
-            if (one := at(playback, due)) is not None:
-                time, number = one[0].rows[:2, one[1]]
+        received_at = tick.end.time_ns / NS / factor + latency()
+        while due < received_at:
+            if (shown := show(playback, due)) is not None:
+                shown_tick, sample = shown
+                time, number = shown_tick.rows[:2, sample]
                 assert number == round(time * RATE)
-                if n > settled:
-                    found.append((due, time, due - time / factor))
+                if n > settling_ticks:
+                    rows.append((due, time, due - time / factor))
             due += 1.0 / rate
-        playback.add(tick, factor, came, came)
-    return np.array(found).T
+        playback.add(tick, factor, received_at, received_at)
+    return np.array(rows).T
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(16))
-def test_a_speed_is_shown_evenly_a_tick_behind(seed):
-    """Any speed, division, factor and rate, ticks up to 15 ms late: a message every period, whose
-    stamps advance by what the speed says, at most a tick and 50 ms behind the drive."""
+def test_a_constant_speed_is_shown_at_a_constant_rate_one_tick_late(seed):
+    """There is a sample in every period, at most one tick and 50 ms behind the drive.
+
+    Rig time advances in proportion to wall-clock time. This applies to any speed, number of ticks
+    per turn, real-time factor and rate, if ticks are up to 15 ms late.
+    """
     chance = np.random.default_rng(seed)
     rpm, ticks_per_turn = 20.0 * 100.0 ** chance.uniform(), int(chance.choice([1, 2, 12, 72]))
     factor, rate = float(chance.choice([0.2, 0.5, 1.0, 2.0, 20.0])), float(chance.uniform(20, 200))
@@ -65,61 +75,60 @@ def test_a_speed_is_shown_evenly_a_tick_behind(seed):
     count = max(6, round(2.0 / tick))
     made = ticks([rpm] * count, ticks_per_turn)
     jitter = lambda: chance.uniform(0.0, 0.5 * MARGIN_S)  # noqa: E731
-    wall, rig, behind = shown(made, factor, rate, jitter, settled=count // 2)
+    wall, rig, delay = play(made, factor, rate, jitter, settling_ticks=count // 2)
     assert len(wall) > 10
     np.testing.assert_allclose(np.diff(wall), 1.0 / rate, rtol=0, atol=1e-9)
-    assert behind.min() > 0.0 and behind.max() <= tick + 0.05
-    over = max(1, round(0.05 * rate))  # a frame of 20 Hz
-    advance = (rig[over:] - rig[:-over]) / (wall[over:] - wall[:-over]) / factor
-    sample = 1.0 / RATE / (wall[over] - wall[0]) / factor
+    assert delay.min() > 0.0 and delay.max() <= tick + 0.05
+    frame = max(1, round(0.05 * rate))  # number of samples in a frame at 20 Hz
+    advance = (rig[frame:] - rig[:-frame]) / (wall[frame:] - wall[:-frame]) / factor
+    sample = 1.0 / RATE / (wall[frame] - wall[0]) / factor
     assert np.abs(advance - 1.0).max() <= 0.05 + sample
 
 
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(15))
-def test_another_speed_makes_no_pause(seed):
-    """From tick to tick ten times as fast or as slow: a message every period all the same, and the
-    cam is seen to turn as fast as the drive turns it."""
+def test_a_change_of_speed_makes_no_pause(seed):
+    """There is a sample in every period if the speed changes by up to a factor of ten."""
     chance, factor = np.random.default_rng(seed // 3), (0.5, 1.0, 3.0)[seed % 3]
     made = ticks(np.repeat(chance.uniform(60.0, 600.0, 6), 2), 1)
-    wall, rig, behind = shown(made, factor, 100.0, settled=1)
+    wall, rig, delay = play(made, factor, 100.0, settling_ticks=1)
     np.testing.assert_allclose(np.diff(wall), 0.01, rtol=0, atol=1e-9)
     assert (np.diff(rig) > 0.0).all()
     longest = max(t.end.time_ns - t.start.time_ns for t in made) / NS / factor
-    assert behind.max() <= longest + 0.05
+    assert delay.max() <= longest + 0.05
 
 
-def test_a_drive_that_stops_leaves_its_last_sample_and_goes_on_from_it():
-    """What is shown stands where the last tick ends, and no sample is shown twice."""
+def test_the_playback_stops_and_continues_with_the_drive():
+    """It stops at the last sample of the last tick, and shows no sample twice."""
     made, playback, factor = ticks([240.0] * 6, 1), Playback(RATE), 1.0
     for tick in made[:3]:
         playback.add(tick, factor, tick.end.time_ns / NS, tick.end.time_ns / NS)
-    found = [at(playback, wall) for wall in np.arange(0.75, 5.0, 0.01)]
-    tick, sample = [one for one in found if one is not None][-1]
+    results = [show(playback, wall_time) for wall_time in np.arange(0.75, 5.0, 0.01)]
+    tick, sample = [result for result in results if result is not None][-1]
     assert tick is made[2] and sample == made[2].rows.shape[1] - 1
-    assert found[-1] is None
+    assert results[-1] is None
     playback.add(made[3], factor, 10.0, 10.0)
-    tick, sample = at(playback, 10.01)
+    tick, sample = show(playback, 10.01)
     assert tick is made[3] and sample < 0.05 * RATE
 
 
-def test_what_is_looked_up_ahead_is_what_is_shown():
-    """Sixteen times at once, as far as they are of one tick: as one by one."""
-    made, walls = ticks([100.0, 300.0], 1), 0.9 + 0.01 * np.arange(16)
+def test_a_query_of_several_times_gives_the_samples_of_single_queries():
+    """One query of several times in one tick equals queries one by one."""
+    made, wall_times = ticks([100.0, 300.0], 1), 0.9 + 0.01 * np.arange(16)
     playback, single = Playback(RATE), Playback(RATE)
-    for tick, came in zip(made, (0.6, 0.8), strict=True):
-        for one in (playback, single):
-            one.add(tick, 1.0, came, came)
-    found = playback.ahead(walls)
-    alone = [at(single, wall) for wall in found.walls]
-    assert [tick for tick, _ in alone] == [found.tick] * len(alone)
-    np.testing.assert_array_equal(found.samples, [sample for _, sample in alone])
+    for tick, received_at in zip(made, (0.6, 0.8), strict=True):
+        for target in (playback, single):
+            target.add(tick, 1.0, received_at, received_at)
+    samples = playback.samples_at(wall_times)
+    expected = [show(single, wall_time) for wall_time in samples.wall_times]
+    assert [tick for tick, _ in expected] == [samples.tick] * len(expected)
+    np.testing.assert_array_equal(samples.indices, [sample for _, sample in expected])
 
 
-def test_of_several_ticks_at_once_the_newest_is_shown():
-    """Eighteen ticks that come at once: all but the last are known already."""
+def test_the_newest_of_several_ticks_at_once_is_shown():
+    """Eighteen ticks that arrive together are not shown one after the other."""
     made, playback = ticks([220.0] * 18, 1), Playback(RATE)
     for n, tick in enumerate(made):
         playback.add(tick, 1.0, 50.0 + 0.005 * n, 50.0 + 0.005 * n)
-    tick, sample = at(playback, 50.2)
+    tick, sample = show(playback, 50.2)
     assert tick is made[-1] and sample > 0

@@ -1,4 +1,4 @@
-"""What a node receives, in any order: possible states, laws and states, blocks and states."""
+"""Input queues of the nodes, validation of states, and flow control."""
 
 from dataclasses import replace
 from itertools import islice
@@ -37,7 +37,7 @@ def validate_all(validator, states):
 
 
 def test_the_states_of_a_scene_are_valid():
-    """After the cam has stopped, a new sequence may start at any angle."""
+    """After the cam has stopped, another sequence may start at any angle."""
     validator = StateValidator(1000.0)
     validate_all(validator, STATES)
     validate_all(validator, [replace(state, angle=state.angle + 1.0) for state in STATES])
@@ -60,7 +60,7 @@ def later(angle, speed=20.0, time_ns=1_100_000_000):
 
 
 @pytest.mark.parametrize(
-    ("state", "words"),
+    ("state", "text"),
     [
         (later(9.99, time_ns=S - 1), "stamps that rise"),
         (later(12.1), "is a second drive at work"),
@@ -73,34 +73,34 @@ def later(angle, speed=20.0, time_ns=1_100_000_000):
         (later(10.0 + 20.0 * (1e9 - 1), 1.0, 10**18), "by at most 1000 s"),
     ],
 )
-def test_what_cannot_follow_is_refused(state, words):
-    """The words name the number and what is allowed; the validator stays as it was."""
+def test_a_state_that_cannot_follow_is_rejected(state, text):
+    """The error names the value and the limit, and the validator does not change."""
     validator = StateValidator(1000.0)
     validator.validate(LAST)
-    with pytest.raises(RefusedError, match=words):
+    with pytest.raises(RefusedError, match=text):
         validator.validate(state)
     validator.validate(later(12.0, 30.0))
 
 
-def test_a_lost_state_is_noticed():
-    """At constant speed the next but one leads on too, but a tick is never two turns."""
+def test_a_lost_state_is_detected():
+    """Angle and time are consistent, but the tick would be twice as long."""
     validator = StateValidator.of(LOADED.scene)
     validator.validate(STATES[0])
-    with pytest.raises(RefusedError, match="was one lost, or is a second drive"):
+    with pytest.raises(RefusedError, match="was a state lost, or is a second drive"):
         validator.validate(STATES[2])
     validate_all(validator, STATES[1:3])
 
 
-# The follower: laws and states.
+# Laws and states of the follower.
 
 
 def queue(laws=LOADED.laws):
     simulator = FollowerSimulator.of(LOADED)
     simulator.laws.clear()
-    made = FollowerQueue(simulator, LOADED.scene)
+    follower = FollowerQueue(simulator, LOADED.scene)
     for law in laws.values():
-        made.add_law(law)
-    return made
+        follower.add_law(law)
+    return follower
 
 
 def complete(follower):
@@ -121,7 +121,7 @@ def straight():
 
 
 def test_states_wait_for_their_law(straight):
-    """Law and states come on two topics: nothing is lost, whichever is first."""
+    """Laws and states arrive on two topics, and no tick is lost in either order."""
     late = queue(laws={})
     assert turn(late, STATES) == []
     for law in LOADED.laws.values():
@@ -133,8 +133,8 @@ def test_states_wait_for_their_law(straight):
 @pytest.mark.parametrize(
     "scene", sorted((config_root() / "scenes").glob("*.yaml")), ids=lambda path: path.stem
 )
-def test_the_first_ticks_of_every_shipped_scene(scene):
-    """Whatever its model, a law is taken, and a tick comes for each state after the first."""
+def test_every_shipped_scene_has_a_tick_for_each_state_after_the_first(scene):
+    """The laws are accepted by the model of each scene."""
     loaded = open_scene(scene)
     simulator, states = FollowerSimulator.of(loaded), list(islice(cam_states(loaded.scene), 4))
     laws = list(simulator.laws.values())
@@ -145,8 +145,8 @@ def test_the_first_ticks_of_every_shipped_scene(scene):
     assert len(turn(follower, states)) == 3
 
 
-def test_a_law_that_is_known_is_not_changed(straight):
-    """A second law server cannot change the cam under the follower, in its last digits neither."""
+def test_a_known_law_is_not_replaced(straight):
+    """A second law server cannot change the cam of a running follower."""
     law, follower = LOADED.laws["tm21"], queue()
     out = turn(follower, STATES[:2])
     follower.add_law(Law("tm21", law.breaks, law.ordinates * 1.01))
@@ -154,17 +154,17 @@ def test_a_law_that_is_known_is_not_changed(straight):
 
 
 def test_states_of_an_unknown_cam_are_bounded():
-    """A cam without a law must not fill the memory."""
+    """States of a cam without a law must not fill the memory."""
     follower = queue(laws={})
     with pytest.raises(RefusedError, match="wait for the law of 'unknown'"):
         for i in range(MAX_WAITING + 1):
             follower.add_state(CamState(i * 10**8, i * 2.0, 20.0, "unknown"))
 
 
-# Blocks of samples, and the states between which they lie.
+# Matching of blocks of samples and states.
 
 
-def at(time_ns, speed=1.0):
+def state_at(time_ns, speed=1.0):
     return CamState(time_ns, 0.0, speed, "cam")
 
 
@@ -174,95 +174,95 @@ def block(first_s, last_s):
     return rows
 
 
-def begun(matcher, states=(), blocks=()):
-    """The stamps at which the ticks begin that are complete with each block."""
+def start_times(matcher, states=(), blocks=()):
+    """Return the starts (ns) of the ticks that added states and blocks complete."""
     for state in states:
         matcher.add_state(state)
-    found = []
+    result = []
     for first in blocks:
         matcher.add_block(block(first, first + 0.8))
-        found += [start.time_ns for start, _, _ in matcher.complete()]
-    return found
+        result += [start.time_ns for start, _, _ in matcher.complete()]
+    return result
 
 
-def test_a_block_waits_for_the_state_that_closes_its_tick():
-    """Neither order loses or repeats a tick."""
+def test_a_block_waits_for_the_state_at_the_end_of_its_tick():
+    """No tick is lost or repeated, whether the blocks or the states arrive first."""
     for order in ("bbsss", "sssbb"):
-        matcher, found = TickMatcher(), []
+        matcher, ticks = TickMatcher(), []
         blocks, states = iter([block(0.0, 0.9), block(1.0, 1.9)]), iter([0, S, 2 * S])
         for kind in order:
             if kind == "b":
                 matcher.add_block(next(blocks))
             else:
-                matcher.add_state(at(next(states)))
-            found += list(matcher.complete())
-        assert [(a.time_ns, b.time_ns) for a, b, _ in found] == [(0, S), (S, 2 * S)]
-        assert [rows[0, 0] for _, _, rows in found] == [0.0, 1.0]
+                matcher.add_state(state_at(next(states)))
+            ticks += list(matcher.complete())
+        assert [(a.time_ns, b.time_ns) for a, b, _ in ticks] == [(0, S), (S, 2 * S)]
+        assert [rows[0, 0] for _, _, rows in ticks] == [0.0, 1.0]
 
 
-def test_each_tick_is_given_once():
-    """Skip blocks from before the first state or the tick, and ticks in which the cam stood."""
-    assert begun(TickMatcher(), [at(S), at(2 * S)], [0.0, 1.0]) == [S]
-    states = [at(i * S) for i in range(4)]
-    again = [0.0, 1.0, 0.0, 1.0, 2.0]
-    assert begun(TickMatcher(sample_rate=5), states, again) == [0, S, 2 * S]
-    states[1] = at(S, 0.0)
-    assert begun(TickMatcher(sample_rate=5), states, [0.0, 2.0]) == [0, 2 * S]
+def test_each_tick_is_yielded_once():
+    """Early blocks, repeated blocks and intervals at rest are skipped."""
+    assert start_times(TickMatcher(), [state_at(S), state_at(2 * S)], [0.0, 1.0]) == [S]
+    states = [state_at(i * S) for i in range(4)]
+    repeated = [0.0, 1.0, 0.0, 1.0, 2.0]
+    assert start_times(TickMatcher(sample_rate=5), states, repeated) == [0, S, 2 * S]
+    states[1] = state_at(S, 0.0)
+    assert start_times(TickMatcher(sample_rate=5), states, [0.0, 2.0]) == [0, 2 * S]
 
 
 @pytest.mark.parametrize("wrong", [block(0.0, 0.7), block(0.0, 0.8)[:, :3], block(1.2, 1.8)])
-def test_a_block_of_other_samples_is_refused(wrong):
-    """It is named, and the right one is taken."""
+def test_a_block_with_wrong_samples_is_rejected(wrong):
+    """The error names the tick, and the correct block is accepted afterwards."""
     matcher = TickMatcher(sample_rate=5)
-    assert begun(matcher, [at(0), at(S), at(2 * S)], [0.0]) == [0]
+    assert start_times(matcher, [state_at(i * S) for i in range(3)], [0.0]) == [0]
     matcher.add_block(wrong if wrong[0, 0] > 1 else wrong + np.eye(6, 1))
     with pytest.raises(RefusedError, match="do not belong to the tick that starts at 1"):
         list(matcher.complete())
-    assert begun(matcher, blocks=[1.0]) == [S]
+    assert start_times(matcher, blocks=[1.0]) == [S]
 
 
-# Flow control: ticks in flight, rig time and wall time.
+# Flow control: ticks in flight, rig time and wall-clock time.
 
 
-def flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
-    made = FlowControl(list(consumers))
+def make_flow(*consumers, ticks=MAX_TICKS_IN_FLIGHT):
+    flow = FlowControl(list(consumers))
     for stamp in range(0, 10 * ticks + 1, 10):
-        assert made.may_send()
-        made.sent(stamp)
-    return made
+        assert flow.may_send()
+        flow.record_sent(stamp)
+    return flow
 
 
-def test_flow_control_bounds_the_ticks_in_flight():
-    """No more than the limit goes out while the slowest consumer is silent."""
-    made = flow("fast", "slow")
-    assert made.in_flight == MAX_TICKS_IN_FLIGHT == 4 and not made.may_send()
-    made.acknowledge("fast", 40)
-    assert not made.may_send() and made.behind() == ["slow"]
-    made.acknowledge("slow", 10)
-    assert made.may_send()
-    made.acknowledge("slow", 40)
-    assert made.in_flight == 0 and made.behind() == []
+def test_flow_control_limits_the_ticks_in_flight():
+    """The drive waits for the slowest consumer after the maximum number."""
+    flow = make_flow("fast", "slow")
+    assert flow.in_flight == MAX_TICKS_IN_FLIGHT == 4 and not flow.may_send()
+    flow.acknowledge("fast", 40)
+    assert not flow.may_send() and flow.behind() == ["slow"]
+    flow.acknowledge("slow", 10)
+    assert flow.may_send()
+    flow.acknowledge("slow", 40)
+    assert flow.in_flight == 0 and flow.behind() == []
 
 
-def test_only_a_stamp_that_is_new_and_was_sent_counts():
-    """Else another publisher would make the drive run away, or a repeat seem progress for ever."""
-    made = flow("one", ticks=2)
-    assert not made.acknowledge("one", 10**18) and made.in_flight == 2
-    assert made.acknowledge("one", 10)
-    assert not made.acknowledge("one", 10) and not made.acknowledge("one", 0)
-    assert made.acknowledge("one", 20) and made.in_flight == 0
+def test_only_the_new_stamp_of_a_sent_state_is_an_acknowledgement():
+    """Other publishers and repetitions must not release states."""
+    flow = make_flow("recorder", ticks=2)
+    assert not flow.acknowledge("recorder", 10**18) and flow.in_flight == 2
+    assert flow.acknowledge("recorder", 10)
+    assert not flow.acknowledge("recorder", 10) and not flow.acknowledge("recorder", 0)
+    assert flow.acknowledge("recorder", 20) and flow.in_flight == 0
 
 
-def test_a_run_goes_on_without_a_dropped_consumer():
-    """What it has not acknowledged holds nothing back, and what it sends later counts nothing."""
-    made = flow("follower", "viewer")
-    assert made.acknowledge("follower", 40) and not made.may_send()
-    made.drop("viewer")
-    assert made.may_send() and made.behind() == []
-    assert not made.acknowledge("viewer", 40)
+def test_a_run_continues_without_a_dropped_consumer():
+    """The drive does not wait for its acknowledgements, and ignores later ones."""
+    flow = make_flow("follower", "viewer")
+    assert flow.acknowledge("follower", 40) and not flow.may_send()
+    flow.drop("viewer")
+    assert flow.may_send() and flow.behind() == []
+    assert not flow.acknowledge("viewer", 40)
 
 
-def test_paces():
+def test_pacings_are_free_real_time_or_a_factor():
     allowed = {"free": None, "real_time": 1.0, "20x": 20.0, "0.5×": 0.5, "1 x": 1.0}
     assert {text: factor_of(text) for text in allowed} == allowed
     for text in ("", "fast", "x", "-2x", "0x", "1e9x", "nanx", "5"):
@@ -271,41 +271,44 @@ def test_paces():
 
 
 def test_each_state_waits_for_its_time():
-    """At 4x, a state 2 s later in rig time is due half a second later; a free run never waits."""
+    """At 4x a state 2 s later in rig time is due 0.5 s later.
+
+    A free run never waits.
+    """
     pacing = Pacing()
-    pacing.sent(0, 0.0)
+    pacing.record_sent(0, 0.0)
     assert pacing.wait(10**15, 0.0) == 0.0
     pacing.set("4x")
     assert pacing.wait(0, 100.0) == 0.0
-    pacing.sent(0, 100.0)
+    pacing.record_sent(0, 100.0)
     assert pacing.wait(2 * NS, 100.0) == pytest.approx(0.5)
     assert pacing.wait(2 * NS, 100.4) == pytest.approx(0.1)
     assert pacing.wait(2 * NS, 101.0) == 0.0
-    pacing.sent(2 * NS, 100.55)  # a little late is made up
+    pacing.record_sent(2 * NS, 100.55)  # a small delay is made up
     assert pacing.late == 0.0
     assert pacing.wait(4 * NS, 100.55) == pytest.approx(0.45)
 
 
-def test_a_late_run_reports_it_and_goes_on_from_there():
-    """Five stalled seconds are not made up in a rush; a stop is not late, as rig time stands."""
+def test_a_late_run_reports_the_lost_time_and_does_not_make_it_up():
+    """A pause is not a delay, because rig time stops."""
     pacing = Pacing(1.0)
-    pacing.sent(0, 0.0)
-    pacing.sent(NS, 6.0)
+    pacing.record_sent(0, 0.0)
+    pacing.record_sent(NS, 6.0)
     assert pacing.late == pytest.approx(5.0)
     assert pacing.wait(2 * NS, 6.0) == pytest.approx(1.0)
-    pacing.sent(2 * NS, 7.0)
+    pacing.record_sent(2 * NS, 7.0)
     assert pacing.late == 0.0
-    pacing.stand()
+    pacing.pause()
     assert pacing.wait(3 * NS, 50.0) == 0.0
-    pacing.sent(3 * NS, 50.0)
+    pacing.record_sent(3 * NS, 50.0)
     assert pacing.late == 0.0
 
 
-# -- the pace of a run
+# Pace of a run.
 
 
 def test_a_slow_run_warns_once_per_window_with_factors_and_nodes():
-    """The factor is that of the window; the nodes are those waited for, the most frequent first."""
+    """The nodes waited for are sorted, the most frequent first."""
     lost = LostTime(start=100.0)
     lost.add(5.0)
     for node in ("microphone", "follower", "follower"):

@@ -1,4 +1,4 @@
-"""Lines between a page's server and a node: whole, in order, bounded; and a machine's loopback."""
+"""Lines between a page's server and a node, and the loopback interface."""
 
 import json
 import socket
@@ -16,7 +16,7 @@ from ..processes import ended
 
 @pytest.fixture
 def ends(tmp_path):
-    """A node's end and the server's."""
+    """Ends of the socket: that of the node and that of the server."""
     path = tmp_path / "socket"
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
@@ -28,7 +28,7 @@ def ends(tmp_path):
         server.close()
 
 
-def test_a_line_that_comes_in_parts_is_one(ends):
+def test_a_line_that_arrives_in_parts_is_one_object(ends):
     node, server = ends
     line = line_of({"call": "start"})
     server.sendall(line[:5])
@@ -37,8 +37,8 @@ def test_a_line_that_comes_in_parts_is_one(ends):
     assert node.receive() == [{"call": "start"}] * 2
 
 
-def test_what_is_sent_arrives_whole(ends):
-    """A message larger than what the system buffers waits, and follows when there is room."""
+def test_a_message_larger_than_the_buffer_arrives_completely(ends):
+    """The remainder waits in the node until the server has taken the first bytes."""
     node, server = ends
     message = {"samples": "x" * 1_000_000}
     node.send(message)
@@ -49,46 +49,47 @@ def test_what_is_sent_arrives_whole(ends):
     assert json.loads(data) == message
 
 
-def test_a_server_that_takes_nothing_is_given_up(ends, monkeypatch):
+def test_a_server_that_stops_reading_raises_an_error(ends, monkeypatch):
     monkeypatch.setattr(sockets, "MAX_UNSENT", 1000)
     with pytest.raises(RunError, match="has not taken"):
         for _ in range(100):
             ends[0].send({"samples": "x" * 100_000})
 
 
-def test_an_end_is_named(ends):
-    """A closed socket is no empty one."""
+def test_a_closed_connection_raises_an_error(ends):
+    """receive() raises RunError after the server has closed the connection."""
     node, server = ends
     server.close()
     with pytest.raises(RunError, match="has ended"):
         node.receive()
 
 
-def test_what_is_no_object_is_refused():
+def test_a_line_that_is_not_an_object_is_rejected():
     for line in (b"[1]", b"{", b"", b"\xff", b"[" * 100_000):
         with pytest.raises(RunError, match="is not a JSON object"):
             read_line(line)
 
 
-def test_nobody_listens(tmp_path):
-    """A node that is started by itself says who starts it."""
+def test_a_missing_socket_is_rejected(tmp_path):
+    """The error of a node that is started alone names the command that starts it."""
     with pytest.raises(ConfigError, match=r"allowed: the socket of cam-rig panel"):
         LineSocket(tmp_path / "nothing")
 
 
-ALONE = ["unshare", "--map-root-user", "--net"]
+#: Command that runs another in a network namespace, in which the loopback interface is down.
+ISOLATED = ["unshare", "--map-root-user", "--net"]
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("command", ["run quick --bag bag", "panel", "view {golden} --web"])
-def test_without_a_loopback_a_command_says_so(command, tmp_path):
-    """In a network namespace where it is down; with the remedy, and nothing is left."""
+def test_a_command_without_a_loopback_interface_fails_with_the_remedy(command, tmp_path):
+    """The command leaves no files."""
     require_loopback()  # this machine has one
-    if ended(*ALONE, "true").returncode:
-        pytest.skip("no network namespace can be made here")
-    words = [Path(sys.executable).with_name("cam-rig"), *command.format(golden=GOLDEN).split()]
-    done = ended(*ALONE, *words, cwd=tmp_path)
+    if ended(*ISOLATED, "true").returncode:
+        pytest.skip("a network namespace cannot be created here")
+    arguments = [Path(sys.executable).with_name("cam-rig"), *command.format(golden=GOLDEN).split()]
+    done = ended(*ISOLATED, *arguments, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("cam-rig: the loopback interface, 127.0.0.1: is")
     assert done.stderr.rstrip().endswith("so: ip link set lo up")

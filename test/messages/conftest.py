@@ -1,4 +1,4 @@
-"""Robots with each kind of follower."""
+"""Fixtures: robots with each kind of follower."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from cam_rig.messages.urdf import urdf
 from cam_rig.simulation.scene import open_scene
 
 CONFIG = Path(__file__).parents[2] / "config"
-#: One cam of each kind of follower that a rig turns.
+#: A cam for each kind of follower that a rig can turn.
 KINDS = (
     "poly345",
     "eccentric_roller",
@@ -24,7 +24,7 @@ KINDS = (
 
 @pytest.fixture(scope="session")
 def scene_of_kinds():
-    """A scene that an operator has mounted a cam of each kind in."""
+    """Scene in which an operator has mounted a cam of each kind."""
     loaded = open_scene(CONFIG / "scenes" / "quick.yaml")
     for name in KINDS:
         loaded.mount(name)
@@ -33,6 +33,6 @@ def scene_of_kinds():
 
 @pytest.fixture(scope="session", params=KINDS)
 def kind(request, scene_of_kinds):
-    """The rig with each kind of follower in turn, and its URDF."""
+    """Robot with one of the kinds of followers, and its URDF."""
     robot = Robot.of(scene_of_kinds, request.param)
     return SimpleNamespace(robot=robot, urdf=urdf(robot))

@@ -1,4 +1,4 @@
-"""Laws and blocks survive the way through a labelled array bit for bit."""
+"""Conversion of laws, blocks, states and motion to messages and back."""
 
 import math
 from types import SimpleNamespace
@@ -16,26 +16,25 @@ from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import NS, RPM, TURN
 
 
-def test_laws_and_blocks_come_back_bit_for_bit(laws):
-    """What the law server publishes is the exact law, not a sampling of it; samples are the core's
-    numbers, unrounded."""
+def test_laws_and_blocks_are_decoded_bit_for_bit(laws):
+    """The law server publishes the exact law, and the samples are not rounded."""
     for law in laws.values():
         dimensions, data = codec.encode_law(law)
-        back = codec.decode_law(dimensions, data.ravel())
-        assert back.name == law.name
-        assert np.array_equal(back.breaks, law.breaks)
-        assert np.array_equal(back.ordinates, law.ordinates)
+        decoded = codec.decode_law(dimensions, data.ravel())
+        assert decoded.name == law.name
+        assert np.array_equal(decoded.breaks, law.breaks)
+        assert np.array_equal(decoded.ordinates, law.ordinates)
     rows = np.random.default_rng(1).normal(size=(6, 7))
     dimensions, data = codec.encode_block(rows)
     assert np.array_equal(codec.decode_block(dimensions, data.ravel()), rows)
 
 
-def test_other_arrays_are_refused(laws):
-    """Refuse a block of other labels or sizes, and a law of other labels or with a gap."""
+def test_other_arrays_are_rejected(laws):
+    """A block must have its labels and sizes, a law its labels and finite numbers."""
     dimensions, data = codec.encode_law(laws["bezier15"])
     broken, zeros, block = data.ravel().copy(), np.zeros(12), codec.BLOCK_LABEL
     broken[3] = np.nan
-    for decode, sizes, numbers, words in (
+    for decode, sizes, numbers, text in (
         (codec.decode_block, [], zeros, "allowed"),
         (codec.decode_block, [(block, 6)], zeros, "allowed"),
         (codec.decode_block, [(block, 6), ("sample", 3)], zeros, "allowed"),
@@ -44,19 +43,22 @@ def test_other_arrays_are_refused(laws):
         (codec.decode_law, dimensions, broken, "finite"),
         (codec.decode_law, [("x", 1), ("y", broken.size)], broken, "law coefficients"),
     ):
-        with pytest.raises(RefusedError, match=words):
+        with pytest.raises(RefusedError, match=text):
             decode(sizes, numbers)
 
 
 def message(positions, velocities=None, stamp=(3, 7), frame="tm21"):
-    """A JointState as rclpy and rosbags give it."""
+    """Return an object with the fields of a JointState of rclpy or rosbags."""
     velocities = [50.0] * len(positions) if velocities is None else velocities
     header = SimpleNamespace(stamp=SimpleNamespace(sec=stamp[0], nanosec=stamp[1]), frame_id=frame)
     return SimpleNamespace(header=header, position=positions, velocity=velocities)
 
 
-def test_a_cam_state_comes_back_bit_for_bit():
-    """Its angle too, however long the cam has turned: one number would lose the last digits."""
+def test_a_cam_state_is_decoded_bit_for_bit():
+    """The angle is exact after any number of turns.
+
+    A single number would lose the last digits.
+    """
     for turns in (0, 1, 2_000, 10_000_000):
         rng = np.random.default_rng(turns)
         for angle in (0.0, *rng.uniform(0.0, TURN, 50), np.nextafter(TURN, 0.0)):
@@ -64,14 +66,14 @@ def test_a_cam_state_comes_back_bit_for_bit():
             assert codec.cam_state_of(message([state.unwrapped, state.angle])) == state
 
 
-def test_a_cam_state_of_before_is_taken():
-    """A bag that has the angle as one number is read, to what that holds."""
+def test_a_cam_state_of_an_earlier_version_is_accepted():
+    """Its angle is a single number, with the precision of float64."""
     state = codec.cam_state_of(message([2000.0 * TURN + 1.25]))
     assert state.turns == 2000 and state.angle == pytest.approx(1.25, abs=4e-12)
 
 
 @pytest.mark.parametrize(
-    ("positions", "words"),
+    ("positions", "text"),
     [
         ([7.0, 0.5], r"θ 7.0 rad and 0.5 rad within the turn are 0.217 rad apart; allowed: 1e-06"),
         ([7.0, 7.0], r"7.0 rad within the turn; allowed: 0 to 2π"),
@@ -82,22 +84,21 @@ def test_a_cam_state_of_before_is_taken():
         ([1e300], r"θ 1e\+300 rad.*allowed"),
     ],
 )
-def test_what_is_not_a_cam_state_is_refused(positions, words):
-    """By what is wrong with it."""
-    with pytest.raises(RefusedError, match=words):
+def test_an_invalid_cam_state_is_rejected(positions, text):
+    """The error names the invalid values."""
+    with pytest.raises(RefusedError, match=text):
         codec.cam_state_of(message(positions))
 
 
-# -- the motion at its instants: every peak, in order, and as the messages that others read
+# Motion at selected instants: extremes, order and messages.
 
-
-#: A follower that is lifted off by some cams, and comes down again.
+#: Model of a follower that lifts off with some cams, and lands again.
 MODEL = MODELS["one_mass"]
 BOTH = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
 
 
 def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
-    """Start, end and rows of each tick at one speed."""
+    """Yield start, end and rows of each tick of a turn at a constant speed."""
     simulator = FollowerSimulator(MODEL, follower, sample_rate, {law.name: law})
     before, tick = None, 60.0 / rpm / ticks_per_turn
     for n in range(ticks_per_turn + 1):
@@ -111,8 +112,8 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate):
 
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
-def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follower, seed):
-    """Any law, speed, division, number and sample rate."""
+def test_instants_are_in_order_and_contain_the_extremes_of_the_tick(laws, follower, seed):
+    """This applies to any law, speed, ticks per turn, points and sample rate."""
     chance = np.random.default_rng(seed)
     law = laws[chance.choice(sorted(set(laws) - {"worked_example_constant_velocity"}))]
     ticks, points = int(chance.choice([1, 3, 7, 72, 100])), int(chance.choice([1, 2, 36, 72, 720]))
@@ -120,103 +121,103 @@ def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follow
     rpm = float(chance.uniform(10.0, min(600.0, 0.4 * rate * 60.0 / ticks)))
     wanted, last_ns, last_angle = max(1, round(points / ticks)), -1, -1.0
     for start, end, rows in ticks_of(law, follower, rpm, ticks, rate):
-        found = instants_of(law, start, end, rows, rate, wanted)
+        i = instants_of(law, start, end, rows, rate, wanted)
         count = min(wanted, rows.shape[1])
-        assert count <= found.index.size <= count + 2
-        assert start.time_ns <= found.time_ns[0] and found.time_ns[-1] < end.time_ns
-        assert found.time_ns[0] > last_ns and (np.diff(found.time_ns) > 0).all()
-        assert found.angle[0] > last_angle and (np.diff(found.angle) > 0.0).all()
-        last_ns, last_angle = int(found.time_ns[-1]), float(found.angle[-1])
+        assert count <= i.index.size <= count + 2
+        assert start.time_ns <= i.time_ns[0] and i.time_ns[-1] < end.time_ns
+        assert i.time_ns[0] > last_ns and (np.diff(i.time_ns) > 0).all()
+        assert i.angle[0] > last_angle and (np.diff(i.angle) > 0.0).all()
+        last_ns, last_angle = int(i.time_ns[-1]), float(i.angle[-1])
         bins = np.arange(count) * rows.shape[1] // count
-        assert set(np.searchsorted(bins, found.index, "right") - 1) == set(range(count))
-        peaks = {rows[1].argmax(), rows[4].argmax(), rows[4].argmin()}
-        assert set(found.index) <= {*bins, *peaks}
-        assert found.lift.max() == rows[1].max()
-        assert (found.force.max(), found.force.min()) == (rows[4].max(), rows[4].min())
-        np.testing.assert_array_equal(found.velocity, rows[2, found.index])
-        np.testing.assert_allclose(found.time_ns / NS, rows[0, found.index], rtol=0, atol=1.1e-9)
+        assert set(np.searchsorted(bins, i.index, "right") - 1) == set(range(count))
+        extremes = {rows[1].argmax(), rows[4].argmax(), rows[4].argmin()}
+        assert set(i.index) <= {*bins, *extremes}
+        assert i.lift.max() == rows[1].max()
+        assert (i.force.max(), i.force.min()) == (rows[4].max(), rows[4].min())
+        np.testing.assert_array_equal(i.velocity, rows[2, i.index])
+        np.testing.assert_allclose(i.time_ns / NS, rows[0, i.index], rtol=0, atol=1.1e-9)
         np.testing.assert_allclose(
-            found.angle, start.unwrapped + start.speed * (rows[0, found.index] - start.time_ns / NS)
+            i.angle, start.unwrapped + start.speed * (rows[0, i.index] - start.time_ns / NS)
         )
-        np.testing.assert_array_equal(found.torque, found.force * law(found.angle_in_turn, 1))
-        # The power of the shaft goes into the follower, and is zero in flight.
-        power, into = found.torque * found.speed, found.force * found.velocity
-        np.testing.assert_allclose(power, into, rtol=0, atol=1e-9 * np.abs(power).max())
+        np.testing.assert_array_equal(i.torque, i.force * law(i.angle_in_turn, 1))
+        # The shaft power equals the power of the follower, which is zero in flight.
+        shaft, follower_power = i.torque * i.speed, i.force * i.velocity
+        np.testing.assert_allclose(shaft, follower_power, rtol=0, atol=1e-9 * np.abs(shaft).max())
 
 
-def test_on_a_ramp_angle_and_speed_are_those_of_the_instant(laws, follower):
-    """From rest to 300 rpm in a fifth of a second: half a turn, and ω rises evenly."""
+def test_angle_and_speed_on_a_ramp_are_those_of_the_instant(laws, follower):
+    """From rest to 300 rpm in 0.2 s the cam makes half a turn, and ω rises linearly."""
     law, rate, speed = laws["tm21"], 12_000, 300.0 * RPM
     simulator = FollowerSimulator(MODEL, follower, rate, {law.name: law})
     start = CamState(0, 0.0, 0.0, law.name)
     end = CamState(NS // 5, 0.1 * speed, speed, law.name)
     simulator.turn_to(start)
     _, block = simulator.turn_to(end)
-    found = instants_of(law, start, end, block.rows, rate, 72)
-    times = found.index / rate
-    np.testing.assert_allclose(found.speed, speed * times / 0.2, rtol=1e-12)
-    np.testing.assert_allclose(found.angle, 0.5 * speed * times**2 / 0.2, rtol=1e-12)
-    power, into = found.torque * found.speed, found.force * found.velocity
-    np.testing.assert_allclose(power, into, rtol=0, atol=1e-9 * np.abs(power).max())
+    i = instants_of(law, start, end, block.rows, rate, 72)
+    times = i.index / rate
+    np.testing.assert_allclose(i.speed, speed * times / 0.2, rtol=1e-12)
+    np.testing.assert_allclose(i.angle, 0.5 * speed * times**2 / 0.2, rtol=1e-12)
+    shaft, follower_power = i.torque * i.speed, i.force * i.velocity
+    np.testing.assert_allclose(shaft, follower_power, rtol=0, atol=1e-9 * np.abs(shaft).max())
 
 
-def test_samples_of_another_tick_are_refused(laws, follower):
-    """One more or less than the tick has."""
+def test_a_wrong_number_of_samples_is_rejected(laws, follower):
+    """A block with one sample more or less does not belong to the tick."""
     law = laws["tm21"]
     start, end, rows = next(ticks_of(law, follower, 300.0, 1, 12_000))
     for other in (rows[:, 1:], np.hstack([rows, rows[:, :1]])):
-        with pytest.raises(RefusedError, match="allowed: the 2400 of the tick that begins at 0"):
+        with pytest.raises(RefusedError, match="allowed: the 2400 of the tick that starts at 0"):
             instants_of(law, start, end, other, 12_000, 72)
 
 
-def by_rosbags(topic, time_ns, i, n):
-    """A message as rosbags writes it, value by value."""
+def serialized_by_rosbags(topic, time_ns, i, n):
+    """Return the message of the n-th instant, serialized by rosbags value by value."""
     if topic is topics.JOINT_STATES:
         pairs = ((i.angle, i.lift), (i.speed, i.velocity), (i.torque, i.force))
         numbers = (np.array([cam[n], follower[n]]) for cam, follower in pairs)
-        at = header(int(time_ns), "base_link")
-        return serialize(new("sensor_msgs/JointState", at, list(JOINTS), *numbers))
+        head = header(int(time_ns), "base_link")
+        return serialize(new("sensor_msgs/JointState", head, list(JOINTS), *numbers))
     vectors = (new("geometry_msgs/Vector3", 0.0, y, 0.0) for y in (float(i.force[n]), 0.0))
     wrench = new("geometry_msgs/Wrench", *vectors)
     return serialize(new("geometry_msgs/WrenchStamped", header(int(time_ns), "follower"), wrench))
 
 
 @pytest.mark.parametrize("ticks_per_turn", [1, 7])
-def test_messages_are_byte_for_byte_what_rosbags_writes(make_loaded_scene, ticks_per_turn):
-    """Every message of a turn; they are in the order of time, and of topics at one instant."""
+def test_messages_equal_those_of_rosbags_byte_for_byte(make_loaded_scene, ticks_per_turn):
+    """Messages are in the order of time, then of the topics."""
     loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
     motion, rate = MotionMessages(loaded, 72, BOTH), int(loaded.scene.sample_rate.si)
     law = next(iter(loaded.laws.values()))
     follower = FollowerParameters.from_rig(loaded.rig)
     for start, end, rows in ticks_of(law, follower, 150.0, ticks_per_turn, rate):
-        found = motion.moved(start, end, rows)
+        derived = motion.moved(start, end, rows)
         i = instants_of(law, start, end, rows, rate, round(72 / ticks_per_turn))
         expected = [
-            (topic, int(time_ns), by_rosbags(topic, time_ns, i, n))
+            (topic, int(time_ns), serialized_by_rosbags(topic, time_ns, i, n))
             for n, time_ns in enumerate(i.time_ns)
             for topic in BOTH
         ]
-        assert [tuple(message) for message in found] == expected
+        assert [tuple(message) for message in derived] == expected
 
 
-def test_only_what_is_wanted_is_made(make_loaded_scene, follower):
-    """Of the same bytes; nothing of a cam that the scene lacks."""
+def test_only_messages_of_the_wanted_topics_are_made(make_loaded_scene, follower):
+    """A cam that is not in the scene has no messages."""
     loaded = make_loaded_scene()
     motion, rate = MotionMessages(loaded, topics=BOTH), int(loaded.scene.sample_rate.si)
     tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))
-    everything = motion.moved(*tick)
+    all_messages = motion.moved(*tick)
     wanted = motion.moved(*tick, wanted={topics.FOLLOWER_CONTACT})
-    assert wanted == [m for m in everything if m.topic is topics.FOLLOWER_CONTACT]
-    assert len(wanted) == len(everything) / 2 > 0
+    assert wanted == [m for m in all_messages if m.topic is topics.FOLLOWER_CONTACT]
+    assert len(wanted) == len(all_messages) / 2 > 0
     assert motion.moved(*tick, wanted=set()) == []
     loaded.laws.clear()
     assert motion.moved(*tick) == []
 
 
-def test_a_template_needs_every_number_in_its_example():
-    """One that is not there could not be put in its place."""
+def test_the_example_of_a_template_must_contain_every_number():
+    """The position of a missing number would be unknown."""
     example = lambda number: new("std_msgs/Float64", number)  # noqa: E731
-    made = CdrTemplate("std_msgs/msg/Float64", example, 1)
-    assert made.fill(np.array([5]), np.array([math.pi])) == [serialize(example(math.pi))]
+    template = CdrTemplate("std_msgs/msg/Float64", example, 1)
+    assert template.fill(np.array([5]), np.array([math.pi])) == [serialize(example(math.pi))]
     with pytest.raises(ValueError, match="lacks one of its 2 numbers"):
-        CdrTemplate("std_msgs/msg/Float64", lambda one, _two: example(one), 2)
+        CdrTemplate("std_msgs/msg/Float64", lambda first, _second: example(first), 2)

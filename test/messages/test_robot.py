@@ -1,4 +1,4 @@
-"""The URDF is one tree that others take, /tf is what anybody makes of it, and markers lie on it."""
+"""Consistency of URDF, /tf, markers and the files of the rig."""
 
 import os
 import re
@@ -27,6 +27,7 @@ from cam_rig.units import NS
 from ..processes import ended
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
+#: Equality to the six digits of the URDF.
 near = partial(pytest.approx, rel=1e-5)
 
 
@@ -38,41 +39,43 @@ def links_of(text):
     return {link.get("name"): link for link in ElementTree.fromstring(text).iter("link")}
 
 
-def homogeneous(rotation, place):
-    """``(4, 4)`` of a rotation and a translation (m)."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation.as_matrix(), place
-    return found
+def homogeneous(rotation, translation):
+    """Return the matrix of a rotation and a translation (m), shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation.as_matrix(), translation
+    return matrix
 
 
 def poses(text, positions):
-    """``(4, 4)`` of each joint's child in its parent, by (parent, child), at joint positions. Where
-    a URDF puts its links: read and composed without the rig's own code."""
-    found = {}
+    """Return the pose of each child in its parent, shape (4, 4), by (parent, child).
+
+    The URDF is read without code of the rig. `positions` are joint positions by name.
+    """
+    result = {}
     for joint in ElementTree.fromstring(text).iter("joint"):
         position, mimic = positions.get(joint.get("name")), joint.find("mimic")
         if mimic is not None:
-            of = positions[mimic.get("joint")]
-            position = float(mimic.get("multiplier")) * of + float(mimic.get("offset"))
+            leader = positions[mimic.get("joint")]
+            position = float(mimic.get("multiplier")) * leader + float(mimic.get("offset"))
         origin = joint.find("origin")
-        # xyz in lower case are rotations about the parent's axes.
-        turn = Rotation.from_euler("xyz", numbers(origin.get("rpy")))
-        pose = homogeneous(turn, numbers(origin.get("xyz")))
+        # "xyz" in lower case means rotations about the parent's axes.
+        rotation = Rotation.from_euler("xyz", numbers(origin.get("rpy")))
+        pose = homogeneous(rotation, numbers(origin.get("xyz")))
         if joint.get("type") == "prismatic":
             axis = numbers(joint.find("axis").get("xyz"))
             pose = pose @ homogeneous(Rotation.identity(), axis * position)
         elif joint.get("type") != "fixed":
             axis = numbers(joint.find("axis").get("xyz"))
             pose = pose @ homogeneous(Rotation.from_rotvec(axis * position), np.zeros(3))
-        found[joint.find("parent").get("link"), joint.find("child").get("link")] = pose
-    return found
+        result[joint.find("parent").get("link"), joint.find("child").get("link")] = pose
+    return result
 
 
 AT_REST = {CAM: 0.0, FOLLOWER: 0.0}
 
 
 def test_the_links_form_one_tree(kind):
-    """Every link but the root hangs on one joint; all named links and each cam's are there."""
+    """Every link except the root is the child of one joint, and each cam has a link."""
     robot, root = kind.robot, ElementTree.fromstring(kind.urdf)
     links = [link.get("name") for link in root.iter("link")]
     children = [joint.find("child").get("link") for joint in root.iter("joint")]
@@ -81,27 +84,29 @@ def test_the_links_form_one_tree(kind):
     assert parents <= set(links)
     named = {GUIDE, MOTOR, CAM, FOLLOWER, MICROPHONE, robot.mounted.name}
     assert named | set(robot.loaded.scene.cams) <= set(links)
-    # Six digits are for people, and twelve where others compute with them: none has seventeen.
-    found = re.findall(r"\d+\.\d+", kind.urdf)
-    assert max(len(number.replace(".", "").lstrip("0")) for number in found) <= 12
+    # Numbers have six digits, or twelve if other programs compute with them, but not seventeen.
+    decimals = re.findall(r"\d+\.\d+", kind.urdf)
+    assert max(len(number.replace(".", "").lstrip("0")) for number in decimals) <= 12
 
 
 @pytest.mark.variants(2)
-def test_the_parser_of_ros_takes_it(kind, tmp_path):
-    """urdfdom, with which robot_state_publisher and RViz read a URDF, finds the root."""
+def test_the_parser_of_ros_accepts_the_urdf(kind, tmp_path):
+    """The parser urdfdom of robot_state_publisher and RViz finds the root."""
     file = tmp_path / "kind.urdf"
     file.write_text(kind.urdf)
     folders = f"{os.path.dirname(sys.executable)}:{os.environ['PATH']}"
     parser = shutil.which("check_urdf", path=folders)
     assert parser is not None, "neither cmeel-urdfdom nor liburdfdom-tools is installed"
-    answer = ended(parser, file)
-    assert answer.returncode == 0, answer.stderr
-    assert f"root Link: {BASE}" in answer.stdout and "rror" not in answer.stderr
+    result = ended(parser, file)
+    assert result.returncode == 0, result.stderr
+    assert f"root Link: {BASE}" in result.stdout and "rror" not in result.stderr
 
 
-def test_dimensions_are_the_files(kind):
-    """Base circle, roller and mass are as in the files; a follower moves up along z of base_link.
-    The shaft points along x."""
+def test_dimensions_are_those_of_the_files(kind):
+    """The URDF has base circle, roller and mass of the files.
+
+    The follower moves up along z of base_link, and the shaft points along x.
+    """
     follower, links = kind.robot.mounted.follower, links_of(kind.urdf)
     radii = {
         name: [float(c.get("radius")) for c in link.findall("visual/geometry/cylinder")]
@@ -116,9 +121,11 @@ def test_dimensions_are_the_files(kind):
     assert pose[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-11)
 
 
-def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
-    """Its limits leave room for the largest lift of the scene's cams, and for lift-off. So do the
-    bodies of the bench: which cam is mounted changes neither."""
+def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds):
+    """Its limits include the largest lift of all cams, and lift-off.
+
+    The bodies of the bench do not depend on the mounted cam either.
+    """
     limits, bench = [], []
     fastest = max(scene_of_kinds.scene.program.speeds.si_list)
     for cam in scene_of_kinds.scene.cams:
@@ -128,58 +135,62 @@ def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
         limits.append(joint.find("limit").attrib)
         sizes = [links[name].find("visual/geometry/*").attrib for name in (BASE, MOTOR)]
         motor = numbers(links[MOTOR].find("visual/origin").get("xyz"))
-        place = poses(text, AT_REST)[BASE, MOTOR][:3, 3] + motor
-        bench.append((sizes, place.round(8).tolist()))
+        position = poses(text, AT_REST)[BASE, MOTOR][:3, 3] + motor
+        bench.append((sizes, position.round(8).tolist()))
     assert limits == [limits[0]] * len(limits) and bench == [bench[0]] * len(bench)
-    around = np.linspace(0.0, 2.0 * np.pi, 3601)
+    angles = np.linspace(0.0, 2.0 * np.pi, 3601)
     laws = [scene_of_kinds.laws[cam] for cam in scene_of_kinds.scene.cams]
-    lift = max(float(law(around).max()) for law in laws)
-    speed = max(float(np.abs(law(around, 1)).max()) for law in laws) * fastest
+    lift = max(float(law(angles).max()) for law in laws)
+    speed = max(float(np.abs(law(angles, 1)).max()) for law in laws) * fastest
     assert float(limits[0]["lower"]) <= 0.0 and float(limits[0]["upper"]) > 1.1 * lift
     assert float(limits[0]["effort"]) > 0.0
     assert float(limits[0]["velocity"]) == pytest.approx(speed, rel=1e-3)
 
 
-def test_the_cam_looks_like_its_contour(kind):
-    """Boxes and cylinder together, seen along the shaft: the contour's area, to half a percent."""
+def test_the_bodies_of_the_cam_approximate_its_contour(kind):
+    """The projection of the bodies along the shaft has its area to 0.5 %."""
     robot = kind.robot
     parts = [Point(0.0, 0.0).buffer(robot.mounted.follower.base_radius.si, 128)]
     for visual in links_of(kind.urdf)[robot.mounted.name].iter("visual"):
         x, y, _ = 0.5 * numbers(visual.find("geometry/box").get("size"))
-        (_, _, yaw), place = (numbers(visual.find("origin").get(key)) for key in ("rpy", "xyz"))
-        turned = rotate(box(-x, -y, x, y), yaw, origin=(0, 0), use_radians=True)
-        parts.append(translate(turned, *place[:2]))
-    seen = unary_union(parts)
+        (_, _, yaw), centre = (numbers(visual.find("origin").get(key)) for key in ("rpy", "xyz"))
+        rotated = rotate(box(-x, -y, x, y), yaw, origin=(0, 0), use_radians=True)
+        parts.append(translate(rotated, *centre[:2]))
+    projection = unary_union(parts)
     contour = Polygon(contour_of(robot.mounted, robot.law).T)
-    assert seen.difference(contour).area < 5e-4 * contour.area
-    assert contour.difference(seen).area < 5e-3 * contour.area
+    assert projection.difference(contour).area < 5e-4 * contour.area
+    assert contour.difference(projection).area < 5e-3 * contour.area
 
 
 def inertia(link):
-    """``(3, 3)`` as a URDF has it."""
+    """Return the inertia of a link of a URDF, shape (3, 3)."""
     i = {key: float(value) for key, value in link.find("inertia").attrib.items()}
     return np.array([[i["i" + "".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
 
 
-def test_every_link_has_a_mass_that_can_be(kind):
-    """Gazebo drops a link without one; principal inertias keep the triangle's inequality. What is
-    seen can be touched, and what is assumed says so."""
+def test_every_link_has_a_possible_mass_and_inertia(kind):
+    """Principal moments of inertia satisfy the triangle inequality.
+
+    Gazebo drops links without a mass.
+
+    Bodies for display and collision are equal, and a comment states each assumption.
+    """
     links = links_of(kind.urdf)
     for link in links.values():
         assert float(link.find("inertial/mass").get("value")) > 0.0
         principal = np.linalg.eigvalsh(inertia(link.find("inertial")))
         assert principal[0] > 0.0
         assert principal[0] + principal[1] > (1.0 - 1e-4) * principal[2]
-        seen, touched = (
+        visual, collision = (
             [(body.tag, body.attrib) for body in link.findall(f"{kind}/geometry/*")]
             for kind in ("visual", "collision")
         )
-        assert seen == touched
+        assert visual == collision
     assert kind.urdf.count("assumed") == len(links)
 
 
 def test_inertia_of_a_turned_box():
-    """As of small cubes that fill it; about the centre of both bodies."""
+    """The inertia about the common centre equals that of points that fill the bodies."""
     rng = np.random.default_rng(3)
     bodies = [
         Body((0.1, 0.2, 0.3), "steel", (0.05, -0.1, 0.2), (0.3, -0.5, 1.1)),
@@ -192,41 +203,45 @@ def test_inertia_of_a_turned_box():
             inside *= body.size
         else:
             inside = inside[np.hypot(*inside.T[:2]) <= 0.5] * [2 * 0.06, 2 * 0.06, 0.4]
-        turn = Rotation.from_euler("xyz", body.rpy).as_matrix()
-        points.append(inside @ turn.T + body.xyz)
+        rotation = Rotation.from_euler("xyz", body.rpy).as_matrix()
+        points.append(inside @ rotation.T + body.xyz)
         masses.append(np.full(len(inside), body.mass / len(inside)))
-    where, weight = np.concatenate(points), np.concatenate(masses)
-    centre = weight @ where / weight.sum()
-    away = where - centre
-    expected = (weight @ (away**2).sum(axis=1)) * np.eye(3) - (away.T * weight) @ away
+    positions, weights = np.concatenate(points), np.concatenate(masses)
+    centre = weights @ positions / weights.sum()
+    offset = positions - centre
+    expected = (weights @ (offset**2).sum(axis=1)) * np.eye(3) - (offset.T * weights) @ offset
     element = inertial(bodies)
     np.testing.assert_allclose(inertia(element), expected, rtol=0, atol=5e-3 * expected.max())
     np.testing.assert_allclose(numbers(element.find("origin").get("xyz")), centre, atol=1e-3)
 
 
-# /tf, by the joints' positions.
+# Transforms of /tf at given joint positions.
 
 
 def matrices(cdr):
-    """``(4, 4)`` of each transform of a serialized message by (parent, child), and its stamps."""
-    found, stamps = {}, set()
-    for one in TYPES.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage").transforms:
-        r, t = one.transform.rotation, one.transform.translation
-        turn = Rotation.from_quat([r.x, r.y, r.z, r.w])
+    """Return the transforms, shape (4, 4), of a message by link, and its stamps."""
+    result, stamps = {}, set()
+    for stamped in TYPES.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage").transforms:
+        r, t = stamped.transform.rotation, stamped.transform.translation
+        rotation = Rotation.from_quat([r.x, r.y, r.z, r.w])
         assert abs(r.x**2 + r.y**2 + r.z**2 + r.w**2 - 1.0) < 1e-14
-        found[one.header.frame_id, one.child_frame_id] = homogeneous(turn, [t.x, t.y, t.z])
-        stamps.add(one.header.stamp.sec * NS + one.header.stamp.nanosec)
-    return found, stamps
+        pair = stamped.header.frame_id, stamped.child_frame_id
+        result[pair] = homogeneous(rotation, [t.x, t.y, t.z])
+        stamps.add(stamped.header.stamp.sec * NS + stamped.header.stamp.nanosec)
+    return result, stamps
 
 
-def test_links_are_where_the_urdf_puts_them(kind):
-    """At random angles, over many turns, and lifts: to 1e-11, stamped with their instants. /tf and
-    /tf_static together hold each joint of the URDF once."""
-    random, count, made = np.random.default_rng(7), 10, Transforms(kind.robot)
+def test_transforms_equal_the_poses_of_the_urdf(kind):
+    """They agree to 1e-11 at random lifts and angles over many turns.
+
+    The stamps are those of the instants. /tf and /tf_static together contain each joint once.
+    """
+    random, count, transforms = np.random.default_rng(7), 10, Transforms(kind.robot)
     stamps = np.sort(random.integers(0, 100 * NS, count))
     angle, lift = random.uniform(-10.0, 1000.0, count), random.uniform(0.0, 0.02, count)
-    fixed, _ = matrices(made.fixed(5 * NS + 3))
-    for stamp, a, s, cdr in zip(stamps, angle, lift, made.moving(stamps, angle, lift), strict=True):
+    fixed, _ = matrices(transforms.fixed(5 * NS + 3))
+    messages = transforms.moving(stamps, angle, lift)
+    for stamp, a, s, cdr in zip(stamps, angle, lift, messages, strict=True):
         moving, times = matrices(cdr)
         expected = poses(kind.urdf, {CAM: a, FOLLOWER: s})
         assert times == {stamp}
@@ -236,65 +251,77 @@ def test_links_are_where_the_urdf_puts_them(kind):
             np.testing.assert_allclose(pose, expected[pair], rtol=0, atol=1e-11)
 
 
-# Markers: seen through /tf, in the cam's and the follower's frames.
+# Markers, transformed by /tf into the frames of the cam and the follower.
 
-COUNT, GAP = 45, 1.3e-3
-ANGLE, STAMPS = np.linspace(0.001, 12.0, COUNT), np.arange(COUNT) * 10**7 + 3
+#: Number of instants.
+COUNT = 45
+#: Gap in flight (m).
+GAP = 1.3e-3
+#: Cam angle at each instant (rad).
+ANGLE = np.linspace(0.001, 12.0, COUNT)
+#: Rig time of each instant (ns).
+STAMPS = np.arange(COUNT) * 10**7 + 3
 
 
 def flat(points):
     return np.array([[p.x, p.y, 0.0, 1.0] for p in points])
 
 
-def markers_of(made):
-    """The markers of each message."""
+def markers_of(messages):
+    """Return the markers of each message."""
     kind = "visualization_msgs/msg/MarkerArray"
-    return [TYPES.deserialize_cdr(cdr, kind).markers for cdr in made]
+    return [TYPES.deserialize_cdr(cdr, kind).markers for cdr in messages]
 
 
 def time_of(marker):
     return marker.header.stamp.sec * NS + marker.header.stamp.nanosec
 
 
-def seen_from(robot, lift, link, points):
-    """Points ``(n, 4)`` of the guide, one an instant, in a link."""
+def in_link(robot, lift, link, points):
+    """Return points of the guide, shape (n, 4), in a link, one per instant."""
     moving = Transforms(robot).moving(np.zeros(COUNT, np.int64), ANGLE, lift)
     into = np.stack([np.linalg.inv(matrices(cdr)[0][GUIDE, link]) for cdr in moving])
     return np.einsum("nij,nj->ni", into, points)
 
 
-def off_the_follower(robot, points):
-    """How far points of the link follower are from roller, point or face, m."""
-    shape, rest = robot.shape, np.zeros(1)
+def distance_to_follower(robot, points):
+    """Return the distance (m) of points from roller, point or face.
+
+    The points are in the link follower.
+    """
+    shape, lift_0 = robot.shape, np.zeros(1)
     element = shape.element
-    place = shape.place(rest)
-    if isinstance(element, Swung):  # the link lies along the arm at rest
-        turn = -float(shape.turn(rest)[0])
-        place = place - shape.origin(rest)
-        place = place @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]).T
-    away = points[:, :2] - place
+    origin = shape.place(lift_0)
+    if isinstance(element, Swung):  # the link is along the arm at lift 0
+        turn = -float(shape.turn(lift_0)[0])
+        origin = origin - shape.origin(lift_0)
+        origin = origin @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]).T
+    offset = points[:, :2] - origin
     if isinstance(element, SwungFace):
-        return np.abs(away[:, 1])
+        return np.abs(offset[:, 1])
     if isinstance(element, GuidedFace):
-        return np.abs(away @ [-np.sin(element.inclination), np.cos(element.inclination)])
-    return np.abs(np.hypot(*away.T) - element.roller)
+        return np.abs(offset @ [-np.sin(element.inclination), np.cos(element.inclination)])
+    return np.abs(np.hypot(*offset.T) - element.roller)
 
 
-def require_on_both(robot, lift, of_cam, of_follower):
-    """To 1e-9 m: points are on the cam's contour, and on the follower."""
+def require_on_both(robot, lift, cam_points, follower_points):
+    """Require that points are on the cam's contour and on the follower, to 1e-9 m."""
     contour = contours_at(robot.mounted.follower, robot.law, ANGLE)[0].points.T
-    on_cam = seen_from(robot, lift, CAM, of_cam)[:, :2]
+    on_cam = in_link(robot, lift, CAM, cam_points)[:, :2]
     np.testing.assert_allclose(on_cam, contour, rtol=0, atol=1e-9)
-    assert off_the_follower(robot, seen_from(robot, lift, FOLLOWER, of_follower)).max() < 1e-9
+    on_follower = in_link(robot, lift, FOLLOWER, follower_points)
+    assert distance_to_follower(robot, on_follower).max() < 1e-9
 
 
-def test_contact_is_drawn_where_it_is_and_as_hard(kind):
-    """The point is on cam and follower; the arrow is along the common normal. Its part along y of
-    the link follower is the contact force."""
+def test_markers_in_contact_are_the_contact_point_and_the_force(kind):
+    """The point is on cam and follower, and the arrow is along the common normal.
+
+    The component of the arrow along y of the link follower is proportional to the contact force.
+    """
     robot, force = kind.robot, np.linspace(1.0, 50.0, COUNT)
     lift = robot.law(ANGLE)
-    found = markers_of(markers.FollowerMarkers(robot).at(STAMPS, ANGLE, lift, force))
-    spheres, arrows = zip(*found, strict=True)
+    messages = markers.FollowerMarkers(robot).messages(STAMPS, ANGLE, lift, force)
+    spheres, arrows = zip(*markers_of(messages), strict=True)
     assert {(m.type, m.action, m.header.frame_id) for m in spheres} == {(markers.SPHERE, 0, GUIDE)}
     assert [time_of(m) for m in spheres] == list(STAMPS)
     points = flat([m.pose.position for m in spheres])
@@ -302,35 +329,38 @@ def test_contact_is_drawn_where_it_is_and_as_hard(kind):
     assert {m.type for m in arrows} == {markers.ARROW}
     ends = [flat([m.points[k] for m in arrows]) for k in (0, 1)]
     vector = (ends[1] - ends[0]) * [1.0, 1.0, 1.0, 0.0]
-    newtons_per_metre = force / seen_from(robot, lift, FOLLOWER, vector)[:, 1]
+    newtons_per_metre = force / in_link(robot, lift, FOLLOWER, vector)[:, 1]
     np.testing.assert_allclose(newtons_per_metre, newtons_per_metre[0], rtol=1e-9)
-    of_cam = seen_from(robot, lift, CAM, vector)
+    arrow = in_link(robot, lift, CAM, vector)
     normal = contours_at(robot.mounted.follower, robot.law, ANGLE)[0].normal.T
-    across = of_cam[:, 0] * normal[:, 1] - of_cam[:, 1] * normal[:, 0]
-    assert np.abs(across).max() < 1e-9
+    tangential = arrow[:, 0] * normal[:, 1] - arrow[:, 1] * normal[:, 0]
+    assert np.abs(tangential).max() < 1e-9
 
 
-def test_in_flight_the_gap_is_drawn_and_said(kind):
-    """From the contour to the follower, with its length in µm; the same markers, replaced. Of
-    contact and flight in one tick, each instant is drawn by its own force."""
+def test_markers_in_flight_are_a_line_along_the_gap_and_its_length(kind):
+    """The line is from the contour to the follower, and the text is its length in µm.
+
+    The markers have the numbers of those in contact. If a tick contains contact and flight, the
+    force of each instant decides.
+    """
     robot = kind.robot
-    lift = robot.law(ANGLE) + GAP
-    found = markers_of(markers.FollowerMarkers(robot).at(STAMPS, ANGLE, lift, np.zeros(COUNT)))
-    assert {(m[0].type, m[1].type) for m in found} == {(markers.LINE_STRIP, markers.TEXT)}
-    assert {(m[0].ns, m[0].id, m[1].ns, m[1].id) for m in found} == {("contact", 0, "contact", 1)}
-    starts, ends = (flat([m[0].points[k] for m in found]) for k in (0, 1))
+    follower_markers, lift = markers.FollowerMarkers(robot), robot.law(ANGLE) + GAP
+    pairs = markers_of(follower_markers.messages(STAMPS, ANGLE, lift, np.zeros(COUNT)))
+    assert {(m[0].type, m[1].type) for m in pairs} == {(markers.LINE_STRIP, markers.TEXT)}
+    assert {(m[0].ns, m[0].id, m[1].ns, m[1].id) for m in pairs} == {("contact", 0, "contact", 1)}
+    starts, ends = (flat([m[0].points[k] for m in pairs]) for k in (0, 1))
     require_on_both(robot, lift, starts, ends)
     gaps = np.hypot(*(ends - starts)[:, :2].T) * 1e6
-    said = [float(m[1].text.removeprefix("gap ").removesuffix(" µm")) for m in found]
-    np.testing.assert_allclose(said, gaps, atol=0.051)
+    displayed = [float(m[1].text.removeprefix("gap ").removesuffix(" µm")) for m in pairs]
+    np.testing.assert_allclose(displayed, gaps, atol=0.051)
     force = np.where(np.arange(COUNT) % 3, 20.0, 0.0)
-    found = markers_of(markers.FollowerMarkers(robot).at(STAMPS, ANGLE, robot.law(ANGLE), force))
-    assert [m[0].type == markers.SPHERE for m in found] == list(force > 0.0)
-    assert [time_of(m[0]) for m in found] == list(STAMPS)
+    pairs = markers_of(follower_markers.messages(STAMPS, ANGLE, robot.law(ANGLE), force))
+    assert [m[0].type == markers.SPHERE for m in pairs] == list(force > 0.0)
+    assert [time_of(m[0]) for m in pairs] == list(STAMPS)
 
 
-def test_the_cam_is_drawn_with_its_own_contour(kind):
-    """The line is the profile's contour, closed; both filled faces have the contour's area."""
+def test_the_markers_of_the_cam_have_its_exact_contour(kind):
+    """The line is the closed contour, and both filled faces have its area."""
     robot = kind.robot
     ((line, body),) = markers_of([markers.cam_markers(robot)])
     assert (line.type, body.type) == (markers.LINE_STRIP, markers.TRIANGLE_LIST)
@@ -339,8 +369,8 @@ def test_the_cam_is_drawn_with_its_own_contour(kind):
     points = np.array([[p.x, p.y] for p in line.points])
     np.testing.assert_array_equal(points, np.vstack([outline, outline[:1]]))
     corners = np.array([[p.x, p.y, p.z] for p in body.points]).reshape(-1, 3, 3)
-    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normals = 0.5 * np.cross(one, other)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normals = 0.5 * np.cross(first, second)
     x, y = outline.T
     area = 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
     along = normals[:, 2]

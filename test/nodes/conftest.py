@@ -1,4 +1,4 @@
-"""Runs of the nodes: all in this process, a thread each, or as processes; and what they leave."""
+"""Runs of the nodes in this process or as processes."""
 
 import json
 import time
@@ -31,39 +31,42 @@ from cam_rig.testing.running_rig import isolated_domain
 from ..conftest import scene_data
 from ..processes import ended, until
 
-#: Wall time (s) after which something that has not come true never will, however busy the machine.
+#: Time (s, wall clock) after which a condition counts as never met, also on a busy machine.
 WAIT = 300.0
+#: Number of ticks of the short scene.
 TICKS = 64
-#: A pacing at which it lasts a quarter of a minute: no busy machine holds a test up for so long.
+#: Pacing at which the short scene takes 15 s, so that it does not end before a test has acted.
 SLOW = "0.4x"
 
 
 class OneProcess:
-    """The nodes of a run in this process and on one context, each spun by a thread as by its own.
-    What a process adds is left out: its start, its end, signals. ``late`` are the nodes that do not
-    take messages before they are started."""
+    """Nodes of a run in this process and on one context, each spun by a thread.
+
+    Start, end and signals of the processes are left out. `nodes` are the parameters of each node,
+    `late` the nodes that do not receive messages before `start`.
+    """
 
     def __init__(self, nodes, late=(), namespace=""):
-        self._given, self._late = nodes, late
+        self._parameters, self._late = nodes, late
         self._source = list(nodes)[-1]  # the drive, or the player
-        self._place = ["-r", f"__ns:={namespace}"] if namespace else []
+        self._remapping = ["-r", f"__ns:={namespace}"] if namespace else []
         self.nodes, self.codes, self._threads = {}, {}, {}
         self._reports = Queue()
 
     def __enter__(self):
         with ExitStack() as stack:
             file = stack.enter_context(NamedTemporaryFile("w", suffix=".yaml"))
-            about = {f"/**/{n}": {"ros__parameters": own} for n, own in self._given.items()}
-            json.dump(about, file)  # which is YAML too
+            content = {f"/**/{n}": {"ros__parameters": p} for n, p in self._parameters.items()}
+            json.dump(content, file)  # JSON is valid YAML
             file.flush()
-            arguments = ["--ros-args", "--params-file", file.name, *self._place]
+            arguments = ["--ros-args", "--params-file", file.name, *self._remapping]
             rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
             stack.callback(rclpy.shutdown)
-            for name in self._given:
+            for name in self._parameters:
                 self.nodes[name] = node_of(name)
             self.nodes[self._source]._report_progress = lambda **report: self._reports.put(report)
             stack.callback(self.end)
-            for name in self._given:
+            for name in self._parameters:
                 if name not in self._late:
                     self.start(name)
             self._stack = stack.pop_all()
@@ -73,7 +76,7 @@ class OneProcess:
         self._stack.close()
 
     def start(self, name):
-        """Let a node take messages until it ends."""
+        """Spin a node in a thread until it ends."""
         self._threads[name] = Thread(target=self._spin, args=[name])
         self._threads[name].start()
 
@@ -85,7 +88,10 @@ class OneProcess:
         return self._threads[name].is_alive()
 
     def progress(self):
-        """What the drive reports, until it is done; raises what has ended a node."""
+        """Yield the reports of the drive until it is done.
+
+        The error of a failed node is raised.
+        """
         is_over = False
         while not is_over:
             is_over = not self.is_running(self._source) and self._reports.empty()
@@ -115,39 +121,41 @@ class OneProcess:
 
 
 def node_of(name):
-    """A node, made with the arguments of this process's context."""
+    """Create a node with the arguments of this process's context."""
     return getattr(import_module(f"cam_rig.nodes.{name}"), NODES[name])()
 
 
 def payloads_of(bag):
-    """Every message's bytes by topic, in the order of rig time."""
-    found = {}
+    """Return the payloads of a bag by topic, in the order of rig time."""
+    payloads = {}
     for file in mcap_files(bag):
         with file.open("rb") as stream:
             for _, channel, message in make_reader(stream).iter_messages():
-                found.setdefault(channel.topic, []).append(message.data)
-    return found
+                payloads.setdefault(channel.topic, []).append(message.data)
+    return payloads
 
 
 def mapped(*pids):
-    """The files of /dev/shm that living processes have mapped or open; of all by default."""
+    """Return the Fast DDS files of processes (default: all) in /dev/shm."""
     used = set()
-    for place in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
+    for folder in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            used |= {line.split("/")[-1] for line in (place / "maps").read_text().splitlines()}
-            used |= {path.readlink().name for path in (place / "fd").iterdir()}
+            used |= {line.split("/")[-1] for line in (folder / "maps").read_text().splitlines()}
+            used |= {path.readlink().name for path in (folder / "fd").iterdir()}
     return {name for name in used if "fastdds" in name}
 
 
 def unused():
-    """The files of Fast DDS in /dev/shm that no process uses. Ports below 7400 are of no domain:
-    all runs on this machine share them."""
+    """Return the Fast DDS files in /dev/shm that no process uses.
+
+    Files of ports below 7400 are left out, because all domains of this machine share them.
+    """
     names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
     return {name for name in names if "port7" not in name}
 
 
 def node_processes(path):
-    """Processes of a run, found by a path that they were started with."""
+    """Return the processes of a run, which have this path in their command lines."""
     return ended("pgrep", "-f", path).stdout.split()
 
 
@@ -156,18 +164,18 @@ wait_until = partial(until, step=lambda: time.sleep(0.02), wait=WAIT)
 
 
 def has_ticks(bag):
-    """Whether a tick is in a bag that may still be written, or begun."""
+    """Return True if a bag, which may be incomplete, contains a tick."""
     topics = (topic for file in bag.glob("*.mcap") for topic, _ in recorded(file))
     return any(topic is FOLLOWER_SAMPLES for topic in topics)
 
 
 def patient(scene, bag, screen=None, **drive):
-    """The nodes of a run whose drive waits for its nodes however busy the machine is."""
+    """Return the parameters of the nodes of a run, with a patience for a busy machine."""
     return live(scene, bag, screen, **{"patience": WAIT, **drive})
 
 
 def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
-    """Run to the end in this process; every node ends in order."""
+    """Run to the end in this process, and require that every node ends with code 0."""
     with OneProcess(patient(scene, bag, **how)) as here:
         for report in here.progress():
             on_tick(report["tick"])
@@ -176,7 +184,7 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
 
 @pytest.fixture(scope="session", autouse=True)
 def unbounded():
-    """A process ends where DDS does not come back; that of the tests is none to end."""
+    """Disable the time limit of DDS's shutdown, which would end the tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(process, "bounded", lambda failed=False: nullcontext())
         yield
@@ -184,7 +192,7 @@ def unbounded():
 
 @pytest.fixture(scope="session")
 def short_scene(tmp_path_factory):
-    """64 ticks: two cams, two speeds."""
+    """Scene of 64 ticks with two cams and two speeds."""
     path = tmp_path_factory.mktemp("short") / "scenes" / "short.yaml"
     path.parent.mkdir()
     changes = {"cams": ["tm21", "bezier15"], "points_per_turn": 24, "published": "tm21_noise"}
@@ -195,7 +203,7 @@ def short_scene(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def undisturbed_bag(short_scene, tmp_path_factory):
-    """An undisturbed run of the short scene in one process."""
+    """Bag of an undisturbed run of the short scene in one process."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
     with isolated_domain():
         run_to_end(short_scene, bag)
@@ -204,43 +212,43 @@ def undisturbed_bag(short_scene, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def undisturbed(undisturbed_bag):
-    """The payloads of that run."""
+    """Payloads of the undisturbed run."""
     return payloads_of(undisturbed_bag)
 
 
 @pytest.fixture
 def domain():
-    """A ROS domain of its own for a test, on this machine only."""
+    """Separate ROS domain of a test, on this machine only."""
     with isolated_domain() as number:
         yield number
 
 
 @pytest.fixture
 def make(domain, short_scene, tmp_path):
-    """Make nodes in this process, which nobody spins."""
-    given = {"scene": str(short_scene), "recorder:bag": str(tmp_path / "bag")}
-    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in given.items())
-    made = []
+    """Factory of nodes in this process that are not spun."""
+    parameters = {"scene": str(short_scene), "recorder:bag": str(tmp_path / "bag")}
+    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in parameters.items())
+    nodes = []
     rclpy.init(args=["--ros-args", *(part for pair in pairs for part in pair)])
 
     def make(name):
-        made.append(node_of(name))
-        return made[-1]
+        nodes.append(node_of(name))
+        return nodes[-1]
 
     yield make
-    for node in made:
+    for node in nodes:
         node.close()
         node.destroy_node()
     rclpy.shutdown()
 
 
 class User(RigClient):
-    """Somebody at a terminal."""
+    """Operator at a terminal."""
 
     get, set = RigClient.get_parameter, RigClient.set_parameter
 
     def call(self, service, succeeds=True):
-        """The words of a std_srvs/Trigger."""
+        """Call a std_srvs/Trigger service and return the text of its reply or error."""
         if succeeds:
             return super().call(service)
         with pytest.raises(RunError) as refused:
@@ -248,18 +256,18 @@ class User(RigClient):
         return str(refused.value)
 
     def refused(self, node, name, value):
-        """The reason why a value is refused."""
+        """Set a parameter, which must be rejected, and return the reason."""
         with pytest.raises(RunError) as refused:
             self.set(node, name, value)
         return str(refused.value)
 
-    def say_rpm(self, rpm):
-        """The command topic."""
+    def publish_rpm(self, rpm):
+        """Publish a speed on the command topic."""
         self.publish("/cam/rpm", Float64(data=rpm))
 
 
 @pytest.fixture
 def user(domain):
-    """Somebody at a terminal, in the rig's domain."""
-    with User(domain, name="user") as made:
-        yield made
+    """Operator at a terminal, in the domain of the rig."""
+    with User(domain, name="user") as operator:
+        yield operator

@@ -1,4 +1,4 @@
-"""The rig under operator commands: standard services, parameters and topics, while it turns."""
+"""Operator commands to a running rig, and rigs in namespaces."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -25,12 +25,12 @@ from ..foreign_bags import write_rigs
 from .conftest import SLOW, TICKS, OneProcess, patient, payloads_of
 
 pytestmark = pytest.mark.ros
-#: Of the short scene.
+#: Speeds of the short scene.
 SCENE_RPM = (250.0, 400.0)
 
 
 def set_speeds(user, reports):
-    """Whole numbers are numbers; 0 is the scene's; the parameter is the set-point."""
+    """Require that integers are accepted, and that 0 means the scene's speeds."""
 
     def turns_at(*rpm, set_point=0.0):
         next(report for report in reports if round(report["rpm"], 3) in rpm)
@@ -41,21 +41,23 @@ def set_speeds(user, reports):
     user.set("cam_drive", "pacing", 1)
     assert user.get("cam_drive", "pacing") == "1x"
     user.set("cam_drive", "rpm", 0)
-    turns_at(*SCENE_RPM)  # it goes on
-    user.say_rpm(333.0)
+    turns_at(*SCENE_RPM)  # it continues
+    user.publish_rpm(333.0)
     turns_at(333.0, set_point=333.0)
 
 
-def test_a_whole_session_by_hand(user, short_scene, tmp_path):
-    """Start, another speed, another cam, stop, emergency stop, reset: θ never jumps, and nothing
-    that was refused has changed anything."""
+def test_a_session_of_operator_commands(user, short_scene, tmp_path):
+    """θ does not jump at any command, and rejected commands have no effect.
+
+    The commands are start, speed, cam, stop, emergency stop and reset.
+    """
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag, autostart=False, pacing=SLOW)) as here:
         reports = here.progress()
         assert "the cam turns" in user.call("/cam_drive/start")
         next(report for report in reports if report["tick"] == 2)
 
-        assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # too many samples a tick
+        assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # too many samples per tick
         assert "no such file" in user.refused("law_server", "cam", "no_such_cam")
         assert user.get("cam_drive", "rpm") == 0.0  # the scene's
         assert user.get("law_server", "cam") in ("", "tm21")
@@ -80,51 +82,54 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
     for state in states:
         validator.validate(state)
     assert all(a.time_ns < b.time_ns for a, b in pairwise(states))
-    stands = [i for i, state in enumerate(states) if state.speed == 0.0]
-    assert len(stands) == 2 and stands[1] == len(states) - 1
-    assert [s.angle for s in states[stands[0] :][:2]] == [states[stands[0]].angle] * 2
-    speeds = {round(state.speed / RPM) for state in states[: stands[0]]}
+    stopped, last = (i for i, state in enumerate(states) if state.speed == 0.0)
+    assert last == len(states) - 1
+    assert states[stopped + 1].angle == states[stopped].angle
+    speeds = {round(state.speed / RPM) for state in states[:stopped]}
     assert {222, 333} <= speeds
-    assert "cycloidal" in {state.cam for state in states[: stands[0]]}
-    assert len(states) - stands[0] - 1 == TICKS + 1  # the whole scene after the reset
+    assert "cycloidal" in {state.cam for state in states[:stopped]}
+    assert len(states) - stopped - 1 == TICKS + 1  # the complete scene after the reset
     counts, expected = read_counts(bag), expected_counts(states)
     for topic in topics.RECORDING:
         if topic.per in expected:
             assert counts[topic.name] == expected[topic.per], topic.name
     assert "cycloidal" in read_recording(bag).loaded.cams  # the bag can be analysed alone
-    again = tmp_path / "again"
+    second_bag = tmp_path / "again"
     scene = unpack(bag, tmp_path / "unpacked")
-    with OneProcess(replayed(scene, again, bag)) as here:
+    with OneProcess(replayed(scene, second_bag, bag)) as here:
         for _ in here.progress():
             pass
-    assert all(one.difference == 0.0 for one in compare(bag, again))  # all changes where they were
+    # the weightings change in the same tick as in the first bag
+    assert all(comparison.difference == 0.0 for comparison in compare(bag, second_bag))
 
 
-# -- rigs in namespaces: two in one ROS domain, and their bags --------------------------------
-
+# Rigs in namespaces: two rigs in one ROS domain, and their bags.
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 
 
-def test_two_rigs_in_one_domain_are_each_as_alone(
+def test_two_rigs_in_one_domain_do_not_affect_each_other(
     forked, domain, short_scene, undisturbed, tmp_path
 ):
-    """One of processes, and one in this: the messages of each are those of the run alone."""
+    """The messages of each rig equal those of an undisturbed run.
+
+    The nodes of one rig are processes, those of the other are in this process.
+    """
     bags = {name: tmp_path / name for name in ("rig1", "rig2")}
     graph = Graph(patient(short_scene, bags["rig1"]), namespace="/rig1")
     with graph, OneProcess(patient(short_scene, bags["rig2"]), namespace="/rig2") as here:
         runs = [graph.progress(), here.progress()]
-        while runs:  # side by side, a tick of each in turn
+        while runs:  # alternately a tick of each rig
             runs = [run for run in runs if next(run, None) is not None]
     for name, bag in bags.items():
         require_complete(bag, read_recording(bag).loaded.scene)
         payloads = payloads_of(bag)
         names = {t.name: t.within(f"/{name}") for t in RECORDING}
-        assert payloads == {names[topic]: found for topic, found in undisturbed.items()}
+        assert payloads == {names[topic]: expected for topic, expected in undisturbed.items()}
 
 
-def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(tmp_path):
-    """Counts and messages bear the names of the table, and a recovered bag those of its rig."""
+def test_a_bag_of_a_namespace_can_be_read_and_recovered(tmp_path):
+    """It is read without the namespace, which a recovered bag keeps."""
     bag = write_rigs(tmp_path / "namespaced", GOLDEN, "/lab/rig1")
     expected = read_counts(GOLDEN)
     assert read_counts(bag) == expected
@@ -136,8 +141,8 @@ def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(tmp_path):
     assert all(name.startswith("/lab/rig1/") for name in payloads_of(tmp_path / "recovered"))
 
 
-def test_a_bag_of_two_rigs_is_refused_by_their_names(tmp_path):
-    """`ros2 bag record -a` takes both rigs; which one is meant is not guessed."""
+def test_a_bag_of_two_rigs_is_rejected(tmp_path):
+    """`ros2 bag record -a` records both rigs, which the error names."""
     bag = write_rigs(tmp_path / "two", GOLDEN, "", "/rig2")
     with pytest.raises(BagError, match="holds several rigs, /, /rig2; allowed: one"):
         read_counts(bag)

@@ -1,4 +1,4 @@
-"""What a node takes: its parameters, its topics, what --help says of them, one scene for all."""
+"""Parameters, topics and help texts of the nodes, and their common scene."""
 
 import re
 import sys
@@ -14,7 +14,7 @@ from cam_rig.nodes.__main__ import NODES
 from cam_rig.nodes.base.parameter_table import ParameterTable
 from cam_rig.nodes.base.rig_node import scene_identity
 from cam_rig.nodes.clock_source import require_same_scene
-from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published, usage
+from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published_topics, usage
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import RPM
@@ -25,60 +25,69 @@ from ..processes import ended
 pytestmark = pytest.mark.ros
 LIVE = ("law_server", "cam_drive", "follower", "microphone", "recorder")
 QUICK = str(config_root() / "scenes" / "quick.yaml")
-#: Topics and services that rclpy gives every node.
+#: Topics that rclpy creates in every node.
 OF_RCLPY = {"/rosout", "/parameter_events"}
 
 
 @pytest.fixture
-def given(domain):
-    """What a function of a node and its parameters gives, declared with such arguments."""
+def parameter_table(domain):
+    """Function that returns the parameter table of a node with such arguments."""
 
-    def given(name, *arguments, table=False, **node):
+    def parameter_table(name, *arguments, **node):
         context = rclpy.Context()
         rclpy.init(args=["--ros-args", *arguments], context=context)
-        how = {"automatically_declare_parameters_from_overrides": True}
-        made = rclpy.create_node(name, context=context, **how, **node)
+        options = {"automatically_declare_parameters_from_overrides": True}
+        created = rclpy.create_node(name, context=context, **options, **node)
         try:
-            found = ParameterTable(made, PARAMETERS[name])
-            return found if table else found.values
+            return ParameterTable(created, PARAMETERS[name])
         finally:
-            made.destroy_node()
+            created.destroy_node()
             context.shutdown()
 
-    return given
+    return parameter_table
 
 
-def test_a_node_has_what_its_tables_say(make):
-    """Each parameter described, with type, unit and range; what is not live is read-only. Topics
-    and services neither one more nor one less."""
+@pytest.fixture
+def values_of(parameter_table):
+    """Function that returns the parameter values of a node with such arguments."""
+    return lambda name, *arguments, **node: parameter_table(name, *arguments, **node).values
+
+
+def test_a_node_has_the_interface_of_its_tables(make):
+    """Parameters have descriptions and limits, and are read-only unless live.
+
+    The node has exactly the topics and services of the tables.
+    """
     for name in LIVE:
-        node, about = make(name), ABOUT[name]
+        node, interface = make(name), ABOUT[name]
         for spec in PARAMETERS[name]:
-            shown = node.describe_parameter(spec.name)
-            assert shown.description == spec.description
-            assert shown.read_only == (not spec.live)
-            if spec.most is not None:
-                (span,) = (*shown.floating_point_range, *shown.integer_range)
-                assert (span.from_value, span.to_value) == (spec.least, spec.most)
+            descriptor = node.describe_parameter(spec.name)
+            assert descriptor.description == spec.description
+            assert descriptor.read_only == (not spec.live)
+            if spec.max_value is not None:
+                (span,) = (*descriptor.floating_point_range, *descriptor.integer_range)
+                assert (span.from_value, span.to_value) == (spec.min_value, spec.max_value)
             if spec.choices:
-                assert all(choice in shown.additional_constraints for choice in spec.choices)
-        assert {one.topic_name for one in node.subscriptions} == {one.name for one in about.takes}
-        out = {one.topic_name for one in node.publishers} - OF_RCLPY
-        assert out == {one.name for one in published(name)}
-        services = {one.service_name.removeprefix(f"/{name}/") for one in node.services}
-        own = {one for one in services if not re.search("parameter|type_desc", one)}
-        assert own == set(about.services)
+                assert all(choice in descriptor.additional_constraints for choice in spec.choices)
+        subscribed = {subscription.topic_name for subscription in node.subscriptions}
+        assert subscribed == {topic.name for topic in interface.subscribed}
+        published = {publisher.topic_name for publisher in node.publishers} - OF_RCLPY
+        assert published == {topic.name for topic in published_topics(name)}
+        names = {service.service_name.removeprefix(f"/{name}/") for service in node.services}
+        services = {text for text in names if not re.search("parameter|type_desc", text)}
+        assert services == set(interface.services)
 
 
-def test_whole_numbers_and_names_are_taken_at_the_start(given):
-    """An integer where a number is meant, a factor without its x, a scene by its name."""
+def test_integers_and_names_are_converted_at_the_start(values_of):
+    """An integer is a number, 20 is 20x, and the name of a scene is its path."""
     arguments = ("-p", "rpm:=300", "-p", "pacing:=20", "-p", "scene:=quick", "-p", "patience:=60")
-    values = given("cam_drive", *arguments)
+    values = values_of("cam_drive", *arguments)
     assert (values["rpm"], values["pacing"], values["patience"]) == (300.0, "20x", 60.0)
     assert type(values["rpm"]) is float and values["scene"] == QUICK
-    assert given("cam_drive", "-p", "pacing:=0.5")["pacing"] == "0.5x"
+    assert values_of("cam_drive", "-p", "pacing:=0.5")["pacing"] == "0.5x"
 
 
+#: Invalid argument to the text of its error.
 WRONG = {
     "rpm:=fast": "rpm: is 'fast'; allowed: a number",
     "rpm:=-1": "rpm: is -1; allowed: 0 to 100000",
@@ -91,23 +100,22 @@ WRONG = {
 }
 
 
-def test_a_wrong_value_is_refused_with_what_is_allowed(given):
-    """Whatever its type: no node ends with a traceback of rclpy's."""
-    for argument, words in WRONG.items():
-        with pytest.raises(ConfigError) as refused:
-            given("cam_drive", "-p", argument)
-        assert words in str(refused.value)
+def test_an_invalid_value_at_the_start_is_rejected_with_the_allowed_values(values_of):
+    """Values of any type raise an error of the rig, not of rclpy."""
+    for argument, message in WRONG.items():
+        with pytest.raises(ConfigError) as rejected:
+            values_of("cam_drive", "-p", argument)
+        assert message in str(rejected.value)
 
 
-def test_what_is_set_is_converted_or_refused_in_words(make):
-    """A whole number is a number too; what no node of the rig declares stays as it is. Refused by
-    the node itself, and nothing is changed."""
+def test_a_value_that_is_set_is_converted_or_rejected(make):
+    """A rejected value has no effect, and the reason is readable."""
     drive = make("cam_drive")
     assert drive.set_parameters_atomically([Parameter("rpm", value=250)]).successful
     assert drive.program.schedule.state.speed == 250.0 * RPM
     assert drive.set_parameters_atomically([Parameter("pacing", value=20)]).successful
     assert drive.get_parameter("pacing").value == "20x"
-    for name, value, words in (
+    for name, value, message in (
         ("rpm", "fast", "rpm: is 'fast'; allowed: a number"),
         ("rpm", None, "rpm: is None; allowed: a number"),
         ("scene", [1, 2], "read-only"),
@@ -115,12 +123,15 @@ def test_what_is_set_is_converted_or_refused_in_words(make):
         before = drive.get_parameter(name).value
         result = drive.set_parameters_atomically([Parameter(name, value=value)])
         assert not result.successful
-        assert words in result.reason and "expected" not in result.reason
+        assert message in result.reason and "expected" not in result.reason
         assert drive.get_parameter(name).value == before
 
 
 def test_the_speed_parameter_is_the_set_point(make):
-    """Reading it and setting what was read, as `ros2 param dump` and `load` do, changes nothing."""
+    """Setting the value that was read has no effect.
+
+    `ros2 param dump` and `load` do this.
+    """
     drive = make("cam_drive")
     state = next(cam_states(drive._loaded.scene))
     drive.program.laws[state.cam] = build_law(drive._loaded.cams[state.cam])
@@ -130,65 +141,73 @@ def test_the_speed_parameter_is_the_set_point(make):
     assert drive.program.schedule.state.speed is None  # the scene's speeds
 
 
-def test_a_parameter_file_holds_every_default(given):
-    """In any namespace, and what is given after it counts; tools/docs/parameters.py writes it."""
+def test_a_parameter_file_contains_every_default(values_of):
+    """It applies in any namespace, and later arguments override it.
+
+    The file equals the output of tools/docs/parameters.py.
+    """
     for name in PARAMETERS:
         file = FOLDER / f"{name}.yaml"
         assert file.read_text(encoding="utf-8") == text(name)
         (values,) = (part["ros__parameters"] for part in yaml.safe_load(text(name)).values())
         assert values == {spec.name: spec.default for spec in PARAMETERS[name]}
-        taken = given(name, "--params-file", str(file), namespace="/rig1/left")
-        assert taken == {spec.name: spec.convert(spec.default) for spec in PARAMETERS[name]}
-        own = ("-p", "at_end:=wait")
-        assert given(name, "--params-file", str(file), *own)["at_end"] == "wait"
+        actual = values_of(name, "--params-file", str(file), namespace="/rig1/left")
+        assert actual == {spec.name: spec.convert(spec.default) for spec in PARAMETERS[name]}
+        later = ("-p", "at_end:=wait")
+        assert values_of(name, "--params-file", str(file), *later)["at_end"] == "wait"
 
 
-def test_a_parameter_of_another_name_is_told(given):
-    """A slip of the pen is no reason to end, as a file may be meant for several nodes."""
-    slip = ("-p", "scen:=quick", "-p", "use_sim_time:=false")
-    assert given("follower", *slip, table=True).unknown == [
+def test_an_unknown_parameter_makes_a_warning(parameter_table):
+    """It does not end the node, because a parameter file may serve several nodes."""
+    misspelled = ("-p", "scen:=quick", "-p", "use_sim_time:=false")
+    assert parameter_table("follower", *misspelled).unknown == [
         "ignoring unknown parameter 'scen' (did you mean 'scene'?)"
     ]
 
 
-# What --help prints.
+# Help texts.
 
 
-def test_every_parameter_and_topic_is_named():
-    """With defaults and limits, and an example."""
+def test_the_help_text_contains_every_parameter_and_topic():
+    """It also contains an example."""
     for name in NODES:
-        said = usage(name)
+        help_text = usage(name)
         for spec in PARAMETERS[name]:
-            assert f"  {spec.name}" in said and spec.description in said
-        for topic in (*ABOUT[name].takes, *published(name)):
-            assert topic.name in said and topic.type in said
-        assert f"ros2 run cam_rig {name} --ros-args" in said
+            assert f"  {spec.name}" in help_text and spec.description in help_text
+        for topic in (*ABOUT[name].subscribed, *published_topics(name)):
+            assert topic.name in help_text and topic.type in help_text
+        assert f"ros2 run cam_rig {name} --ros-args" in help_text
 
 
-def test_help_starts_nothing():
-    """Code 0, on stdout, in a Python that has no rclpy."""
+def test_help_does_not_start_a_node():
+    """It is printed on stdout with code 0, also in a Python without rclpy."""
 
     def output(*command, code=0):
-        done = ended(sys.executable, *command)
-        assert done.returncode == code
-        return done.stdout
+        process = ended(sys.executable, *command)
+        assert process.returncode == code
+        return process.stdout
 
-    without = (
+    without_rclpy = (
         "import sys; sys.modules['rclpy'] = None; sys.argv[1:] = ['--help'];"
         "from cam_rig.nodes.__main__ import follower; follower()"
     )
-    assert output("-c", without) == usage("follower") + "\n"
-    named = output("-m", "cam_rig.nodes", "--help")
-    assert all(name in named for name in NODES)
+    assert output("-c", without_rclpy) == usage("follower") + "\n"
+    help_text = output("-m", "cam_rig.nodes", "--help")
+    assert all(name in help_text for name in NODES)
     output("-m", "cam_rig.nodes", "folower", code=1)
 
 
-# Every node has the drive's scene, or the run does not begin.
+# All nodes must have the scene of the drive.
 
 
-def test_the_file_of_a_scene_counts_not_its_folder(tmp_path):
-    """Copies are one; another is refused by name, or by what the file holds. A node without a scene
-    is taken: the player's consumers have the bag's own; a file may be gone since it was read."""
+def test_scenes_are_compared_by_name_and_content(tmp_path):
+    """A scene of another name or content is rejected.
+
+    Copies in other folders are equal.
+
+    A node without a scene is accepted, as are the consumers of a player. A file that was removed
+    after it was read is not compared.
+    """
 
     def scene(name, text, folder=""):
         path = tmp_path / (folder or text) / f"{name}.yaml"
@@ -197,8 +216,8 @@ def test_the_file_of_a_scene_counts_not_its_folder(tmp_path):
         return str(path)
 
     require_same_scene("follower", scene_identity(scene("one", "a")), scene("one", "a", "copy"))
-    for theirs, words in (("two", "and two for"), ("one", "and another file of")):
-        with pytest.raises(ConfigError, match=words):
+    for theirs, message in (("two", "and two for"), ("one", "and another file of")):
+        with pytest.raises(ConfigError, match=message):
             require_same_scene("follower", scene_identity(scene(theirs, "b")), scene("one", "a"))
     require_same_scene("viewer", "", scene("one", "a"))
     require_same_scene("follower", "one#00000000", "")

@@ -1,4 +1,4 @@
-"""The nodes as processes: the same numbers, one line where one cannot go on, signals, imports."""
+"""Nodes as processes: network, errors at the start, signals, imports."""
 
 import json
 import random
@@ -27,19 +27,21 @@ LONG = pytest.mark.long
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
 
-# A run.
+# Run of all nodes.
 
 
 def addresses(pid):
-    """Local IPv4 and IPv6 addresses of a process's UDP and TCP sockets."""
+    """Return the local IP addresses of the UDP and TCP sockets of a process."""
     rows = sockets(pid, "udp", "udp6", "tcp", "tcp6")
     return {".".join(map(str, struct.pack("<I", int(row[1][:8], 16)))) for row in rows}
 
 
 @pytest.mark.long
-def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, monkeypatch):
-    """Whatever the user's own settings, every one is on the loopback, and on the multicast group
-    joined there; no process is left."""
+def test_all_sockets_use_the_loopback_interface(forked, domain, short_scene, tmp_path, monkeypatch):
+    """This applies to any settings of the user.
+
+    No process remains after the run.
+    """
     subnet = config_root() / "fastdds_subnet.xml"
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(subnet))
@@ -47,18 +49,18 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
     monkeypatch.chdir(tmp_path)
 
     def addresses_of_all():
-        found = [addresses(node.process.pid) for node in graph.processes.values()]
-        return found if all("127.0.0.1" in own for own in found) else None
+        sets = [addresses(node.process.pid) for node in graph.processes.values()]
+        return sets if all("127.0.0.1" in node_addresses for node_addresses in sets) else None
 
     with Graph(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as graph:
-        next(graph.progress())  # they all speak with each other
-        found = wait_until(addresses_of_all)
+        next(graph.progress())  # all nodes are connected
+        sets = wait_until(addresses_of_all)
         assert set(graph.processes) == set(NODES)
-    assert set.union(*found) <= {"127.0.0.1", "239.255.0.1"}
+    assert set.union(*sets) <= {"127.0.0.1", "239.255.0.1"}
     assert node_processes(tmp_path / "bag") == []
 
 
-#: The names of a node's threads, once Fast DDS's have named themselves.
+#: Program that prints the names of a node's threads when those of Fast DDS have their names.
 THREADS = """
 import os, sys
 os.environ["FASTDDS_DEFAULT_PROFILES_FILE"] = sys.argv[1]
@@ -74,33 +76,33 @@ with rclpy.init():
 
 
 @pytest.mark.parametrize("profiles", ["fastdds_loopback.xml", "fastdds_subnet.xml"])
-def test_no_node_asks_another_for_a_type(profiles):
-    """Fast DDS connects nobody before the answer, may lose it for good, and may crash by it."""
-    done = ended(sys.executable, "-c", THREADS, config_root() / profiles)
-    assert "dds.ev" in done.stdout, done.stderr
-    assert "dds.tls" not in done.stdout
+def test_the_type_lookup_service_is_disabled(profiles):
+    """With it Fast DDS waits for replies, which it may lose, and may crash."""
+    process = ended(sys.executable, "-c", THREADS, config_root() / profiles)
+    assert "dds.ev" in process.stdout, process.stderr
+    assert "dds.tls" not in process.stdout
 
 
-def begun_run(scene, bag, pacing):
+def start_run(scene, bag, pacing):
     """Start `cam-rig run`, and wait for its first tick."""
-    words = ["run", str(scene), "--bag", str(bag), "--pacing", pacing]
-    command = [sys.executable, "-m", "cam_rig.cli.main", *words]
+    arguments = ["run", str(scene), "--bag", str(bag), "--pacing", pacing]
+    command = [sys.executable, "-m", "cam_rig.cli.main", *arguments]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     wait_until(lambda: has_ticks(bag))
     return process
 
 
 def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
-    """It turns more ticks than its scene has, and says how many at its end: code 0."""
+    """It has more ticks than its scene, and code 0."""
     bag = tmp_path / "bag"
-    process = begun_run(short_scene, bag, "1x")
+    process = start_run(short_scene, bag, "1x")
     for service in ("stop", "reset", "start"):
         user.call(f"/cam_drive/{service}")
     user.set("cam_drive", "pacing", "free")
-    _, words = process.communicate(timeout=100)
-    assert process.returncode == 0, words
+    _, logged = process.communicate(timeout=100)
+    assert process.returncode == 0, logged
     assert len(read_recording(bag).ticks) > TICKS
-    assert "none missing" in words
+    assert "none missing" in logged
 
 
 @pytest.mark.usefixtures("heard_hangup")
@@ -108,22 +110,25 @@ def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
     "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
 )
 def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, name):
-    """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
+    """The code is 128 + signal, and no process remains.
+
+    The signals are those of Ctrl-C, kill and a closed terminal.
+    """
     bag, number = tmp_path / "bag", getattr(signal, name)
-    process = begun_run(short_scene, bag, SLOW)  # no end before the test's
+    process = start_run(short_scene, bag, SLOW)  # does not end before the signal
     assert len(node_processes(short_scene)) > 5  # the runner and its five nodes
     process.send_signal(number)
-    _, words = process.communicate(timeout=100)
+    _, logged = process.communicate(timeout=100)
     assert process.returncode == 128 + number
-    assert f"interrupted by {name}" in words
+    assert f"interrupted by {name}" in logged
     assert read_recording(bag).ticks
     assert node_processes(short_scene) == []
 
 
-def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
+def test_a_run_that_is_interrupted_before_its_start_has_no_bag(
     forked, domain, short_scene, tmp_path
 ):
-    """And reports so, not that a bag was closed."""
+    """The log states that no message was recorded, instead of a closed bag."""
     logged = []
     graph = Graph(patient(short_scene, tmp_path / "bag"), log=logged.append)
     with pytest.raises(KeyboardInterrupt), graph:
@@ -132,18 +137,18 @@ def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
     assert all(process.code == 0 for process in graph.processes.values())
 
 
-# A node that cannot go on: its error reaches the user, with a code.
+# Errors that end a node.
 
 
 @pytest.fixture
 def run_here(monkeypatch, capfd):
-    """Run a node's entry point in this process; its code and what it wrote to stderr."""
+    """Function that runs a node's entry point and returns its code and stderr."""
 
     def run(name, *arguments):
         monkeypatch.setattr(sys, "argv", [name, "--ros-args", *arguments])
-        with pytest.raises(SystemExit) as stopped:
+        with pytest.raises(SystemExit) as exit_request:
             start(name)
-        return stopped.value.code, capfd.readouterr().err
+        return exit_request.value.code, capfd.readouterr().err
 
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield run
@@ -151,7 +156,8 @@ def run_here(monkeypatch, capfd):
         signal.signal(number, handler)
 
 
-#: One failure of each kind: a parameter, a file, the other nodes, and ROS's own limit.
+#: Failures by a parameter, a file, the other nodes, limits of ROS, and remapping. Each has node,
+#: arguments, exit code and text of the error.
 FAILURES = (
     ("law_server", "-p scene:=5", 2, "scene: is 5; allowed: a text"),
     ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
@@ -167,32 +173,34 @@ FAILURES = (
 
 
 def test_a_node_reports_why_it_ends(domain, run_here):
-    """One line on stderr and the error's code, no traceback."""
-    for node, arguments, code, words in FAILURES:
-        found, logged = run_here(node, *arguments.split())
-        assert found == code, arguments
-        assert words in logged and "Traceback" not in logged
+    """It logs the error on stderr without a traceback, and ends with the error's code."""
+    for node, arguments, expected_code, text in FAILURES:
+        code, logged = run_here(node, *arguments.split())
+        assert code == expected_code, arguments
+        assert text in logged and "Traceback" not in logged
 
 
-def test_an_error_of_the_start_is_on_rosout(user):
-    """With its level and the node's name, also if the arguments prevent the node's creation."""
-    heard = []
+def test_an_error_at_the_start_is_published_on_rosout(user):
+    """It has its level and the node's name, also if the node cannot be created."""
+    received = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    user.node.create_subscription(Log, "/rosout", heard.append, latched)  # as ros2 topic echo
+    user.node.create_subscription(Log, "/rosout", received.append, latched)  # as ros2 topic echo
     for arguments in ("-p scene:=none.yaml", "--params-file none.yaml"):
-        heard.clear()
+        received.clear()
         command = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
         node = subprocess.Popen([*command, *arguments.split()], stderr=subprocess.PIPE, text=True)
-        user.wait_for(lambda: heard, "an error on /rosout")
+        user.wait_for(lambda: received, "an error on /rosout")
         _, logged = node.communicate(timeout=100)
-        assert node.returncode == 2 and (heard[0].level, heard[0].name) == (50, "follower")
-        assert heard[0].msg in logged and "none.yaml" in heard[0].msg
+        assert node.returncode == 2 and (received[0].level, received[0].name) == (50, "follower")
+        assert received[0].msg in logged and "none.yaml" in received[0].msg
 
 
 @pytest.mark.parametrize(("failed", "code"), [(False, -signal.SIGALRM), (True, 1)])
-def test_a_middleware_that_never_returns_is_left(failed, code):
-    """It may hold the interpreter too, so that no Python code runs any more; nor is an alarm left
-    behind for the next run of a node that stays."""
+def test_a_process_ends_if_the_middleware_does_not_return(failed, code):
+    """It also ends if the middleware keeps the interpreter locked.
+
+    After a regular shutdown no alarm remains for the next run of a node that stays.
+    """
     lines = (
         "import ctypes, time",
         "from cam_rig.nodes import process",
@@ -203,32 +211,30 @@ def test_a_middleware_that_never_returns_is_left(failed, code):
         f"with process.bounded(failed={failed}): print('left', flush=True) or "
         "ctypes.PyDLL(None).sleep(600)",
     )
-    done = ended(sys.executable, "-c", "\n".join(lines))
-    assert (done.stdout, done.returncode) == ("left\n", code)
+    process = ended(sys.executable, "-c", "\n".join(lines))
+    assert (process.stdout, process.returncode) == ("left\n", code)
 
 
-# A node's first moments.
+# Signals during the start of a node.
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("nodes", [2, pytest.param(15, marks=LONG)])
-def test_a_signal_that_comes_early_ends_a_node_in_order(
-    domain, short_scene, tmp_path, number, nodes
-):
-    """Before the interpreter runs, in the imports, while the node is made: code 0, no traceback."""
+def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, number, nodes):
+    """The code is 0, without a traceback, at any time of the start."""
     chance = random.Random(int(number))
     for i in range(nodes):
         name = NODES[i % len(NODES)]
         more = {"bag": str(tmp_path / f"bag_{i}")} if name == "recorder" else {}
         node = NodeProcess(name, {"scene": str(short_scene), **more}, False, lambda _line: None)
-        time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment at all is right
+        time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment is possible
         node.process.send_signal(number)
         assert node.process.wait(timeout=100) == 0, (name, node.stderr_lines)
         assert "Traceback" not in "".join(node.stderr_lines)
 
 
-def test_a_node_ends_by_a_signal_that_its_shell_ignores(domain, short_scene):
-    """A script's background job inherits SIGINT ignored: the node listens to it all the same."""
+def test_sigint_ends_a_node_that_was_started_with_sigint_ignored(domain, short_scene):
+    """A shell starts the background processes of a script in this way."""
     command = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
     command += ["-p", f"scene:={short_scene}"]
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -236,7 +242,7 @@ def test_a_node_ends_by_a_signal_that_its_shell_ignores(domain, short_scene):
         node = subprocess.Popen(command)
     finally:
         signal.signal(signal.SIGINT, before)
-    while True:  # until it is a node that listens, a signal is lost by the parent's will
+    while True:  # signals are ignored until the node has installed its handler
         node.send_signal(signal.SIGINT)
         try:
             assert node.wait(0.2) == 0
@@ -245,12 +251,13 @@ def test_a_node_ends_by_a_signal_that_its_shell_ignores(domain, short_scene):
             continue
 
 
-# What a node imports before it is a node: nothing that it does not need, as five of them wait.
+# Imports of the nodes: only the necessary libraries, because five nodes import them at the start.
 
-#: Libraries of the commands, the figures and the viewer, and scipy, which few scenes need.
+#: Libraries of commands, figures and viewer, and scipy, which few scenes need.
 NEVER = {"scipy", "matplotlib", "typer", "rich", "jinja2", "rerun", "pyarrow", "shapely", "ezdxf"}
-#: Those of bags and of the messages made by the thousand, for who writes them.
+#: Libraries of bags and of serialized messages, which few nodes need.
 OF_BAGS = {"mcap", "rosbags", "zstandard"}
+#: Program that prints the imported packages after the imports of three groups of nodes.
 IMPORTS = """
 import json, sys
 from importlib import import_module
@@ -261,8 +268,8 @@ for names in (("process", "cam_drive", "microphone"), ("follower", "law_server")
 """
 
 
-def test_a_node_imports_what_it_needs():
-    """Started by `ros2 run`, a launch file or the runner."""
+def test_a_node_imports_only_the_libraries_that_it_needs():
+    """The import of other libraries would delay its start."""
     lines = map(json.loads, ended(sys.executable, "-c", IMPORTS).stdout.splitlines())
-    for loaded, barred in zip(lines, (NEVER | OF_BAGS, NEVER | {"mcap"}, NEVER), strict=True):
-        assert set(loaded) & barred == set()
+    for loaded, excluded in zip(lines, (NEVER | OF_BAGS, NEVER | {"mcap"}, NEVER), strict=True):
+        assert set(loaded) & excluded == set()

@@ -1,4 +1,4 @@
-"""What the nodes tell each other: the core's numbers, nothing lost, whoever else is there."""
+"""Protocol of the nodes: equality with the core, independence of others."""
 
 from functools import partial
 from random import Random
@@ -31,20 +31,21 @@ QUICK = config_root() / "scenes" / "quick.yaml"
 
 
 def require_as_simulated(bag):
-    """No tick is missing, and each is the core's to the last bit."""
+    """Require that a bag is complete and equal to the simulation, bit for bit."""
     recording = read_recording(bag)
     require_complete(bag, recording.loaded.scene)
-    alone = list(simulate(recording.loaded))
-    assert [tick.start for tick in recording.ticks] == [tick.start for tick in alone]
-    assert [tick.pressure for tick in recording.ticks] == [tick.pressure for tick in alone]
+    simulated = list(simulate(recording.loaded))
+    assert [tick.start for tick in recording.ticks] == [tick.start for tick in simulated]
+    assert [tick.pressure for tick in recording.ticks] == [tick.pressure for tick in simulated]
     return recording
 
 
-def test_the_nodes_give_the_numbers_of_the_core(undisturbed_bag):
-    """The bag of a run is what the scene gives without nodes."""
+def test_a_run_equals_the_simulation_without_nodes(undisturbed_bag):
+    """The bag of a run of the nodes has all ticks of the scene."""
     assert len(require_as_simulated(undisturbed_bag).ticks) == TICKS
 
 
+#: Changes of the program: ramps, and three ticks per turn.
 RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n'
 
 
@@ -62,8 +63,8 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
         ),
     ],
 )
-def test_other_programs_give_the_numbers_of_the_core_too(domain, tmp_path, changes):
-    """Every tick from the first; a report on one cam is not taken for the next."""
+def test_runs_of_other_programs_equal_the_simulation(domain, tmp_path, changes):
+    """All ticks are reported in order."""
     text = QUICK.read_text(encoding="utf-8")
     for old, new in changes.items():
         assert old in text
@@ -76,8 +77,8 @@ def test_other_programs_give_the_numbers_of_the_core_too(domain, tmp_path, chang
     require_as_simulated(tmp_path / "bag")
 
 
-def test_nothing_is_sent_before_every_node_is_ready(domain, short_scene, tmp_path):
-    """The recorder stands while it starts: no state goes out; then it goes on, and all goes out."""
+def test_no_state_is_sent_before_every_node_is_ready(domain, short_scene, tmp_path):
+    """The drive waits for a recorder that starts late, then publishes all states."""
     bag = tmp_path / "bag"
     with OneProcess(patient(short_scene, bag), late=["recorder"]) as here:
         wait_until(lambda: here.nodes["cam_drive"]._not_ready == {"recorder"})
@@ -87,50 +88,54 @@ def test_nothing_is_sent_before_every_node_is_ready(domain, short_scene, tmp_pat
     assert read_counts(bag)["/cam/state"] == TICKS + 1
 
 
-# A subscriber gets the bytes that the bag holds.
+# Messages of the bag and of subscribers.
 
-#: At each instant; and, latched, of the mounted cam.
+#: Topics with a message at each instant.
 MOVING = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
+#: Latched topics with a message per mounted cam.
 MOUNTED = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
-def test_what_a_subscriber_gets_is_what_the_bag_holds(user, short_scene, undisturbed, tmp_path):
-    """Byte by byte, each once and in order, from when it has joined; the bag is no other for it."""
-    bag, found = tmp_path / "bag", {topic: [] for topic in (*MOVING, *MOUNTED)}
+def test_a_subscriber_receives_the_messages_of_the_bag(user, short_scene, undisturbed, tmp_path):
+    """From discovery on it receives each message once and in order.
+
+    The bag equals that of an undisturbed run.
+    """
+    bag, received = tmp_path / "bag", {topic: [] for topic in (*MOVING, *MOUNTED)}
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
     def is_known(topic):
         user.spin(0.05)
         return user.node.count_publishers(topic.name) > 0
 
-    def plain(topic):  # DDS fills the last four bytes up
-        return [read_message(topic, cdr)[1] for cdr in found[topic]]
+    def normalised(topic):  # DDS pads messages to a multiple of four bytes
+        return [read_message(topic, cdr)[1] for cdr in received[topic]]
 
-    def is_received():  # a spin takes one message of those that wait
+    def is_received():  # a spin takes one message from the queue
         user.spin()
-        return all(set(plain(topic)) >= set(payloads[topic.name]) for topic in MOUNTED)
+        return all(set(normalised(topic)) >= set(payloads[topic.name]) for topic in MOUNTED)
 
     with OneProcess(patient(short_scene, bag, autostart=False)) as here:
-        for topic, got in found.items():
-            how = latched if topic in MOUNTED else QoSProfile(depth=50_000)
+        for topic, messages in received.items():
+            profile = latched if topic in MOUNTED else QoSProfile(depth=50_000)
             kind = message_class(topic)
-            user.node.create_subscription(kind, topic.name, got.append, how, raw=True)
+            user.node.create_subscription(kind, topic.name, messages.append, profile, raw=True)
             wait_until(partial(is_known, topic))
         user.call("/cam_drive/start")
         for _ in here.progress():
             user.spin()
     payloads = payloads_of(bag)
-    wait_until(lambda: is_received() and all(found.values()))
+    wait_until(lambda: is_received() and all(received.values()))
     for topic in MOVING:
-        got, recorded = plain(topic), payloads[topic.name]
-        first = recorded.index(got[0])
-        assert got == recorded[first : first + len(got)]
+        messages, recorded = normalised(topic), payloads[topic.name]
+        first = recorded.index(messages[0])
+        assert messages == recorded[first : first + len(messages)]
         assert recorded == undisturbed[topic.name]
-    for topic in MOUNTED:  # one that comes late has the cam that is mounted
-        assert list(dict.fromkeys(plain(topic))) == payloads[topic.name]
+    for topic in MOUNTED:  # late subscribers also receive the mounted cam
+        assert list(dict.fromkeys(normalised(topic))) == payloads[topic.name]
 
 
-#: What holds up a publisher that waits for its readers: reliable, and nothing is ever dropped.
+#: Profile that would block a publisher that waits for its readers: no message is ever dropped.
 KEEPS_ALL = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     history=HistoryPolicy.KEEP_ALL,
@@ -138,41 +143,48 @@ KEEPS_ALL = QoSProfile(
 )
 
 
-def test_strangers_change_nothing(user, domain, short_scene, undisturbed, tmp_path):
-    """DDS matches no endpoints of different types; and histories keep the newest, so that the drive
-    waits for its own consumers, not for a reader that never reads."""
+def test_endpoints_of_other_programs_do_not_affect_a_run(
+    user, domain, short_scene, undisturbed, tmp_path
+):
+    """The drive does not wait for a reader that never reads.
+
+    DDS does not match endpoints of different types.
+    """
     published = [topic for topic in topics.RECORDING if not topic.type.startswith("tf2_msgs")]
     for topic in published:
         user.node.create_subscription(message_class(topic), topic.name, print, KEEPS_ALL)
     with RigClient(domain) as other:
-        out = [
+        publishers = [
             other.node.create_publisher(String, topic.name, KEEPS_ALL)
             for topic in published
             if topic.type != "std_msgs/msg/String"
         ]
 
-        def talk(_tick):  # neither node is spun
-            for publisher in out:
+        def publish_nonsense(_tick):  # neither of the two other nodes is spun
+            for publisher in publishers:
                 publisher.publish(String(data="nonsense"))
 
-        run_to_end(short_scene, tmp_path / "bag", talk)
+        run_to_end(short_scene, tmp_path / "bag", publish_nonsense)
     assert payloads_of(tmp_path / "bag") == undisturbed
 
 
-# A writer that a subscriber holds up loses nothing that the rig needs.
+# Writers that are blocked by a slow subscriber.
 
 
 @pytest.fixture
-def hold_up(monkeypatch):
-    """Let DDS give up at some messages, as beside a reliable subscriber that takes nothing."""
+def block_writer(monkeypatch):
+    """Function that makes DDS reject messages as if the writer was blocked.
 
-    def hold(topic, is_held):
+    It returns a list that receives the published messages.
+    """
+
+    def block(topic, is_blocked):
         published, publish = [], Publisher.publish
 
         def refuse(self, message):
             if self.topic_name != topic.name:
                 return publish(self, message)
-            if is_held():
+            if is_blocked():
                 raise rclpy_implementation.RCLError("cannot publish data")
             published.append(message)
             return None
@@ -180,61 +192,59 @@ def hold_up(monkeypatch):
         monkeypatch.setattr(Publisher, "publish", refuse)
         return published
 
-    return hold
+    return block
 
 
 def follow(node, payloads):
-    """Give the follower the laws and states of a run."""
-    for topic, take in (
+    """Pass the laws and states of a run to the follower."""
+    for topic, callback in (
         (topics.LAW_COEFFICIENTS, node._on_law),
         (topics.CAM_STATE, node._on_state),
     ):
         for cdr in payloads[topic.name]:
-            take(deserialize_message(cdr, message_class(topic)))
+            callback(deserialize_message(cdr, message_class(topic)))
 
 
-def test_no_tick_is_lost(make, hold_up, undisturbed):
-    """The follower publishes every tick's samples, though half of the tries fail."""
+def test_no_tick_is_lost_if_the_writer_is_blocked(make, block_writer, undisturbed):
+    """The samples of every tick are published if half of the attempts fail."""
     random = Random(0)
-    published = hold_up(topics.FOLLOWER_SAMPLES, lambda: random.random() < 0.5)
+    published = block_writer(topics.FOLLOWER_SAMPLES, lambda: random.random() < 0.5)
     follow(make("follower"), undisturbed)
     expected = undisturbed[topics.FOLLOWER_SAMPLES.name]
     kind = message_class(topics.FOLLOWER_SAMPLES)
     assert published == [deserialize_message(cdr, kind) for cdr in expected]
 
 
-def test_motion_that_is_held_up_is_left_out_for_a_tick(
-    make, hold_up, undisturbed, monkeypatch, capfd
-):
-    """The rig does not wait for people's readers, and names those who may be the reason."""
+def test_blocked_motion_is_skipped_for_a_tick(make, block_writer, undisturbed, monkeypatch, capfd):
+    """The rig does not wait for displays, and names the topic."""
     monkeypatch.setattr(RigPublisher, "get_subscription_count", lambda _self: 1)
-    tries = []
-    published = hold_up(topics.JOINT_STATES, lambda: tries.append(1) or len(tries) == 5)
+    attempts = []
+    published = block_writer(topics.JOINT_STATES, lambda: attempts.append(1) or len(attempts) == 5)
     follow(make("follower"), undisturbed)
     expected = undisturbed[topics.JOINT_STATES.name]
-    left_out = len(expected) - len(published)
-    assert 6 < left_out < 13  # the rest of the first half turn
-    assert published == expected[:4] + expected[4 + left_out :]
+    skipped = len(expected) - len(published)
+    assert 6 < skipped < 13  # the remainder of the first half turn
+    assert published == expected[:4] + expected[4 + skipped :]
     assert "/joint_states: skipped for a tick" in capfd.readouterr().err
 
 
-def test_a_writer_that_is_never_free_ends_the_run(make, hold_up, monkeypatch):
-    """The error names the topic and what to look for."""
+def test_a_writer_that_stays_blocked_ends_the_run(make, block_writer, monkeypatch):
+    """The error names the topic."""
     monkeypatch.setattr(rig_node, "MAX_BLOCKED_S", 0.05)
-    hold_up(topics.CAM_STATE, lambda: True)
+    block_writer(topics.CAM_STATE, lambda: True)
     drive = make("cam_drive")
     with pytest.raises(RunError, match=r"/cam/state: the writer has been blocked for 0\.05 s"):
         drive._state_publisher.publish(message_class(topics.CAM_STATE)())
 
 
-def test_weightings_change_live(make):
-    """A and S from the next tick on; one the standard does not have is refused and changes none."""
+def test_weightings_can_be_changed_live(make):
+    """A weighting that is not in the standard is rejected."""
     microphone = make("microphone")
     names = ("frequency_weighting", "time_weighting")
     assert [microphone.get_parameter(name).value for name in names] == ["Z", "F"]
-    wanted = [Parameter(name, value=v) for name, v in zip(names, "AS", strict=True)]
-    assert microphone.set_parameters_atomically(wanted).successful
+    parameters = [Parameter(name, value=v) for name, v in zip(names, "AS", strict=True)]
+    assert microphone.set_parameters_atomically(parameters).successful
     assert microphone._meter.quantity == "LAS"
-    (refused,) = microphone.set_parameters([Parameter("frequency_weighting", value="B")])
-    assert not refused.successful
+    (result,) = microphone.set_parameters([Parameter("frequency_weighting", value="B")])
+    assert not result.successful
     assert microphone._meter.quantity == "LAS"

@@ -1,4 +1,4 @@
-"""A subscriber that takes no messages: the node that it slows down warns, and names it."""
+"""Warning of a node that is slowed down by a subscriber."""
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.ros
 
 
 def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd):
-    """One warning per check, and none if publishing takes little time."""
+    """There is a warning per check, except if publishing takes little time."""
     drive = make("cam_drive")
     monitor, publisher = drive.publishing_monitor, drive._state_publisher
     user.node.create_subscription(JointState, "/cam/state", lambda _: None, 10)
@@ -32,7 +32,7 @@ def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd)
 
 
 def test_publishing_is_timed(make):
-    """Every attempt counts."""
+    """The time of every attempt is added."""
     drive = make("cam_drive")
     before = drive._clock_publisher.publishing_s
     drive.publish_time(1)

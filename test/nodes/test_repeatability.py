@@ -1,4 +1,4 @@
-"""One scene gives one bag, also with a stalled node; a killed node ends the run."""
+"""Repeatability of runs with a stalled node, and runs that end by a killed node."""
 
 import signal
 import sys
@@ -33,40 +33,42 @@ pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("forked", "domain")]
 NODES = ("follower", "microphone", "law_server", "cam_drive", "recorder")
 
 
-def test_a_consumer_that_is_held_holds_all_and_loses_nothing(short_scene, undisturbed, tmp_path):
-    """The drive sends no more than may be in flight, so no queue grows; then it goes on."""
-    held, go_on = threading.Event(), threading.Event()
+def test_a_stalled_consumer_stops_the_drive_and_no_message_is_lost(
+    short_scene, undisturbed, tmp_path
+):
+    """Queues do not grow, because the number of ticks in flight is limited."""
+    stalled, resume = threading.Event(), threading.Event()
     with OneProcess(patient(short_scene, tmp_path / "bag", autostart=False)) as here:
         microphone, drive = here.nodes["microphone"], here.nodes["cam_drive"]
         listen = microphone._source.listen
 
-        def hold(*block):
-            if microphone.ticks == 10 and not held.is_set():
-                held.set()
-                assert go_on.wait(200.0)
+        def stall(*block):
+            if microphone.ticks == 10 and not stalled.is_set():
+                stalled.set()
+                assert resume.wait(200.0)
             return listen(*block)
 
-        microphone._source.listen = hold
+        microphone._source.listen = stall
         drive.program.run(True)
-        assert held.wait(200.0)
+        assert stalled.wait(200.0)
         wait_until(lambda: drive.program.flow.in_flight == MAX_TICKS_IN_FLIGHT)
         assert here.nodes["follower"].ticks <= 10 + MAX_TICKS_IN_FLIGHT
-        go_on.set()
+        resume.set()
         for _ in here.progress():
             pass
     assert payloads_of(tmp_path / "bag") == undisturbed
 
 
 def resident_mb(process):
-    """Of one that has ended already, none."""
+    """Return the resident memory of a process in MB, 0 if it has ended."""
     with open(f"/proc/{process.pid}/status", encoding="utf-8") as lines:
         sizes = (int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
         return next(sizes, 0) / 1024
 
 
 @pytest.mark.long
-def test_a_suspended_consumer_lets_no_memory_grow(short_scene, undisturbed, tmp_path):
-    """For 5 s by SIGSTOP, as processes."""
+def test_memory_does_not_grow_while_a_consumer_is_suspended(short_scene, undisturbed, tmp_path):
+    """The microphone is suspended for 5 s by SIGSTOP."""
     with Graph(patient(short_scene, tmp_path / "bag"), log=print) as graph:
         for report in graph.progress():
             if report["tick"] == 30:
@@ -82,17 +84,20 @@ def test_a_suspended_consumer_lets_no_memory_grow(short_scene, undisturbed, tmp_
     assert payloads_of(tmp_path / "bag") == undisturbed
 
 
-# A killed node ends the run, which names it and the tick; the bag is closed and can be read.
+# Killed nodes and other failures.
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("victim", NODES)
 def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
-    """With the last tick; the bag is closed and can be read, nothing is left behind."""
+    """The error names the last tick.
+
+    The bag is closed and readable, and no temporary file remains.
+    """
     bag, logged, before = tmp_path / "bag", [], unused()
-    words = rf"node {victim} was ended by signal 9 after tick \d+ \(\w+, \d+ rpm\)"
+    text = rf"node {victim} was ended by signal 9 after tick \d+ \(\w+, \d+ rpm\)"
     graph = Graph(patient(short_scene, bag, pacing=SLOW), log=logged.append)
-    with pytest.raises(RunError, match=words), graph:
+    with pytest.raises(RunError, match=text), graph:
         started = list(graph.processes.values())
         names = mapped(*(node.process.pid for node in started))
         for _ in graph.progress():
@@ -105,8 +110,8 @@ def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
 
 
 @pytest.mark.long
-def test_a_recorder_killed_while_all_are_ended_is_named(short_scene, tmp_path, monkeypatch):
-    """After the drive's end, before the bag is closed: code 1, its name, the bag recovered."""
+def test_a_recorder_killed_at_the_end_of_the_run_is_named(short_scene, tmp_path, monkeypatch):
+    """The run has code 1, and the bag, which was not closed, is recovered."""
 
     def kill_recorder(nodes):
         for node in nodes:
@@ -125,11 +130,12 @@ def test_a_recorder_killed_while_all_are_ended_is_named(short_scene, tmp_path, m
 
 
 @pytest.mark.long
-def test_a_full_disk_ends_the_run_with_its_name(short_scene, tmp_path):
-    """A file may grow to 50 kB here: the recorder reports what it could not write."""
-    limited = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (50_000, 50_000))"
-    whole = "import os; os.environ['PYTHONDONTWRITEBYTECODE'] = '1'"  # else half a module's stays
-    start = f"{whole}; {limited}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
+def test_a_full_disk_ends_the_run_with_an_error(short_scene, tmp_path):
+    """Files are limited to 50 kB, and the error of the recorder states the cause."""
+    limit = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (50_000, 50_000))"
+    # otherwise incomplete .pyc files would remain
+    no_bytecode = "import os; os.environ['PYTHONDONTWRITEBYTECODE'] = '1'"
+    start = f"{no_bytecode}; {limit}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
     arguments = ["cam-rig", "run", str(short_scene), "--bag", str(tmp_path / "bag")]
     code = (
         f"{start}; import sys; sys.argv = {arguments!r}; from cam_rig.cli.main import main; main()"

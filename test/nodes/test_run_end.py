@@ -1,4 +1,4 @@
-"""The run's end without a runner: the drive says so, the bag is closed, the nodes end or stay."""
+"""End of a run without a runner: notification, closed bag, nodes that end or stay."""
 
 import re
 import threading
@@ -27,23 +27,27 @@ LATCHED = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture
-def given(short_scene, tmp_path):
-    """The parameters of nodes, each as of somebody who starts it alone."""
+def parameters(short_scene, tmp_path):
+    """Function that returns the parameters of nodes that are started one by one."""
 
-    def given(*names, **more):
-        own = {RECORDER: {"bag": str(tmp_path / "bag")}, DRIVE: {"patience": 300.0}}
-        return {name: {"scene": str(short_scene)} | own.get(name, {}) | more for name in names}
+    def parameters(*names, **common):
+        special = {RECORDER: {"bag": str(tmp_path / "bag")}, DRIVE: {"patience": 300.0}}
+        scene = {"scene": str(short_scene)}
+        return {name: scene | special.get(name, {}) | common for name in names}
 
-    return given
+    return parameters
 
 
 @pytest.fixture
-def start(given, domain):
-    """Start nodes as `ros2 run` does, each alone; they are ended with the test."""
+def start(parameters, domain):
+    """Function that starts nodes one by one as `ros2 run` does.
+
+    The nodes end with the test.
+    """
     started = []
 
-    def start(*names, **more):
-        for name, arguments in given(*names, **more).items():
+    def start(*names, **common):
+        for name, arguments in parameters(*names, **common).items():
             started.append(NodeProcess(name, arguments, False, lambda _line: None))
         return started
 
@@ -52,18 +56,18 @@ def start(given, domain):
 
 
 def listen(user, kind, topic):
-    """What is published on a topic from now on, and what is latched."""
-    heard = []
-    user.node.create_subscription(kind, topic, heard.append, LATCHED)
-    return heard
+    """Return a list that receives the latched and all future messages of a topic."""
+    messages = []
+    user.node.create_subscription(kind, topic, messages.append, LATCHED)
+    return messages
 
 
-def test_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
-    user, given, undisturbed, tmp_path, capfd
+def test_nodes_end_with_the_run_and_leave_a_closed_bag(
+    user, parameters, undisturbed, tmp_path, capfd
 ):
-    """Code 0 each; the bag holds what one of `cam-rig run` does; each says what it does, once."""
+    """The bag equals that of `cam-rig run`, and each node logs its progress."""
     finished = listen(user, DiagnosticStatus, "/rig/finished")
-    with OneProcess(given(*NODES)) as here:
+    with OneProcess(parameters(*NODES)) as here:
         wait_until(lambda: user.spin(0.1) or not any(map(here.is_running, NODES)))
     assert here.codes == dict.fromkeys(NODES, 0)
     run = FinishedRun.from_message(finished[0])
@@ -79,9 +83,11 @@ def test_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("drive", ["that stays", "started anew"])
-def test_nodes_that_stay_do_another_run_into_another_bag(user, start, undisturbed, tmp_path, drive):
-    """The same run again, and bit for bit: nothing of the first one is left in a node."""
+@pytest.mark.parametrize("drive", ["that stays", "restarted"])
+def test_nodes_that_stay_make_another_run_with_another_bag(
+    user, start, undisturbed, tmp_path, drive
+):
+    """The bags are equal byte by byte: no node keeps state of the first run."""
     nodes = list(start(*NODES[:-1], at_end="stay"))
     first = start(DRIVE, at_end="stay" if drive == "that stays" else "end")[-1]
     if drive == "that stays":
@@ -98,76 +104,80 @@ def test_nodes_that_stay_do_another_run_into_another_bag(user, start, undisturbe
     assert not any(node.has_ended for node in nodes)
     stop_all(nodes)
     assert {node.code for node in nodes} == {0}
-    assert not (tmp_path / "bag_3").exists()  # nothing was recorded in it
+    assert not (tmp_path / "bag_3").exists()  # the bag of a run that was not started
 
 
-def test_nodes_that_wait_say_so_on_diagnostics(user, given):
-    """Once a second of wall time, for whom, though rig time stands."""
-    heard = listen(user, DiagnosticArray, "/diagnostics")
+def test_waiting_nodes_publish_heartbeats(user, parameters):
+    """They name the missing nodes once per second of wall-clock time, at rig time 0."""
+    diagnostics = listen(user, DiagnosticArray, "/diagnostics")
 
-    def beats(name, whom):
-        """Stamps of the heartbeats, s."""
-        now = {"state": "waiting", "waits_for": whom}
+    def heartbeats(name, missing):
+        """Return the stamps (s) of a node's heartbeats with these missing nodes."""
+        expected = {"state": "waiting", "waits_for": missing}
         return [
             message.header.stamp.sec
-            for message in heard
+            for message in diagnostics
             for status in message.status
             if status.name == f"{name}: heartbeat"
-            and {pair.key: pair.value for pair in status.values} == now
+            and {pair.key: pair.value for pair in status.values} == expected
         ]
 
-    with OneProcess(given(DRIVE, "follower")):
-        for name, whom in {
+    with OneProcess(parameters(DRIVE, "follower")):
+        for name, missing in {
             "follower": "cam_drive, law_server",
             DRIVE: "law_server, microphone, recorder",
         }.items():
-            wait_until(lambda name=name, whom=whom: user.spin(0.1) or len(beats(name, whom)) > 2)
-            first, *_, last = beats(name, whom)
-            assert first == last == 0  # rig time, as of all diagnostics: no state has come yet
+            wait_until(
+                lambda name=name, missing=missing: (
+                    user.spin(0.1) or len(heartbeats(name, missing)) > 2
+                )
+            )
+            first, *_, last = heartbeats(name, missing)
+            assert first == last == 0  # the rig time before the first state
 
 
-@pytest.mark.parametrize("how", ["stopped", "no answer"])
-def test_a_drive_that_ends_early_says_why_and_the_bag_is_closed(user, given, tmp_path, how, capfd):
-    """By a signal, or for want of an answer: the other nodes end in order all the same."""
+@pytest.mark.parametrize("reason", ["stopped", "no answer"])
+def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path, reason, capfd):
+    """After a signal or a timeout the other nodes end in order, and the bag is closed."""
     pressures = listen(user, FluidPressure, "/microphone/pressure")
     finished = listen(user, DiagnosticStatus, "/rig/finished")
-    nodes = given(*NODES)
-    nodes[DRIVE] |= {"pacing": "real_time", "patience": 300.0 if how == "stopped" else 5.0}
-    go_on = threading.Event()
+    nodes = parameters(*NODES)
+    nodes[DRIVE] |= {"pacing": "real_time", "patience": 300.0 if reason == "stopped" else 5.0}
+    resume = threading.Event()
     with OneProcess(nodes) as here:
         wait_until(lambda: user.spin(0.1) or len(pressures) > 2)
-        if how == "stopped":
+        if reason == "stopped":
             here.nodes[DRIVE].interrupt()
         else:
-            here.nodes["microphone"]._source.listen = lambda *_: go_on.wait(200.0) and 1.0
+            here.nodes["microphone"]._source.listen = lambda *_: resume.wait(200.0) and 1.0
         wait_until(lambda: user.spin(0.1) or finished)
-        go_on.set()
+        resume.set()
         wait_until(lambda: not any(map(here.is_running, NODES)))
     run = FinishedRun.from_message(finished[0])
-    assert how in run.text
-    held = "from: microphone, and behind it recorder; is it running?"  # which waits for its level
-    assert (held in run.text) == (how == "no answer")
-    codes = dict.fromkeys(NODES, 0) | {DRIVE: 0 if how == "stopped" else 1}
+    assert reason in run.text
+    pending = "from: microphone, and behind it recorder; is it running?"  # it waits for the level
+    assert (pending in run.text) == (reason == "no answer")
+    codes = dict.fromkeys(NODES, 0) | {DRIVE: 0 if reason == "stopped" else 1}
     assert here.codes == codes
     logged = capfd.readouterr().err
     assert f"[follower]: stopped after {here.nodes['follower'].ticks} of {TICKS} ticks" in logged
-    of_drive = f"[cam_drive]: stopped after {run.ticks} of {TICKS} ticks"
-    assert (of_drive in logged) == (how == "stopped") and "done with" not in logged
+    drive_summary = f"[cam_drive]: stopped after {run.ticks} of {TICKS} ticks"
+    assert (drive_summary in logged) == (reason == "stopped") and "done with" not in logged
     assert read_recording(tmp_path / "bag").ticks
 
 
-# The recorder's end: it takes what is in transit, and does not wait for an endless publisher.
+# Messages in transit at the end of a run.
 
 
 @pytest.mark.parametrize(
     ("writes", "written", "seconds"),
     [
         pytest.param([1, 1, 0, 0, 0, 1, 0, 1], 4, 0.02 * (8 + 5), id="with gaps, then none"),
-        pytest.param(cycle([0, 1]), 75, MAX_DRAIN_S, id="for ever, one every 40 ms"),
+        pytest.param(cycle([0, 1]), 75, MAX_DRAIN_S, id="endless, every 40 ms"),
     ],
 )
-def test_the_rest_is_taken_until_nothing_comes(monkeypatch, writes, written, seconds):
-    """An endless publisher is not waited for: the recorder ends before it is killed."""
+def test_messages_in_transit_are_received_for_a_limited_time(monkeypatch, writes, written, seconds):
+    """A node does not wait for an endless publisher, because the runner would kill it."""
     time, writes = SimpleNamespace(s=0.0, monotonic=lambda: time.s), iter(writes)
     node = SimpleNamespace(received=0)
     monkeypatch.setattr(rig_node, "time", time)
@@ -180,15 +190,13 @@ def test_the_rest_is_taken_until_nothing_comes(monkeypatch, writes, written, sec
     assert (node.received, time.s) == (written, pytest.approx(seconds))
 
 
-def test_a_second_recorder_is_refused_and_disturbs_nothing(
-    domain, short_scene, undisturbed, tmp_path
-):
-    """It names the other one; the bag of that is that of an undisturbed run."""
-    words = "this rig has a recorder already, in ROS domain"
+def test_a_second_recorder_is_rejected(domain, short_scene, undisturbed, tmp_path):
+    """The bag of the first recorder equals that of an undisturbed run."""
+    text = "this rig has a recorder already, in ROS domain"
     with OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as here:
         reports = here.progress()
         next(report for report in reports if report["tick"] == 2)
-        with pytest.raises(RunError, match=words):
+        with pytest.raises(RunError, match=text):
             node_of(RECORDER)
         here.nodes[DRIVE].set_pacing("free")
         for _ in reports:
@@ -196,32 +204,38 @@ def test_a_second_recorder_is_refused_and_disturbs_nothing(
     assert payloads_of(tmp_path / "bag") == undisturbed
 
 
-# Nodes whose drive leaves without saying that the run is over.
+# Nodes whose drive leaves without publishing the end of the run.
 
-LONG = int(DRIVE_LOST_S / POLL_S) + 1
+#: Number of polls after which an absent drive counts as lost.
+LOST_POLLS = int(DRIVE_LOST_S / POLL_S) + 1
 
 
 @pytest.fixture
 def poll(make, monkeypatch):
-    """Let a node look so many times whether the drive is there; the node."""
+    """Function that makes a node poll for the drive, and returns the node.
 
-    def poll(name, *looks):
+    Its arguments after the name are pairs: number of drives, and number of polls.
+    """
+
+    def poll(name, *phases):
         node = make(name)
-        absence = LostDriveMonitor(node)
-        for drives, times in looks:
+        monitor = LostDriveMonitor(node)
+        for drives, count in phases:
             monkeypatch.setattr(node, "count_publishers", lambda _topic, drives=drives: drives)
-            for _ in range(times):
-                absence.poll()
+            for _ in range(count):
+                monitor.poll()
         return node
 
     return poll
 
 
-def test_a_node_ends_when_the_drive_has_left_without_a_word(poll, capfd):
-    """It was killed, or the node was suspended while it gave up; not one that was never there, nor
-    one that is discovered again."""
-    here = [(0, 2 * LONG), *[(1, 1), (0, LONG - 2)] * 3]
-    assert not poll("microphone", *here).done.done()
-    node = poll(RECORDER, *here, (0, 2))
+def test_a_node_ends_if_the_drive_is_lost(poll, capfd):
+    """A drive was killed, or left while the node was suspended.
+
+    A drive that has never been present, or is discovered again, does not count as lost.
+    """
+    not_lost = [(0, 2 * LOST_POLLS), *[(1, 1), (0, LOST_POLLS - 2)] * 3]
+    assert not poll("microphone", *not_lost).done.done()
+    node = poll(RECORDER, *not_lost, (0, 2))
     assert node.done.done() and node.failure is None
     assert "the drive has left without publishing /rig/finished" in capfd.readouterr().err

@@ -1,4 +1,4 @@
-"""Nothing that others say can stop a node or make it lie."""
+"""Robustness of the nodes against messages of other programs."""
 
 import math
 from array import array
@@ -42,7 +42,7 @@ def array_message(dims, data):
 
 
 def hostile():
-    """(topic, message) of each kind of what a hostile program could publish."""
+    """Yield topic and message for each kind of invalid message."""
     nan, law = math.nan, [("tm21", 2), (PIECE_LABEL, 4)]
     yield "/cam/state", state(3, [nan], [1.0])
     yield "/cam/state", state(3, [], [])
@@ -64,29 +64,35 @@ def hostile():
 
 
 def forge(user, topic, message):
-    """Another program's publisher, which every subscriber of the topic has discovered."""
-    made = user.node.create_publisher(type(message), topic, 10 if topic in OPEN else LATCHED)
-    while made.get_subscription_count() == 0:
+    """Publish a message as another program, and return the publisher.
+
+    The message is published after a subscriber of the topic has been discovered.
+    """
+    publisher = user.node.create_publisher(type(message), topic, 10 if topic in OPEN else LATCHED)
+    while publisher.get_subscription_count() == 0:
         user.spin(0.02)
-    made.publish(message)
-    return made
+    publisher.publish(message)
+    return publisher
 
 
-#: What is not any node's own: a command, and every node's parameter events.
+#: Topics without an owner that are not latched.
 OPEN = ("/cam/rpm", "/parameter_events")
 
 
-def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, capfd):
-    """Malformed, impossible, huge, from the past: the node warns of it, goes on, ends in order."""
+def test_invalid_messages_do_not_end_a_node(user, short_scene, tmp_path, capfd):
+    """The node logs a warning, continues and ends in order.
+
+    The messages are malformed, impossible, huge or from the past.
+    """
     for name in ("follower", "microphone", "law_server", "cam_drive", "recorder"):
-        heard = {topic.name for topic in ABOUT[name].takes}
-        given = {"scene": str(short_scene), "at_end": "wait"}
-        given |= {"bag": str(tmp_path / "bag")} if name == "recorder" else {}
+        subscribed = {topic.name for topic in ABOUT[name].subscribed}
+        parameters = {"scene": str(short_scene), "at_end": "wait"}
+        parameters |= {"bag": str(tmp_path / "bag")} if name == "recorder" else {}
         logged = ""
-        with OneProcess({name: given}) as here:
+        with OneProcess({name: parameters}) as here:
             publishers = {}
             for topic, message in hostile():
-                if topic in heard:
+                if topic in subscribed:
                     publishers[topic] = publishers.get(topic) or forge(user, topic, message)
                     publishers[topic].publish(message)
                     publishers[topic].publish(b"\0\1\0\0\xff\xff")
@@ -104,8 +110,8 @@ def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, capfd):
         assert logged.count("rejected: ") < 60, "the warnings are throttled"
 
 
-def open_to_all():
-    """(topic, message) of what any program may publish, with impossible content."""
+def open_topics():
+    """Yield topic and impossible message for the topics that any program may publish."""
     yield "/cam/rpm", Float64(data=math.nan)
     yield "/cam/rpm", Float64(data=-1e9)
     for kind in (77, 4):
@@ -116,17 +122,22 @@ def open_to_all():
     yield "/rig/ready", String(data="nobody")
 
 
-def test_messages_on_open_topics_change_nothing(user, short_scene, undisturbed, tmp_path, capfd):
-    """Impossible speeds, parameter events that the law server denies, other robots' diagnostics, a
-    flood of each: the bag is the undisturbed one, byte by byte."""
+def test_impossible_messages_on_open_topics_do_not_affect_the_run(
+    user, short_scene, undisturbed, tmp_path, capfd
+):
+    """The bag equals that of an undisturbed run, byte by byte.
+
+    The messages are impossible speeds, parameter events that the law server does not confirm and
+    diagnostics of other robots. Each message is published 100 times.
+    """
     bag, publishers = tmp_path / "bag", {}
     with OneProcess(patient(short_scene, bag, pacing=SLOW)) as here:
         reports = here.progress()
         next(report for report in reports if report["tick"] == 2)
-        for topic, message in open_to_all():
+        for topic, message in open_topics():
             publishers[topic] = publishers.get(topic) or forge(user, topic, message)
             for _ in range(100):
-                with suppress(RCLError):  # a busy machine: the flood is as high as it can be
+                with suppress(RCLError):  # a writer may be blocked on a busy machine
                     publishers[topic].publish(message)
         user.set("cam_drive", "pacing", "free")
         for _ in reports:
@@ -143,9 +154,9 @@ def test_messages_on_open_topics_change_nothing(user, short_scene, undisturbed, 
 )
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
     """The error names the topic and the other node."""
-    words = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
+    text = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
     here = OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW))
-    with pytest.raises(RunError, match=words), here:
+    with pytest.raises(RunError, match=text), here:
         reports = here.progress()
         next(report for report in reports if report["tick"] == 2)
         forge(user, topic, message)
@@ -153,8 +164,11 @@ def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, mes
             pass
 
 
-def test_a_law_that_was_forged_first_ends_the_run(user, short_scene, tmp_path):
-    """Latched before the law server starts: the run ends, and names the other node."""
+def test_a_law_that_was_forged_before_the_start_ends_the_run(user, short_scene, tmp_path):
+    """It is latched before the law server starts.
+
+    The error names the topic.
+    """
     law = [("tm21", 2), (PIECE_LABEL, 4)]
     forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
     publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)
@@ -165,8 +179,8 @@ def test_a_law_that_was_forged_first_ends_the_run(user, short_scene, tmp_path):
             pass
 
 
-def test_a_message_beyond_its_topics_length_is_not_read():
-    """A law of 64 MB is refused by its length, whatever is in it."""
+def test_a_message_that_is_too_long_for_its_topic_is_rejected():
+    """A law of 64 MB is rejected by its length, before it is read."""
     huge = bytes(64 << 20)
     with pytest.raises(RefusedError, match="67108864 bytes; allowed: 1048576"):
         require_length(topics.LAW_COEFFICIENTS, huge)

@@ -1,4 +1,4 @@
-"""A run seen while it runs: the same curves as of its bag."""
+"""Live view of a run: comparison with the view of its bag."""
 
 import numpy as np
 import pytest
@@ -20,32 +20,37 @@ CURVES = ("lift/follower", "lift/law", "velocity/follower", "force/contact", "le
 
 
 def curves(path):
-    """Every curve's values in order of rig time, of all recordings: each viewer begins its own."""
-    found, reader = {name: [] for name in CURVES}, RrdReader(path)
+    """Return rig times and values of every curve, shape (n, 2), in order of rig time.
+
+    Each viewer starts a recording, and the values of all recordings are joined.
+    """
+    result, reader = {name: [] for name in CURVES}, RrdReader(path)
     streams = [reader.stream(store=recording) for recording in reader.recordings()]
     for chunk in (chunk for stream in streams for chunk in stream.to_chunks()):
         name = chunk.entity_path.removeprefix("/plots/")
         batch = chunk.to_record_batch()
-        if name in found and "Scalars:scalars" in batch.schema.names:
+        if name in result and "Scalars:scalars" in batch.schema.names:
             times = batch.column("rig_time").cast("int64").to_pylist()
             values = batch.column("Scalars:scalars").to_pylist()
-            found[name] += zip(times, [value[0] for value in values], strict=True)
-    return {name: np.array(sorted(rows)) for name, rows in found.items()}
+            result[name] += zip(times, [value[0] for value in values], strict=True)
+    return {name: np.array(sorted(rows)) for name, rows in result.items()}
 
 
-def arrived(file, recorded):
-    """The curves, once the server has written them to the end of the recorded ones; else none."""
+def complete_curves(file, recorded):
+    """Return the curves if the server has written all of them to the end, else None."""
     try:
-        seen = curves(file)
-    except RuntimeError:  # it ends in the middle of what is being written
+        live = curves(file)
+    except RuntimeError:  # the file ends in the middle of a chunk that is being written
         return None
-    ends = (seen[name].size and seen[name][-1][0] >= recorded[name][-1][0] for name in CURVES)
-    return seen if all(ends) else None
+    ends = (live[name].size and live[name][-1][0] >= recorded[name][-1][0] for name in CURVES)
+    return live if all(ends) else None
 
 
-def test_the_live_picture_is_the_bags(domain, tmp_path):
-    """All six nodes run, no tick is missing in bag or picture, and the numbers are the same. Of
-    every two samples of this scene a live curve has the least and the greatest."""
+def test_live_curves_equal_those_of_the_bag(domain, tmp_path):
+    """No tick is missing in bag and live view, and the values are equal.
+
+    Live curves have at least half of the samples, with the smallest and the largest value.
+    """
     bag, folder = tmp_path / "bag", tmp_path / "page"
     folder.mkdir()
     run_to_end(QUICK, bag, screen=str(folder))
@@ -53,24 +58,24 @@ def test_the_live_picture_is_the_bags(domain, tmp_path):
     save_recording(bag, tmp_path / "bag.rrd")
     recorded = curves(tmp_path / "bag.rrd")
     assert all(recorded[name].size for name in CURVES)
-    seen = wait_until(lambda: arrived(newest_recording(folder), recorded))
+    live = wait_until(lambda: complete_curves(newest_recording(folder), recorded))
     for name in CURVES:
-        times, values = seen[name].T
-        there = np.isin(recorded[name][:, 0], times)
-        np.testing.assert_array_equal(seen[name], recorded[name][there], err_msg=name)
+        times, values = live[name].T
+        is_live = np.isin(recorded[name][:, 0], times)
+        np.testing.assert_array_equal(live[name], recorded[name][is_live], err_msg=name)
         assert np.diff(times).max() <= 2.0 * np.diff(recorded[name][:, 0]).max(), name
-        whole = recorded[name][:, 1]
-        assert (values.min(), values.max()) == (whole.min(), whole.max())
+        all_values = recorded[name][:, 1]
+        assert (values.min(), values.max()) == (all_values.min(), all_values.max())
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "pacing"),
     [("/no/such/folder", "free"), (stream_address(free_port()), "1x")],
-    ids=["nobody listens", "killed whenever it is there"],
+    ids=["invalid address", "killed repeatedly"],
 )
-def test_a_run_goes_on_without_a_viewer_that_cannot_stay(forked, domain, tmp_path, address, pacing):
-    """The drive stops waiting for it, and the bag is whole."""
+def test_a_run_continues_without_a_failed_viewer(forked, domain, tmp_path, address, pacing):
+    """The drive stops waiting for it, and the bag is complete."""
     bag, logged = tmp_path / "bag", []
     with Graph(patient(QUICK, bag, address, pacing=pacing), log=logged.append) as graph:
         for report in graph.progress():

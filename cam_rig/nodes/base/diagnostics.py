@@ -17,7 +17,10 @@ from cam_rig.units import NS
 if TYPE_CHECKING:
     from cam_rig.nodes.base.rig_node import RigNode
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+# Levels of a status.
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
 #: Period (s, wall clock) of the heartbeats.
 HEARTBEAT_PERIOD_S = 1.0
 #: Time (s, wall clock) after a status message during which no heartbeat is needed. Slightly less
@@ -78,13 +81,13 @@ class Diagnostics:
 
 
 class Heartbeat:
-    """Publishes the activity of a node once per second while its status does not change.
+    """Publishes the activity of a node each second while its status is constant.
 
     Rig time stops with the cam, so a heartbeat has the stamp of the newest status or state of its
-    node, 0 before the first. It shows that the node is alive and what it waits for. The suffix
-    `HEARTBEAT` of the name distinguishes heartbeats from status messages, and the recorder ignores
-    them. They have a publisher with a history of one message, so that they do not displace status
-    messages from the history that late subscribers receive.
+    node, 0 before the first. It shows that the node is alive, and for which nodes it waits. The
+    suffix `HEARTBEAT` of the name distinguishes heartbeats from status messages, and the recorder
+    ignores them. They have a publisher with a history of one message, so that they do not displace
+    status messages from the history that late subscribers receive.
     """
 
     def __init__(self, node: RigNode, diagnostics: Diagnostics) -> None:

@@ -1,4 +1,4 @@
-"""Parameters of a node: declared from the table of `parameters`, converted, checked."""
+"""Parameters of a node: declaration, conversion and checks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ParameterTable:
     typing for this, because rclpy (Kilted) reports a wrong type in step two as "expected '3' got
     '4'".
 
-    ``node`` must be created with ``automatically_declare_parameters_from_overrides=True``. This is
+    `node` must be created with ``automatically_declare_parameters_from_overrides=True``. This is
     the only public access of rclpy (Kilted) to the values of the command line and of parameter
     files before the parameters are declared with their types.
 
@@ -78,7 +78,7 @@ class ParameterTable:
         return warnings
 
     def _convert(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return the parameters with converted values, such as 250.0 for 250 and "20x" for 20."""
+        """Return the parameters with converted values, such as "20x" for 20."""
         converted = []
         for parameter in parameters:
             value = parameter.value
@@ -105,16 +105,17 @@ class ParameterTable:
 
 
 def make_descriptor(spec: Spec) -> ParameterDescriptor:
-    """Return the descriptor, which `ros2 param describe` shows and rclpy checks ranges by."""
+    """Return the descriptor, by which rclpy describes and checks a parameter."""
     descriptor = ParameterDescriptor(
         description=spec.description, read_only=not spec.live, dynamic_typing=True
     )
-    if spec.least is not None and spec.most is not None:
+    low, high = spec.min_value, spec.max_value
+    if low is not None and high is not None:
         if isinstance(spec.default, int):
-            bounds = IntegerRange(from_value=int(spec.least), to_value=int(spec.most), step=1)
+            bounds = IntegerRange(from_value=int(low), to_value=int(high), step=1)
             descriptor.integer_range = [bounds]
         else:
-            span = FloatingPointRange(from_value=spec.least, to_value=spec.most, step=0.0)
+            span = FloatingPointRange(from_value=low, to_value=high, step=0.0)
             descriptor.floating_point_range = [span]
     if spec.choices:
         descriptor.additional_constraints = f"one of: {', '.join(spec.choices)}"

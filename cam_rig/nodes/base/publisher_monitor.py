@@ -23,7 +23,7 @@ class PublisherMonitor:
     """Ends the run if another node publishes on one of the topics of this node.
 
     The number of publishers is polled, because the matched event of rclpy reports only endpoints
-    that match this node's own subscriptions, and an owner does not subscribe to its own topics.
+    that match a subscription of this node, and an owner does not subscribe to its topics.
     """
 
     def __init__(self, node: RigNode) -> None:
@@ -36,7 +36,7 @@ class PublisherMonitor:
         self._topics.append(topic)
 
     def find_publishers(self, topic: Topic) -> dict[bytes, str]:
-        """Return the full node name of each publisher of a topic by DDS endpoint identifier.
+        """Return the full node name of each publisher of a topic by DDS identifier.
 
         Publishers of another message type are left out, because DDS never connects them. The call
         blocks up to `MAX_NAME_WAIT_S` while the name of a node is not discovered yet.

@@ -40,7 +40,7 @@ class PublishingMonitor:
         self._times.append(publisher.publishing_s)
 
     def check(self, now: float) -> None:
-        """Warn if publishing took too much of the time since the last check; `now` in s."""
+        """Warn if publishing took much of the time since the last check (`now` in s)."""
         times = [publisher.publishing_s for _, publisher in self._publishers]
         spent = [after - before for after, before in zip(times, self._times, strict=True)]
         duration, total = now - self._checked_at, sum(spent)

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, cast
 
 from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
@@ -40,9 +39,9 @@ MAX_BLOCKED_S = 60.0
 #: Time (s, wall clock) for messages in transit at the end of a run. The runner kills a node that
 #: has not ended after 10 s.
 MAX_DRAIN_S = 3.0
-#: Duration (s, wall clock) of one spin while draining, and number of spins without a message
-#: after which the queues are considered empty.
+#: Duration (s, wall clock) of a spin while messages in transit are processed.
 DRAIN_SPIN_S = 0.02
+#: Number of spins without a message after which the queues are considered empty.
 QUIET_SPINS = 5
 #: Exceptions that reading a message of the right type but with invalid content can raise.
 INVALID_CONTENT = (
@@ -94,7 +93,7 @@ class RigNode(Node):
     their timers with `create_wall_timer`. These catch errors: a message that cannot be used is
     logged as a warning, and any other error of the rig ends the process through `fail`.
 
-    All callbacks run on the one thread of the executor, so the state of a node needs no lock. The
+    All callbacks run on the thread of the executor, so the state of a node needs no lock. The
     signal handler that calls `interrupt` runs on the same thread.
 
     Attributes
@@ -112,18 +111,16 @@ class RigNode(Node):
     """
 
     #: True if callbacks need the publisher and sequence number of each message. The events
-    #: executor of rclpy does not pass them; the other one uses 0.1 ms more CPU time per message.
+    #: executor of rclpy does not pass them. The other executor uses 0.1 ms more CPU time per
+    #: message.
     needs_message_info = False
     #: Nodes whose messages this node needs before its first tick.
     waits_for: tuple[str, ...] = ("cam_drive",)
     #: Number of runs that this process has completed (parameter at_end: stay).
     runs_before: ClassVar[int] = 0
-    #: Logger of the newest node of this process, also while the node is being created.
-    process_logger: ClassVar[RcutilsLogger | None] = None
 
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        RigNode.process_logger = self.get_logger()
         self._require_own_name(name)
         self.done: Future = Future()
         self.failure: CamRigError | None = None
@@ -169,11 +166,11 @@ class RigNode(Node):
                 )
 
     def _require_own_topic(self, topic: Topic) -> None:
-        """Raise ConfigError if a topic is remapped: nodes and bags know it by its own name."""
+        """Raise ConfigError if a topic is remapped: nodes and bags need its original name."""
         expected = topic.within(self.get_namespace().rstrip("/"))
-        if (found := self.resolve_topic_name(topic.relative)) != expected:
+        if (actual := self.resolve_topic_name(topic.relative)) != expected:
             raise ConfigError(
-                f"the topic {expected} cannot be remapped, got {found}; remove the remapping, or "
+                f"the topic {expected} cannot be remapped, got {actual}; remove the remapping, or "
                 "separate rigs by namespace: -r __ns:=/rig1"
             )
 
@@ -192,14 +189,14 @@ class RigNode(Node):
         return publisher
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to a topic; `callback` takes the message."""
+        """Subscribe to a topic with a `callback` that takes the message."""
         kind = message_class(topic)
         return self.subscribe_raw(topic, lambda cdr: callback(deserialize_message(cdr, kind)))
 
     def subscribe_raw(
         self, topic: Topic, callback: Callable[..., None], histories: int = 1
     ) -> Subscription:
-        """Subscribe to a topic; `callback` takes the serialized message.
+        """Subscribe to a topic with a `callback` that takes the serialized message.
 
         The message is deserialized inside the guarded callback, because rclpy would propagate a
         deserialization error to the executor and end the process. If `needs_message_info` is set,
@@ -228,7 +225,10 @@ class RigNode(Node):
         )
 
     def create_trigger(self, service: str, action: Callable[[], str]) -> None:
-        """Create the service `~/service` (std_srvs/Trigger); `action` returns the reply text."""
+        """Create the service `~/service` (std_srvs/Trigger).
+
+        `action` returns the text of the reply.
+        """
 
         def on_request(_request: Any, response: Any) -> Any:
             try:
@@ -258,7 +258,9 @@ class RigNode(Node):
         self.get_logger().warning(f"rejected: {error}", throttle_duration_sec=1.0)
 
     def _guard(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback that handles errors; `name` is the topic or service in messages.
+        """Return a callback that handles errors.
+
+        `name` is the topic or service in error messages.
 
         `wraps` keeps the signature, by which rclpy decides whether to pass the message info.
         """
@@ -305,7 +307,7 @@ class RigNode(Node):
         return progress_text(self.ticks, self.total_ticks, self.ticks >= self.total_ticks)
 
     def report_ready(self) -> None:
-        """Publish (latched) that this node receives messages, and the identity of its scene."""
+        """Publish (latched) that this node is ready, and the identity of its scene."""
         identity = scene_identity(self.settings.get("scene", ""))
         text = f"{self.get_name()} {identity}".rstrip()
         self._ready_publisher.publish(message_class(READY)(data=text))
@@ -314,7 +316,7 @@ class RigNode(Node):
 
     @property
     def stays(self) -> bool:
-        """True if the run has ended and this process waits for another one."""
+        """True if the run has ended and this process waits for another run."""
         return bool(self.rig_endpoints) and self.settings.get("at_end") == STAY
 
     def monitor_run_end(self) -> None:
@@ -356,14 +358,23 @@ class RigNode(Node):
             quiet = quiet + 1 if self.received == before else 0
 
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Notify the other nodes of the end; called once, while messages are still received."""
+        """Notify the other nodes of the end.
+
+        The method is called once, while messages are still received.
+        """
 
     def close(self) -> None:
-        """Release the resources of the node; called once, after the executor has stopped."""
+        """Release the resources of the node.
+
+        The method is called once, after the executor has stopped.
+        """
 
 
 def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks") -> str:
-    """Return how far a node has come at its end; a `total` of 0 is unknown."""
+    """Return the progress of a node at its end as text.
+
+    A `total` of 0 is unknown.
+    """
     if is_complete:
         return f"done with {done} {unit}"
     # a run that an operator has reset may have more ticks than its scene
@@ -371,7 +382,7 @@ def progress_text(done: int, total: int, is_complete: bool, unit: str = "ticks")
 
 
 def scene_identity(scene: str) -> str:
-    """Return a scene's name and CRC-32 such as quick#1c291ca3, or an empty string without a file.
+    """Return a scene's name and CRC-32 such as quick#1c291ca3, or "" without a file.
 
     All nodes of a run must have the same scene. The drive compares the identities.
     """

@@ -1,4 +1,4 @@
-"""End of a run: the drive publishes /rig/finished, the recorder closes its bag, the nodes end.
+"""End of a run: /rig/finished, the closed bag, and the end of the nodes.
 
 The drive, or the player, publishes `FINISHED` and stays until the recorder has closed its bag. The
 other nodes end when the drive has left, because late subscribers may request their latched messages
@@ -44,23 +44,23 @@ def find_endpoints(node: Node, *names: str) -> Endpoints:
     }
 
 
-def have_left(node: Node, known: Endpoints) -> bool:
-    """Return True if discovery reports none of the known publishers."""
-    present = find_endpoints(node, *known)
-    return not any(known[name] & present[name] for name in known)
+def have_left(node: Node, endpoints: Endpoints) -> bool:
+    """Return True if discovery does not report any of the endpoints."""
+    present = find_endpoints(node, *endpoints)
+    return not any(endpoints[name] & present[name] for name in endpoints)
 
 
-def wait_until_gone(node: Node, known: Endpoints, is_stopped: Callable[[], bool]) -> None:
-    """Block until all known publishers have left or `is_stopped` returns True."""
-    while not (have_left(node, known) or is_stopped()):
+def wait_until_gone(node: Node, endpoints: Endpoints, is_stopped: Callable[[], bool]) -> None:
+    """Block until all endpoints have left or `is_stopped` returns True."""
+    while not (have_left(node, endpoints) or is_stopped()):
         time.sleep(POLL_S)
 
 
 def create_staying_node(name: str) -> Node:
-    """Create a hidden node that keeps the DDS participant of the process between two runs.
+    """Create a hidden node that keeps the DDS participant between two runs.
 
     A participant that is created again in a process has the same identifier. A remote node that has
-    not noticed the end of the previous one would ignore the announcements of the new one.
+    not detected the end of the previous participant would ignore the announcements of the new one.
     """
     return rclpy.create_node(
         f"_{name}_between_runs",
@@ -87,19 +87,22 @@ class FinishedRun(NamedTuple):
 
     @classmethod
     def from_message(cls, message: DiagnosticStatus) -> FinishedRun:
-        """Return the content of a message; invalid content raises ValueError or KeyError."""
+        """Return the content of a message.
+
+        Invalid content raises ValueError or KeyError.
+        """
         values = {pair.key: pair.value for pair in message.values}
         return cls(message.level, message.message, int(values["ticks"]), int(values["stamp_ns"]))
 
 
 class LostDriveMonitor:
-    """Ends a node whose drive was present and has left without publishing /rig/finished."""
+    """Ends a node whose drive has left without publishing /rig/finished."""
 
     def __init__(self, node: RigNode) -> None:
         self._node, self._was_present, self._polls_without = node, False, 0
 
     def poll(self) -> None:
-        """Check whether the drive is present; to be called every `POLL_S`."""
+        """Check every `POLL_S` whether the drive is present."""
         if self._node.count_publishers(topics.FINISHED.relative) > 0:
             self._was_present, self._polls_without = True, 0
         elif self._was_present:
