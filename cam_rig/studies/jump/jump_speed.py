@@ -173,8 +173,8 @@ def jump_speed(
         An argument has another type, the rig has only one of the two numbers, the arrays have
         different lengths, or the duration is above 60 s.
     DynamicsError
-        Contact is lost or kept at every speed, or a steady state does not exist. With arrays the row
-        of the rig contains the reason instead.
+        Contact is lost or kept at every speed, or a steady state does not exist. With arrays the
+        row of the rig contains the reason instead.
 
     Examples
     --------
