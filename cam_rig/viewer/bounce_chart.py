@@ -108,12 +108,14 @@ class BounceChart:
         if self._last is not None and self._last[0] == start.cam:
             samples = np.column_stack([self._last[1], samples])
         self._last = start.cam, samples[:, -1]
-        at, law = (float(time[-1]), float(angle[-1])), self._loaded.laws[start.cam]
+        time_angle, law = (float(time[-1]), float(angle[-1])), self._loaded.laws[start.cam]
         turned, gaps = gaps_at_zero(law, samples)
-        self._add(f"{GAPS}/{start.cam}", at, self._gap.place(turned * RPM_PER_RAD_S, gaps * 1e3))
+        self._add(
+            f"{GAPS}/{start.cam}", time_angle, self._gap.place(turned * RPM_PER_RAD_S, gaps * 1e3)
+        )
         landed = impulse > 0.0
         degrees, rpm = np.degrees(angle[landed] % TURN), speed[landed] * RPM_PER_RAD_S
-        self._add(f"{LANDINGS}/{start.cam}", at, self._landing.place(rpm, degrees))
+        self._add(f"{LANDINGS}/{start.cam}", time_angle, self._landing.place(rpm, degrees))
 
     def flush(self) -> None:
         """Send the points added since the last call."""
@@ -124,6 +126,6 @@ class BounceChart:
             self._canvas.rows(entity, times, columns.partition([*map(len, points)]))
         self._rows = {}
 
-    def _add(self, entity: str, at: tuple[float, float], points: FloatArray) -> None:
+    def _add(self, entity: str, time_angle: tuple[float, float], points: FloatArray) -> None:
         if len(points):
-            self._rows.setdefault(entity, []).append((at, points))
+            self._rows.setdefault(entity, []).append((time_angle, points))

@@ -172,10 +172,10 @@ def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool)
 
     if not web:
         require_display()
-    found = bag or newest_bag()
+    path_of_bag = bag or newest_bag()
     with temporary_folder() as folder:
-        path = folder / f"{found.resolve().name}.rrd"
-        begin = convert(found, scene, path, options, force=False)
+        path = folder / f"{path_of_bag.resolve().name}.rrd"
+        begin = convert(path_of_bag, scene, path, options, force=False)
         if not web:
             return show(path)
         from cam_rig.viewer.rerun_page import serve_file

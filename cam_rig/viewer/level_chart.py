@@ -150,10 +150,10 @@ class LevelChart:
                 ends[cam] = self._measured.levels[cam][max(self._measured.levels[cam])]
         return ends
 
-    def _draw_names(self, at: tuple[int, float] | None) -> None:
+    def _draw_names(self, start: tuple[int, float] | None) -> None:
         """Draw each cam's name next to its last point.
 
-        With `at`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
+        With `start`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
         them for every time.
         """
         ends, titles = self._ends(), shown_cams(self._loaded)
@@ -166,11 +166,11 @@ class LevelChart:
         positions[:, 1] = spread_apart(positions[:, 1] - 0.04 * self._axes.height, STEP)
         colours = np.array([*map(of_cam, ends)], np.uint32)
         style: dict[str, Any] = {"labels": [titles[cam] for cam in ends], "colors": colours}
-        if at is None:
+        if start is None:
             self._canvas.set_style(f"{VIEW}/names", rr.Points2D, positions=positions, **style)
         else:
             self._canvas.points(
-                f"{VIEW}/names", self._canvas.times_at(at[0] / NS, at[1]), positions, **style
+                f"{VIEW}/names", self._canvas.times_at(start[0] / NS, start[1]), positions, **style
             )
 
     def _points(self, cam: str) -> FloatArray:

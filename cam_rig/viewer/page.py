@@ -143,13 +143,13 @@ class PageTime:
         """
         (text, *_) = parse_qs(query).get("ns", [""])
         try:
-            shown = int(text) / NS
+            rig_time = int(text) / NS
         except ValueError:
             return
         self._open.set()
-        if shown < 0.0 or not self._driven:
+        if rig_time < 0.0 or not self._driven:
             return
-        index, now = bisect_left(self._driven, shown), self._clock()
+        index, now = bisect_left(self._driven, rig_time), self._clock()
         late = 0.0 if index == len(self._driven) else now - self._when[index]
         self._reported, self.longest = (now, late), max(late, self.longest or 0.0)
 

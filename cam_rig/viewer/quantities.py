@@ -114,8 +114,8 @@ def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
     starts = np.arange(rows.shape[0]) * bucket
     pairs = np.stack([starts + rows.argmin(axis=1), starts + rows.argmax(axis=1)], axis=1)
     pairs.sort(axis=1)
-    kept = pairs.ravel()
-    return kept[np.append(True, kept[1:] != kept[:-1])]
+    indices = pairs.ravel()
+    return indices[np.append(True, indices[1:] != indices[:-1])]
 
 
 @dataclass
@@ -138,9 +138,11 @@ class SeriesWriter:
         """Add ``values`` (SI) at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
         if values.size == 0:
             return
-        kept = extremes(values, self.bucket)
-        self._parts.append(np.stack([time[kept], angle[kept], values[kept] * self.series.factor]))
-        self._rows += kept.size
+        indices = extremes(values, self.bucket)
+        self._parts.append(
+            np.stack([time[indices], angle[indices], values[indices] * self.series.factor])
+        )
+        self._rows += indices.size
         if self._rows >= ROWS_AT_ONCE:
             self.flush()
 
@@ -271,10 +273,10 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
             values.append(shaft.tick(tick.cam, tick.interval, tick.time))
         new_limits = np.array([[row.min(), row.max()] for row in values])
         limits[tick.cam] = _wider(limits.get(tick.cam, new_limits), new_limits)
-    whole = reduce(_wider, limits.values())
+    overall = reduce(_wider, limits.values())
     by_cam = {cam: _ranges(rows, values) for cam, values in limits.items()}
     gap_axes = {**close_gap([*gaps.values()]), ZERO_GAP: round_range(0.0, max_gap_at_zero * 1e3)}
-    return SceneRanges({**_ranges(rows, whole), **gap_axes}, by_cam)
+    return SceneRanges({**_ranges(rows, overall), **gap_axes}, by_cam)
 
 
 def _shortened(scene: SceneConfig) -> SceneConfig:

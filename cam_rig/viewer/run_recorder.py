@@ -47,7 +47,7 @@ class RunRecorder:
         Speed in rpm at which the turns of the cams are overlaid and drawn side by side.
     ranges : SceneRanges
         Axis ranges of the quantities.
-    whole : bool
+    draws_run : bool
         True if the run itself is drawn, too.
     pace : FramePace, optional
         Rate of the pictures of a live run. None for a finished run, whose results are drawn for
@@ -63,18 +63,18 @@ class RunRecorder:
         bucket: int,
         compared: float,
         ranges: SceneRanges,
-        whole: bool = True,
+        draws_run: bool = True,
         pace: FramePace | None = None,
         send_every: float = SEND_EVERY_S,
     ) -> None:
         self._canvas = Canvas(stream, time_columns if pace is None else rig_time_alone)
         self._loaded, self._compared, self._ranges = loaded, compared, ranges
         self._finished, self._send_every = pace is None, send_every
-        self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if whole else None
+        self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if draws_run else None
         self._levels = LevelChart(self._canvas, loaded)
         self._results = ResultTable(loaded)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
-        shaft = whole and loaded.scene.model == TORSIONAL
+        shaft = draws_run and loaded.scene.model == TORSIONAL
         self._twist = ShaftTwist(loaded) if shaft else None
         self._without_sound: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None

@@ -241,9 +241,9 @@ class ResultTable:
 
     def _line(self, cam: str, speed: float, first: bool) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
-        shown = "settling" if level is None else f"{level:.4g}"
+        level_text = "settling" if level is None else f"{level:.4g}"
         title = shortened(self._loaded.cams[cam].title, MAX_TITLE) if first else ""
-        return f"| {title} | {rpm:.4g} | {shown} {self._motion[cam, speed]}"
+        return f"| {title} | {rpm:.4g} | {level_text} {self._motion[cam, speed]}"
 
 
 def about(loaded: LoadedScene, bucket: int) -> str:

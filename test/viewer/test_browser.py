@@ -1,4 +1,4 @@
-"""The page in a real browser: every curve is visible, and a missing curve is detected."""
+"""The page in a real browser: every curve is visible, a missing curve detected."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def path(bag, tmp_path_factory):
 
 @pytest.mark.long
 def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path):
-    """There are no errors or requests to other hosts, and the cursor jumps to the start."""
+    """The page causes no errors or requests to other hosts."""
     end = float(bag.samples[0, -1])
     with serve_file(path, BEGIN * end) as address:
         visit = look(chromium, address, SHOWN | UNUSED, set(UNUSED), BEGIN * end)

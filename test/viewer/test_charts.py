@@ -100,7 +100,7 @@ def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
 
 
 def test_a_row_at_the_end_of_a_turn_is_at_0_degrees_of_the_next():
-    """The times of the drive are rounded to whole ns, so the angle may be slightly less."""
+    """The times of the drive are whole ns, so the angle may be slightly less."""
     turns = np.arange(1, 700)
     for rpm in (60.0, 200.0, 400.0, 3000.0, 10_000.0):
         speed = rpm * np.pi / 30.0

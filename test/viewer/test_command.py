@@ -118,7 +118,7 @@ def test_invalid_options_are_refused(bag, tmp_path):
 
 
 def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
-    """The speeds are read from the bag, because an operator may have changed the scene's."""
+    """The speeds are read from the bag instead of the scene."""
     path = tmp_path / "scenes" / "other.yaml"
     path.parent.mkdir()
     for part in ("cams", "rigs"):

@@ -43,7 +43,7 @@ def show(bag, address, flush=False):
 
 @pytest.fixture(scope="module")
 def arrived(bag, tmp_path_factory):
-    """Return the chunks of a live view in the order in which Rerun's server received them."""
+    """Return the chunks of a live view in the order of their arrival at a server."""
     path, port = tmp_path_factory.mktemp("live") / "live.rrd", free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
@@ -138,7 +138,7 @@ def test_the_results_report_the_state_of_the_run(arrived):
 
 
 def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
-    """From the first state on the new caption is shown, without old readings or curves."""
+    """The first state has the new caption, without old readings or curves."""
     changes = [state.time_ns for state in cam_states(bag.loaded.scene)][::4][:-1]
     captions = rows(arrived, "/turn/caption", "Points2D:labels")
     assert [time for time, _ in captions] == changes
@@ -154,7 +154,7 @@ def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
 
 
 def rows(chunks, entity, column):
-    """Return the rig times (ns) of an entity and the values of a column, in order of time."""
+    """Return the rig times (ns) and the values of a column, in order of time."""
     pairs = []
     for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
         if "rig_time" in batch.schema.names and column in batch.schema.names:
@@ -172,7 +172,7 @@ def test_a_curve_has_two_points_per_position_of_the_screen():
 
 
 def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypatch):
-    """At half real time there are 20 pictures per second, at most a tick and 0.35 s late."""
+    """At half real time 20 pictures per second are at most a tick and 0.35 s late."""
     now, factor = [100.0], 0.5
     sent = {}
 
@@ -207,7 +207,7 @@ STEP_S = 0.25
 
 
 class Page:
-    """Page that draws `speed` pictures per second, with its clock and its waiting pictures."""
+    """Page that draws `speed` pictures per second, with a clock and a queue."""
 
     def __init__(self, speed):
         self.speed, self.now, self.waiting = speed, 0.0, 0.0
@@ -252,7 +252,7 @@ def test_the_rate_follows_a_page_that_is_slow_for_a_while():
 
 
 def test_the_rate_of_a_late_page_falls_once_per_settling_time():
-    """The delay results from earlier pictures, so a lower rate needs time to take effect."""
+    """A lower rate needs time to take effect, because of the queued pictures."""
     page = Page(60.0)
     while page.pace.rate < timeline.MAX_RATE:
         page.advance()

@@ -32,7 +32,7 @@ def test_each_cam_replaces_the_previous_cam(bag, picture):
 
 
 def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
-    """The rotation is the cam angle at the time of the frame, counterclockwise about z."""
+    """The rotation is the cam angle of the frame, counterclockwise about z."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
     angle = np.interp(time, bag.samples[0], bag.angle)

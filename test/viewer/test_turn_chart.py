@@ -41,7 +41,7 @@ def rows_of(bag, step, turn):
 
 @pytest.mark.parametrize("scene", ["quick", "torsion"])
 def test_the_axes_contain_the_whole_scene(scene):
-    """Every sample is within the axis of its cam, and every axis has two numbers or more."""
+    """Every sample is within the axis of its cam, which has two numbers or more."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     ranges = scene_ranges(loaded)
     for tick in turned_ticks(loaded):
@@ -106,7 +106,7 @@ def test_equal_turns_are_sent_once(bag, picture):
 
 
 def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
-    """Marks are at the degrees of the samples, and strokes behind all rows cover each flight."""
+    """Marks are at the degrees of the samples, and strokes cover each flight."""
     rows, angle = rows_of(bag, 1, 0)
     degrees, off = np.degrees(angle) % 360.0, rows.force == 0.0
     landed, left = degrees[rows.impulse > 0.0], degrees[off & ~np.roll(off, 1)]
@@ -194,7 +194,7 @@ def axes_of(bag):
 
 
 def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
-    """There is one row per turn, except for the last turn, after which there is no sample."""
+    """Each turn has one row, except for the last turn, which no sample follows."""
     rows = replayed.column(f"{GAPS}/tm21", POSITIONS)
     assert all(len(points) == 1 for points in rows)
     rpm, gap = np.array([*exact(bouncing_bag.loaded)])[:-1].T
@@ -240,7 +240,7 @@ def test_a_live_view_gets_the_same_points(bouncing_bag, replayed, tmp_path):
 
 
 def test_only_a_follower_that_rebounds_has_the_chart(picture):
-    """Of the shipped scenes only `bounce` has the chart of bounces."""
+    """Only the shipped scene `bounce` has the chart of bounces."""
     scenes = (config_root() / "scenes").glob("*.yaml")
     assert [path.stem for path in scenes if rebounds(open_scene(path))] == ["bounce"]
     assert not [entity for entity in picture.entities if entity.startswith(f"/{GAPS}")]

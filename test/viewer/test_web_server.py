@@ -113,7 +113,7 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
 
 
 def test_the_cookie_belongs_to_a_host_that_no_other_server_knows(page):
-    """A browser sends a cookie to all ports of its host, so each process has a random host."""
+    """Each process has a random host, because a cookie is valid for all ports."""
     assert page.url.hostname == LOCAL_HOST and "Domain" not in page.set_cookie
     code = "from cam_rig.viewer.web_server import LOCAL_HOST; print(LOCAL_HOST)"
     names = {ended(sys.executable, "-c", code).stdout.strip() for _ in range(2)}
@@ -128,7 +128,7 @@ def test_no_other_server_can_take_the_same_port_of_ipv6(page):
 
 
 def test_the_entry_page_leads_to_no_other_host(page):
-    """The page that sets the cookie leads to a path of this server for any requested path."""
+    """The page that sets the cookie leads to this server for any requested path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]

@@ -32,12 +32,12 @@ EVENTS = np.linspace(30.0, 180.0, 151)
 
 
 @styled
-def figure(found: ContactResult) -> Figure:
+def figure(result: ContactResult) -> Figure:
     """Draw pressure and sliding over the turn, and their maxima over the base radius.
 
     Dashed lines are the permissible values.
     """
-    rows = found.rows
+    rows = result.rows
     fig = empty(5.6)
     panels = fig.subplots(2, 2)
     for row in rows:
@@ -67,7 +67,7 @@ def figure(found: ContactResult) -> Figure:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     columns = 3 if max(map(len, labels)) <= LETTERS else 2
     fig.legend(handles, labels, loc="outside lower center", ncols=columns)
-    fig.suptitle(f"Contact at {found.rpm:g} rpm, rig: {in_words(found.rig)}")
+    fig.suptitle(f"Contact at {result.rpm:g} rpm, rig: {in_words(result.rig)}")
     return fig
 
 

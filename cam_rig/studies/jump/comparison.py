@@ -289,19 +289,19 @@ def find_jumps(
     follower, rows = follower_of(cam_set.rig), []
     for cam in progress.track(cam_set.laws):
         law, details = cam_set.laws[cam], dict[str, Any](ramp=ramp)
-        if (known := published.get(cam)) is not None:
-            details |= {"published_rpm": known.rpm, "published_time": known.time}
-            details["role"] = known.role
+        if (reference := published.get(cam)) is not None:
+            details |= {"published_rpm": reference.rpm, "published_time": reference.time}
+            details["role"] = reference.role
         if ramp is not None:
             rows.append(JumpRow(cam, jump_along_ramp(law, follower, ramp * RPM), **details))
             continue
-        found, steady, rigid = find_jump(law, follower, duration), None, None
+        jump, steady, rigid = find_jump(law, follower, duration), None, None
         # The jump of one rigid mass from rest is that in steady state.
         if isinstance(follower, TwoMassParameters):
             rigid = rigid_jump_speed(law, FollowerParameters.from_rig(cam_set.rig)) / RPM
             if duration is not None and follower.stem_damping + follower.damping > 0.0:
                 steady = find_jump(law, follower, None)
-        rows.append(JumpRow(cam, found, steady, rigid_rpm=rigid, **details))
+        rows.append(JumpRow(cam, jump, steady, rigid_rpm=rigid, **details))
     return JumpResult(cam_set, tuple(rows), None if ramp else duration)
 
 

@@ -45,12 +45,12 @@ SAMPLES = 3000
 
 
 @styled
-def figure(found: JumpResult) -> Figure:
+def figure(result: JumpResult) -> Figure:
     """Draw the minimum force by speed of each cam, which is zero at its jump speed."""
-    rows, cam_set = found.rows, found.cam_set
+    rows, cam_set = result.rows, result.cam_set
     parameters = follower_of(cam_set.rig)
-    last = 1.08 * max(found.rpm.values())
-    rpm = np.linspace(0.35 * min(found.rpm.values()), last, POINTS)
+    last = 1.08 * max(result.rpm.values())
+    rpm = np.linspace(0.35 * min(result.rpm.values()), last, POINTS)
     rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
     insets = [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
     out = empty(4.8 if len(insets) > 1 else 3.4)
@@ -65,12 +65,12 @@ def figure(found: JumpResult) -> Figure:
     force_axes(axes, rpm)
     for row in rows:
         speeds = rpm[rpm < MAX_SPEED_RATIO * row.found.rpm]
-        forces = min_force(cam_set.laws[row.cam], parameters, found.duration, speeds * RPM)
+        forces = min_force(cam_set.laws[row.cam], parameters, result.duration, speeds * RPM)
         label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
         for panel in panels:
             panel.plot(speeds, forces, label=label, **line(row.cam))
             _mark(panel, row)
-    title = f"Contact is kept while the minimum force is positive ({found.run})"
+    title = f"Contact is kept while the minimum force is positive ({result.run})"
     axes.set(title=wrapped(title), ylim=(low, high))
     if any(row.published_rpm is not None for row in rows):
         axes.plot([], [], label="published (paper, Table 2)", color="0.3", **PUBLISHED)
@@ -139,16 +139,16 @@ def force_axes(axes: Axes, rpm: FloatArray) -> None:
 
 
 @styled
-def jump_speed_figure(found: JumpSpeed) -> Figure:
+def jump_speed_figure(result: JumpSpeed) -> Figure:
     """Draw the minimum force (N) of a cam up to 8 % above its jump speed."""
-    law, parameters = found.law, follower_of(found.rig)
+    law, parameters = result.law, follower_of(result.rig)
     out = empty(3.4)
     axes = out.subplots()
-    rpm = np.linspace(0.35 * found.rpm, 1.08 * found.rpm, POINTS)
-    axes.plot(rpm, min_force(law, parameters, found.duration, rpm * RPM), **line(law.name))
-    label = f"jump speed {found.rpm:.2f} rpm"
-    axes.plot(found.rpm, 0.0, "o", color=colour(law.name), label=label)
+    rpm = np.linspace(0.35 * result.rpm, 1.08 * result.rpm, POINTS)
+    axes.plot(rpm, min_force(law, parameters, result.duration, rpm * RPM), **line(law.name))
+    label = f"jump speed {result.rpm:.2f} rpm"
+    axes.plot(result.rpm, 0.0, "o", color=colour(law.name), label=label)
     force_axes(axes, rpm)
-    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, found.duration)}"))
+    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, result.duration)}"))
     axes.legend(loc="lower left")
     return out

@@ -192,11 +192,11 @@ def jump_speed(
         "damping": damping,
         "preload": preload,
     }
-    given = {name: value for name, value in numbers.items() if value is not None}
-    if given:
-        return _jump_speeds(law, rig, duration, given)
-    found = find_jump(law, follower_of(rig), duration)
-    return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)
+    changed = {name: value for name, value in numbers.items() if value is not None}
+    if changed:
+        return _jump_speeds(law, rig, duration, changed)
+    jump = find_jump(law, follower_of(rig), duration)
+    return JumpSpeed(jump.speed, jump.angle, jump.time, law, rig, duration)
 
 
 def _jump_speeds(
@@ -225,7 +225,7 @@ def _rig_jump(
         roller = numbers.pop("mass") * rig.need("roller_share", BY, ONE_MASS).si
         numbers |= {"roller_mass": roller, "end_mass": changed["mass"] - roller}
     try:
-        found = find_jump(law, replace(base, **numbers), duration)
+        jump = find_jump(law, replace(base, **numbers), duration)
     except CamRigError as error:
         return RigJump(**displayed, rpm=math.nan, angle=math.nan, time=math.nan, reason=str(error))
-    return RigJump(**displayed, rpm=found.rpm, angle=found.angle, time=found.time, reason="")
+    return RigJump(**displayed, rpm=jump.rpm, angle=jump.angle, time=jump.time, reason="")

@@ -138,8 +138,8 @@ class ShapeProblem:
 
     def sensitivity(self, shape: ArcShape, acoustics: Acoustics) -> FloatArray:
         """Return the derivatives of the levels (dB) by relative lift and event, (n, 2)."""
-        moved = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
-        base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *moved))
+        changed = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
+        base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *changed))
         return np.stack([(level - base) / DERIVATIVE_STEP for level in levels], axis=1)
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:

@@ -292,17 +292,17 @@ def _method(
     }
     drawn = {c: curves[c].regression_db + (shifts[c] + residuals[c]) @ project for c in cams}
 
-    def find_crossing(one: str, two: str, near: float) -> Crossing:
-        best = (curves[one].regression_db, curves[two].regression_db)
-        interval = crossing_interval(study.rpm, best, (drawn[one], drawn[two]), near)
-        levels = (curves[one].level_db, curves[two].level_db)
+    def find_crossing(first: str, second: str, near: float) -> Crossing:
+        best = (curves[first].regression_db, curves[second].regression_db)
+        interval = crossing_interval(study.rpm, best, (drawn[first], drawn[second]), near)
+        levels = (curves[first].level_db, curves[second].level_db)
         return replace(interval, points_rpm=points_crossing(study.rpm, *levels, near))
 
     pairs = tuple(
-        PairCrossing(name, (one, two), near, find_crossing(one, two, near))
-        for one, two in combinations(curves, 2)
+        PairCrossing(name, (first, second), near, find_crossing(first, second, near))
+        for first, second in combinations(curves, 2)
         for near in all_crossings(
-            study.rpm, curves[one].published_db, curves[two].published_db
+            study.rpm, curves[first].published_db, curves[second].published_db
         ).tolist()
     )
     named = study.crossover

@@ -156,8 +156,10 @@ def _result(
         return OneRig(name, acoustics, rms_db, None, None)
     thinned = {key: cam.every(EVERY) for key, cam in smooth.items()} | {arcs.cam: arcs}
     named = study.crossover
-    one, two = (cubic(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between)
-    crossed = crossing(arcs.rpm, one, two, named.rpm)
+    first, second = (
+        cubic(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between
+    )
+    crossed = crossing(arcs.rpm, first, second, named.rpm)
     rms_db = {key: cam.rms(acoustics) for key, cam in (smooth | {arcs.cam: arcs}).items()}
     return OneRig(name, acoustics, rms_db, shape, crossed)
 

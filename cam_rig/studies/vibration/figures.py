@@ -50,12 +50,12 @@ Rows = list[tuple[FloatArray, FloatArray]]
 
 
 @styled
-def figure(found: VibrationResult, rpm: float = 0.0) -> Figure:
+def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
     """Draw displacement, residual vibration, acceleration and twist at a speed.
 
     ``rpm`` is one of the speeds of the result (default: the last).
     """
-    cam_set, rpm = found.cam_set, rpm or found.rpm[-1]
+    cam_set, rpm = result.cam_set, rpm or result.rpm[-1]
     rows = {cam: _rows(law, cam_set.rig, rpm * RPM) for cam, law in cam_set.laws.items()}
     cams, count = list(rows), len(LABELS) if cam_set.rig.shaft is not None else len(LABELS) - 1
     columns = min(MAX_COLUMNS, len(cams))

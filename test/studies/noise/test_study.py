@@ -106,7 +106,7 @@ def test_substitution_improves_the_prediction(methods):
 
 
 def test_the_bands_contain_the_published_curves(study, methods):
-    """80 % of a published curve are within its band, which is wider than that of the fit."""
+    """80 % of a published curve are in its band, which is wider than that of the fit."""
     for method in methods:
         for curve in method.curves.values():
             assert curve.expected.holds(curve.published_db) >= 0.8
@@ -166,7 +166,7 @@ def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
 
 
 def test_the_largest_difference_is_reported(methods):
-    """By substitution it is -0.9 dB at 200 rpm."""
+    """It is -0.9 dB at 200 rpm by substitution."""
     curve = methods[2].curves["bezier15"]
     assert abs(curve.largest[0]) == np.abs(curve.level_db - curve.published_db).max()
     assert curve.largest == (pytest.approx(-0.9, abs=0.1), 200.0)
