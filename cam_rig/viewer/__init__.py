@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-# Apart from what draws it, whose imports take a second.
+# Separate from the modules that draw, because importing these takes a second.
 
 
 class Layout(StrEnum):
-    """A run as it goes, cams side by side at one speed, or what a report needs."""
+    """Layout of a recording: a run, cams side by side at one speed, or a report."""
 
     RUN = "run"
     COMPARE = "compare"
@@ -18,7 +18,18 @@ class Layout(StrEnum):
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """How a recording is laid out and thinned; cams are compared at ``rpm``, else the highest."""
+    """Options of a recording.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the views.
+    rpm : float, optional
+        Speed in rpm at which cams are compared (default: the highest speed of the run).
+    all_samples : bool
+        True if every sample is kept. False reduces the samples of a long run to the minimum and
+        the maximum of each bucket.
+    """
 
     layout: Layout = Layout.RUN
     rpm: float | None = None

@@ -1,4 +1,4 @@
-"""How the picture is laid out: while running, cams side by side, and for a report."""
+"""Blueprints of recordings: a run, cams side by side, and a report."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from cam_rig.units import NS, TURN, to_rpm
 from cam_rig.viewer import Layout, bounce_chart, level_chart, quantities, scene2d, turn_chart
 from cam_rig.viewer.bounce_chart import ROW, bounce_axes, rebounds
 from cam_rig.viewer.level_chart import band_axes
-from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
+from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, plot_rows
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.run_view import BANDS, EVENTS
 from cam_rig.viewer.timeline import CAM_DEGREES, RIG_TIME, TURN_DEGREES
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
 
-#: Rig time per wall time: a turn at 300 rpm takes 2 s.
+#: Ratio of rig time to wall-clock time: a turn at 300 rpm takes 2 s of wall-clock time.
 PLAYBACK_SPEED = 0.1
-#: A recording that is played over and over.
+#: Options of a time panel that plays the recording in a loop.
 PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
-#: Degrees of the cam per second, where turns lie over each other.
+#: Playback speed (degrees of the cam per second) of layouts that overlay turns.
 DEGREES_PER_SECOND = 90.0
-#: Rig time (s) of a finished run shown on either side of the time cursor.
+#: Rig time (s) of a finished run that the curves show on each side of the time cursor.
 AROUND_CURSOR_S = 0.5
 
 
@@ -42,14 +42,29 @@ def blueprint(
     ranges: Ranges,
     window: float | None = None,
 ) -> rrb.Blueprint:
-    """The blueprint of a layout for a run of some rig time (s), cams compared at a speed (rpm).
+    """Return the blueprint of a layout.
 
-    A live run is followed, and shows a ``window`` (s) before its newest; else it is played from
-    the start. Of ``bucket`` samples two are shown.
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the views.
+    loaded : LoadedScene
+        Scene of the run.
+    duration : float
+        Rig time of the run in s.
+    bucket : int
+        Number of samples of which the curves show the minimum and the maximum.
+    compared : float
+        Speed in rpm at which cams are compared.
+    ranges : mapping
+        Axis range of each quantity.
+    window : float, optional
+        Rig time in s that a live run shows before its newest sample. The time panel then follows
+        the run. None for a recorded run, which is played in a loop.
     """
     if layout is Layout.RUN:
         view = _run(loaded, duration, bucket, ranges, window)
-        timeline = _played(loaded, duration, window)
+        timeline = _time_panel(loaded, duration, window)
     else:
         view = (_compare if layout is Layout.COMPARE else _report)(loaded, compared, ranges)
         turns: dict[str, Any] = {
@@ -63,59 +78,80 @@ def blueprint(
 
 
 def compared_rpm(speeds: Iterable[float], rpm: float | None) -> float:
-    """At which of a run's speeds (rad/s) its cams are compared, by default the highest."""
-    known = sorted({round(to_rpm(speed), 9) for speed in speeds})
+    """Return the speed in rpm at which cams are compared.
+
+    Parameters
+    ----------
+    speeds : iterable of float
+        Speeds of the run in rad/s.
+    rpm : float, optional
+        Requested speed in rpm (default: the highest of `speeds`).
+
+    Raises
+    ------
+    ConfigError
+        If no speed of the run is within a relative 1e-6 of `rpm`.
+    """
+    available = sorted({round(to_rpm(speed), 9) for speed in speeds})
     if rpm is None:
-        return known[-1]
-    nearest = min(known, key=lambda speed: abs(speed - rpm))
-    if not abs(nearest - rpm) <= 1e-6 * nearest:  # nor is nan
-        named = ", ".join(f"{speed:g}" for speed in known)
-        raise ConfigError(f"{rpm:g} rpm: the run has no such speed; allowed: {named}")
+        return available[-1]
+    nearest = min(available, key=lambda speed: abs(speed - rpm))
+    if not abs(nearest - rpm) <= 1e-6 * nearest:  # also raises for NaN
+        options = ", ".join(f"{speed:g}" for speed in available)
+        raise ConfigError(f"{rpm:g} rpm: the run has no such speed; allowed: {options}")
     return nearest
 
 
 def playback_begin(loaded: LoadedScene, duration: float) -> float:
-    """Rig time (s) from which a recorded run (duration in s) is played: its first settled turn."""
+    """Return the rig time (s) at which playback of a run of `duration` s starts.
+
+    It is the start of the first settled turn, but at most half of the duration.
+    """
     program = loaded.scene.program
     settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
     return min(settled, 0.5 * duration)
 
 
-def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.TimePanel:
-    """A live run is followed; a bag is played from its first settled turn, over and over."""
+def _time_panel(loaded: LoadedScene, duration: float, window: float | None) -> rrb.TimePanel:
+    """Return the time panel.
+
+    It follows a live run, and plays a bag from its first settled turn.
+    """
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
-    ends = [round(at * NS) for at in (playback_begin(loaded, duration), duration)]
-    over: dict[str, Any] = {"loop_mode": "selection", "time_selection": AbsoluteTimeRange(*ends)}
-    return rrb.TimePanel(timeline=RIG_TIME, playback_speed=PLAYBACK_SPEED, **over, **PLAYING)
+    ends = [round(time * NS) for time in (playback_begin(loaded, duration), duration)]
+    loop: dict[str, Any] = {"loop_mode": "selection", "time_selection": AbsoluteTimeRange(*ends)}
+    return rrb.TimePanel(timeline=RIG_TIME, playback_speed=PLAYBACK_SPEED, **loop, **PLAYING)
 
 
 def _run(
     loaded: LoadedScene, duration: float, bucket: int, ranges: Ranges, window: float | None
 ) -> rrb.Container:
-    one_turn = TurnAxes(drawn_of(loaded.scene.model), ranges).bounds()
+    turn_bounds = TurnAxes(plot_rows(loaded.scene.model), ranges).bounds()
     bounces = [_bounces(loaded, ranges)] if rebounds(loaded) else []
     tabs = rrb.Tabs(
         *bounces,
-        plane_view(turn_chart.VIEW, "One turn", *one_turn),
-        _over_time(loaded, bucket, ranges, _near(window)),
+        plane_view(turn_chart.VIEW, "One turn", *turn_bounds),
+        _over_time(loaded, bucket, ranges, _axis_around_cursor(window)),
         _sound(loaded, duration),
-        _words(),
+        _texts(),
     )
     return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[3, 5])
 
 
 def _bounces(loaded: LoadedScene, ranges: Ranges) -> rrb.Spatial2DView:
-    """All points up to the time cursor."""
+    """Return the view of the bounces, which shows all points up to the time cursor."""
     gap, landing = bounce_axes(loaded, ranges)
     x, _ = gap.bounds()
-    first, now = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.cursor_relative()
-    seen = [rr.VisibleTimeRange(name, start=first, end=now) for name in (RIG_TIME, CAM_DEGREES)]
+    first, cursor = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.cursor_relative()
+    visible = [
+        rr.VisibleTimeRange(name, start=first, end=cursor) for name in (RIG_TIME, CAM_DEGREES)
+    ]
     y = 0.0, landing.top + 1.12 * ROW
-    return plane_view(bounce_chart.VIEW, "Bounces", x, y, time_ranges=seen)
+    return plane_view(bounce_chart.VIEW, "Bounces", x, y, time_ranges=visible)
 
 
-def _words() -> rrb.Container:
+def _texts() -> rrb.Container:
     columns = rrb.TextLogColumns(text_log_columns=["body"])
     return rrb.Vertical(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
@@ -129,26 +165,29 @@ def _words() -> rrb.Container:
 
 
 def _over_time(
-    loaded: LoadedScene, bucket: int, ranges: Ranges, near: rrb.TimeAxis
+    loaded: LoadedScene, bucket: int, ranges: Ranges, time_axis: rrb.TimeAxis
 ) -> rrb.Container:
-    """The same quantities over rig time, in two rows: Rerun numbers a high axis alone."""
+    """Return the plots over rig time.
+
+    They are in two rows, because Rerun labels only high axes with numbers.
+    """
     name = f"Time, extremes of {bucket} samples" if bucket > 1 else "Time"
-    lift, velocity, acceleration, force, *more = [
-        _plot(f"plots/{row.key}", row.title, near, ranges[row.key])
-        for row in drawn_of(loaded.scene.model)
+    lift, velocity, acceleration, force, *others = [
+        _plot(f"plots/{row.key}", row.title, time_axis, ranges[row.key])
+        for row in plot_rows(loaded.scene.model)
     ]
     if (close := ranges.get(CLOSE_GAP)) is not None:
-        more.append(_plot(f"plots/{GAP.key}", f"Cut at {close[1]:g} µm", near, close))
+        others.append(_plot(f"plots/{GAP.key}", f"Cut at {close[1]:g} µm", time_axis, close))
     left = rrb.Vertical(rrb.Tabs(lift, velocity, active_tab=0), acceleration)
-    right = rrb.Vertical(force, *([rrb.Tabs(*more, active_tab=0)] if more else []))
+    right = rrb.Vertical(force, *([rrb.Tabs(*others, active_tab=0)] if others else []))
     return rrb.Horizontal(left, right, name=name)
 
 
 def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
-    whole = _whole(duration)
+    time_axis = _whole_run_axis(duration)
     over_run = rrb.Vertical(
-        _plot(quantities.LEVEL.entity, "Sound pressure level [dB]", whole),
-        _plot(quantities.SPEED.entity, "Cam speed [rpm]", whole),
+        _plot(quantities.LEVEL.entity, "Sound pressure level [dB]", time_axis),
+        _plot(quantities.SPEED.entity, "Cam speed [rpm]", time_axis),
     )
     lower = rrb.Horizontal(_bands(loaded, BANDS), over_run, column_shares=[3, 2])
     return rrb.Vertical(_noise(loaded), lower, name="Sound")
@@ -164,13 +203,13 @@ def _compare(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
 
 
 def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
-    words = rrb.Horizontal(
+    texts = rrb.Horizontal(
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
     )
     upper = rrb.Horizontal(_noise(loaded), rrb.Horizontal(*_cams(loaded)))
     turns = rrb.Horizontal(*_turns(loaded, rpm, ranges))
-    return rrb.Vertical(upper, turns, words, row_shares=[4, 3, 3])
+    return rrb.Vertical(upper, turns, texts, row_shares=[4, 3, 3])
 
 
 def _cams(loaded: LoadedScene) -> list[rrb.Container]:
@@ -193,7 +232,10 @@ def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2
 def _scene(
     loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 7.0
 ) -> rrb.Container:
-    """A cam under its follower, so many times as high as its readings below."""
+    """Return the view of cam and follower above its readings.
+
+    It is `share` times as high as the readings.
+    """
     return rrb.Vertical(
         plane_view(view, name, *scene2d.bounds(scene2d.framings(loaded))),
         rrb.TextDocumentView(origin=f"{view}_readings", name="Readings", titlebar=False),
@@ -202,7 +244,7 @@ def _scene(
 
 
 def _noise(loaded: LoadedScene) -> rrb.Spatial2DView:
-    bounds = level_chart.level_axes(loaded).bounds(right=level_chart.beside(loaded))
+    bounds = level_chart.level_axes(loaded).bounds(right=level_chart.names_width(loaded))
     dashed = ": published dashed" if loaded.published is not None else ""
     return plane_view(level_chart.VIEW, f"Level over speed{dashed}", *bounds)
 
@@ -212,21 +254,27 @@ def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:
 
 
 def _plot(
-    origin: str, name: str, axis: rrb.TimeAxis, shown: Range | None = None
+    origin: str, name: str, axis: rrb.TimeAxis, limits: Range | None = None
 ) -> rrb.TimeSeriesView:
-    """A curve over time; from and to ``shown``, or as far as it goes."""
+    """Return the view of a curve over time.
+
+    `limits` are those of the y axis (default: fitted to the data).
+    """
     legend = rrb.PlotLegend(visible=False)
-    y = rrb.ScalarAxis(range=tens_range(*shown[:2])) if shown is not None else None
+    y = rrb.ScalarAxis(range=tens_range(*limits[:2])) if limits is not None else None
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, axis_y=y, plot_legend=legend)
 
 
-def _near(window: float | None) -> rrb.TimeAxis:
-    """A few turns around the time cursor, or before it, where single landings can be seen."""
+def _axis_around_cursor(window: float | None) -> rrb.TimeAxis:
+    """Return a time axis of a few turns around or before the cursor.
+
+    It resolves single landings.
+    """
     around = (-AROUND_CURSOR_S, AROUND_CURSOR_S) if window is None else (-window, 0.0)
     ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in around]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
 
 
-def _whole(duration: float) -> rrb.TimeAxis:
+def _whole_run_axis(duration: float) -> rrb.TimeAxis:
     ends = [rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, duration)]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))

@@ -1,6 +1,6 @@
-"""The map of bounces as it grows: over the speed the gap at cam angle 0, and where landings are.
+"""Chart of bounces over the cam speed: gap at cam angle 0, and landing angles.
 
-Its points are rows of their own times, all of which up to the viewer's cursor are seen.
+Each point has a separate time. The view shows all points up to the viewer's time cursor.
 """
 
 from __future__ import annotations
@@ -21,20 +21,24 @@ from cam_rig.viewer.timeline import Canvas
 from cam_rig.viewer.turn_chart import DEGREES, WIDTH, label
 
 VIEW = "bounce"
-GAPS, LANDINGS = f"{VIEW}/gap", f"{VIEW}/landing"
-#: Of the plane: height of each of the two axes, and of the words between them.
-ROW, HEAD = 48.0, 12.0
+GAPS = f"{VIEW}/gap"
+LANDINGS = f"{VIEW}/landing"
+#: Height of each of the two axes in the plane, whose width is `WIDTH`.
+ROW = 48.0
+#: Height of the space for the title above each of the axes.
+HEAD = 12.0
+#: Radius of a point. Rerun reads a negative radius as points of the screen.
 POINT = -1.6
 
 
 def rebounds(loaded: LoadedScene) -> bool:
-    """Whether the follower can leave the cam, and rebounds where it lands."""
+    """Return True if the follower can leave the cam and rebounds when it lands."""
     restitution = loaded.rig.follower.restitution
     return MODELS[loaded.scene.model].lifts_off and restitution is not None and restitution.si > 0.0
 
 
 def bounce_axes(loaded: LoadedScene, ranges: Ranges) -> tuple[Axes, Axes]:
-    """Of the gap (mm) at cam angle 0, and below it of the landings' cam angles (°)."""
+    """Return the axes of the gap (mm) at cam angle 0 and of the landing angles (°)."""
     speeds = speed_ends(loaded)
     return (
         Axes(speeds, ranges[ZERO_GAP][:2], WIDTH, ROW, top=HEAD),
@@ -43,12 +47,19 @@ def bounce_axes(loaded: LoadedScene, ranges: Ranges) -> tuple[Axes, Axes]:
 
 
 def gaps_at_zero(law: Law, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cam speeds (rad/s), and gaps (m), each time the cam passes angle 0 between two samples.
+    """Return cam speeds (rad/s) and gaps (m) at each passage of cam angle 0.
 
-    ``samples`` are rows of time, cam angle, cam speed, lift and velocity. The lift in between is
-    the cubic of both lifts and velocities (Hermite's): in flight at 4 kHz it is good to a
-    nanometre; where a landing is between the two it is off by a part of how far the follower moves
-    in a sample's time.
+    The lift between the samples is the cubic Hermite polynomial of both lifts and velocities. In
+    flight at 4 kHz its error is a nanometre. If a landing lies between the samples, the error is a
+    fraction of the follower's travel in one sample period.
+
+    Parameters
+    ----------
+    law : Law
+        Law of the cam.
+    samples : ndarray
+        Rows of time (s), cam angle (rad), cam speed (rad/s), lift (m) and velocity (m/s),
+        shape (5, n).
     """
     turns = np.floor(samples[1] / TURN)
     before = np.flatnonzero(np.diff(turns) > 0.0)
@@ -61,28 +72,34 @@ def gaps_at_zero(law: Law, samples: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 class BounceChart:
-    """Draws the axes, then a point a turn and one a landing; `flush` sends them."""
+    """Chart with one point per turn and one point per landing.
+
+    `flush` sends the points.
+    """
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, ranges: Ranges) -> None:
         self._canvas, self._loaded = canvas, loaded
         self._gap, self._landing = bounce_axes(loaded, ranges)
         self._last: tuple[str, FloatArray] | None = None
-        #: Of each entity the times and angles of its rows, with the points at each.
+        #: Points not yet sent: entity -> list of ((time, angle), points).
         self._rows: dict[str, list[tuple[tuple[float, float], FloatArray]]] = {}
         rpm = round_marks(*self._gap.x, "rpm")
         self._gap.draw(canvas.stream, f"{GAPS}/axes", {}, round_marks(*self._gap.y, ""))
         self._landing.draw(canvas.stream, f"{LANDINGS}/axes", rpm, DEGREES)
-        for entity, axes, words in (
-            (GAPS, self._gap, "Gap at cam angle 0, a point a turn [mm]"),
+        for entity, axes, title in (
+            (GAPS, self._gap, "Gap at cam angle 0, one point per turn [mm]"),
             (LANDINGS, self._landing, "Cam angle of each landing"),
         ):
-            label(canvas, f"{entity}/title", (0.5 * WIDTH, axes.top - 0.7 * HEAD), words)
+            label(canvas, f"{entity}/title", (0.5 * WIDTH, axes.top - 0.7 * HEAD), title)
         for cam in loaded.cams:
             for entity in (GAPS, LANDINGS):
-                canvas.look(f"{entity}/{cam}", rr.Points2D, colors=of_cam(cam), radii=POINT)
+                canvas.set_style(f"{entity}/{cam}", rr.Points2D, colors=of_cam(cam), radii=POINT)
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Take one tick, as `RunView.tick`."""
+        """Add the points of one tick.
+
+        The parameters are those of `RunView.tick`.
+        """
         time, lift, velocity, _, _, impulse = rows[:6]
         interval = start.until(end)
         since = time - start.time_ns / NS
@@ -91,15 +108,17 @@ class BounceChart:
         if self._last is not None and self._last[0] == start.cam:
             samples = np.column_stack([self._last[1], samples])
         self._last = start.cam, samples[:, -1]
-        at, law = (float(time[-1]), float(angle[-1])), self._loaded.laws[start.cam]
+        time_angle, law = (float(time[-1]), float(angle[-1])), self._loaded.laws[start.cam]
         turned, gaps = gaps_at_zero(law, samples)
-        self._add(f"{GAPS}/{start.cam}", at, self._gap.place(turned * RPM_PER_RAD_S, gaps * 1e3))
+        self._add(
+            f"{GAPS}/{start.cam}", time_angle, self._gap.place(turned * RPM_PER_RAD_S, gaps * 1e3)
+        )
         landed = impulse > 0.0
         degrees, rpm = np.degrees(angle[landed] % TURN), speed[landed] * RPM_PER_RAD_S
-        self._add(f"{LANDINGS}/{start.cam}", at, self._landing.place(rpm, degrees))
+        self._add(f"{LANDINGS}/{start.cam}", time_angle, self._landing.place(rpm, degrees))
 
     def flush(self) -> None:
-        """Send what came since."""
+        """Send the points added since the last call."""
         for entity, rows in self._rows.items():
             ends, points = zip(*rows, strict=True)
             columns = rr.Points2D.columns(positions=np.concatenate(points))
@@ -107,6 +126,6 @@ class BounceChart:
             self._canvas.rows(entity, times, columns.partition([*map(len, points)]))
         self._rows = {}
 
-    def _add(self, entity: str, at: tuple[float, float], points: FloatArray) -> None:
+    def _add(self, entity: str, time_angle: tuple[float, float], points: FloatArray) -> None:
         if len(points):
-            self._rows.setdefault(entity, []).append((at, points))
+            self._rows.setdefault(entity, []).append((time_angle, points))

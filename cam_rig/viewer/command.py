@@ -1,4 +1,4 @@
-"""cam-rig view: a recorded run in the Rerun viewer."""
+"""cam-rig view: display of a recorded run in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -22,12 +22,22 @@ if TYPE_CHECKING:
     from cam_rig.viewer.page import PageTime
 
 
-# Where a run is seen while it runs: in a window, in a browser, or nowhere.
+# Display of a live run: in a window, in a browser, or none.
 
 
 @dataclass(frozen=True)
 class Screen:
-    """Where a picture is sent, if anywhere; a wait for its end; what a browser shows of it."""
+    """Display of a live run.
+
+    Parameters
+    ----------
+    address : str, optional
+        Address or folder to which the recording is sent. None if the run is not displayed.
+    stay : callable
+        Function that waits until the user closes the display.
+    page : PageTime, optional
+        Rig time that the browser displays. None without a browser.
+    """
 
     address: str | None = None
     stay: Callable[[], None] = lambda: None
@@ -38,23 +48,26 @@ class Screen:
 def delay_report(
     page: PageTime | None, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[Callable[[float, str], str]]:
-    """What tells how far a page is behind the drive; the longest delay is printed last."""
+    """Yield a function that appends the delay of the page to a status text.
+
+    The longest delay is printed when the context ends.
+    """
     printed = clock()
 
-    def driven(rig_time: float, words: str) -> str:
+    def with_delay(rig_time: float, status: str) -> str:
         nonlocal printed
         if page is None:
-            return words
+            return status
         page.driven(rig_time)
-        late, now = page.behind(), clock()
-        words += "" if late is None else f", viewer {late:.1f} s behind"
-        if not console.is_terminal and late is not None and now - printed >= LOG_PERIOD_S:
+        delay, now = page.behind(), clock()
+        status += "" if delay is None else f", viewer {delay:.1f} s behind"
+        if not console.is_terminal and delay is not None and now - printed >= LOG_PERIOD_S:
             printed = now
-            console.print(escape(words))
-        return words
+            console.print(escape(status))
+        return status
 
     try:
-        yield driven
+        yield with_delay
     finally:
         if page is not None and page.longest is not None:
             console.print(f"viewer at most {page.longest:.1f} s behind")
@@ -62,7 +75,11 @@ def delay_report(
 
 @contextmanager
 def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Screen]:
-    """Open what was asked for; a browser wins over a window, and its page may be waited for."""
+    """Open the requested display.
+
+    The browser takes precedence over the window.
+    With `wait_for_it` the context starts once a browser has opened the page.
+    """
     if wait_for_it and not (view or web):
         raise ConfigError("--wait: waits for a viewer, and there is none; add --web or --view")
     if web:
@@ -85,7 +102,7 @@ def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Sc
 
 
 def stay_until_interrupted() -> None:
-    """Serve until Ctrl-C, which is how it is meant to end."""
+    """Block until Ctrl-C, which is the intended way to stop the server."""
     console.print("Ctrl-C ends the viewer")
     Event().wait()
 
@@ -93,19 +110,21 @@ def stay_until_interrupted() -> None:
 @command()
 def view(
     bag: Annotated[
-        Path | None, typer.Argument(help="Bag to show; by default the newest in bags/.")
+        Path | None, typer.Argument(help="Bag to show (default: the newest in bags/).")
     ] = None,
     save: Annotated[
-        Path | None, typer.Option(metavar="FILE.rrd", help="Write a file, open no viewer.")
+        Path | None,
+        typer.Option(metavar="FILE.rrd", help="Write a file instead of opening a viewer."),
     ] = None,
     web: Annotated[
-        bool, typer.Option("--web", help="Serve it to a browser on this machine, open no window.")
+        bool,
+        typer.Option("--web", help="Serve the run to a browser on this machine."),
     ] = False,
     layout: Annotated[
-        Layout, typer.Option(help="For a run, for cams side by side at one speed, or for a report.")
+        Layout, typer.Option(help="Whole run, cams side by side at one speed, or report.")
     ] = Layout.RUN,
     rpm: Annotated[
-        float | None, typer.Option(help="Speed at which cams are compared; by default the highest.")
+        float | None, typer.Option(help="Speed at which cams are compared (default: the highest).")
     ] = None,
     scene: SceneOfBag = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
@@ -113,13 +132,13 @@ def view(
         bool,
         typer.Option(
             "--all-samples",
-            help="Keep every sample of a long run, not the minimum and maximum of every few.",
+            help="Keep every sample of a long run, not only minimum and maximum of each bucket.",
         ),
     ] = False,
 ) -> None:
-    """Show a recorded run: the cam turning, its follower, lift, contact force and sound.
+    """Show a recorded run: moving cam and follower, lift, contact force and sound.
 
-    The viewer stays open until its window is closed, or until Ctrl-C. Nothing leaves this machine.
+    The viewer stays open until its window is closed, or until Ctrl-C. No data leave this machine.
 
     Examples
     --------
@@ -138,11 +157,12 @@ def view(
         raise ConfigError("--save and --web: a file is written or a page served; name one")
     if save is None and force:
         raise ConfigError("--force: overwrites the file of --save, and none is named")
-    options, place = ViewOptions(layout, rpm, all_samples), scene_path(scene) if scene else None
+    options = ViewOptions(layout, rpm, all_samples)
+    scene_file = scene_path(scene) if scene else None
     if save is not None:
-        convert(bag or newest_bag(), place, save, options, force)
+        convert(bag or newest_bag(), scene_file, save, options, force)
     else:
-        _show(bag, place, options, web)
+        _show(bag, scene_file, options, web)
 
 
 def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool) -> None:
@@ -152,10 +172,10 @@ def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool)
 
     if not web:
         require_display()
-    found = bag or newest_bag()
+    path_of_bag = bag or newest_bag()
     with temporary_folder() as folder:
-        path = folder / f"{found.resolve().name}.rrd"
-        begin = convert(found, scene, path, options, force=False)
+        path = folder / f"{path_of_bag.resolve().name}.rrd"
+        begin = convert(path_of_bag, scene, path, options, force=False)
         if not web:
             return show(path)
         from cam_rig.viewer.rerun_page import serve_file
@@ -168,7 +188,10 @@ def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool)
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
-    """Write a bag as a Rerun recording; gives the rig time (s) from which it is played."""
+    """Write a bag as a Rerun recording.
+
+    Returns the rig time (s) at which playback starts.
+    """
     from cam_rig.bag.reader import read_counts, scene_of, shortcomings
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.viewer.recording import save_recording

@@ -1,6 +1,7 @@
-"""Sound level against cam speed: the published curves, and each speed as it is simulated.
+"""Chart of the sound level over the cam speed, published and simulated.
 
-A finished run has its points from the start, small, and the larger ones grow over them.
+The recording of a finished run shows small points at every time. Larger points appear over them as
+the time cursor advances.
 """
 
 from __future__ import annotations
@@ -18,32 +19,42 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick, StepLevels
 from cam_rig.units import NS, RPM_PER_RAD_S, FloatArray
-from cam_rig.viewer.quantities import GAP, LIFT, TWIST, VELOCITY, Drawn, Ranges, drawn_of
+from cam_rig.viewer.quantities import GAP, LIFT, TWIST, VELOCITY, PlotRow, Ranges, plot_rows
 from cam_rig.viewer.scene2d import Scene2D, force_scale, frame_mask
 from cam_rig.viewer.timeline import Canvas, Turn, within_turn
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes, curve, label
 from cam_rig.viewer.turn_chart import WIDTH as TURN_WIDTH
 
 VIEW = "noise"
-#: dB shown where nothing is published.
+#: Range of the level axis in dB if no curve is published.
 LEVELS = (50.0, 110.0)
-#: Radii on the screen: of dashes, of points as they come, of those of a finished run.
-LINE, POINT, FINAL = -1.2, -4.0, -2.5
+#: Radius of a dash. Rerun reads a negative radius as points of the screen.
+LINE = -1.2
+#: Radius of a point of a run in progress.
+POINT = -4.0
+#: Radius of a point of a finished run.
+FINAL = -2.5
+#: Number of dashes of a published curve.
 DASHES = 40
-#: Of the plane, whose height is 100; of a letter and around a word in it, and from name to name.
+#: Width of the plane, whose height is 100.
 WIDTH = 200.0
-LETTER, AROUND, STEP = 4.4, 12.0, 10.0
+#: Width of a letter in the plane.
+LETTER = 4.4
+#: Free space on both sides of a name in the plane, in sum.
+AROUND = 12.0
+#: Smallest vertical distance between two names in the plane.
+STEP = 10.0
 
 
 def speed_ends(loaded: LoadedScene) -> tuple[float, float]:
-    """From and to (rpm) of an axis of all speeds of the scene."""
+    """Return the limits (rpm) of an axis that contains all speeds of the scene."""
     speeds = np.array(loaded.scene.program.speeds.si_list) * RPM_PER_RAD_S
     low, high = float(speeds.min()), float(speeds.max())
     return (low, high) if high > low else (low - 50.0, high + 50.0)
 
 
 def level_axes(loaded: LoadedScene) -> Axes:
-    """All speeds of the scene, and the published levels with room around them."""
+    """Return the axes of the scene's speeds and, with a margin, the published levels."""
     low, high = speed_ends(loaded)
     if loaded.published is None:
         return Axes((low, high), LEVELS, WIDTH)
@@ -54,28 +65,31 @@ def level_axes(loaded: LoadedScene) -> Axes:
 
 
 def shown_cams(loaded: LoadedScene) -> dict[str, str]:
-    """Titles of the cams of the scene, then of those that are published only; long ones short."""
-    others = () if loaded.published is None else loaded.published.regression_db
-    words = {cam: in_words(cam) for cam in others if cam not in loaded.cams}
-    titles = {name: cam.title for name, cam in loaded.cams.items()} | words
+    """Return the shortened titles of the scene's cams, then of cams only published."""
+    published_cams = () if loaded.published is None else loaded.published.regression_db
+    published_titles = {cam: in_words(cam) for cam in published_cams if cam not in loaded.cams}
+    titles = {name: cam.title for name, cam in loaded.cams.items()} | published_titles
     return {name: shortened(title, MAX_TITLE) for name, title in titles.items()}
 
 
-def beside(loaded: LoadedScene) -> float:
-    """Room for the longest of these titles right of the axes, as a share of their width."""
+def names_width(loaded: LoadedScene) -> float:
+    """Return the width of the longest title, as a fraction of the axes' width."""
     return (LETTER * max(map(len, shown_cams(loaded).values())) + AROUND) / WIDTH
 
 
-def spread(places: FloatArray, step: float) -> FloatArray:
-    """``(n,)`` places moved up so that each is a step from the next, in their order."""
-    moved, order = places.copy(), np.argsort(places, kind="stable")
-    for before, at in pairwise(order):
-        moved[at] = max(moved[at], moved[before] + step)
-    return moved
+def spread_apart(positions: FloatArray, step: float) -> FloatArray:
+    """Return positions ``(n,)`` shifted up to be `step` or more apart.
+
+    The order of the positions is unchanged.
+    """
+    shifted, order = positions.copy(), np.argsort(positions, kind="stable")
+    for previous, current in pairwise(order):
+        shifted[current] = max(shifted[current], shifted[previous] + step)
+    return shifted
 
 
 class LevelChart:
-    """Draws the axes and what is published, then every step as far as it is measured."""
+    """Chart of the published curves and the levels measured so far."""
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene) -> None:
         self._canvas, self._loaded, self._axes = canvas, loaded, level_axes(loaded)
@@ -85,44 +99,49 @@ class LevelChart:
         self._named: dict[str, float] = {}
         marks = round_marks(*self._axes.x, "rpm"), round_marks(*self._axes.y, "dB")
         self._axes.draw(canvas.stream, f"{VIEW}/axes", *marks)
-        canvas.look(f"{VIEW}/names", rr.Points2D, radii=UNSEEN, show_labels=True)
+        canvas.set_style(f"{VIEW}/names", rr.Points2D, radii=UNSEEN, show_labels=True)
         if loaded.published is not None:
             rpm = np.linspace(*self._axes.x, 2 * DASHES)
             for cam in loaded.published.regression_db:
                 points = self._axes.place(rpm, loaded.published.level(cam, rpm))
                 strips = list(points.reshape(DASHES, 2, 2))
                 dashes = rr.LineStrips2D(strips, colors=of_cam(cam), radii=LINE)
-                canvas.always(f"{VIEW}/published/{cam}", dashes)
+                canvas.log_static(f"{VIEW}/published/{cam}", dashes)
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """The level (dB) with the next tick, which ends at an angle (rad); None until settled."""
+        """Add a tick that ends at an angle (rad), and return the mean level (dB).
+
+        Returns None until the sound has settled.
+        """
         level = self._measured.add(tick)
         if level is not None:
             self._new[tick.start.cam] = tick.stop_ns, end_angle
         return level
 
     def flush(self) -> None:
-        """Draw what was measured since."""
+        """Draw the points measured since the last call."""
         for cam, (time_ns, angle) in self._new.items():
             entity = f"{VIEW}/measured/{cam}"
             if cam not in self._drawn:
                 self._drawn.add(cam)
-                self._canvas.look(entity, rr.Points2D, colors=of_cam(cam), radii=POINT)
-            self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
+                self._canvas.set_style(entity, rr.Points2D, colors=of_cam(cam), radii=POINT)
+            self._canvas.points(
+                entity, self._canvas.times_at(time_ns / NS, angle), self._points(cam)
+            )
         if self._new and len(self._ends()) > len(self._named):
             self._draw_names(max(self._new.values()))
         self._new = {}
 
     def finish(self) -> None:
-        """Draw all points so that they are there at every time, and on every timeline."""
+        """Draw all points for every time and every timeline."""
         for cam in self._measured.levels:
             points = rr.Points2D(self._points(cam), colors=of_cam(cam), radii=FINAL)
-            self._canvas.always(f"{VIEW}/final/{cam}", points)
+            self._canvas.log_static(f"{VIEW}/final/{cam}", points)
         self._draw_names(None)
 
     def _ends(self) -> dict[str, float]:
-        """The level (dB) at the last point of each cam: published, or measured so far."""
+        """Return the level (dB) at the last published or measured point of each cam."""
         published, ends = self._loaded.published, {}
         for cam in shown_cams(self._loaded):
             if published is not None and cam in published.regression_db:
@@ -131,41 +150,45 @@ class LevelChart:
                 ends[cam] = self._measured.levels[cam][max(self._measured.levels[cam])]
         return ends
 
-    def _draw_names(self, at: tuple[int, float] | None) -> None:
-        """Each cam's name beside its last point; once for all, or from a time (ns) and angle on."""
+    def _draw_names(self, start: tuple[int, float] | None) -> None:
+        """Draw each cam's name next to its last point.
+
+        With `start`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
+        them for every time.
+        """
         ends, titles = self._ends(), shown_cams(self._loaded)
         if not ends:
             return
         self._named = ends
         right = np.full(len(ends), self._axes.x[1])
-        places = self._axes.place(right, np.array([*ends.values()]))
-        places[:, 0] += 0.5 * beside(self._loaded) * self._axes.width
-        places[:, 1] = spread(places[:, 1] - 0.04 * self._axes.height, STEP)
-        shades = np.array([*map(of_cam, ends)], np.uint32)
-        words: dict[str, Any] = {"labels": [titles[cam] for cam in ends], "colors": shades}
-        if at is None:
-            self._canvas.look(f"{VIEW}/names", rr.Points2D, positions=places, **words)
+        positions = self._axes.place(right, np.array([*ends.values()]))
+        positions[:, 0] += 0.5 * names_width(self._loaded) * self._axes.width
+        positions[:, 1] = spread_apart(positions[:, 1] - 0.04 * self._axes.height, STEP)
+        colours = np.array([*map(of_cam, ends)], np.uint32)
+        style: dict[str, Any] = {"labels": [titles[cam] for cam in ends], "colors": colours}
+        if start is None:
+            self._canvas.set_style(f"{VIEW}/names", rr.Points2D, positions=positions, **style)
         else:
             self._canvas.points(
-                f"{VIEW}/names", self._canvas.at(at[0] / NS, at[1]), places, **words
+                f"{VIEW}/names", self._canvas.times_at(start[0] / NS, start[1]), positions, **style
             )
 
     def _points(self, cam: str) -> FloatArray:
-        """``(n, 2)`` places of a cam's points so far."""
+        """Return the positions of a cam's points measured so far, shape (n, 2)."""
         steps = self._measured.levels[cam]
         return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
 
 
-# The sound of the last turn in third-octave bands.
+# Sound of the last turn in third-octave bands.
 
-#: Band numbers 10 lg(f/Hz): 5 is 3.15 Hz, slower than any turn's own frequency.
+#: Lowest band number 10 lg(f/Hz): 5 is 3.15 Hz, below the rotation frequency of every run.
 LOWEST_BAND = 5
-#: Below this no bar is drawn, Pa²: 0 dB.
+#: Smallest mean square pressure that has a bar, Pa²: 0 dB.
 SILENCE = 4e-10
 
 
 def band_numbers(sample_rate: float) -> FloatArray:
-    """10 lg(f/Hz) of all bands up to half the sample rate (Hz)."""
+    """Return the numbers 10 lg(f/Hz) of all bands up to half the sample rate (Hz)."""
     highest = int(np.floor(10.0 * np.log10(sample_rate / 2.0)))
     return np.arange(LOWEST_BAND, highest + 1, dtype=np.float64)
 
@@ -173,7 +196,10 @@ def band_numbers(sample_rate: float) -> FloatArray:
 def third_octaves(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Level (dB re 20 µPa, 0 at least) in each band, of a turn's force (N) and impulses (N·s)."""
+    """Return the level in each band (dB re 20 µPa, at least 0).
+
+    The parameters are those of `band_power`.
+    """
     power = band_power(parameters, force, impulse, sample_rate)
     return level_db(np.sqrt(np.maximum(power, SILENCE)))
 
@@ -181,111 +207,145 @@ def third_octaves(
 def band_power(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Mean square sound pressure (Pa²) in each band; their sum is that of the turn."""
+    """Return the mean square sound pressure (Pa²) in each band.
+
+    Their sum is that of the turn.
+
+    Parameters
+    ----------
+    parameters : RadiationParameters
+        Radiation of the rig.
+    force, impulse : ndarray
+        Contact force (N) and landing impulses (N·s) of the samples of one turn, shape (n,).
+    sample_rate : float
+        Sample rate in Hz.
+    """
     frequency = np.asarray(np.fft.rfftfreq(force.size, 1.0 / sample_rate), dtype=np.float64)
-    with np.errstate(divide="ignore"):  # the constant does not sound
+    with np.errstate(divide="ignore"):  # the constant force radiates no sound
         ratio = np.minimum(parameters.corner / frequency, 1e150)
     transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * ratio)
-    # a half sine of unit area, cos(πx)/(1 − 4x²) as two sinc's, which has no 0/0 at x = 1/2
+    # Spectrum of a half sine of unit area: cos(πx)/(1 − 4x²) as a sum of two sinc functions, which
+    # avoids 0/0 at x = 1/2.
     x = parameters.contact_time * frequency
     pulse = 0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5))
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
-    if force.size % 2 == 0:  # the line at half the sample rate is its own mirror
+    if force.size % 2 == 0:  # the line at half the sample rate has no mirror line
         power[-1] *= 0.5
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
     return np.bincount(band.astype(np.int64), power[1:], numbers.size).astype(np.float64)
 
 
-# Third-octave bars in the plane: one scale for all cams and speeds, so that they compare.
+# Third-octave bars in the plane, with one scale for all cams and speeds.
 
-#: dB shown, the same wherever bars are drawn; what is louder ends at the upper edge.
+#: Range of the level axis in dB of every bar chart. Louder bars are cut at the upper edge.
 BAND_LEVELS = (0.0, 110.0)
-#: Height of the plane over its width, and width of a bar over that of its band.
-SHAPE, BAR = 0.42, 0.8
-#: Radius of a bar's outline on the screen.
+#: Height of the plane, relative to its width.
+SHAPE = 0.42
+#: Width of a bar, relative to the width of its band.
+BAR = 0.8
+#: Radius of the outline of a bar, in points of the screen (negative for Rerun).
 BAND_LINE = -1.0
-#: Bands that are named, by number.
-NAMED = {10.0: "10 Hz", 20.0: "100 Hz", 30.0: "1 kHz", 40.0: "10 kHz"}
+#: Labels of the axis: band number -> label.
+BAND_LABELS = {10.0: "10 Hz", 20.0: "100 Hz", 30.0: "1 kHz", 40.0: "10 kHz"}
 
 
 def band_axes(sample_rate: float) -> Axes:
-    """Bands up to half the sample rate (Hz) along x, each as wide as the next; dB along y."""
+    """Return the axes of bands up to half the sample rate (Hz), and of levels (dB).
+
+    All bands have the same width.
+    """
     numbers = band_numbers(sample_rate)
     ends = float(numbers[0]) - 0.5, float(numbers[-1]) + 0.5
     return Axes(ends, BAND_LEVELS, height=SHAPE * 160.0)
 
 
 class BandChart:
-    """Draws the axes into a view, then bars as they come; `flush` sends them."""
+    """Bar chart of third-octave bands in a view.
+
+    `flush` sends the bars.
+    """
 
     def __init__(self, canvas: Canvas, view: str, rate: float, colour: int) -> None:
         self._canvas, self._entity, self._rate = canvas, f"{view}/bars", rate
         self._axes, self._waiting = band_axes(rate), list[tuple[float, float, FloatArray]]()
-        named = {number: words for number, words in NAMED.items() if number <= self._axes.x[1]}
-        self._axes.draw(canvas.stream, f"{view}/axes", named, round_marks(*BAND_LEVELS, "dB"))
-        canvas.look(self._entity, rr.LineStrips2D, colors=colour, radii=BAND_LINE)
+        labels = {
+            number: label for number, label in BAND_LABELS.items() if number <= self._axes.x[1]
+        }
+        self._axes.draw(canvas.stream, f"{view}/axes", labels, round_marks(*BAND_LEVELS, "dB"))
+        canvas.set_style(self._entity, rr.LineStrips2D, colors=colour, radii=BAND_LINE)
 
     def add(self, time: float, angle: float, levels: FloatArray) -> None:
-        """Take the bands' levels (dB) from rig time (s) and unwrapped cam angle (rad) on."""
+        """Add bars of the levels (dB).
+
+        They appear from a rig time (s) and an unwrapped cam angle (rad) on.
+        """
         self._waiting.append((time, angle, levels))
 
     def flush(self) -> None:
-        """Send what was taken."""
+        """Send the bars added since the last call."""
         if not self._waiting:
             return
         time, angle, levels = zip(*self._waiting, strict=True)
         self._waiting = []
-        columns = rr.LineStrips2D.columns(strips=[self._skyline(some) for some in levels])
+        columns = rr.LineStrips2D.columns(
+            strips=[self._skyline(band_levels) for band_levels in levels]
+        )
         times = self._canvas.times(np.array(time), np.array(angle))
         self._canvas.rows(self._entity, times, columns)
 
     def draw_once(self, levels: FloatArray) -> None:
-        """Draw bars that stay."""
-        self._canvas.look(self._entity, rr.LineStrips2D, strips=[self._skyline(levels)])
+        """Draw bars for every time."""
+        self._canvas.set_style(self._entity, rr.LineStrips2D, strips=[self._skyline(levels)])
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
-        """``(4n, 2)`` of n bands as one strip: Rerun takes a strip a bar thirty times as slowly."""
+        """Return the outline of n bars as one strip, shape (4n, 2).
+
+        One strip per bar would be thirty times slower in Rerun.
+        """
         numbers, low = band_numbers(self._rate), np.full(levels.size, BAND_LEVELS[0])
         left, right, top = numbers - 0.5 * BAR, numbers + 0.5 * BAR, levels.clip(*BAND_LEVELS)
         corners = [(left, low), (left, top), (right, top), (right, low)]
         return np.stack([self._axes.place(*corner) for corner in corners], axis=1).reshape(-1, 2)
 
 
-# Turns laid over each other, and cams side by side at one speed.
+# Overlaid turns, and cams side by side at one speed.
 
-TURNS, COMPARE = "turns", "compare"
-#: Height of the axes, of their width 160.
+TURNS = "turns"
+COMPARE = "compare"
+#: Height of the axes, whose width is 160.
 ROW = 80.0
-#: Cams whose names stand in a line over the axes, and from line to line.
-NAMES_IN_LINE, NAME_STEP = 2, 11.0
-#: Radius of a curve on the screen.
+#: Number of names in each line above the axes.
+NAMES_IN_LINE = 2
+#: Vertical distance between two lines of names in the plane.
+NAME_STEP = 11.0
+#: Radius of a curve, in points of the screen (negative for Rerun).
 STROKE = -0.9
 
 
-def compared_of(loaded: LoadedScene) -> tuple[Drawn, ...]:
-    """The quantities that are laid over each other."""
-    return tuple(row for row in drawn_of(loaded.scene.model) if row not in (VELOCITY, GAP, TWIST))
+def compared_of(loaded: LoadedScene) -> tuple[PlotRow, ...]:
+    """Return the quantities whose curves are overlaid."""
+    return tuple(row for row in plot_rows(loaded.scene.model) if row not in (VELOCITY, GAP, TWIST))
 
 
 def at_speed(rpm: float, quantity: str) -> str:
-    """The view in which every cam has its curve of a quantity at a speed."""
+    """Return the entity path of the view with the curves of all cams at a speed."""
     return f"{TURNS}/{rpm:.6g}_rpm/{quantity}"
 
 
-def turn_axes(row: Drawn, ranges: Ranges) -> TurnAxes:
-    """The axes in which all cams have their curve of one quantity."""
+def turn_axes(row: PlotRow, ranges: Ranges) -> TurnAxes:
+    """Return the axes of the curves of all cams for one quantity."""
     return TurnAxes([row], ranges, ROW)
 
 
 def names_height(loaded: LoadedScene) -> float:
-    """Room for the cams' names over the axes, which no curve reaches."""
+    """Return the height of the space for the cams' names above the axes."""
     return -(-len(loaded.cams) // NAMES_IN_LINE) * NAME_STEP
 
 
 def draw_turn_axes(canvas: Canvas, loaded: LoadedScene, rpm: float, ranges: Ranges) -> None:
-    """Draw the axes, their cursor on the timeline of degrees, and each cam's name in its colour."""
+    """Draw the axes, their cursor over the degrees of the turn, and the cams' names."""
     degrees = np.arange(360.0)
     for row in compared_of(loaded):
         view = at_speed(rpm, row.key)
@@ -297,29 +357,29 @@ def draw_turn_axes(canvas: Canvas, loaded: LoadedScene, rpm: float, ranges: Rang
     lines = names_height(loaded) / NAME_STEP
     for i, (name, cam) in enumerate(loaded.cams.items()):
         line, column = divmod(i, NAMES_IN_LINE)
-        at = (column + 0.5) * TURN_WIDTH / NAMES_IN_LINE, (line - lines) * NAME_STEP
-        where = f"{at_speed(rpm, LIFT.key)}/lift/names/{name}"
-        label(canvas, where, at, shortened(cam.title, MAX_TITLE), of_cam(name))
+        position = (column + 0.5) * TURN_WIDTH / NAMES_IN_LINE, (line - lines) * NAME_STEP
+        entity = f"{at_speed(rpm, LIFT.key)}/lift/names/{name}"
+        label(canvas, entity, position, shortened(cam.title, MAX_TITLE), of_cam(name))
 
 
 def draw_turn(canvas: Canvas, loaded: LoadedScene, turn: Turn, ranges: Ranges) -> None:
-    """Curves of one turn over the angle within it."""
+    """Draw the curves of one turn over the angle in the turn."""
     for row in compared_of(loaded):
         values = getattr(turn, row.key) * row.line.factor
         points = curve(turn_axes(row, ranges), row.key, turn.angle, values)
         line = rr.LineStrips2D([points], colors=of_cam(turn.cam), radii=STROKE)
-        canvas.always(f"{at_speed(turn.rpm, row.key)}/{row.key}/{turn.cam}", line)
+        canvas.log_static(f"{at_speed(turn.rpm, row.key)}/{row.key}/{turn.cam}", line)
 
 
 def draw_side_by_side(canvas: Canvas, loaded: LoadedScene, turn: Turn, profile: FloatArray) -> None:
-    """A cam under its follower, and third-octave bands, of one turn, in a view of its own."""
+    """Draw cam and follower, and third-octave bands, of one turn in a separate view."""
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
     scale = force_scale(loaded, turn.speed)
-    within = Canvas(canvas.stream, within_turn)
-    scene = Scene2D(within, loaded, f"{view}/scene", scale=scale)
-    begin = CamState(0, 0.0, turn.speed, turn.cam)
-    scene.mount(begin, profile)
-    scene.speed(begin)
+    turn_canvas = Canvas(canvas.stream, within_turn)
+    scene = Scene2D(turn_canvas, loaded, f"{view}/scene", scale=scale)
+    start = CamState(0, 0.0, turn.speed, turn.cam)
+    scene.mount(start, profile)
+    scene.speed(start)
     frame = frame_mask(turn.angle, turn.speed / rate)
     scene.frames(turn.time[frame], turn.angle[frame], turn.lift[frame], turn.force[frame])
     scene.flush()

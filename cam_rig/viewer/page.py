@@ -1,6 +1,7 @@
-"""What a page does beside the viewer: it says what it shows, and begins where it is worth looking.
+"""Script of the viewer's page, delay of the page, and folder of a live recording.
 
-Rerun's page gives its state, and takes requests, as protobuf messages (its Viewer Control API).
+The script reports the displayed rig time to the server and sets the initial time cursor. Rerun's
+page returns its state and accepts requests as protobuf messages (its Viewer Control API).
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ from cam_rig.files import MIB
 from cam_rig.interrupts import interruptible
 from cam_rig.units import NS
 
-#: The timeline of the cursor, as `cam_rig.viewer.timeline` has it, which imports Rerun.
+#: Timeline of the cursor. It equals `cam_rig.viewer.timeline.RIG_TIME`, whose module imports Rerun.
 TIMELINE = "rig_time"
-#: What a page asks for to say which rig time (ns) it shows, -1 while it shows none; the answer is
-#: the name of what it is to show.
+#: Path that a page requests to report its rig time (ns), or -1 before it displays a recording. The
+#: response is the name of the recording to display.
 SHOWN_PATH = "/shown"
-#: Wall time (s) between two reports of a page, and two looks at whether it has data yet.
-REPORT_EVERY_S, LOOK_EVERY_S = 1.0, 0.1
-#: Field 3 of the state are the recordings, in each 3 the time cursor, with its timeline's name in
-#: 1.1 and the time (ns) in 3.1, which is left out where it is 0.
+#: Wall-clock time (s) between two reports of a page.
+REPORT_EVERY_S = 1.0
+#: Wall-clock time (s) between two checks of a page for its first data.
+LOOK_EVERY_S = 0.1
+#: Script that reads the displayed rig time from the viewer's state. Field 3 of the state contains
+#: the recordings. Field 3 of a recording is its time cursor, with the name of the timeline in 1.1
+#: and the time (ns) in 3.1. A time of 0 is omitted.
 _READ = """
 function* fields(b) {
   let i = 0;
@@ -68,10 +72,11 @@ setInterval(async () => {
     if (!name || name === followed) return;
     followed = name;
     window._handle.add_receiver(`${location.origin}/${name}`);
-    dispatchEvent(new Event("hashchange")); // a page at rest draws when something happens
-  } catch { /* the server has gone */ }
+    dispatchEvent(new Event("hashchange")); // an idle page is redrawn only after an event
+  } catch { /* the server has stopped */ }
 }, PERIOD);""".replace("PATH", SHOWN_PATH).replace("PERIOD", f"{1e3 * REPORT_EVERY_S:.0f}")
-#: Asked again until it is there: a file that is still loading puts the cursor back to its start.
+#: Script that requests the initial time until the cursor has reached it. The request is repeated
+#: because a file that is still loading resets the cursor to its start.
 _BEGIN = """
 let asked = false;
 const waiting = setInterval(async () => {
@@ -85,7 +90,10 @@ const waiting = setInterval(async () => {
 
 
 def page_script(begin: float = 0.0) -> str:
-    """The element that does it all; the time cursor is put to a rig time (s), when it is before."""
+    """Return the script element of the page.
+
+    The script moves the time cursor forward to `begin`, a rig time in s, if it is earlier.
+    """
     script, begin_ns = _READ + _REPORT, round(begin * NS)
     if begin_ns > 0:
         request = str([*cursor_request(begin_ns)])
@@ -94,7 +102,10 @@ def page_script(begin: float = 0.0) -> str:
 
 
 def cursor_request(time_ns: int) -> bytes:
-    """The request to put the cursor there: 6 of a request, with timeline in 2.1 and time in 3.1."""
+    """Return the message that moves the time cursor to `time_ns`.
+
+    It is field 6 of a request, with the timeline in 2.1 and the time in 3.1.
+    """
     timeline = _field(2, _field(1, TIMELINE.encode()))
     return _field(6, timeline + _field(3, bytes([1 << 3]) + _varint(time_ns)))
 
@@ -104,16 +115,19 @@ def _field(number: int, content: bytes) -> bytes:
 
 
 def _varint(value: int) -> bytes:
-    """Seven bits a byte, the lowest first."""
+    """Return the protobuf varint of a value: seven bits per byte, the lowest first."""
     more = value >> 7
     return bytes([value & 127 | 128]) + _varint(more) if more else bytes([value])
 
 
-# How far behind a run a browser's page is: it says once in a while which rig time it shows.
+# Delay of a browser's page behind a run, from the rig times that the page reports.
 
 
 class PageTime:
-    """What pages have said so far; one thread says it, another asks."""
+    """Delay of the displayed rig time behind the drive, in wall-clock time.
+
+    The thread of the server calls `take`, the thread of the run calls `driven`.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._open = clock, Event()
@@ -123,57 +137,68 @@ class PageTime:
         self.longest: float | None = None
 
     def take(self, query: str) -> None:
-        """What a page asked: ``ns=…``, its rig time; anything else is passed over."""
-        (words, *_) = parse_qs(query).get("ns", [""])
+        """Process the query ``ns=…`` of a page, its rig time.
+
+        Any other query is ignored.
+        """
+        (text, *_) = parse_qs(query).get("ns", [""])
         try:
-            shown = int(words) / NS
+            rig_time = int(text) / NS
         except ValueError:
             return
         self._open.set()
-        if shown < 0.0 or not self._driven:
+        if rig_time < 0.0 or not self._driven:
             return
-        at, now = bisect_left(self._driven, shown), self._clock()
-        late = 0.0 if at == len(self._driven) else now - self._when[at]
+        index, now = bisect_left(self._driven, rig_time), self._clock()
+        late = 0.0 if index == len(self._driven) else now - self._when[index]
         self._reported, self.longest = (now, late), max(late, self.longest or 0.0)
 
     @interruptible
     def until_open(self) -> None:
-        """Wait until a page shows the viewer."""
+        """Wait until a page displays the viewer."""
         self._open.wait()
 
     def driven(self, rig_time: float) -> None:
-        """The drive has come to a rig time (s) now."""
-        self._when.append(self._clock())  # first, for another thread looks it up by the other
+        """Record that the drive has reached a rig time (s)."""
+        self._when.append(self._clock())  # before _driven, which the other thread reads first
         self._driven.append(rig_time)
 
     def behind(self) -> float | None:
-        """Wall time (s) since the drive was where the page is; None while it is unknown."""
+        """Return the wall-clock time (s) since the drive was at the displayed rig time.
+
+        Returns None if no page has reported a rig time.
+        """
         if self._reported is None:
             return None
         when, late = self._reported
         return late + max(0.0, self._clock() - when - REPORT_EVERY_S)
 
 
-# A live picture's folder, which is this user's alone: recordings, and how far a page is behind.
-# The viewer's node writes it, and the process that serves the page reads it; no port is needed.
+# Folder of a live recording, which only this user can read: recordings, and the delay of the page.
+# The viewer's node writes it and the process that serves the page reads it. No port is needed.
 
-#: The file in which the server writes the page's delay, s.
+#: Name of the file in which the server writes the delay of the page in s.
 BEHIND = "behind"
-#: Bytes of a part of a recording, and parts that are kept beside the first: 0.4 GB in all.
-MAX_PART, KEPT_PARTS = 64 * MIB, 5
+#: Largest size of a part of a recording, bytes.
+MAX_PART = 64 * MIB
+#: Number of parts that are kept in addition to the first: 0.4 GB in total.
+KEPT_PARTS = 5
 
 
 def new_recording(folder: Path) -> Path:
-    """The first part of a run's recording, in the place of those before."""
+    """Return the first part of a new recording, and delete older recordings."""
     if not folder.is_dir():
         raise CamRigError(f"{folder}: no page reads it; allowed: a folder that one is served from")
-    for old in folder.glob("*.rrd"):  # who reads it still has it open
+    for old in folder.glob("*.rrd"):  # a reader still has it open
         old.unlink(missing_ok=True)
     return folder / f"{time.time_ns()}_{0:06}.rrd"
 
 
 def next_part(part: Path) -> Path | None:
-    """The part in which a recording goes on when one is full; the first and the newest stay."""
+    """Return the next part of a recording if `part` is full, else None.
+
+    The first part and the newest parts are kept.
+    """
     if not part.exists() or part.stat().st_size < MAX_PART:
         return None
     run, number = part.stem.split("_")
@@ -184,26 +209,32 @@ def next_part(part: Path) -> Path | None:
 
 
 def newest_recording(folder: Path) -> Path | None:
-    """The first part of the present run's recording, or of the last's; None before the first."""
+    """Return the first part of the newest recording, or None if there is no recording."""
     return max(folder.glob("*_000000.rrd"), default=None)
 
 
 def part_after(part: Path) -> Path | None:
-    """The part that is there after one, None where that is the newest; between may be a gap."""
+    """Return the next existing part after `part`, or None if it is the newest.
+
+    Parts in between may have been deleted.
+    """
     run = part.stem.split("_")[0]
     return min((p for p in part.parent.glob(f"{run}_*.rrd") if p > part), default=None)
 
 
 def write_delay(folder: Path, behind: float | None) -> None:
-    """Keep how far (s) the page is behind; nothing while it is not known."""
+    """Write the delay (s) of the page, unless it is None."""
     if behind is not None:
         (folder / BEHIND).write_text(f"{behind:.3f}", encoding="ascii")
 
 
 def page_delay(folder: Path) -> float | None:
-    """How far (s) the page is behind by its last report; one that is overdue adds to it."""
+    """Return the delay (s) of the page, or None if no delay is written.
+
+    An overdue report adds to the delay of the last report.
+    """
     file = folder / BEHIND
-    with suppress(OSError, ValueError):  # not written yet, or just now
+    with suppress(OSError, ValueError):  # not written yet, or being written
         late = float(file.read_text(encoding="ascii"))
         return late + max(0.0, time.time() - file.stat().st_mtime - REPORT_EVERY_S)
     return None

@@ -1,4 +1,4 @@
-"""The Rerun viewer as a child process that ends with us: in a window, or behind a browser."""
+"""Rerun viewer as a child process, which ends with its parent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ ADVICE = (
     "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "
     "with: rerun FILE.rrd"
 )
-#: Becomes the viewer itself, which the kernel ends with us however we end (PR_SET_PDEATHSIG).
+#: Program that replaces itself with the viewer. On Linux the kernel terminates the viewer when its
+#: parent ends for any reason (PR_SET_PDEATHSIG).
 COMMAND = """
 import ctypes, os, signal, sys
 from pathlib import Path
@@ -31,38 +32,50 @@ ctypes.CDLL(None).prctl(1, signal.SIGTERM)
 viewer = str(Path(cli.__file__).parent / "rerun")
 os.execv(viewer, [viewer, *sys.argv[1:]])
 """
-#: Only this machine is served.
+#: Options of the viewer, which only accepts connections from this machine.
 OPTIONS = ("--bind", LOOPBACK, "--hide-welcome-screen")
-#: Wall time (s) that the viewer has to listen.
+#: Wall-clock time (s) within which the viewer must listen at its ports.
 TIMEOUT_S = 30.0
-#: Wall time (s) that it has to end, once asked.
+#: Wall-clock time (s) within which the viewer must end after SIGTERM.
 END_S = 3.0
-#: The viewer reports no usage where CI is set. Its own switch would change the user's settings.
+#: Environment in which the viewer reports no usage. Its option for this would change the user's
+#: settings, but it also reports no usage if CI is set.
 SILENT = {"RUST_LOG": "error", "CI": "1"}
 
 
 def require_display() -> None:
-    """Raise before the work is done, when no window can be opened after it."""
+    """Check that a window can be opened.
+
+    Call it before any long computation.
+
+    Raises
+    ------
+    CamRigError
+        If there is no display.
+    """
     names = ("WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY")
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in names):
         raise CamRigError(f"no display to open the viewer on (DISPLAY is not set); {ADVICE}")
 
 
 def show(path: Path) -> None:
-    """Open a recording in the viewer, until its window is closed."""
+    """Open a recording in the viewer and wait until its window is closed."""
     with child("--new", str(path)) as process:
         wait(process)
 
 
 def wait(process: subprocess.Popen[bytes]) -> None:
-    """Wait until the viewer is closed."""
+    """Wait until the viewer is closed.
+
+    Raises CamRigError if it fails.
+    """
     code = process.wait()
     if code != 0:
         raise CamRigError(f"the viewer ended with code {code}, see above; {ADVICE}")
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
-    """End a viewer and its children, also one that does not let itself be asked."""
+    """Terminate a viewer and its children, by SIGKILL if SIGTERM has no effect."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGTERM)
     try:
@@ -74,12 +87,12 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 @contextmanager
 def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer that is ended with the context."""
+    """Start a viewer, and terminate it when the context ends."""
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, *OPTIONS, *arguments],
         stdin=subprocess.DEVNULL,
         env=os.environ | SILENT,
-        start_new_session=True,  # Ctrl-C reaches us alone; we end it and its children
+        start_new_session=True,  # Ctrl-C only reaches this process, which ends its children
     )
     try:
         yield process
@@ -89,17 +102,17 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer that can be reached at all of its ports."""
+    """Start a viewer and wait until it listens at all of its ports."""
     require_loopback()
     with child(*arguments) as process:
-        _await(process, ports)
+        _wait_for_ports(process, ports)
         yield process
 
 
 @interruptible
-def _await(process: subprocess.Popen[bytes], ports: tuple[int, ...]) -> None:
+def _wait_for_ports(process: subprocess.Popen[bytes], ports: tuple[int, ...]) -> None:
     deadline = time.monotonic() + TIMEOUT_S
-    while not all(_open(port) for port in ports):
+    while not all(_is_open(port) for port in ports):
         if process.poll() is not None:
             raise CamRigError(f"the viewer ended with code {process.returncode}; {ADVICE}")
         if time.monotonic() > deadline:
@@ -109,25 +122,25 @@ def _await(process: subprocess.Popen[bytes], ports: tuple[int, ...]) -> None:
 
 @contextmanager
 def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """An empty viewer, and the address at which it takes a live run."""
+    """Start an empty viewer, and yield it with the address for a live run."""
     port = free_port()
     with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:
         yield process, stream_address(port)
 
 
 def free_port() -> int:
-    """A port of this machine that nobody listens at."""
+    """Return a free port of this machine."""
     with socket.socket() as listener:
         listener.bind((LOOPBACK, 0))
         return int(listener.getsockname()[1])
 
 
 def stream_address(port: int) -> str:
-    """Where a live run is sent."""
+    """Return the address for a live run at a port."""
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
-def _open(port: int) -> bool:
+def _is_open(port: int) -> bool:
     with socket.socket() as caller:
         caller.settimeout(0.5)
         return caller.connect_ex((LOOPBACK, port)) == 0

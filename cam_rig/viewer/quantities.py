@@ -1,4 +1,4 @@
-"""The quantities of a run that are drawn over the turn, and how far each goes in a scene."""
+"""Plotted quantities of a run, their time series and their axis ranges."""
 
 from __future__ import annotations
 
@@ -25,15 +25,18 @@ from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.units import NS, RPM_PER_RAD_S, TURN, FloatArray
 from cam_rig.viewer.timeline import Canvas
 
-# Time series: which curves there are, and sending samples as columns without hiding a peak.
+# Time series: the curves, and sending of samples as columns that keep every peak.
 
-#: Rows sent at once: big enough to be fast, small enough to stay out of the way in memory.
+#: Number of rows sent at once: large enough to be fast, small enough for the memory.
 ROWS_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True)
 class SeriesLine:
-    """One curve: ``factor`` takes SI to the unit shown, ``colour`` is 0xRRGGBBAA."""
+    """Style of a curve.
+
+    `factor` converts SI to the displayed unit, `colour` is 0xRRGGBBAA.
+    """
 
     entity: str
     name: str
@@ -41,11 +44,11 @@ class SeriesLine:
     factor: float = 1.0
     width: float = 1.2
     interpolation: InterpolationMode = InterpolationMode.Linear
-    #: However far one zooms out, the peaks stay.
+    #: Keeps the peaks at any zoom.
     aggregation: AggregationPolicy = AggregationPolicy.MinMax
 
     def style(self) -> rr.SeriesLines:
-        """How the curve looks."""
+        """Return the style of the curve."""
         return rr.SeriesLines(
             colors=self.colour,
             names=self.name,
@@ -57,7 +60,7 @@ class SeriesLine:
 
 @dataclass(frozen=True)
 class Mark:
-    """Single points on the lift."""
+    """Style of single points on the lift."""
 
     entity: str
     name: str
@@ -65,7 +68,7 @@ class Mark:
     factor: float = 1e3
 
     def style(self) -> rr.SeriesPoints:
-        """How a point looks."""
+        """Return the style of the points."""
         return rr.SeriesPoints(colors=self.colour, names=self.name, marker_sizes=4.0)
 
 
@@ -94,30 +97,33 @@ SPEED = SeriesLine(
     interpolation=InterpolationMode.StepAfter,
     aggregation=AggregationPolicy.Off,
 )
-#: Lift-off and landing.
+#: Marks of lift-offs and landings on the lift.
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 MARKS = LIFT_OFF, LANDING
-#: Few enough to be sent as they are.
+#: Series with so few points that they are sent without reduction.
 UNTHINNED = (ZERO, SPEED, LEVEL, *MARKS)
 
 
 def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
-    """Indices, in order, of the minimum and the maximum of every ``bucket`` values."""
+    """Return the indices of minimum and maximum of every ``bucket`` values, in order."""
     if bucket <= 1:
         return np.arange(values.size)
-    # A first occurrence is found, so the padding never stands for itself.
+    # argmin and argmax return the first occurrence, so no index points into the padding.
     rows = np.pad(values, (0, -values.size % bucket), mode="edge").reshape(-1, bucket)
-    begin = np.arange(rows.shape[0]) * bucket
-    pairs = np.stack([begin + rows.argmin(axis=1), begin + rows.argmax(axis=1)], axis=1)
+    starts = np.arange(rows.shape[0]) * bucket
+    pairs = np.stack([starts + rows.argmin(axis=1), starts + rows.argmax(axis=1)], axis=1)
     pairs.sort(axis=1)
-    kept = pairs.ravel()
-    return kept[np.append(True, kept[1:] != kept[:-1])]
+    indices = pairs.ravel()
+    return indices[np.append(True, indices[1:] != indices[:-1])]
 
 
 @dataclass
 class SeriesWriter:
-    """Collects a curve's samples, of each ``bucket`` least and greatest, and sends them."""
+    """Writer of a series.
+
+    It keeps the minimum and the maximum of every ``bucket`` samples.
+    """
 
     canvas: Canvas
     series: SeriesLine | Mark
@@ -126,20 +132,22 @@ class SeriesWriter:
     _rows: int = 0
 
     def __post_init__(self) -> None:
-        self.canvas.always(self.series.entity, self.series.style())
+        self.canvas.log_static(self.series.entity, self.series.style())
 
     def add(self, time: FloatArray, angle: FloatArray, values: FloatArray) -> None:
-        """Take ``values`` (SI) at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
+        """Add ``values`` (SI) at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
         if values.size == 0:
             return
-        kept = extremes(values, self.bucket)
-        self._parts.append(np.stack([time[kept], angle[kept], values[kept] * self.series.factor]))
-        self._rows += kept.size
+        indices = extremes(values, self.bucket)
+        self._parts.append(
+            np.stack([time[indices], angle[indices], values[indices] * self.series.factor])
+        )
+        self._rows += indices.size
         if self._rows >= ROWS_AT_ONCE:
             self.flush()
 
     def flush(self) -> None:
-        """Send what was collected."""
+        """Send the samples added since the last call."""
         if self._parts:
             time, angle, values = np.concatenate(self._parts, axis=1)
             columns = rr.Scalars.columns(scalars=values)
@@ -147,14 +155,17 @@ class SeriesWriter:
         self._parts, self._rows = [], 0
 
 
-# The twist of the shaft behind the cam, which no message carries.
+# Twist of the shaft behind the cam, which no message contains.
 
-#: The model whose shaft's twist is shown.
+#: Model of which the twist of the shaft is plotted.
 TORSIONAL = "torsional"
 
 
 class ShaftTwist:
-    """The twist of the shaft, solved again as it was: each tick from where the one before ended."""
+    """Twist of the shaft, recomputed tick by tick.
+
+    Each tick starts from the state at the end of the previous tick.
+    """
 
     def __init__(self, loaded: LoadedScene) -> None:
         self._loaded = loaded
@@ -162,101 +173,114 @@ class ShaftTwist:
         self._end: tuple[str, tuple[float, ...], float] | None = None
 
     def tick(self, cam: str, interval: Interval, time: FloatArray) -> FloatArray:
-        """``(n,)`` twist in rad at ``time`` (s of rig time) within the tick of a cam."""
-        known = self._end is not None and self._end[0] == cam
-        inner, speed = self._end[1:] if self._end is not None and known else ((), None)
-        law, at = self._loaded.laws[cam], interval.start_ns / NS
+        """Return the twist (rad) at rig times ``time`` (s) of a tick, shape (n,)."""
+        is_same_cam = self._end is not None and self._end[0] == cam
+        inner, speed = self._end[1:] if self._end is not None and is_same_cam else ((), None)
+        law, start_time = self._loaded.laws[cam], interval.start_ns / NS
         driven, state = begin(law, self._parameters, inner, speed, interval)
-        motion = solve(law, driven, state, at, interval.duration, interval.acceleration)
+        motion = solve(law, driven, state, start_time, interval.duration, interval.acceleration)
         self._end = cam, inner_of(motion), interval.speed_at(interval.duration)
-        return motion.at(time.clip(at, motion.stop_time))[0]
+        return motion.at(time.clip(start_time, motion.stop_time))[0]
 
 
-#: From and to, and step, of an axis, in the unit shown.
+#: Lower limit, upper limit and step of an axis, in the displayed unit.
 Range = tuple[float, float, float]
 Ranges = Mapping[str, Range]
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """A quantity with its title and its curve, whose ``factor`` takes SI to the unit shown."""
+class PlotRow:
+    """Row of a chart: a quantity with its title and its curve."""
 
     key: str
     title: str
     line: SeriesLine
 
 
-LIFT = Drawn("lift", "Lift [mm]", LIFT_LINE)
-VELOCITY = Drawn("velocity", "Velocity [m/s]", VELOCITY_LINE)
-ACCELERATION = Drawn("acceleration", "Acceleration [m/s²]", ACCELERATION_LINE)
-FORCE = Drawn("force", "Contact force [N]", FORCE_LINE)
-GAP = Drawn("gap", "Gap [µm]", GAP_LINE)
-TWIST = Drawn("twist", "Twist of the shaft [°]", TWIST_LINE)
-#: Turns at each speed, at most, that the axes of a scene are found from.
+LIFT = PlotRow("lift", "Lift [mm]", LIFT_LINE)
+VELOCITY = PlotRow("velocity", "Velocity [m/s]", VELOCITY_LINE)
+ACCELERATION = PlotRow("acceleration", "Acceleration [m/s²]", ACCELERATION_LINE)
+FORCE = PlotRow("force", "Contact force [N]", FORCE_LINE)
+GAP = PlotRow("gap", "Gap [µm]", GAP_LINE)
+TWIST = PlotRow("twist", "Twist of the shaft [°]", TWIST_LINE)
+#: Largest number of turns at each speed from which the axes of a scene are computed.
 MAX_TURNS = 50
-#: Key of the axis on which the smallest of a scene's gaps can be seen beside its greatest.
+#: Key of the additional axis that resolves the smallest gap of a scene.
 CLOSE_GAP = "close_gap"
-#: Key of the axis (mm) of the gap where the cam passes angle 0.
+#: Key of the axis (mm) of the gap at cam angle 0.
 ZERO_GAP = "zero_gap"
-#: A gap (µm) that is worth an axis of its own, that axis over it, and over the axis of all gaps.
-MIN_GAP, CLOSE, MAX_SHARE = 1.0, 4.0, 0.2
+#: Smallest gap (µm) that gets the additional axis.
+MIN_GAP = 1.0
+#: Upper limit of the additional axis, relative to the smallest gap.
+CLOSE = 4.0
+#: Largest upper limit of the additional axis, relative to the greatest gap.
+MAX_SHARE = 0.2
 
 
-def drawn_of(model: str) -> tuple[Drawn, ...]:
-    """What is drawn of a model: the gap where it can leave the cam, the twist of a shaft."""
-    more = [GAP] if MODELS[model].lifts_off else [TWIST] if model == TORSIONAL else []
-    return LIFT, VELOCITY, ACCELERATION, FORCE, *more
+def plot_rows(model: str) -> tuple[PlotRow, ...]:
+    """Return the plotted quantities of a model.
+
+    They contain the gap if the follower can lift off, and the twist if the model has a shaft.
+    """
+    extra = [GAP] if MODELS[model].lifts_off else [TWIST] if model == TORSIONAL else []
+    return LIFT, VELOCITY, ACCELERATION, FORCE, *extra
 
 
 def gap_of(law: Law, angle: FloatArray, rows: NamedRows) -> FloatArray:
-    """``(n,)`` how far (m) a follower is off its cam at cam ``angle`` (rad); 0 in contact."""
+    """Return the gap (m) between follower and cam at cam ``angle`` (rad), shape (n,).
+
+    It is 0 in contact.
+    """
     return np.where(rows.force == 0.0, rows.lift - law(angle), 0.0)
 
 
 @dataclass(frozen=True)
 class SceneRanges:
-    """The axis of each quantity by its key: over all cams, and of each cam by its name."""
+    """Axis ranges of the quantities, by key.
 
-    whole: Ranges
+    `all_cams` are those of all cams together, `by_cam` those of each cam by its name.
+    """
+
+    all_cams: Ranges
     by_cam: Mapping[str, Ranges]
 
     def of(self, cam: str) -> Ranges:
-        """A cam's own; of one that the scene does not name, those over all."""
-        return self.by_cam.get(cam, self.whole)
+        """Return the ranges of a cam, or of all cams if the scene does not contain it."""
+        return self.by_cam.get(cam, self.all_cams)
 
 
 def scene_ranges(loaded: LoadedScene) -> SceneRanges:
-    """Axes from the least and the greatest of each quantity, at all speeds of the scene.
+    """Return axis ranges from the extremes of each quantity at all speeds.
 
-    The scene is solved for it, as it runs: it takes a few tenths of a second. Of a long scene, the
-    first turns at each speed, in which what the step of speed set off dies away.
+    The scene is simulated for this, which takes a few tenths of a second. A long scene is
+    simulated for the first turns at each speed, in which the transient of the speed step decays.
     """
     loaded = replace(loaded, scene=_shortened(loaded.scene))
-    rows = drawn_of(loaded.scene.model)
+    rows = plot_rows(loaded.scene.model)
     shaft = ShaftTwist(loaded) if TWIST in rows else None
-    ends: dict[str, FloatArray] = {}
+    limits: dict[str, FloatArray] = {}
     gaps: dict[tuple[str, float], float] = {}
-    at_zero = 0.0
+    max_gap_at_zero = 0.0
     for tick in turned_ticks(loaded):
         values = [*tick.motion, tick.force]
         if GAP in rows:
             values.append(gap := gap_of(loaded.laws[tick.cam], tick.angle, tick))
             step = tick.cam, tick.interval.speed
             gaps[step] = max(gaps.get(step, 0.0), float(gap.max()))
-            passed = tick.angle % TURN < tick.interval.speed / loaded.scene.sample_rate.si
-            at_zero = max(at_zero, float(gap[passed].max(initial=0.0)))
+            at_angle_zero = tick.angle % TURN < tick.interval.speed / loaded.scene.sample_rate.si
+            max_gap_at_zero = max(max_gap_at_zero, float(gap[at_angle_zero].max(initial=0.0)))
         if shaft is not None:
             values.append(shaft.tick(tick.cam, tick.interval, tick.time))
-        now = np.array([[row.min(), row.max()] for row in values])
-        ends[tick.cam] = _wider(ends.get(tick.cam, now), now)
-    whole = reduce(_wider, ends.values())
-    by_cam = {cam: _ranges(rows, values) for cam, values in ends.items()}
-    more = {**close_gap([*gaps.values()]), ZERO_GAP: round_range(0.0, at_zero * 1e3)}
-    return SceneRanges({**_ranges(rows, whole), **more}, by_cam)
+        new_limits = np.array([[row.min(), row.max()] for row in values])
+        limits[tick.cam] = _wider(limits.get(tick.cam, new_limits), new_limits)
+    overall = reduce(_wider, limits.values())
+    by_cam = {cam: _ranges(rows, values) for cam, values in limits.items()}
+    gap_axes = {**close_gap([*gaps.values()]), ZERO_GAP: round_range(0.0, max_gap_at_zero * 1e3)}
+    return SceneRanges({**_ranges(rows, overall), **gap_axes}, by_cam)
 
 
 def _shortened(scene: SceneConfig) -> SceneConfig:
-    """A scene with no more turns than are looked at."""
+    """Return the scene with at most `MAX_TURNS` turns at each speed."""
     program = scene.program
     if program.turns.si <= MAX_TURNS:
         return scene
@@ -267,23 +291,26 @@ def _shortened(scene: SceneConfig) -> SceneConfig:
 
 
 def close_gap(gaps: Sequence[float]) -> Ranges:
-    """The axis of the smallest gap (m) of any speed, where it is lost on that of all; else none."""
-    seen = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
-    if not seen or CLOSE * min(seen) > MAX_SHARE * max(seen):
+    """Return an additional axis for the smallest of the gaps (m), one gap per speed.
+
+    Returns an empty dict if the axis of all gaps resolves it.
+    """
+    visible = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
+    if not visible or CLOSE * min(visible) > MAX_SHARE * max(visible):
         return {}
-    return {CLOSE_GAP: round_range(0.0, CLOSE * min(seen))}
+    return {CLOSE_GAP: round_range(0.0, CLOSE * min(visible))}
 
 
-def _wider(one: FloatArray, other: FloatArray) -> FloatArray:
-    """``(k, 2)`` ends of both."""
-    low, high = np.minimum(one, other), np.maximum(one, other)
+def _wider(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the limits that contain both limits ``(k, 2)``."""
+    low, high = np.minimum(first, second), np.maximum(first, second)
     return np.column_stack([low[:, 0], high[:, 1]])
 
 
-def _ranges(rows: Sequence[Drawn], ends: FloatArray) -> dict[str, Range]:
-    """Round axes that show 0 too, of ``(k, 2)`` ends, SI."""
-    shown = {}
+def _ranges(rows: Sequence[PlotRow], ends: FloatArray) -> dict[str, Range]:
+    """Return rounded axes that contain the limits ``(k, 2)``, in SI units, and 0."""
+    axes = {}
     for row, (low, high) in zip(rows, ends.tolist(), strict=True):
         factor = row.line.factor
-        shown[row.key] = round_range(min(low, 0.0) * factor, max(high, 0.0) * factor)
-    return shown
+        axes[row.key] = round_range(min(low, 0.0) * factor, max(high, 0.0) * factor)
+    return axes

@@ -1,4 +1,4 @@
-"""From a bag to a Rerun recording."""
+"""Rerun recordings of bags and of live runs."""
 
 from __future__ import annotations
 
@@ -33,29 +33,29 @@ from cam_rig.viewer.quantities import scene_ranges
 from cam_rig.viewer.run_recorder import RunRecorder
 from cam_rig.viewer.timeline import FramePace
 
-# The messages of a run, in any order of topics, put together into ticks and passed on.
+# Assembly of the messages of a run, which arrive in any order of topics, into ticks.
 
 
 class RunReceiver(Protocol):
-    """What takes a run tick by tick, in order: a recording for Rerun, or an archive of turns."""
+    """Receiver of a run, tick by tick: a Rerun recording, or an archive of turns."""
 
     profiles: dict[str, FloatArray]
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Take one tick; ``rows`` are the ``(6, n)`` samples of its block."""
+        """Process one tick with the samples ``rows`` of its block, shape (6, n)."""
 
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
-        """Take level (dB) and pressure (Pa) of the tick that ended at a rig time."""
+        """Process level (dB) and pressure (Pa) of the tick that ended at ``end_ns``."""
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Finish after the last tick."""
 
 
 class RunFeed:
-    """Takes messages as they come, from a bag or from a live run; passes on what is complete.
+    """Assembles the messages of a bag or a live run into ticks for a receiver.
 
-    A tick is passed on when both its states, its block and its cam's profile are there. Levels
-    carry no stamp: each is published with a pressure, which does.
+    A tick is passed on when both of its states, its block and its cam's profile have arrived.
+    Levels have no time stamp. Each level is published with a pressure that has one.
     """
 
     def __init__(self, receiver: RunReceiver) -> None:
@@ -68,7 +68,7 @@ class RunFeed:
 
     @property
     def handlers(self) -> dict[Topic, Callable[[Any], None]]:
-        """What takes a message, by its topic."""
+        """Handlers of messages by topic."""
         return {
             topics.CAM_STATE: lambda m: self.state(cam_state_of(m)),
             topics.PROFILE: lambda m: self.profile(str(m.header.frame_id), polygon(m)),
@@ -79,31 +79,31 @@ class RunFeed:
 
     @property
     def is_behind(self) -> bool:
-        """Whether a tick is drawn whose level has not come yet."""
+        """True if the level of a drawn tick has not arrived yet."""
         return self._sound_until < self._drawn
 
     def profile(self, cam: str, points: FloatArray) -> None:
-        """Take the contour of a cam, ``(n, 2)`` in its own frame, m."""
+        """Add the contour of a cam in the cam's frame, m, shape (n, 2)."""
         self._receiver.profiles[cam] = points
 
     def state(self, state: CamState) -> None:
-        """Take the next state of the cam."""
+        """Add the next state of the cam."""
         self._pairing.add_state(state)
 
     def block(self, rows: FloatArray) -> None:
-        """Take the next block of samples, ``(6, n)``."""
+        """Add the next block of samples, shape (6, n)."""
         self._pairing.add_block(rows)
 
     def level(self, level: float) -> None:
-        """Take the next level, dB."""
+        """Add the next level, dB."""
         self._levels.append(level)
 
     def pressure(self, end_ns: int, pressure: float) -> None:
-        """Take the r.m.s. pressure (Pa) of the tick that ended at a rig time."""
+        """Add the r.m.s. pressure (Pa) of the tick that ended at rig time ``end_ns``."""
         self._pressures.append((end_ns, pressure))
 
     def draw(self) -> Iterator[Tick]:
-        """Draw all that is complete; gives each tick that was."""
+        """Pass all complete ticks to the receiver, and yield each of them."""
         self._ticks.extend(map(Tick._make, self._pairing.complete()))
         while self._levels and self._pressures:
             reading, level = self._pressures.popleft(), self._levels.popleft()
@@ -117,7 +117,13 @@ class RunFeed:
         self._pass_sound()
 
     def close(self) -> None:
-        """Draw what is left."""
+        """Pass on the remaining ticks and close the receiver.
+
+        Raises
+        ------
+        BagError
+            If the profile of a cam is missing.
+        """
         for _ in self.draw():
             pass
         self._receiver.close()
@@ -132,9 +138,9 @@ class RunFeed:
             self._sound_until = sound[0]
 
 
-#: A run of fewer samples is shown whole.
+#: Number of samples below which every sample of a run is kept.
 WHOLE_BELOW = 1_000_000
-#: Buckets per curve of a longer run; each gives its minimum and its maximum.
+#: Number of buckets per curve of a longer run. Each shows its minimum and its maximum.
 BUCKETS = 250_000
 
 
@@ -147,87 +153,127 @@ def save_recording(
     overwrite: bool = False,
     on_tick: Callable[[], None] = lambda: None,
 ) -> float:
-    """Write a bag as a Rerun recording, a ``.rrd`` file that appears when it is complete.
+    """Write a bag as a Rerun recording.
 
-    Gives the rig time (s) from which it is played. ``loaded`` is the scene that was run, for a bag
-    without one attached; ``on_tick`` is called after each tick.
+    The ``.rrd`` file appears when it is complete.
+
+    Parameters
+    ----------
+    bag : Path
+        Bag of the run.
+    path : Path
+        File to write.
+    view_options : ViewOptions, optional
+        Layout and reduction of the samples.
+    loaded : LoadedScene, optional
+        Scene of the run (default: the scene attached to the bag).
+    overwrite : bool
+        True to replace an existing file.
+    on_tick : callable
+        Function called after each tick.
+
+    Returns
+    -------
+    float
+        Rig time in s at which playback starts.
+
+    Raises
+    ------
+    BagError
+        If the bag has no samples of the follower or no profile of a cam.
+    ConfigError
+        If the run has no speed as requested in `view_options`.
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
     if read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0) == 0:
         raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
-    duration, speeds = _course(bag)
+    duration, speeds = _duration_and_speeds(bag)
     rpm = compared_rpm(speeds or loaded.scene.program.speeds.si_list, view_options.rpm)
     samples = round(duration * loaded.scene.sample_rate.si)
     bucket = 1 if view_options.all_samples else bucket_for(samples)
-    whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
-    plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.whole)
+    draws_run, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
+    plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.all_cams)
     with rrd_stream(path, f"{loaded.scene.title} ({bag.name})", plan) as stream:
-        recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, whole)
+        recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, draws_run)
         feed_bag(bag, loaded, RunFeed(recorder), on_tick)
-    return playback_begin(loaded, duration) if whole else 0.0
+    return playback_begin(loaded, duration) if draws_run else 0.0
 
 
-def _course(bag: Path) -> tuple[float, set[float]]:
-    """Rig time (s) at the end of a run, and the speeds (rad/s) that were held.
+def _duration_and_speeds(bag: Path) -> tuple[float, set[float]]:
+    """Return the rig time (s) at the end of a run, and its constant speeds (rad/s).
 
-    They are the bag's, as an operator may have set others than the scene's, or ended it.
+    They are read from the bag, because an operator may have changed the speeds of the scene or
+    stopped the run.
     """
-    held, before, end = set[float](), None, 0.0
+    speeds, previous, end = set[float](), None, 0.0
     for state in read_states(bag):
-        if before and before.turns_until(state) and before.holds_until(state):
-            held.add(before.speed)
-        before, end = state, state.time_ns / NS
-    return end, held
+        if previous and previous.turns_until(state) and previous.holds_until(state):
+            speeds.add(previous.speed)
+        previous, end = state, state.time_ns / NS
+    return end, speeds
 
 
 def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
-    """Pass every message of a bag on; ``on_tick`` is called after each tick."""
+    """Pass every message of a bag to `feed`, and call ``on_tick`` after each tick."""
     take = feed.handlers
     for topic, _, message in messages(bag, tuple(take)):
         take[topic](message)
         if topic is topics.CAM_STATE:
-            loaded.law_of(message.header.frame_id)  # refuses a cam that the scene has not
+            loaded.law_of(message.header.frame_id)  # raises if the scene does not contain the cam
         for _ in feed.draw():
             on_tick()
     feed.close()
 
 
 def bucket_for(samples: int) -> int:
-    """Samples per bucket, so that a long run stays small enough for a viewer."""
+    """Return the bucket size that keeps a long run small enough for a viewer."""
     return 1 if samples < WHOLE_BELOW else math.ceil(samples / BUCKETS)
 
 
 def polygon(message: Any) -> FloatArray:
-    """``(n, 2)`` points of a PolygonStamped, m."""
+    """Return the points of a PolygonStamped, m, shape (n, 2)."""
     return np.array([[point.x, point.y] for point in message.polygon.points], dtype=np.float64)
 
 
-# A run in the viewer while it runs: drawn as from a bag.
+# Live view of a run, drawn like a bag.
 
-#: Two points of a curve are all that a screen shows at one place along it: so many places.
+#: Number of horizontal positions of a curve on a screen, each of which can show two points.
 ACROSS_SCREEN = 1000
-#: Rig time (s) before the newest sample that the curves show at least: some turns, and what is
-#: sent at once to the slowest page.
+#: Shortest rig time (s) before the newest sample that the curves show. It covers several turns, and
+#: the data that the slowest page receives at once.
 MIN_WINDOW_S = 2.0
-#: Wall time (s) between blocks of columns, at least.
+#: Shortest wall-clock time (s) between two blocks of columns.
 SEND_EVERY_S = 0.25
-#: Wall time (s) to send the rest at the end.
+#: Wall-clock time (s) within which the remaining data must be sent at the end.
 TIMEOUT_S = 8.0
 
 
 class LiveView:
-    """A feed that is shown at once: by a viewer at an address, or in a folder that a page reads."""
+    """Live view of a run: in a viewer at an address, or in a folder that a page reads.
+
+    Parameters
+    ----------
+    loaded : LoadedScene
+        Scene of the run.
+    address : str
+        Address of a viewer (contains "://"), or folder of the recording.
+
+    Raises
+    ------
+    CamRigError
+        If the viewer cannot be reached, or the folder does not exist.
+    """
 
     def __init__(self, loaded: LoadedScene, address: str) -> None:
-        duration, tick = (length / NS for length in run_length(loaded.scene))
+        duration, tick = (nanoseconds / NS for nanoseconds in run_length(loaded.scene))
         window = live_window(tick)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
         rpm = compared_rpm(loaded.scene.program.speeds.si_list, None)
         ranges = scene_ranges(loaded)
-        plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.whole, window)
+        plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.all_cams, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)
-        #: What a page reads; None for a viewer.
+        #: Part of the recording that is being written; None for a viewer.
         self._part = new_recording(Path(address)) if "://" not in address else None
         try:
             if self._part is not None:
@@ -239,10 +285,10 @@ class LiveView:
         name_recording(self._stream, loaded.scene.title)
         self._pace = FramePace(None if self._part is None else partial(page_delay, Path(address)))
         self._sent, self._factor = time.monotonic(), 0.0
-        # a picture waits for its tick's curves
+        # The playback delay covers the wait of a picture for the curves of its tick.
         rate = int(loaded.scene.sample_rate.si)
         self._playback = Playback(rate, MARGIN_S + SEND_EVERY_S)
-        # a block and the tick that makes it whole fit into the window: no curve is ever out of it
+        # A block and the tick that completes it fit into the window, which keeps curves visible.
         block = window - tick
         self._drawing = RunRecorder(
             self._stream, loaded, bucket, rpm, ranges, pace=self._pace, send_every=block
@@ -250,12 +296,15 @@ class LiveView:
         self.feed = RunFeed(self._drawing)
 
     def set_pace(self, factor: float) -> None:
-        """Show each tick while the next one turns, at rig seconds a wall second; 0: at once."""
+        """Set the real-time factor `factor`, rig seconds per wall-clock second.
+
+        Each tick is displayed during the next one. With 0 ticks are displayed immediately.
+        """
         self._factor = factor
         self._playback.clear()
 
     def draw(self) -> Iterator[Tick]:
-        """Draw all ticks that are complete; gives each."""
+        """Draw all complete ticks, and yield each of them."""
         for tick in self.feed.draw():
             if self._factor:
                 now = time.monotonic()
@@ -263,10 +312,10 @@ class LiveView:
             yield tick
 
     def flush(self) -> None:
-        """Send what was drawn, as often as who looks at it can show it.
+        """Send the drawn data at the rate that the viewer or page can display.
 
-        Of a paced run cam and follower are shown when their time has come, and go out alone where
-        a block of curves has just gone.
+        In a paced run the pictures of cam and follower are sent at their playback time. They are
+        sent without curves if a block of curves was sent less than `SEND_EVERY_S` ago.
         """
         if self._pace.is_due():
             now = time.monotonic()
@@ -278,11 +327,17 @@ class LiveView:
                 self._drawing.show(until)
         part = None if self._part is None else next_part(self._part)
         if part is not None:
-            self._stream.save(part)  # the same recording goes on
+            self._stream.save(part)  # continues the same recording
             self._part = part
 
     def close(self) -> None:
-        """Send the rest."""
+        """Send the remaining data and disconnect.
+
+        Raises
+        ------
+        CamRigError
+            If the viewer has been closed.
+        """
         self.feed.close()
         try:
             self._stream.flush(timeout_sec=TIMEOUT_S)
@@ -294,10 +349,16 @@ class LiveView:
 
 
 def screen_bucket(window: float, rate: float) -> int:
-    """Samples of which a curve shows the least and the greatest, where it shows some time (s)."""
+    """Return the number of samples per bucket of a curve that shows `window` s.
+
+    The bucket's minimum and maximum are displayed. `rate` is the sample rate in Hz.
+    """
     return max(1, round(window * rate / ACROSS_SCREEN))
 
 
 def live_window(longest_tick: float) -> float:
-    """Rig time (s) that the curves of a live run show: two ticks at least, the longest (s)."""
+    """Return the rig time (s) that the curves of a live run show: at least two ticks.
+
+    `longest_tick` is the longest tick of the run in s.
+    """
     return max(MIN_WINDOW_S, 2.0 * longest_tick)

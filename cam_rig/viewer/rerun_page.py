@@ -1,11 +1,12 @@
-"""Rerun's web viewer on this machine alone: no request goes to any other, no other user gets it.
+"""Server of Rerun's web viewer for the local user only.
 
-The viewer's own page loads a font, looks for a newer version and reports its use. This server
-serves the same page with a guard before all of its code: a request to another host is answered at
-once with an empty response, and a content security policy keeps the browser from sending any.
+The original page of the viewer loads a font, checks for a newer version and reports its use. This
+server serves the same page with a guard before its code. The guard answers a request to another
+host with an empty response, and a content security policy prevents the browser from sending one.
 
-Rerun's own ports ask nobody for anything, so none is open: the page reads its recording from this
-server, behind its token. A live run's is read while the viewer's node writes it.
+Rerun's ports have no access control, so they are not open while a page is served. The page reads
+its recording from this server, which requires a token. The recording of a live run is read while
+the viewer's node writes it.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ from cam_rig.viewer.page import (
 from cam_rig.viewer.process import free_port, listening
 from cam_rig.viewer.web_server import LOCAL_HOST, serve_application
 
-#: A viewer that keeps nothing from one visit to the next.
+#: Address of the viewer, with options that store no data between visits.
 HOME = "/?hide_welcome_screen&persist=0&notebook=0&renderer=webgl"
-#: Rerun's code asks without cookies, and this server answers nobody without.
+#: Script that adds the cookie to requests of Rerun's code and blocks requests to other hosts.
 GUARD = """<script>
 const ask = window.fetch;
 window.fetch = (what, how) => {
@@ -56,22 +57,25 @@ window.fetch = (what, how) => {
   return here ? ask(asked) : Promise.resolve(new Response(null, { status: 204 }));
 };
 </script>"""
-#: The panel shows the page in a frame of its own.
+#: Content security policy. It allows the panel to display the page in a frame.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     f"frame-ancestors http://{LOCAL_HOST}:*"
 )
-#: Wall time (s) between two looks at whether a live run has more, and bytes sent at once.
-LOOK_S, CHUNK = 0.1, 1 << 16
-#: How long Rerun's server may take to answer, s.
+#: Wall-clock time (s) between two checks of a live recording for new data.
+LOOK_S = 0.1
+#: Number of bytes sent at once.
+CHUNK = 1 << 16
+#: Longest response time of Rerun's server, s.
 TIMEOUT_S = 20.0
+#: Links of Rerun's page to other hosts.
 OUTSIDE = re.compile(rb'<link[^>]*"https://[^>]*>')
-#: What Rerun's page names of its own: a script, a module, an icon.
+#: Files that Rerun's page loads from its server: a script, a module, an icon.
 NAMED = re.compile(rb'(?:src|href)="([\w.-]+)"|fetch\("\./([\w.-]+)"\)')
 
 
 class Pages(NamedTuple):
-    """The address for a browser, the folder a live run is written into, and what pages show."""
+    """Address for a browser, folder of the recording, and displayed rig time."""
 
     address: str
     folder: Path
@@ -80,14 +84,17 @@ class Pages(NamedTuple):
 
 @contextmanager
 def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
-    """The address at which a browser shows a recording, from a rig time (s) on."""
+    """Serve a recording, and yield the address for a browser.
+
+    `begin` is the initial rig time (s).
+    """
     with _serving(RerunPages(path, None, begin)) as address:
         yield address
 
 
 @contextmanager
 def serve() -> Iterator[Pages]:
-    """Serve what a live run writes to a browser, as long as the context lasts."""
+    """Serve the recording of a live run until the context ends."""
     with temporary_folder() as folder:
         pages = RerunPages(None, folder)
         with _serving(pages) as address:
@@ -104,7 +111,10 @@ def _serving(pages: RerunPages) -> Iterator[str]:
 
 
 class RerunPages:
-    """The viewer, and a recording: of a ``path``, or the newest in a live run's ``folder``."""
+    """Application that serves the viewer and a recording.
+
+    The recording is the file ``path``, or the newest in the ``folder`` of a live run.
+    """
 
     def __init__(self, path: Path | None, folder: Path | None, begin: float = 0.0) -> None:
         self.path, self.folder, self.page, self.ended = path, folder, PageTime(), False
@@ -116,11 +126,11 @@ class RerunPages:
         self.application = Starlette(routes=[*routes, Route("/{name}", self._file)])
 
     def recording(self) -> Path | None:
-        """What is to be shown; None before a live run has begun."""
+        """Return the recording to display, or None before a live run has started."""
         return self.path if self.folder is None else newest_recording(self.folder)
 
     async def _index(self, request: Request) -> Response:
-        return self._own("/") if request.url.query else RedirectResponse(HOME, 303)
+        return self._static("/") if request.url.query else RedirectResponse(HOME, 303)
 
     async def _shown(self, request: Request) -> Response:
         self.page.take(request.url.query)
@@ -132,38 +142,41 @@ class RerunPages:
     async def _file(self, request: Request) -> Response:
         name, recording = request.path_params["name"], self.recording()
         if recording is None or name != recording.name or not recording.is_file():
-            return self._own(f"/{name}")
+            return self._static(f"/{name}")
         kind = "application/octet-stream"
         if self.folder is None:
             return FileResponse(recording, media_type=kind)
         return StreamingResponse(self._follow(recording), media_type=kind)
 
-    def _own(self, path: str) -> Response:
+    def _static(self, path: str) -> Response:
         file = self.files.get(path)
         if file is None:
             return PlainTextResponse("there is no such file\n", 404)
         return Response(file.body, media_type=file.kind)
 
     async def _follow(self, first: Path) -> AsyncIterator[bytes]:
-        """What is written, until another run begins or the server ends."""
+        """Yield the recording as it is written.
+
+        Ends when another run starts or the server ends.
+        """
         part: Path | None = first
         while part is not None:
-            # Of a part that has been removed meanwhile the page goes on to the next.
+            # If a part has been removed meanwhile, the page continues with the next part.
             with suppress(FileNotFoundError), part.open("rb") as stream:
-                whole = False
-                while not whole:
-                    whole, over = part_after(part) is not None, self.recording() != first
+                complete = False
+                while not complete:
+                    complete, is_over = part_after(part) is not None, self.recording() != first
                     while chunk := stream.read(CHUNK):
                         yield chunk
-                    if not whole and (over or self.ended):
+                    if not complete and (is_over or self.ended):
                         return
-                    if not whole:
+                    if not complete:
                         await asyncio.sleep(LOOK_S)
             part = part_after(part)
 
 
 class ViewerFile(NamedTuple):
-    """A file of Rerun's own web viewer with its MIME type."""
+    """File of Rerun's web viewer with its MIME type."""
 
     kind: str
     body: bytes
@@ -171,24 +184,32 @@ class ViewerFile(NamedTuple):
 
 @cache
 def viewer_files() -> dict[str, ViewerFile]:
-    """The page at ``/`` and what it asks for by their paths, from Rerun's server, which ends."""
+    """Return the viewer's page (path ``/``) and the files that it loads, by path.
+
+    They are read from Rerun's server, which is then stopped.
+
+    Raises
+    ------
+    CamRigError
+        If Rerun's server has no page or does not answer.
+    """
     port, assets = free_port(), free_port()
     arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
     with listening(*arguments, ports=(port, assets)):
         page = _viewer_file(assets, "/")
         if page is None:
             raise CamRigError("the viewer has no page of its own; allowed: rerun-sdk as required")
-        names = {(one or other).decode() for one, other in NAMED.findall(page.body)}
-        found = {f"/{name}": _viewer_file(assets, f"/{name}") for name in sorted(names)}
-    return {"/": page} | {path: file for path, file in found.items() if file is not None}
+        names = {(first or second).decode() for first, second in NAMED.findall(page.body)}
+        files = {f"/{name}": _viewer_file(assets, f"/{name}") for name in sorted(names)}
+    return {"/": page} | {path: file for path, file in files.items() if file is not None}
 
 
 def _viewer_file(port: int, path: str) -> ViewerFile | None:
     try:
         with closing(HTTPConnection(LOOPBACK, port, timeout=TIMEOUT_S)) as viewer:
             viewer.request("GET", path)
-            answer = viewer.getresponse()
-            found = ViewerFile(answer.headers.get_content_type(), answer.read())
+            response = viewer.getresponse()
+            file = ViewerFile(response.headers.get_content_type(), response.read())
     except (OSError, HTTPException) as error:
         raise CamRigError(f"the viewer does not answer ({type(error).__name__})") from None
-    return found if answer.status == 200 else None
+    return file if response.status == 200 else None

@@ -1,4 +1,4 @@
-"""A run into a Rerun recording: the run itself, and the results of its turns and speeds."""
+"""Rerun recording of a run and of the results of its turns and speeds."""
 
 from __future__ import annotations
 
@@ -24,18 +24,36 @@ from cam_rig.viewer.timeline import (
     time_columns,
 )
 
-ABOUT, RESULTS = "about", "results"
-#: Rig time (s) into a file at once: long enough to be fast, short enough to stay small in memory.
+ABOUT = "about"
+RESULTS = "results"
+#: Rig time (s) that is sent to a file at once: long enough to be fast, short enough for the memory.
 SEND_EVERY_S = 5.0
 
 
 class RunRecorder:
-    """Draws a run tick by tick; `close` sends what is left.
+    """Recorder of a run, tick by tick.
 
-    Of every ``bucket`` samples the minimum and the maximum are kept; at ``compared`` rpm the cams
-    are laid over each other and put side by side; ``whole`` draws the run itself too. ``pace`` is
-    of a live run; a finished one (None) has its results at every time. ``send_every`` is the rig
-    time (s) that is sent at once at the most, and a tick.
+    `close` sends the remaining data.
+
+    Parameters
+    ----------
+    stream : RecordingStream
+        Recording to write.
+    loaded : LoadedScene
+        Scene of the run.
+    bucket : int
+        Number of samples of which the minimum and the maximum are kept.
+    compared : float
+        Speed in rpm at which the turns of the cams are overlaid and drawn side by side.
+    ranges : SceneRanges
+        Axis ranges of the quantities.
+    draws_run : bool
+        True if the run itself is drawn, too.
+    pace : FramePace, optional
+        Rate of the pictures of a live run. None for a finished run, whose results are drawn for
+        every time.
+    send_every : float
+        Rig time in s after which data are sent at the end of the current tick.
     """
 
     def __init__(
@@ -45,33 +63,33 @@ class RunRecorder:
         bucket: int,
         compared: float,
         ranges: SceneRanges,
-        whole: bool = True,
+        draws_run: bool = True,
         pace: FramePace | None = None,
         send_every: float = SEND_EVERY_S,
     ) -> None:
         self._canvas = Canvas(stream, time_columns if pace is None else rig_time_alone)
         self._loaded, self._compared, self._ranges = loaded, compared, ranges
         self._finished, self._send_every = pace is None, send_every
-        self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if whole else None
+        self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if draws_run else None
         self._levels = LevelChart(self._canvas, loaded)
         self._results = ResultTable(loaded)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
-        shaft = whole and loaded.scene.model == TORSIONAL
+        shaft = draws_run and loaded.scene.model == TORSIONAL
         self._twist = ShaftTwist(loaded) if shaft else None
         self._without_sound: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None
         self._newest_sound: CamState | None = None
         self._sent = 0
-        #: The contour of each cam received so far, ``(n, 2)`` in its own frame, m.
+        #: Contour of each cam received so far, in the cam's frame, m, shape (n, 2).
         self.profiles: dict[str, FloatArray] = {}
-        level_chart.draw_turn_axes(self._canvas, loaded, compared, ranges.whole)
-        words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
-        self._canvas.always(ABOUT, words)
+        level_chart.draw_turn_axes(self._canvas, loaded, compared, ranges.all_cams)
+        document = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
+        self._canvas.log_static(ABOUT, document)
         if not self._finished:
-            self._canvas.look(RESULTS, rr.TextDocument, media_type="text/markdown")
+            self._canvas.set_style(RESULTS, rr.TextDocument, media_type="text/markdown")
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Draw one tick; ``rows`` are the ``(6, n)`` samples of its block."""
+        """Draw one tick with the samples ``rows`` of its block, shape (6, n)."""
         last = self._last[0] if self._last is not None else start
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._finish_step()
@@ -90,9 +108,9 @@ class RunRecorder:
             self.flush()
 
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
-        """Take level (dB) and r.m.s. pressure (Pa) of the tick that ended at a rig time."""
+        """Draw level (dB) and r.m.s. pressure (Pa) of the tick that ended at ``end_ns``."""
         if end_ns not in self._without_sound:
-            return  # of a tick from before we subscribed
+            return  # the tick ended before this node subscribed
         start, end = self._without_sound.pop(end_ns)
         if self._run_view is not None:
             self._run_view.level(end, level)
@@ -103,27 +121,30 @@ class RunRecorder:
         self._newest_sound = end
 
     def show(self, until: float) -> None:
-        """Send pictures up to a rig time (s), as far as the curves are sent; nothing else."""
+        """Send the pictures up to a rig time (s), but not beyond the sent curves."""
         if self._run_view is not None:
             self._run_view.show(min(until, self._sent / NS))
 
     def flush(self, until: float = math.inf) -> None:
-        """Send all, the run first, for nothing may lead it; pictures up to a rig time (s)."""
+        """Send all data, and the pictures up to a rig time (s).
+
+        The curves of the run are sent first, because no other data may be ahead of them.
+        """
         if self._run_view is not None:
             self._run_view.flush(until)
             self._levels.flush()
         if self._last is not None:
             self._sent = self._last[1].time_ns
         if self._newest_sound is not None and not self._finished:
-            self._say("running", self._newest_sound)
+            self._send_results("running", self._newest_sound)
             self._newest_sound = None
 
-    def _say(self, state: str, at: CamState) -> None:
-        columns = rr.TextDocument.columns(text=[self._results.words(state)])
-        self._canvas.rows(RESULTS, self._canvas.state(at), columns)
+    def _send_results(self, state: str, cam_state: CamState) -> None:
+        columns = rr.TextDocument.columns(text=[self._results.text(state)])
+        self._canvas.rows(RESULTS, self._canvas.times_of(cam_state), columns)
 
     def close(self) -> None:
-        """Send what is left, and finish the last step."""
+        """Draw the results of the last speed and send the remaining data."""
         if self._last is not None:
             self._finish_step()
             if self._run_view is not None:
@@ -131,14 +152,14 @@ class RunRecorder:
         self.flush()
         if self._finished:
             self._levels.finish()
-            words = rr.TextDocument(self._results.words(), media_type="text/markdown")
-            self._canvas.always(RESULTS, words)
+            document = rr.TextDocument(self._results.text(), media_type="text/markdown")
+            self._canvas.log_static(RESULTS, document)
         elif self._last is not None:
-            self._say("finished", self._last[1])
+            self._send_results("finished", self._last[1])
 
     def _finish_step(self) -> None:
         turn = self._turns.turn()
         if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
-            level_chart.draw_turn(self._canvas, self._loaded, turn, self._ranges.whole)
+            level_chart.draw_turn(self._canvas, self._loaded, turn, self._ranges.all_cams)
             profile = self.profiles[turn.cam]
             level_chart.draw_side_by_side(self._canvas, self._loaded, turn, profile)

@@ -1,7 +1,7 @@
-"""The run itself: cam and follower, time series, bands and events, on every timeline.
+"""View of a run: cam and follower, time series, bands and events.
 
-A viewer that follows a run puts its cursor at the newest time it knows of anything. So whatever
-is of a tick waits for the tick's curves, and goes after them.
+A viewer that follows a run sets its cursor to the newest time of any data. All other data of a tick
+are therefore sent after the curves of the tick.
 """
 
 from __future__ import annotations
@@ -21,52 +21,58 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
 from cam_rig.viewer.bounce_chart import BounceChart, rebounds
 from cam_rig.viewer.level_chart import BandChart, third_octaves
-from cam_rig.viewer.quantities import Mark, SceneRanges, SeriesLine, SeriesWriter, drawn_of, gap_of
+from cam_rig.viewer.quantities import Mark, SceneRanges, SeriesLine, SeriesWriter, gap_of, plot_rows
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import Canvas, FramePace, Turn, lift_offs
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
 
-# The time series of a run, tick by tick.
+# Time series of a run, tick by tick.
 
-#: s alone, of s, s', s''.
+#: Weights of s, s' and s'' that select s.
 LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
 class TimeSeries:
-    """Writes the curves and the marks on them, of every ``bucket`` samples least and greatest."""
+    """Writer of the curves and their marks.
+
+    Each curve keeps the minimum and the maximum of every ``bucket`` samples.
+    """
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, bucket: int) -> None:
-        self._loaded, self._flew = loaded, False
-        self._lines = [quantities.LAW, *(row.line for row in drawn_of(loaded.scene.model))]
+        self._loaded, self._was_off = loaded, False
+        self._lines = [quantities.LAW, *(row.line for row in plot_rows(loaded.scene.model))]
         self._writers: dict[SeriesLine | Mark, SeriesWriter] = {
             **{line: SeriesWriter(canvas, line, bucket) for line in self._lines},
-            **{one: SeriesWriter(canvas, one) for one in quantities.UNTHINNED},
+            **{series: SeriesWriter(canvas, series) for series in quantities.UNTHINNED},
         }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Take one tick: cam ``angle`` (rad) and the block's rows, with a shaft's twist below."""
+        """Add one tick with its cam ``angle`` (rad).
+
+        ``rows`` are those of the block, followed by the twist if the model has a shaft.
+        """
         time, lift, _, _, force, impulse = rows[:6]
         law = self._law(start, end, angle)
         values = [law, *rows[1:5], *rows[6:]]
         if quantities.GAP_LINE in self._writers:
             values.append(np.where(force == 0.0, lift - law, 0.0))
-        for line, drawn in zip(self._lines, values, strict=True):
-            self._writers[line].add(time, angle, drawn)
+        for line, samples in zip(self._lines, values, strict=True):
+            self._writers[line].add(time, angle, samples)
         self.add(quantities.ZERO, start, 0.0)
         self.add(quantities.ZERO, end, 0.0)
         self.add(quantities.SPEED, start, start.speed)
-        left, landed = lift_offs(force, self._flew), impulse > 0.0
-        self._flew = bool(force[-1] == 0.0)
-        for mark, there in zip(quantities.MARKS, (left, landed), strict=True):
-            self._writers[mark].add(time[there], angle[there], lift[there])
+        lifted_off, landed = lift_offs(force, self._was_off), impulse > 0.0
+        self._was_off = bool(force[-1] == 0.0)
+        for mark, mask in zip(quantities.MARKS, (lifted_off, landed), strict=True):
+            self._writers[mark].add(time[mask], angle[mask], lift[mask])
 
-    def add(self, line: SeriesLine, at: CamState, value: float) -> None:
-        """Take a curve's value (SI) at a state."""
-        at_end = np.array([at.time_ns / NS]), np.array([at.unwrapped])
-        self._writers[line].add(*at_end, np.array([value]))
+    def add(self, line: SeriesLine, state: CamState, value: float) -> None:
+        """Add the value (SI) of a curve at a state."""
+        times = np.array([state.time_ns / NS]), np.array([state.unwrapped])
+        self._writers[line].add(*times, np.array([value]))
 
     def flush(self) -> None:
-        """Send what was collected."""
+        """Send the samples added since the last call."""
         for writer in self._writers.values():
             writer.flush()
 
@@ -81,7 +87,10 @@ EVENTS, BANDS = "events", "bands"
 
 
 class RunView:
-    """Draws a run tick by tick; ``pace`` as in `RunRecorder`."""
+    """View of a run, drawn tick by tick.
+
+    The parameters are those of `RunRecorder`.
+    """
 
     def __init__(
         self,
@@ -98,8 +107,8 @@ class RunView:
         self._turn_chart = TurnChart(canvas, loaded, ranges, every=pace is None)
         self._scene = Scene2D(canvas, loaded, pace=pace, cursor=self._turn_chart.move_cursor)
         bounces = rebounds(loaded)
-        self._bounces = BounceChart(canvas, loaded, ranges.whole) if bounces else None
-        self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
+        self._bounces = BounceChart(canvas, loaded, ranges.all_cams) if bounces else None
+        self._new_turns, self._finished = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []
 
     def tick(
@@ -111,7 +120,21 @@ class RunView:
         turn: Turn | None,
         profile: FloatArray,
     ) -> None:
-        """Draw one tick as `TimeSeries.tick`, the newest whole turn, the cam's contour (m)."""
+        """Draw one tick.
+
+        Parameters
+        ----------
+        start, end : CamState
+            States at the ends of the tick.
+        angle : ndarray
+            Unwrapped cam angle of the samples in rad, shape (n,).
+        rows : ndarray
+            Rows of the block, followed by the twist of the shaft in rad if the model has one.
+        turn : Turn, optional
+            Newest complete turn, if the tick completes one.
+        profile : ndarray
+            Contour of the cam in m, shape (m, 2).
+        """
         self._change(start, profile)
         time, lift, _, _, force, impulse = rows[:6]
         self._time_series.tick(start, end, angle, rows)
@@ -123,10 +146,10 @@ class RunView:
         landed = impulse > 0.0
         for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
             turns, within = divmod(row[1], TURN)
-            words = f"landing at {math.degrees(within):.1f}° of turn {int(turns) + 1}"
-            self._events.append((*row[:2], f"{words}, {row[2]:.3g} N·s", "INFO"))
+            text = f"landing at {math.degrees(within):.1f}° of turn {int(turns) + 1}"
+            self._events.append((*row[:2], f"{text}, {row[2]:.3g} N·s", "INFO"))
         if turn is not None:
-            self._heard.append((end, turn))
+            self._new_turns.append((end, turn))
             self._turn_chart.add(end, turn)
 
     def level(self, end: CamState, level: float) -> None:
@@ -139,25 +162,25 @@ class RunView:
             self._time_series.add(quantities.SPEED, end, self._last.speed)
 
     def show(self, until: float) -> None:
-        """Send pictures of cam and follower up to a rig time (s), of which the curves are sent."""
+        """Send the pictures up to a rig time (s) whose curves are sent."""
         self._scene.flush(until)
 
     def flush(self, until: float = math.inf) -> None:
-        """Send what was collected so far, the curves first; pictures up to a rig time (s)."""
+        """Send the collected data, curves first, and the pictures up to a rig time (s)."""
         self._time_series.flush()
         self._scene.flush(until)
-        # of a live run only the newest bars are seen
-        for end, turn in self._heard if self._whole else self._heard[-1:]:
+        # A live run only displays the newest bars.
+        for end, turn in self._new_turns if self._finished else self._new_turns[-1:]:
             bands = third_octaves(self._loaded.radiation, turn.force, turn.impulse, self._rate)
             self._bands.add(end.time_ns / NS, end.unwrapped, bands)
-        self._heard = []
+        self._new_turns = []
         self._bands.flush()
         self._turn_chart.flush()
         if self._bounces is not None:
             self._bounces.flush()
         if self._events:
-            time, angle, words, levels = zip(*self._events, strict=True)
-            columns = rr.TextLog.columns(text=words, level=levels)
+            time, angle, texts, levels = zip(*self._events, strict=True)
+            columns = rr.TextLog.columns(text=texts, level=levels)
             times = self._canvas.times(np.array(time), np.array(angle))
             self._canvas.rows(EVENTS, times, columns)
         self._events = []
@@ -171,20 +194,20 @@ class RunView:
             self._scene.mount(state, profile)
         title = f"{shortened(self._loaded.cams[state.cam].title, MAX_TITLE)}, "
         self._scene.speed(state, title)
-        if not self._whole:  # of a bag, a turn is there from its beginning
+        if not self._finished:  # a bag has each turn from its start on
             self._turn_chart.begin(state)
-        words = f"{title}{to_rpm(state.speed):.0f} rpm"
-        self._events.append((state.time_ns / NS, state.unwrapped, words, "INFO"))
+        text = f"{title}{to_rpm(state.speed):.0f} rpm"
+        self._events.append((state.time_ns / NS, state.unwrapped, text, "INFO"))
 
 
-# What the viewer shows as text: the scene with every number, and a table of results.
+# Texts in the viewer: the scene with every number, and a table of results.
 
 HEAD = """| cam | rpm | level [dB] | max force [N] | min force [N] | lift-offs | gap [µm] |
 |---|---:|---:|---:|---:|---:|---:|"""
 
 
 class ResultTable:
-    """A table that grows: cams in the scene's order, each with its speeds in theirs."""
+    """Table of results with one row per cam and speed, in the order of the scene."""
 
     def __init__(self, loaded: LoadedScene) -> None:
         self._loaded = loaded
@@ -192,20 +215,23 @@ class ResultTable:
         self._levels: dict[tuple[str, float], float] = {}
 
     def motion(self, turn: Turn) -> None:
-        """Take the newest turn of a cam at a speed."""
+        """Set the row of a cam and speed from its newest turn."""
         force, law = turn.force, self._loaded.laws[turn.cam]
         count = int(lift_offs(force, bool(force[-1] == 0.0)).sum())
         gap = 1e6 * float(gap_of(law, turn.angle, turn).max()) if count else 0.0
-        most, least = four_digits(float(force.max())), four_digits(float(force.min()))
-        words = f"| {most} | {least} | {count} | {four_digits(gap)} |"
-        self._motion[turn.cam, turn.speed] = words
+        max_force, min_force = four_digits(float(force.max())), four_digits(float(force.min()))
+        cells = f"| {max_force} | {min_force} | {count} | {four_digits(gap)} |"
+        self._motion[turn.cam, turn.speed] = cells
 
     def level(self, cam: str, speed: float, level: float) -> None:
-        """Take the level (dB) of a cam at a speed (rad/s), measured so far."""
+        """Set the level (dB) of a cam at a speed (rad/s), measured so far."""
         self._levels[cam, speed] = level
 
-    def words(self, state: str = "") -> str:
-        """Markdown; ``state`` of a live run stands in the heading: running, finished."""
+    def text(self, state: str = "") -> str:
+        """Return the table as Markdown.
+
+        The heading contains the ``state`` of a live run: running, finished.
+        """
         lines = []
         for cam in self._loaded.cams:
             steps = [step for step in self._motion if step[0] == cam]
@@ -215,13 +241,16 @@ class ResultTable:
 
     def _line(self, cam: str, speed: float, first: bool) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)
-        shown = "settling" if level is None else f"{level:.4g}"
+        level_text = "settling" if level is None else f"{level:.4g}"
         title = shortened(self._loaded.cams[cam].title, MAX_TITLE) if first else ""
-        return f"| {title} | {rpm:.4g} | {shown} {self._motion[cam, speed]}"
+        return f"| {title} | {rpm:.4g} | {level_text} {self._motion[cam, speed]}"
 
 
 def about(loaded: LoadedScene, bucket: int) -> str:
-    """Markdown on the scene, its cams and its rig; of ``bucket`` samples two are shown."""
+    """Return a description of the scene, its cams and its rig as Markdown.
+
+    The curves show the minimum and the maximum of every ``bucket`` samples.
+    """
     scene, rig = loaded.scene, loaded.rig
     lines = [
         f"# {scene.title}",
@@ -243,12 +272,12 @@ def about(loaded: LoadedScene, bucket: int) -> str:
 
 
 def by_origin(numbers: dict[str, Quantity]) -> list[str]:
-    """A paragraph for the given, the assumed and the identified ones of the numbers."""
+    """Return a paragraph each for the given, the assumed and the identified numbers."""
     lines = []
     for origin in ORIGINS:
-        named = [f"{key} {_value(q)}" for key, q in numbers.items() if q.origin == origin]
-        if named:
-            lines.append(f"**{origin}:** " + "; ".join(named))
+        texts = [f"{key} {_value(q)}" for key, q in numbers.items() if q.origin == origin]
+        if texts:
+            lines.append(f"**{origin}:** " + "; ".join(texts))
     return lines
 
 

@@ -1,4 +1,4 @@
-"""The cam turning under its follower, in the plane, mm, y up."""
+"""Moving picture of cam and follower in the plane, in mm, with y up."""
 
 from __future__ import annotations
 
@@ -22,27 +22,37 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
 from cam_rig.viewer.timeline import Canvas, FramePace
 
-# How large cam and follower are drawn: each fills its view, whatever its size.
+# Scale of cam and follower: each cam fills its view, whatever its size.
 
-#: The ring of degrees around a cam, over the cam's greatest radius; what its numbers need.
-RING, AROUND = 1.04, 1.09
-#: Room below the ring for a line of words and the bar of a force, over its radius.
-WORDS = 0.36
-#: Room for a follower in flight above the law's greatest lift: a share of that, and of the
-#: follower's reach, where that is more.
-FLIGHT, FLIGHT_OF_REACH = 0.3, 0.05
-#: Room at the lower edge and at either side of the view, over its height.
-MARGIN, SIDE = 0.03, 0.01
-#: Lifts at which the follower is looked at for what it covers, and its distance from a number
-#: that it leaves free, over the ring's radius.
-PLACES, CLEAR = 13, 0.14
-#: The arrow of the greatest force, as a share of the picture's height.
+#: Radius of the ring of degrees around a cam, relative to the cam's greatest radius.
+RING = 1.04
+#: Radius of the circle that contains the ring's numbers, relative to the radius of these numbers.
+AROUND = 1.09
+#: Height of the space below the ring for a line of text and the bar of a force, relative to the
+#: ring's radius.
+TEXT_SPACE = 0.36
+#: Space for a follower in flight above the law's greatest lift, relative to that lift.
+FLIGHT = 0.3
+#: Smallest space for a follower in flight, relative to the follower's reach.
+FLIGHT_OF_REACH = 0.05
+#: Space at the lower edge of the view, relative to its height.
+MARGIN = 0.03
+#: Space at either side of the view, relative to its height.
+SIDE = 0.01
+#: Number of lifts at which the numbers covered by the follower are determined.
+LIFTS = 13
+#: Smallest distance of a visible number from the follower, relative to the ring's radius.
+CLEARANCE = 0.14
+#: Length of the arrow of the greatest force, relative to the picture's height.
 ARROW = 0.22
 
 
 @dataclass(frozen=True)
 class Framing:
-    """A cam with its follower in its view, mm: radius of the ring of degrees, ``(2,)`` corners."""
+    """Frame of a cam with its follower in mm.
+
+    `ring` is the radius of the ring of degrees. `low` and `high` are opposite corners, shape (2,).
+    """
 
     shape: FollowerShape
     ring: float
@@ -51,47 +61,59 @@ class Framing:
 
     @property
     def max_lift(self) -> float:
-        """The lift (m) at which a follower in flight has reached the edge of its view."""
+        """Lift (m) at which a follower in flight reaches the edge of the view."""
         shape = self.shape
         return shape.max_lift + max(FLIGHT * shape.max_lift, FLIGHT_OF_REACH * shape.reach)
 
     @property
     def height(self) -> float:
-        """Of all that is drawn."""
+        """Height of the frame in mm."""
         return float(self.high[1] - self.low[1])
 
     def numbers(self) -> tuple[FloatArray, list[str]]:
-        """``(n, 2)`` places of the ring's numbers, and the numbers that no follower runs over."""
-        places, numbers = shapes.ring_numbers(self.ring)
+        """Return positions ``(n, 2)`` and texts of the visible numbers of the ring.
+
+        The follower covers a visible number at no lift.
+        """
+        positions, numbers = shapes.ring_numbers(self.ring)
         covered = np.zeros(len(numbers), dtype=bool)
-        for lift in np.linspace(0.0, self.shape.max_lift, PLACES)[:, None]:
+        for lift in np.linspace(0.0, self.shape.max_lift, LIFTS)[:, None]:
             tilt, origin = float(self.shape.turn(lift)[0]), self.shape.origin(lift)[0] * MM
             for strip in self.follower():
-                away = shapes.distances(places, shapes.turned(strip, tilt) + origin)
-                covered |= away < CLEAR * self.ring
-        free = [one for one, hidden in zip(numbers, covered, strict=True) if not hidden]
-        return places[~covered], free
+                distance = shapes.distances(positions, shapes.turned(strip, tilt) + origin)
+                covered |= distance < CLEARANCE * self.ring
+        visible = [number for number, hidden in zip(numbers, covered, strict=True) if not hidden]
+        return positions[~covered], visible
 
     def follower(self) -> list[FloatArray]:
-        """Strips of the follower, whose stem ends over its bearing."""
+        """Return the strips of the follower in mm.
+
+        Its stem ends above its bearing.
+        """
         return [strip * MM for strip in self.shape.in_guide()]
 
 
 def framings(loaded: LoadedScene) -> dict[str, Framing]:
-    """The framing of each cam of a scene."""
+    """Return the frame of each cam of a scene."""
     return {name: _framing(loaded, name) for name in loaded.cams}
 
 
 def force_scale(loaded: LoadedScene, speed: float) -> float:
-    """The force (N) of the longest arrow: over all cams in contact at a speed (rad/s)."""
+    """Return the largest contact force (N) of all cams at a speed (rad/s)."""
     return max(max_contact_force(loaded, cam, speed) for cam in loaded.cams)
 
 
-def bounds(framed: dict[str, Framing]) -> tuple[list[float], list[float]]:
-    """Range of x and y (mm, y down) of a view in which every cam is as high as the highest."""
-    highest = max(one.height for one in framed.values())
-    corners = [np.stack([one.low, one.high]) * highest / one.height for one in framed.values()]
-    side = max(float(np.abs(two[:, 0]).max()) for two in corners)
+def bounds(by_cam: dict[str, Framing]) -> tuple[list[float], list[float]]:
+    """Return the limits of x and y (mm, y down) of a view of all cams.
+
+    Every cam is as high as the highest.
+    """
+    highest = max(framing.height for framing in by_cam.values())
+    corners = [
+        np.stack([framing.low, framing.high]) * highest / framing.height
+        for framing in by_cam.values()
+    ]
+    side = max(float(np.abs(corner[:, 0]).max()) for corner in corners)
     low, high = min(float(c[0, 1]) for c in corners), max(float(c[1, 1]) for c in corners)
     side += SIDE * highest
     return [-side, side], [-high, -low + MARGIN * highest]
@@ -105,14 +127,14 @@ def _framing(loaded: LoadedScene, name: str) -> Framing:
     points = [np.array([[-1.0, -1.0], [1.0, 1.0]]) * NUMBER * AROUND * ring]
     points += [strip * MM for strip in shape.support()]
     for lift in (np.zeros(1), np.array([draft.max_lift])):
-        tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0] * MM
-        points += [shapes.turned(strip, tilt) + place for strip in draft.follower()]
-    every = np.concatenate(points)
-    low = every.min(axis=0) - np.array([0.0, WORDS * ring])
-    return Framing(shape, ring, low, every.max(axis=0))
+        tilt, origin = float(shape.turn(lift)[0]), shape.origin(lift)[0] * MM
+        points += [shapes.turned(strip, tilt) + origin for strip in draft.follower()]
+    all_points = np.concatenate(points)
+    low = all_points.min(axis=0) - np.array([0.0, TEXT_SPACE * ring])
+    return Framing(shape, ring, low, all_points.max(axis=0))
 
 
-# Numbers under the picture of cam and follower, as an instrument shows them.
+# Readings under the picture of cam and follower.
 
 
 def readings(
@@ -124,25 +146,44 @@ def readings(
     pressure_angle: FloatArray,
     max_lift: float = math.inf,
 ) -> list[str]:
-    """Markdown of each of n frames: rad, m and N ``(n,)``; a gap of 0 is contact.
+    """Return the readings of n frames as Markdown.
 
-    ``max_lift`` (m) is that of the picture: a follower above it is drawn there.
+    Parameters
+    ----------
+    angle : ndarray
+        Cam angle in rad, shape (n,).
+    rpm : float
+        Cam speed in rpm.
+    lift, gap : ndarray
+        Lift and gap in m, shape (n,). A gap of 0 is contact.
+    force : ndarray
+        Contact force in N, shape (n,).
+    pressure_angle : ndarray
+        Pressure angle in rad, shape (n,).
+    max_lift : float
+        Lift in m at which a follower above it is drawn (default: no limit).
     """
     turned = np.degrees(np.mod(angle, TURN))
     columns = turned, lift * 1e3, force, gap * 1e6, np.degrees(pressure_angle)
-    return [_words(rpm, 1e3 * max_lift, *row) for row in np.stack(columns, axis=1).tolist()]
+    return [_reading(rpm, 1e3 * max_lift, *row) for row in np.stack(columns, axis=1).tolist()]
 
 
-def _words(
-    rpm: float, edge: float, theta: float, lift: float, force: float, gap: float, lean: float
+def _reading(
+    rpm: float,
+    edge: float,
+    theta: float,
+    lift: float,
+    force: float,
+    gap: float,
+    pressure_angle: float,
 ) -> str:
-    off = gap != 0.0
+    in_flight = gap != 0.0
     left = f"{theta:.1f}°", f"{lift:.3f} mm", f"{force:.1f} N"
-    state = f"gap {looks.four_digits(gap)} µm" if off else "in contact"
-    angle = "not touched" if off else f"pressure angle {lean:.1f}°"
+    state = f"gap {looks.four_digits(gap)} µm" if in_flight else "in contact"
+    contact_text = "not touched" if in_flight else f"pressure angle {pressure_angle:.1f}°"
     if lift > edge:
-        angle = f"drawn at {edge:.0f} mm"
-    return _lines(left, (f"{rpm:.4g} rpm", state, angle))
+        contact_text = f"drawn at {edge:.0f} mm"
+    return _lines(left, (f"{rpm:.4g} rpm", state, contact_text))
 
 
 def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
@@ -151,27 +192,50 @@ def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
     return "\n".join(["```", *lines, "```"])
 
 
-#: What the view shows; the rig hangs below, for a view is not moved by its own transform.
+#: Entity path of the view. The rig is a child, because a view ignores its own transform.
 VIEW = "scene"
-#: Frames per turn, so that slow motion is smooth at every speed.
+#: Frames per turn, chosen for smooth slow motion at every speed.
 FRAMES_PER_TURN = 72
-#: Radii on the screen: Rerun takes a negative one as points, not as mm.
-LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
+#: Radius of a line. Rerun reads negative radii as points of the screen instead of mm.
+LINE = -1.5
+#: Radius of a thin line.
+THIN = -0.7
+#: Radius of a thick line.
+THICK = -2.5
+#: Radius of the point of the shaft.
+SHAFT = -3.0
+#: Radius of the invisible point of a label.
+UNSEEN = -0.1
 
 
 def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
-    """True for the first sample in each frame; unwrapped ``angle`` and its ``step`` in rad."""
+    """Return True for the first sample in each frame, shape (n,).
+
+    ``angle`` is the unwrapped cam angle and ``step`` its increment per sample, both in rad.
+    """
     frame = np.floor(np.append(angle[:1] - step, angle) * (FRAMES_PER_TURN / (2.0 * np.pi)))
     return np.asarray(np.diff(frame) > 0.0)
 
 
 class Scene2D:
-    """Draws a cam when it is mounted, as large as the scene's largest; then frames of both.
+    """Moving picture of the mounted cam and its follower.
 
-    ``view`` is the entity that the view shows; ``pace`` says of a live run how many frames may be
-    sent, None sends all; ``scale`` is the force (N) of the longest arrow, by default the greatest
-    in contact at each speed; ``cursor`` is told the timelines' columns and the cam angles of the
-    frames sent.
+    All cams are drawn at the height of the largest.
+
+    Parameters
+    ----------
+    canvas : Canvas
+        Recording to draw into.
+    loaded : LoadedScene
+        Scene of the run.
+    view : str
+        Entity path of the view.
+    pace : FramePace, optional
+        Rate of the frames of a live run. None sends all frames.
+    scale : float, optional
+        Force in N of the longest arrow (default: the greatest in contact at each speed).
+    cursor : callable, optional
+        Function called with the time columns and the cam angles (rad) of the sent frames.
     """
 
     def __init__(
@@ -185,25 +249,29 @@ class Scene2D:
     ) -> None:
         self._canvas, self._loaded, self._pace = canvas, loaded, pace
         self._view, self._root, self._cursor = view, f"{view}/rig", cursor
-        self._framed = framings(loaded)
-        self._highest = max(one.height for one in self._framed.values())
+        self._framings = framings(loaded)
+        self._highest = max(framing.height for framing in self._framings.values())
         self._scale = scale
         self._waiting = list[FloatArray]()
         shaft = rr.Points2D([[0.0, 0.0]], colors=looks.GREY, radii=SHAFT)
-        canvas.always(f"{self._root}/shaft", shaft)
-        canvas.look(f"{self._root}/cam/body", rr.LineStrips2D, draw_order=19.0)  # behind all others
-        canvas.look(f"{self._root}/gap", rr.LineStrips2D, colors=looks.GAP, radii=THICK)
-        canvas.look(f"{self._root}/force", rr.Arrows2D, colors=looks.FORCE, radii=THICK)
+        canvas.log_static(f"{self._root}/shaft", shaft)
+        # The body is drawn behind all other entities.
+        canvas.set_style(f"{self._root}/cam/body", rr.LineStrips2D, draw_order=19.0)
+        canvas.set_style(f"{self._root}/gap", rr.LineStrips2D, colors=looks.GAP, radii=THICK)
+        canvas.set_style(f"{self._root}/force", rr.Arrows2D, colors=looks.FORCE, radii=THICK)
 
     def mount(self, state: CamState, profile: FloatArray) -> None:
-        """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
+        """Replace the drawn cam.
+
+        ``profile`` is its contour in the cam's frame, m, shape (n, 2).
+        """
         self.flush()
         framing, self._law = self._framing_of(state.cam), self._loaded.laws[state.cam]
         self._shape, self._max_lift = framing.shape, framing.max_lift
         zoom = self._highest / framing.height
-        # A plane in Rerun has y down; widths grow as the third root of the determinant.
+        # In a plane of Rerun y points down. Widths scale with the third root of the determinant.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
-        self._canvas.rows(self._root, self._canvas.state(state), flip)
+        self._canvas.rows(self._root, self._canvas.times_of(state), flip)
         outline = shapes.closed(profile) * MM
         base = self._loaded.cams[state.cam].follower.base_radius.si
         colour, mark = looks.of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
@@ -217,49 +285,52 @@ class Scene2D:
         self._strips(state, "follower/outline", framing.follower(), looks.FOLLOWER, LINE)
         self._strips(state, "ring", shapes.ring(framing.ring), looks.GREY, THIN)
         self._strips(state, "rotation", shapes.rotation(0.4 * base * MM), looks.GREY, LINE)
-        self._words(state, "numbers", *framing.numbers(), looks.GREY)
+        self._texts(state, "numbers", *framing.numbers(), looks.GREY)
 
     def _framing_of(self, cam: str) -> Framing:
-        """Of a cam of the scene, or of one that was mounted since."""
-        if cam not in self._framed:
-            self._framed |= framings(self._loaded)
-        return self._framed[cam]
+        """Return the frame of a cam, also of a cam that was added to the scene later."""
+        if cam not in self._framings:
+            self._framings |= framings(self._loaded)
+        return self._framings[cam]
 
     def speed(self, state: CamState, title: str = "") -> None:
-        """Say under the cam which it is and how fast it turns; a bar shows the force's scale."""
+        """Draw the cam's title and speed below it, and a bar with the scale of the force."""
         self.flush()
         self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)
         longest = self._scale or max_contact_force(self._loaded, state.cam, state.speed)
         self._arrow = ARROW * framing.height / longest  # mm/N
-        foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.085])
+        bar_foot, offset = framing.low + 0.015 * framing.height, np.array([0.09, 0.085])
         force = 10.0 ** math.floor(math.log10(longest))
-        bar = foot + np.array([[0.0, 0.0], [0.0, force * self._arrow]])
+        bar = bar_foot + np.array([[0.0, 0.0], [0.0, force * self._arrow]])
         self._strips(state, "bar", [bar], looks.FORCE, THICK)
-        beside = (foot + across * framing.height)[None]
-        self._words(state, "bar/words", beside, [f"{force:g} N"], looks.FORCE)
-        under = np.array([[0.0, framing.low[1] + 0.045 * framing.height]])
-        words = f"{title}{self._rpm:.4g} rpm"
-        self._words(state, "label", under, [words], looks.of_cam(state.cam))
-        if self._pace is not None:  # until its first frame comes, nothing of the one before
-            at = self._canvas.state(state)
-            self._canvas.strips(f"{self._root}/gap", at, [])
+        bar_label = (bar_foot + offset * framing.height)[None]
+        self._texts(state, "bar/words", bar_label, [f"{force:g} N"], looks.FORCE)
+        label_position = np.array([[0.0, framing.low[1] + 0.045 * framing.height]])
+        title_text = f"{title}{self._rpm:.4g} rpm"
+        self._texts(state, "label", label_position, [title_text], looks.of_cam(state.cam))
+        if self._pace is not None:  # remove the last cam's frame until the first frame arrives
+            times = self._canvas.times_of(state)
+            self._canvas.strips(f"{self._root}/gap", times, [])
             no_force = rr.Arrows2D.columns(origins=[], vectors=[]).partition([0])
-            self._canvas.rows(f"{self._root}/force", at, no_force)
-            self._read(at, [_lines(("", "", ""), (f"{self._rpm:.4g} rpm", "", ""))])
+            self._canvas.rows(f"{self._root}/force", times, no_force)
+            self._send_readings(times, [_lines(("", "", ""), (f"{self._rpm:.4g} rpm", "", ""))])
 
     def frames(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> None:
-        """Take cam and follower at ``time`` (s), unwrapped cam ``angle`` (rad), ``lift`` (m).
+        """Add frames at ``time`` (s), unwrapped cam ``angle`` (rad) and ``lift`` (m).
 
-        Where the contact ``force`` (N) is zero, contact is lost, and the gap is drawn: from the
-        point of the cam that would be touched to where the follower has carried it. One that flies
-        out of its view is drawn at the edge, which the readings say.
+        Contact is lost if the contact ``force`` (N) is zero. Then the gap is drawn as a line from
+        the point of the cam that contact would touch to the matching point of the follower. A
+        follower outside the view is drawn at its edge, and the readings report this.
         """
         self._waiting.append(np.stack([time, angle, lift, force]))
 
     def flush(self, until: float = math.inf) -> None:
-        """Send what was taken, up to a rig time (s); the rest waits."""
+        """Send the added frames up to a rig time (s).
+
+        Later frames are kept.
+        """
         if not self._waiting:
             return
         frames = np.concatenate(self._waiting, axis=1)
@@ -278,48 +349,56 @@ class Scene2D:
         self._canvas.rows(f"{self._root}/cam", times, _pose(angle, None))
         self._canvas.rows(f"{self._root}/follower", times, _pose(shape.turn(drawn), origin))
         point, normal = shape.contact(motion)
-        off = force == 0.0
+        in_flight = force == 0.0
         ends = np.stack([point, shape.carried(point, motion.s, drawn)], axis=1) * MM
-        gaps = rr.LineStrips2D.columns(strips=list(ends[off])).partition(off.astype(int))
+        gaps = rr.LineStrips2D.columns(strips=list(ends[in_flight])).partition(
+            in_flight.astype(int)
+        )
         self._canvas.rows(f"{self._root}/gap", times, gaps)
         along = np.sum(normal * shape.upward(motion.s), axis=1)
-        gap, lean = np.where(off, lift - motion.s, 0.0), np.arccos(along.clip(-1.0, 1.0))
-        # of a live run, which is seen at its newest time, only the last is sent
-        seen = slice(None) if self._pace is None else slice(-1, None)
-        at, turned = self._canvas.times(time[seen], angle[seen]), angle[seen]
-        moved = lift[seen], force[seen], gap[seen], lean[seen]
-        self._read(at, readings(turned, self._rpm, *moved, self._max_lift))
+        gap = np.where(in_flight, lift - motion.s, 0.0)
+        pressure_angle = np.arccos(along.clip(-1.0, 1.0))
+        # A live run is displayed at its newest time, so only the last readings are sent.
+        sent = slice(None) if self._pace is None else slice(-1, None)
+        reading_times, reading_angles = self._canvas.times(time[sent], angle[sent]), angle[sent]
+        values = lift[sent], force[sent], gap[sent], pressure_angle[sent]
+        self._send_readings(
+            reading_times, readings(reading_angles, self._rpm, *values, self._max_lift)
+        )
         if self._cursor is not None:
-            self._cursor(at, turned)
+            self._cursor(reading_times, reading_angles)
         arrows = normal * (force / along * self._arrow)[:, None]
-        columns = rr.Arrows2D.columns(origins=point[~off] * MM, vectors=arrows[~off])
-        columns = columns.partition((~off).astype(int))
+        columns = rr.Arrows2D.columns(origins=point[~in_flight] * MM, vectors=arrows[~in_flight])
+        columns = columns.partition((~in_flight).astype(int))
         self._canvas.rows(f"{self._root}/force", times, columns)
 
-    def _read(self, at: list[rr.TimeColumn], words: list[str]) -> None:
-        columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
-        self._canvas.rows(f"{self._view}_readings", at, columns)
+    def _send_readings(self, times: list[rr.TimeColumn], texts: list[str]) -> None:
+        columns = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
+        self._canvas.rows(f"{self._view}_readings", times, columns)
 
     def _strips(
         self, state: CamState, entity: str, strips: list[FloatArray], colour: int, radius: float
     ) -> None:
-        at = self._canvas.state(state)
-        self._canvas.strips(f"{self._root}/{entity}", at, strips, colors=colour, radii=radius)
+        times = self._canvas.times_of(state)
+        self._canvas.strips(f"{self._root}/{entity}", times, strips, colors=colour, radii=radius)
 
-    def _words(
-        self, state: CamState, entity: str, at: FloatArray, words: list[str], colour: int
+    def _texts(
+        self, state: CamState, entity: str, positions: FloatArray, texts: list[str], colour: int
     ) -> None:
-        """Words whose middles hang from places ``(n, 2)``."""
-        each: dict[str, Any] = {"colors": colour, "radii": UNSEEN, "show_labels": True}
-        columns: dict[str, Any] = {name: [value] * len(words) for name, value in each.items()}
-        times = self._canvas.state(state)
-        self._canvas.points(f"{self._root}/{entity}", times, at, labels=words, **columns)
+        """Draw texts whose upper middles are at ``positions``, shape (n, 2)."""
+        style: dict[str, Any] = {"colors": colour, "radii": UNSEEN, "show_labels": True}
+        columns: dict[str, Any] = {name: [value] * len(texts) for name, value in style.items()}
+        times = self._canvas.times_of(state)
+        self._canvas.points(f"{self._root}/{entity}", times, positions, labels=texts, **columns)
 
 
-def _pose(turn: FloatArray, place: FloatArray | None) -> rr.ComponentColumnList:
-    """Turned by ``(n,)`` rad about z, then moved to ``(n, 3)`` mm."""
-    zero, half = np.zeros_like(turn), 0.5 * turn
+def _pose(angle: FloatArray, position: FloatArray | None) -> rr.ComponentColumnList:
+    """Return poses turned by `angle` about z, then moved to `position`.
+
+    `angle` is in rad, shape (n,), and `position` in mm, shape (n, 3).
+    """
+    zero, half = np.zeros_like(angle), 0.5 * angle
     quaternion = np.column_stack([zero, zero, np.sin(half), np.cos(half)])
-    if place is None:
+    if position is None:
         return rr.Transform3D.columns(quaternion=quaternion)
-    return rr.Transform3D.columns(quaternion=quaternion, translation=place)
+    return rr.Transform3D.columns(quaternion=quaternion, translation=position)

@@ -1,4 +1,4 @@
-"""The timelines of a recording: rig time, and how far the cam has turned, in three ways."""
+"""Timelines of a recording: rig time, and three measures of the cam angle."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from cam_rig.dynamics.interval import NamedRows
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray, to_rpm
 
-#: Rig time since the start of the run, a duration.
+#: Timeline of the rig time since the start of the run, a duration.
 RIG_TIME = "rig_time"
-#: Cam angle in whole degrees, a sequence that runs on from turn to turn.
+#: Timeline of the unwrapped cam angle in whole degrees, a sequence.
 CAM_DEGREES = "cam_degrees"
-#: Whole turns of the cam since the start.
+#: Timeline of the whole turns of the cam since the start.
 TURN = "turn"
-#: Degrees within the turn, 0 to 359: here turns lie over each other.
+#: Timeline of the degrees within the turn, 0 to 359, on which turns are overlaid.
 TURN_DEGREES = "turn_degrees"
-#: An angle so little (degrees) below a whole degree is that one: rig time is in whole ns, and half
-#: a ns is 1.2e-6° at 400 rpm, 3e-5° at 10 000. Samples lie farther from each other than this.
+#: Tolerance (degrees, absolute) below a whole degree within which an angle counts as that degree.
+#: Rig time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance
+#: of samples is larger than this tolerance.
 ROUNDING = 1e-4
-#: Gives the time columns of rows at times (s) and unwrapped cam angles (rad).
+#: Function that returns the time columns of rows at times (s) and unwrapped cam angles (rad).
 Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
 
 def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
-    """All timelines for rows at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
+    """Return all timelines for rows at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
     nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
     degrees = _whole_degrees(angle)
     turn = degrees // 360
@@ -45,12 +46,12 @@ def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
 
 
 def rig_time_alone(time: FloatArray, _angle: FloatArray) -> list[rr.TimeColumn]:
-    """Rig time, for a run that is followed: each timeline more is work for the page that draws."""
+    """Return only the rig time, for a live run: each further timeline slows the page."""
     return time_columns(time, np.zeros_like(time))[:1]
 
 
 def within_turn(_time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
-    """The angle within the turn alone, for turns that are to lie over each other."""
+    """Return only the angle within the turn, for turns that are overlaid."""
     return [rr.TimeColumn(TURN_DEGREES, sequence=_whole_degrees(angle) % 360)]
 
 
@@ -60,64 +61,81 @@ def _whole_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int6
 
 @dataclass(frozen=True)
 class Canvas:
-    """A recording to draw into, and the timelines of what is drawn."""
+    """Recording to draw into, and the timelines of the drawn data."""
 
     stream: rr.RecordingStream
     times: Times = time_columns
 
-    def at(self, time: float, angle: float) -> list[rr.TimeColumn]:
-        """One row at a rig time (s) and an unwrapped cam angle (rad)."""
+    def times_at(self, time: float, angle: float) -> list[rr.TimeColumn]:
+        """Return the time columns of a row at a rig time (s) and unwrapped angle (rad)."""
         return self.times(np.array([time]), np.array([angle]))
 
-    def state(self, state: CamState) -> list[rr.TimeColumn]:
-        """One row at a state of the cam."""
-        return self.at(state.time_ns / NS, state.unwrapped)
+    def times_of(self, state: CamState) -> list[rr.TimeColumn]:
+        """Return the time columns of one row at a state of the cam."""
+        return self.times_at(state.time_ns / NS, state.unwrapped)
 
-    def always(self, entity: str, shape: Any) -> None:
-        """Draw what holds at every time: a shape, or how later ones look."""
+    def log_static(self, entity: str, shape: Any) -> None:
+        """Draw a shape, or set the style of later shapes, for every time."""
         self.stream.log(entity, shape, static=True)
 
-    def look(self, entity: str, kind: Any, **look: Any) -> None:
-        """How shapes of a kind that come later look, and what else holds of them all."""
-        self.always(entity, kind.from_fields(**look))
+    def set_style(self, entity: str, kind: Any, **style: Any) -> None:
+        """Set the common style and properties of all later shapes of a kind."""
+        self.log_static(entity, kind.from_fields(**style))
 
-    def rows(self, entity: str, at: list[rr.TimeColumn], columns: Any) -> None:
-        """Draw a row of columns at each time."""
-        self.stream.send_columns(entity, at, columns)
+    def rows(self, entity: str, times: list[rr.TimeColumn], columns: Any) -> None:
+        """Send columns with one row per time."""
+        self.stream.send_columns(entity, times, columns)
 
     def strips(
-        self, entity: str, at: list[rr.TimeColumn], strips: Sequence[FloatArray], **look: float
+        self, entity: str, times: list[rr.TimeColumn], strips: Sequence[FloatArray], **style: float
     ) -> None:
-        """Draw lines ``(n, 2)`` that look alike in one row."""
-        looks: dict[str, Any] = {name: [value] * len(strips) for name, value in look.items()}
-        columns = rr.LineStrips2D.columns(strips=strips, **looks)
-        self.rows(entity, at, columns.partition([len(strips)]))
+        """Draw lines ``(n, 2)`` of the same style in one row."""
+        styles: dict[str, Any] = {name: [value] * len(strips) for name, value in style.items()}
+        columns = rr.LineStrips2D.columns(strips=strips, **styles)
+        self.rows(entity, times, columns.partition([len(strips)]))
 
-    def points(self, entity: str, at: list[rr.TimeColumn], places: Any, **columns: Any) -> None:
+    def points(
+        self, entity: str, times: list[rr.TimeColumn], positions: Any, **columns: Any
+    ) -> None:
         """Draw points ``(n, 2)`` in one row."""
-        drawn = rr.Points2D.columns(positions=places, **columns)
-        self.rows(entity, at, drawn.partition([len(places)]))
+        points = rr.Points2D.columns(positions=positions, **columns)
+        self.rows(entity, times, points.partition([len(positions)]))
 
 
-# How often a live picture is sent: as often as a screen shows it, less while a page is behind.
+# Rate of the pictures of a live run: that of a screen, or less while the page is behind.
 
-#: Pictures a second of wall time at most, as a screen shows, and at least.
-MAX_RATE, MIN_RATE = 30.0, 0.6
-#: A page so much (s) behind, beside the time from picture to picture, is late; one less is not.
-LATE_S, IN_TIME_S = 0.8, 0.5
-#: Factors of the rate: of a page that is just late, less for one that is later; of one in time.
-SLOWER, FASTER = 0.5, 2.0
-#: Wall time (s) that a slower rate has to show, and that a page must be in time for a faster one.
-SETTLE_S, CALM_S = 2.0, 5.0
+#: Highest rate, pictures per second of wall-clock time: a screen displays no more.
+MAX_RATE = 30.0
+#: Lowest rate, pictures per second of wall-clock time.
+MIN_RATE = 0.6
+#: Delay (s) of a page, without the period of the pictures, above which it is late.
+LATE_S = 0.8
+#: Delay (s) of a page, without the period of the pictures, below which it is in time.
+IN_TIME_S = 0.5
+#: Factor of the rate for a page whose delay is `LATE_S`. It is smaller for a longer delay.
+SLOWER = 0.5
+#: Factor of the rate for a page that is in time.
+FASTER = 2.0
+#: Wall-clock time (s) between two reductions of the rate, so that the first takes effect.
+SETTLE_S = 2.0
+#: Wall-clock time (s) during which a page must be in time before the rate increases.
+CALM_S = 5.0
 
 
 class FramePace:
-    """How many pictures a second of wall time are worth sending; the newest always is.
+    """Rate of the pictures that are sent, per second of wall-clock time.
 
-    Between 0.6 a second, with which a page begins, and 30: doubled when the page has been in time
-    for 5 s, halved or less when it is late. In between the rate stays. ``behind`` says how far (s)
-    the page is behind, None while it is not known; without it every picture that a screen can show
-    is sent.
+    The newest picture is always sent. The rate is between 0.6 and 30 per second, and starts at 0.6.
+    It is doubled when the page has been in time for 5 s, and halved or reduced further when the
+    page is late. Otherwise it does not change.
+
+    Parameters
+    ----------
+    behind : callable, optional
+        Function that returns the delay of the page in s, or None if it is unknown (default: the
+        rate is 30 per second).
+    clock : callable
+        Function that returns the wall-clock time in s.
     """
 
     def __init__(
@@ -127,22 +145,25 @@ class FramePace:
     ) -> None:
         self._behind, self._clock = behind, clock
         self._sent = self._changed = self._late = clock()
-        #: Pictures a second that are sent now.
+        #: Present rate, pictures per second.
         self.rate = MAX_RATE if behind is None else MIN_RATE
 
     def is_due(self) -> bool:
-        """Whether the next picture is to be sent, at the rate that fits the page now."""
+        """Return True if the next picture is due, after adapting the rate to the page."""
         now = self._clock()
         if self._behind is not None:
             self._adapt(self._behind(), now)
         return now - self._sent >= 1.0 / self.rate
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Which of so many pictures to send, evenly among them; the newest always."""
+        """Return the indices of the pictures to send, evenly among ``count``.
+
+        The newest is always among them.
+        """
         now = self._clock()
-        most = max(1, int((now - self._sent) * self.rate))
+        max_count = max(1, int((now - self._sent) * self.rate))
         self._sent = now
-        return np.unique(np.linspace(count - 1, 0, min(most, count)).astype(np.intp))
+        return np.unique(np.linspace(count - 1, 0, min(max_count, count)).astype(np.intp))
 
     def _adapt(self, behind: float | None, now: float) -> None:
         if behind is None:
@@ -160,12 +181,16 @@ class FramePace:
         self._changed = now
 
 
-# The last whole turn at each speed: what is laid over others, and what the results say.
+# Last complete turn at each speed, for overlaid curves and for the results.
 
 
 @dataclass(frozen=True, eq=False)
 class Turn(NamedRows):
-    """One turn of a cam: unwrapped ``angle`` (rad) and ``(6, n)`` rows of its samples, named."""
+    """Samples of one turn of a cam.
+
+    `speed` is in rad/s, `angle` the unwrapped cam angle in rad, shape (n,), and `rows` has the rows
+    of `NamedRows`, shape (6, n).
+    """
 
     cam: str
     speed: float
@@ -174,25 +199,25 @@ class Turn(NamedRows):
 
     @property
     def rpm(self) -> float:
-        """The cam's speed."""
+        """Speed of the cam in rpm."""
         return to_rpm(self.speed)
 
 
 class TurnCollector:
-    """Keeps the newest turn, tick by tick."""
+    """Collector of the newest turn, tick by tick."""
 
     def __init__(self, ticks_per_turn: int) -> None:
         self._ticks: deque[tuple[CamState, FloatArray, FloatArray]] = deque(maxlen=ticks_per_turn)
 
     def add(self, start: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Take the samples of the next tick."""
+        """Add the samples of the next tick."""
         last = self._ticks[-1][0] if self._ticks else start
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._ticks.clear()
         self._ticks.append((start, angle, rows))
 
     def turn(self) -> Turn | None:
-        """The newest turn, when a whole one has been seen since the speed changed."""
+        """Return the newest turn, or None before a complete turn at the present speed."""
         if len(self._ticks) < (self._ticks.maxlen or 1):
             return None
         start, angles, rows = zip(*self._ticks, strict=True)
@@ -201,12 +226,15 @@ class TurnCollector:
 
 
 def sample_angles(start: CamState, end: CamState, time: FloatArray) -> FloatArray:
-    """``(n,)`` unwrapped cam angles (rad) at ``time`` (s) in the tick from ``start`` to ``end``."""
+    """Return the unwrapped cam angles (rad) at times (s) within a tick, shape (n,)."""
     interval, since = start.until(end), time - start.time_ns / NS
     return start.unwrapped + since * (interval.speed + 0.5 * interval.acceleration * since)
 
 
 def lift_offs(force: FloatArray, was_off: bool) -> FloatArray:
-    """``(n,)`` True at the first sample of each loss of contact, where the force becomes zero."""
+    """Return True at the first sample of each loss of contact, shape (n,).
+
+    Contact is lost while the force is zero. ``was_off`` is True if it was lost before the samples.
+    """
     off = force == 0.0
     return np.asarray(off & ~np.append(was_off, off[:-1]))

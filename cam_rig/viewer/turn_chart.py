@@ -1,6 +1,6 @@
-"""The last turns of a run over 0 to 360° of the cam, laid over each other.
+"""Chart of the last turns of a run, overlaid over 0 to 360° of the cam.
 
-Where they differ, the follower has not settled, or bounces without end.
+If the turns differ, the follower has not settled or bounces irregularly.
 """
 
 from __future__ import annotations
@@ -18,203 +18,245 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
-from cam_rig.viewer.quantities import LAW, LIFT, MARKS, Drawn, Ranges, SceneRanges, SeriesLine
+from cam_rig.viewer.quantities import LAW, LIFT, MARKS, PlotRow, Ranges, SceneRanges, SeriesLine
 from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 
-# Axes over one turn of the cam, 0 to 360°, one under the other, as books on cams have them.
+# Axes over one turn of the cam, 0 to 360°, one below the other.
 
-#: Of the plane: width, height of a row's axes, and of the words above them.
-WIDTH, ROW, HEAD = 160.0, 27.0, 9.0
-#: Room left, right, above and below all rows.
-LEFT, RIGHT, ABOVE, BELOW = 16.0, 6.0, 8.0, 7.0
-#: Letters of a cam's title that tables and charts have room for where a page is 1000 pixels wide.
+#: Width of the plane.
+WIDTH = 160.0
+#: Height of the axes of a row in the plane.
+ROW = 27.0
+#: Height of the space for the title above the axes of a row.
+HEAD = 9.0
+#: Free space left of all rows in the plane.
+LEFT = 16.0
+#: Free space right of all rows in the plane.
+RIGHT = 6.0
+#: Free space above all rows in the plane.
+ABOVE = 8.0
+#: Free space below all rows in the plane.
+BELOW = 7.0
+#: Largest number of letters of a cam's title in tables and charts, for a page of 1000 pixels.
 MAX_TITLE = 24
 #: Marks of the cam angle, °.
 DEGREES = {0.0: "0°", 90.0: "90°", 180.0: "180°", 270.0: "270°", 360.0: "360°"}
-#: Of a curve two points are sent at each of so many places along the turn.
-PLACES = 360
-#: Colour of the line where the cam is.
+#: Number of positions along the turn, at each of which a curve has two points.
+POSITIONS = 360
+#: Colour of the line at the present cam angle.
 CURSOR = 0x555555FF
-#: Middle of a row's title, from the corner of its axes.
+#: Position of the middle of a row's title, relative to the corner of its axes.
 TITLE_AT = (22.0, -HEAD + 1.0)
-#: Of the axes' height: words beside y hang by this much.
+#: Height of the labels of y above their marks, relative to the height of the axes.
 RAISED = 0.1
 
 
 class TurnAxes:
-    """Where rows of axes, each ``row`` high, are in their plane; its y is down, as in Rerun."""
+    """Rows of axes of height ``row`` in a plane whose y points down, as in Rerun."""
 
-    def __init__(self, rows: Sequence[Drawn], ranges: Ranges, row: float = ROW) -> None:
+    def __init__(self, rows: Sequence[PlotRow], ranges: Ranges, row: float = ROW) -> None:
         self.rows, self._ranges = tuple(rows), ranges
         raised = RAISED * ROW / row
-        self.tops = {it.key: HEAD + i * (HEAD + row) for i, it in enumerate(rows)}
+        self.tops = {x.key: HEAD + i * (HEAD + row) for i, x in enumerate(rows)}
         self.axes = {
             key: Axes((0.0, 360.0), ranges[key][:2], WIDTH, row, raised, top)
             for key, top in self.tops.items()
         }
-        #: Of all rows.
+        #: Height of all rows.
         self.height = len(rows) * (HEAD + row)
 
     def bounds(
         self, below: float = BELOW, above: float = ABOVE
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Range of x and y of a view of it all, with room below for the degrees."""
+        """Return the limits of x and y of a view of all rows and the degrees below."""
         return (-LEFT, WIDTH + RIGHT), (-above, self.height + below)
 
     def place(self, key: str, degrees: FloatArray, values: FloatArray) -> FloatArray:
-        """``(n, 2)`` points in a row; beyond its axis they end at its edge."""
+        """Return the points in a row, shape (n, 2).
+
+        Values beyond its axis are drawn at its edge.
+        """
         axes = self.axes[key]
         return axes.place(degrees, values.clip(*axes.y))
 
     def draw(self, canvas: Canvas, view: str, titled: bool = True) -> None:
-        """Draw titles, degrees, a line at each quarter of the turn, the style of the cursor."""
+        """Draw titles, degrees and a line at each quarter turn.
+
+        Also sets the style of the cursor.
+        """
         for row in self.rows:
             if titled:
-                at = TITLE_AT[0], self.tops[row.key] + TITLE_AT[1]
-                label(canvas, f"{view}/{row.key}/title", at, row.title)
+                position = TITLE_AT[0], self.tops[row.key] + TITLE_AT[1]
+                label(canvas, f"{view}/{row.key}/title", position, row.title)
         axes, last = self.axes[self.rows[-1].key], f"{view}/{self.rows[-1].key}"
         axes.draw_words(canvas.stream, f"{last}/degrees", axes.under(DEGREES), DEGREES)
-        across = np.array([*DEGREES]) / 360.0 * WIDTH
-        lines = [np.array([[x, HEAD], [x, self.height]]) for x in across]
+        quarters = np.array([*DEGREES]) / 360.0 * WIDTH
+        lines = [np.array([[x, HEAD], [x, self.height]]) for x in quarters]
         grid = rr.LineStrips2D(lines, colors=colours.LIGHT_GREY, radii=THIN)
-        canvas.always(f"{view}/quarters", grid)
-        canvas.look(f"{view}/cursor", rr.LineStrips2D, colors=CURSOR, radii=-0.75)
+        canvas.log_static(f"{view}/quarters", grid)
+        canvas.set_style(f"{view}/cursor", rr.LineStrips2D, colors=CURSOR, radii=-0.75)
 
     def move_cursor(
-        self, canvas: Canvas, view: str, at: list[rr.TimeColumn], angle: FloatArray
+        self, canvas: Canvas, view: str, times: list[rr.TimeColumn], angle: FloatArray
     ) -> None:
-        """Where the cam is, at each of many times: a line at its unwrapped angle ``(n,)``, rad."""
-        # Drawn anew each time: a transform that moves costs a page a third of its speed.
+        """Draw the cursor at each time: a line at the unwrapped cam angle ``(n,)``, rad."""
+        # The line is sent for each time, because a moving transform slows a page by a third.
         x = np.mod(angle, TURN) / TURN * WIDTH
         strips = np.empty((x.size, 2, 2))
         strips[:, :, 0], strips[:, :, 1] = x[:, None], (HEAD, self.height)
-        canvas.rows(f"{view}/cursor", at, rr.LineStrips2D.columns(strips=list(strips)))
+        canvas.rows(f"{view}/cursor", times, rr.LineStrips2D.columns(strips=list(strips)))
 
     def draw_marks(self, canvas: Canvas, view: str) -> None:
-        """Draw the frames of all rows and the numbers beside them, once for all."""
+        """Draw the frames of all rows and their numbers for every time."""
         for key, axes in self.axes.items():
             axes.draw(canvas.stream, f"{view}/{key}/axes", {}, self.marks(key))
 
     def marks(self, key: str) -> dict[float, str]:
-        """The numbers beside a row."""
+        """Return the numbers next to a row."""
         return step_marks(*self._ranges[key])
 
 
 def label(
-    canvas: Canvas, entity: str, at: tuple[float, float], words: str, colour: int = colours.BLACK
+    canvas: Canvas,
+    entity: str,
+    position: tuple[float, float],
+    text: str,
+    colour: int = colours.BLACK,
 ) -> None:
-    """Words whose middle hangs from a place, once for all."""
-    shown = rr.Points2D([at], labels=[words], colors=colour, radii=UNSEEN, show_labels=True)
-    canvas.always(entity, shown)
+    """Draw a text whose upper middle is at ``position``, for every time."""
+    point = rr.Points2D([position], labels=[text], colors=colour, radii=UNSEEN, show_labels=True)
+    canvas.log_static(entity, point)
 
 
 def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
-    """Degrees within the turn of unwrapped angles (rad) of a turn, and where 0° is passed."""
+    """Return the degrees within the turn, and the index of the smallest.
+
+    ``angle`` are the unwrapped angles of one turn in rad.
+    """
     degrees = np.degrees(angle - TURN * np.floor(angle / TURN + 1e-9))
     return degrees, int(degrees.argmin())
 
 
 def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> FloatArray:
-    """``(n, 2)`` points of a turn's curve in the unit shown, from 0 to 360°, its peaks too."""
+    """Return the points of a turn's curve from 0 to 360° with its peaks, (n, 2).
+
+    ``values`` are in the displayed unit.
+    """
     degrees, first = in_turn(angle)
     degrees, values = np.roll(degrees, -first), np.roll(values, -first)
-    kept = quantities.extremes(values, -(-values.size // PLACES))
-    return axes.place(key, degrees[kept], values[kept])
+    indices = quantities.extremes(values, -(-values.size // POSITIONS))
+    return axes.place(key, degrees[indices], values[indices])
 
 
 VIEW = "turn"
-#: So many turns of a speed lie over each other.
-LAID = 4
-#: Turns that differ nowhere by more than this share of a row's height look like one.
-ALIKE = 0.004
-#: Where turns are compared, and the law is drawn.
-ALONG, DEGREES_OF_LAW = np.linspace(0.0, WIDTH, 361), np.linspace(0.0, 360.0, 361)
-#: Along the lift's head: a short stroke, and the middle of the name after it.
+#: Number of turns of a speed that are overlaid.
+MAX_OVERLAID = 4
+#: Largest difference of two turns that are drawn once, relative to a row's height.
+SAME_TURN_TOLERANCE = 0.004
+#: Positions along x in the plane at which turns are compared.
+ALONG = np.linspace(0.0, WIDTH, 361)
+#: Degrees at which the law is drawn.
+DEGREES_OF_LAW = np.linspace(0.0, 360.0, 361)
+#: Legend of the lift: x of a short stroke, and x of the middle of the name after it.
 LEGEND = ((52.0, 70.0), (84.0, 97.0), (106.0, 122.0), (134.0, 151.0))
-STROKE, MARK = 6.0, -4.0
-#: Height of the line that says which cam turned how fast.
+#: Length of a stroke of the legend.
+STROKE = 6.0
+#: Radius of a mark, in points of the screen (negative for Rerun).
+MARK = -4.0
+#: Position along y of the caption with cam and speed.
 CAPTION = -7.0
 
 
 class TurnChart:
-    """Draws axes, then turns from their end on, ``every`` one or the newest; `flush` sends."""
+    """Chart of overlaid turns.
+
+    `flush` sends the added turns.
+
+    With ``every`` each turn is sent, from its start on. Otherwise only the newest turn is sent,
+    from its end on.
+    """
 
     def __init__(
         self, canvas: Canvas, loaded: LoadedScene, ranges: SceneRanges, every: bool
     ) -> None:
         self._canvas, self._loaded, self._every = canvas, loaded, every
-        self._rows = quantities.drawn_of(loaded.scene.model)
-        self._ranges, self._axes = ranges, TurnAxes(self._rows, ranges.whole)
-        self._flies = MODELS[loaded.scene.model].lifts_off
+        self._rows = quantities.plot_rows(loaded.scene.model)
+        self._ranges, self._axes = ranges, TurnAxes(self._rows, ranges.all_cams)
+        self._lifts_off = MODELS[loaded.scene.model].lifts_off
         self._edges = np.array([HEAD, self._axes.height])
-        self._waiting, self._reached = list[tuple[CamState, Turn]](), -np.inf
-        self._taken = self._shown = ("", 0.0)
-        self._laid, self._count = dict[int, FloatArray](), 0
+        self._waiting, self._last_angle = list[tuple[CamState, Turn]](), -np.inf
+        self._last_step = self._shown = ("", 0.0)
+        self._overlaid, self._count = dict[int, FloatArray](), 0
         self._axes.draw(canvas, VIEW)
         self._draw_styles()
         self._draw_legend()
 
     def add(self, end: CamState, turn: Turn) -> None:
-        """Take the turn that ended with a state; one that overlaps the turn before is left out."""
+        """Add the turn that ended with a state, unless it overlaps the last turn."""
         hold = turn.cam, turn.speed
-        if hold == self._taken and turn.angle[0] <= self._reached:
+        if hold == self._last_step and turn.angle[0] <= self._last_angle:
             return
-        self._taken, self._reached = hold, float(turn.angle[-1])
+        self._last_step, self._last_angle = hold, float(turn.angle[-1])
         self._waiting.append((end, turn))
 
     def flush(self) -> None:
-        """Send what was taken."""
+        """Send the turns added since the last call."""
         for end, turn in self._waiting if self._every else self._waiting[-1:]:
             first = float(turn.time[0]), float(turn.angle[0])
-            self._send(self._canvas.at(*first) if self._every else self._canvas.state(end), turn)
+            self._send(
+                self._canvas.times_at(*first) if self._every else self._canvas.times_of(end), turn
+            )
         self._waiting = []
 
-    def move_cursor(self, at: list[rr.TimeColumn], angle: FloatArray) -> None:
-        """Where the cam is at each of many times, by its unwrapped angle ``(n,)``, rad."""
-        self._axes.move_cursor(self._canvas, VIEW, at, angle)
+    def move_cursor(self, times: list[rr.TimeColumn], angle: FloatArray) -> None:
+        """Draw the cursor at each time, at the unwrapped cam angle ``(n,)``, rad."""
+        self._axes.move_cursor(self._canvas, VIEW, times, angle)
 
-    def _send(self, at: list[rr.TimeColumn], turn: Turn) -> None:
-        """Lay a turn over those of its speed, where it can be told from them."""
+    def _send(self, times: list[rr.TimeColumn], turn: Turn) -> None:
+        """Draw a turn over those of its speed, unless it equals one of them."""
         if self._shown != (turn.cam, turn.speed):
-            self._begin(at, turn.cam, turn.speed)
+            self._start_step(times, turn.cam, turn.speed)
         curves = {row.key: self._curve(row.key, row.line.factor, turn) for row in self._rows}
-        now = np.stack([np.interp(ALONG, *points.T) for points in curves.values()])
-        if any(np.abs(now - before).max() < ALIKE * ROW for before in self._laid.values()):
+        new_curves = np.stack([np.interp(ALONG, *points.T) for points in curves.values()])
+        if any(
+            np.abs(new_curves - drawn).max() < SAME_TURN_TOLERANCE * ROW
+            for drawn in self._overlaid.values()
+        ):
             return
-        slot = self._count % LAID
-        self._laid[slot], self._count = now, self._count + 1
+        slot = self._count % MAX_OVERLAID
+        self._overlaid[slot], self._count = new_curves, self._count + 1
         for key, points in curves.items():
-            # of one entity the last strip lies over the others
+            # the last strip of an entity is drawn over the others
             strips = [points, self._law] if key == LIFT.key else [points]
-            self._strips(at, f"{key}/follower/{slot}", strips)
-        self._draw_events(at, turn)
+            self._strips(times, f"{key}/follower/{slot}", strips)
+        self._draw_events(times, turn)
 
     def begin(self, state: CamState) -> None:
-        """Another cam or speed turns from a state on; its first whole turn comes later."""
-        at = self._canvas.state(state)
-        self._begin(at, state.cam, state.speed)
+        """Start another cam or speed at a state, before its first complete turn."""
+        times = self._canvas.times_of(state)
+        self._start_step(times, state.cam, state.speed)
         for mark in MARKS:
-            self._canvas.points(f"{VIEW}/lift/{mark.name}", at, [])
-        self._strips(at, "flights", [])
+            self._canvas.points(f"{VIEW}/lift/{mark.name}", times, [])
+        self._strips(times, "flights", [])
 
-    def _begin(self, at: list[rr.TimeColumn], cam: str, speed: float) -> None:
-        """Another cam or speed: its axes, law and name, and away with what was laid."""
-        for slot in self._laid:
+    def _start_step(self, times: list[rr.TimeColumn], cam: str, speed: float) -> None:
+        """Remove the overlaid turns, and draw axes, law and caption of another step."""
+        for slot in self._overlaid:
             for row in self._rows:
-                self._strips(at, f"{row.key}/follower/{slot}", [])
+                self._strips(times, f"{row.key}/follower/{slot}", [])
         if cam != self._shown[0]:
-            self._mount(at, cam)
-        self._shown, self._laid, self._count = (cam, speed), {}, 0
-        words = f"{self._loaded.cams[cam].title}, {to_rpm(speed):.4g} rpm"
-        self._canvas.rows(f"{VIEW}/caption", at, rr.Points2D.columns(labels=[words]))
+            self._mount(times, cam)
+        self._shown, self._overlaid, self._count = (cam, speed), {}, 0
+        caption = f"{self._loaded.cams[cam].title}, {to_rpm(speed):.4g} rpm"
+        self._canvas.rows(f"{VIEW}/caption", times, rr.Points2D.columns(labels=[caption]))
 
-    def _mount(self, at: list[rr.TimeColumn], cam: str) -> None:
+    def _mount(self, times: list[rr.TimeColumn], cam: str) -> None:
         self._axes = TurnAxes(self._rows, self._ranges.of(cam))
         for key, axes in self._axes.axes.items():
             marks = self._axes.marks(key)
-            self._strips(at, f"{key}/axes", axes.grid(marks))
-            words = [*marks.values()]
-            self._canvas.points(f"{VIEW}/{key}/axes/y", at, axes.beside(marks), labels=words)
+            self._strips(times, f"{key}/axes", axes.grid(marks))
+            labels = [*marks.values()]
+            self._canvas.points(f"{VIEW}/{key}/axes/y", times, axes.beside(marks), labels=labels)
         law = self._loaded.laws[cam](np.radians(DEGREES_OF_LAW)) * LAW.factor
         self._law = self._axes.place("lift", DEGREES_OF_LAW, law)
 
@@ -226,55 +268,62 @@ class TurnChart:
             values = turn.rows[6] if key == quantities.TWIST.key else getattr(turn, key)
         return curve(self._axes, key, turn.angle, values * factor)
 
-    def _draw_events(self, at: list[rr.TimeColumn], turn: Turn) -> None:
-        """Mark where the follower left the cam and landed, and shade between."""
+    def _draw_events(self, times: list[rr.TimeColumn], turn: Turn) -> None:
+        """Mark the lift-offs and landings, and shade the flights between them."""
         degrees, _ = in_turn(turn.angle)
-        off = turn.force == 0.0
+        in_flight = turn.force == 0.0
         lift = turn.lift * LIFT.line.factor
-        left, landed = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
-        for mark, there in zip(MARKS, (left, landed), strict=True):
-            points = self._axes.place("lift", degrees[there], lift[there])
-            self._canvas.points(f"{VIEW}/lift/{mark.name}", at, points)
-        if self._flies:
-            flown = np.unique(np.floor(degrees[off]))
-            x = (flown[:, None] + 0.5) / 360.0 * WIDTH
+        lifted_off, landed = lift_offs(turn.force, bool(in_flight[-1])), turn.impulse > 0.0
+        for mark, mask in zip(MARKS, (lifted_off, landed), strict=True):
+            points = self._axes.place("lift", degrees[mask], lift[mask])
+            self._canvas.points(f"{VIEW}/lift/{mark.name}", times, points)
+        if self._lifts_off:
+            flight_degrees = np.unique(np.floor(degrees[in_flight]))
+            x = (flight_degrees[:, None] + 0.5) / 360.0 * WIDTH
             strokes = np.stack([x * [1.0, 1.0], np.full((x.size, 2), self._edges)], axis=2)
-            self._strips(at, "flights", list(strokes))
+            self._strips(times, "flights", list(strokes))
 
-    def _strips(self, at: list[rr.TimeColumn], entity: str, strips: list[FloatArray]) -> None:
-        self._canvas.strips(f"{VIEW}/{entity}", at, strips)
+    def _strips(self, times: list[rr.TimeColumn], entity: str, strips: list[FloatArray]) -> None:
+        self._canvas.strips(f"{VIEW}/{entity}", times, strips)
 
     def _draw_styles(self) -> None:
-        """What each curve and mark looks like, once for all: the law lies over the follower."""
-        look = self._canvas.look
-        words: dict[str, Any] = {"radii": UNSEEN, "show_labels": True}
+        """Set the styles of all curves and marks.
+
+        The law is drawn over the follower.
+        """
+        set_style = self._canvas.set_style
+        label_style: dict[str, Any] = {"radii": UNSEEN, "show_labels": True}
         for row in self._rows:
             view, lines = f"{VIEW}/{row.key}", [row.line, LAW] if row is LIFT else [row.line]
-            shades, radii = [it.colour for it in lines], [-0.5 * it.width for it in lines]
-            for slot in range(LAID):
-                look(f"{view}/follower/{slot}", rr.LineStrips2D, colors=shades, radii=radii)
-            look(f"{view}/axes", rr.LineStrips2D, colors=colours.GREY, radii=THIN)
-            look(f"{view}/axes/y", rr.Points2D, colors=colours.GREY, **words)
+            line_colours, radii = [x.colour for x in lines], [-0.5 * x.width for x in lines]
+            for slot in range(MAX_OVERLAID):
+                set_style(
+                    f"{view}/follower/{slot}", rr.LineStrips2D, colors=line_colours, radii=radii
+                )
+            set_style(f"{view}/axes", rr.LineStrips2D, colors=colours.GREY, radii=THIN)
+            set_style(f"{view}/axes/y", rr.Points2D, colors=colours.GREY, **label_style)
         for mark in MARKS:
-            look(f"{VIEW}/lift/{mark.name}", rr.Points2D, colors=mark.colour, radii=MARK)
+            set_style(f"{VIEW}/lift/{mark.name}", rr.Points2D, colors=mark.colour, radii=MARK)
         width = 0.56 * WIDTH / 360.0
         flights: dict[str, Any] = {"colors": colours.FLIGHT, "radii": width, "draw_order": 19.0}
-        look(f"{VIEW}/flights", rr.LineStrips2D, **flights)
+        set_style(f"{VIEW}/flights", rr.LineStrips2D, **flights)
         middle = [[0.5 * WIDTH, CAPTION]]
-        look(f"{VIEW}/caption", rr.Points2D, positions=middle, colors=colours.BLACK, **words)
+        set_style(
+            f"{VIEW}/caption", rr.Points2D, positions=middle, colors=colours.BLACK, **label_style
+        )
 
     def _draw_legend(self) -> None:
-        """Strokes and points of the lift with their names beside them, over its axes."""
-        named = (LIFT.line, LAW, *(MARKS if self._flies else ()))
-        for (x, middle), it in zip(LEGEND, named, strict=False):
-            where = f"{VIEW}/lift/legend/{it.name}"
+        """Draw the legend of the lift above its axes."""
+        entries = (LIFT.line, LAW, *(MARKS if self._lifts_off else ()))
+        for (x, middle), entry in zip(LEGEND, entries, strict=False):
+            entity = f"{VIEW}/lift/legend/{entry.name}"
             top = HEAD + TITLE_AT[1]
-            label(self._canvas, f"{where}/name", (middle, top), it.name, it.colour)
+            label(self._canvas, f"{entity}/name", (middle, top), entry.name, entry.colour)
             y = top + 3.0
-            if isinstance(it, SeriesLine):
+            if isinstance(entry, SeriesLine):
                 ends = [[[x, y], [x + STROKE, y]]]
-                key = rr.LineStrips2D(ends, colors=it.colour, radii=-0.5 * it.width)
-                self._canvas.always(where, key)
+                key = rr.LineStrips2D(ends, colors=entry.colour, radii=-0.5 * entry.width)
+                self._canvas.log_static(entity, key)
             else:
-                point = rr.Points2D([[x + 0.5 * STROKE, y]], colors=it.colour, radii=MARK)
-                self._canvas.always(where, point)
+                point = rr.Points2D([[x + 0.5 * STROKE, y]], colors=entry.colour, radii=MARK)
+                self._canvas.log_static(entity, point)

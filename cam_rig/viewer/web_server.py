@@ -1,4 +1,4 @@
-"""Server of pages for a browser, on this machine only unless another address is requested.
+"""Server of pages for a browser, by default on this machine only.
 
 A request needs this server's host, no other origin, and the token. The printed address contains the
 token, which becomes a cookie at once and leaves the address.
@@ -34,7 +34,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from cam_rig.errors import ConfigError
 from cam_rig.live.sockets import LOOPBACK, require_loopback
 
-#: Sent with every answer, also with a refusal.
+#: Headers of every response, also of a refusal.
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -58,9 +58,9 @@ ENTRY = """<!doctype html>
 """
 #: Close code of a websocket that breaks a rule (RFC 6455).
 REFUSED = 1008
-#: Bytes of a page's message, and of a request's body, at most.
+#: Largest size in bytes of a websocket message and of the body of a request.
 MAX_MESSAGE = 1 << 16
-#: Wall time (s) that a server has to end, once asked.
+#: Wall-clock time (s) within which a server must end after the request to stop.
 END_S = 3.0
 
 
@@ -94,33 +94,46 @@ class Access:
         """Header that sets the cookie."""
         return f"{self.cookie_name}={self.token}; HttpOnly; Path=/; SameSite=Strict"
 
-    def why_not(
+    def refusal_reason(
         self, headers: Mapping[str, str], token: str | None, needs_origin: bool = False
     ) -> str:
-        """Why a request is refused; empty where it is not.
+        """Return the reason why a request is refused, or an empty text if it is accepted.
 
-        ``token`` is that of its address, None where that has none. A browser always names the
-        origin of a websocket or a POST (``needs_origin``), and none of a page of its own.
+        Parameters
+        ----------
+        headers : mapping
+            Headers of the request.
+        token : str, optional
+            Token in the address of the request. None if the address has no token.
+        needs_origin : bool
+            True for a websocket or a POST, in which a browser always sends the origin. It sends
+            none in the request of a page.
         """
         if headers.get("host") != self.netloc:
             return "the host must be that of the printed address"
         origin = headers.get("origin")
         if (origin is not None or needs_origin) and origin != f"http://{self.netloc}":
             return "allowed: pages of this address alone"
-        given = self._of_cookie(headers.get("cookie") or "") if token is None else token
-        if not secrets.compare_digest(given.encode(errors="replace"), self.token.encode()):
+        received = self._token_in(headers.get("cookie") or "") if token is None else token
+        if not secrets.compare_digest(received.encode(errors="replace"), self.token.encode()):
             return "allowed: the whole address that was printed, with its token"
         return ""
 
-    def _of_cookie(self, cookies: str) -> str:
-        """By one split: Python's own parser takes seconds for what anybody may send."""
+    def _token_in(self, cookies: str) -> str:
+        """Return the token in the cookies, or an empty text.
+
+        Splits the text, because Python's cookie parser takes seconds for malicious cookies.
+        """
         pairs = (pair.strip().partition("=") for pair in cookies.split(";"))
         return next((value for name, _, value in pairs if name == self.cookie_name), "")
 
 
 @dataclass
 class Guard:
-    """An application behind host, origin and token; an address of no path leads to ``home``."""
+    """Application that requires host, origin and token.
+
+    The path ``/`` leads to ``home``.
+    """
 
     app: ASGIApp
     access: Access
@@ -128,25 +141,25 @@ class Guard:
     policy: str
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, hand on, or refuse."""
+        """Answer a request, pass it to the application, or refuse it."""
         if scope["type"] == "lifespan":
             return await self.app(scope, receive, send)
         send = self._with_headers(send)
         if not PATH.fullmatch(scope["raw_path"]):
             return await _refuse("allowed: a path that begins with /", 400, scope, receive, send)
-        asked, is_http = HTTPConnection(scope), scope["type"] == "http"
-        token = asked.query_params.get("token") if is_http else None
+        connection, is_http = HTTPConnection(scope), scope["type"] == "http"
+        token = connection.query_params.get("token") if is_http else None
         needs_origin = not is_http or scope["method"] not in ("GET", "HEAD")
-        if words := self.access.why_not(asked.headers, token, needs_origin):
-            return await _refuse(words, 403, scope, receive, send)
+        if reason := self.access.refusal_reason(connection.headers, token, needs_origin):
+            return await _refuse(reason, 403, scope, receive, send)
         if token is not None:
             path = scope["path"]
             page = ENTRY.format(
                 path=html.escape(self.home if path == "/" else "/" + quote(path.lstrip("/")))
             )
-            answer = HTMLResponse(page)
-            answer.headers["Set-Cookie"] = self.access.cookie
-            return await answer(scope, receive, send)
+            response = HTMLResponse(page)
+            response.headers["Set-Cookie"] = self.access.cookie
+            return await response(scope, receive, send)
         await self.app(scope, receive, send)
 
     def _with_headers(self, send: Send) -> Send:
@@ -159,22 +172,22 @@ class Guard:
         return sending
 
 
-async def _refuse(words: str, status: int, scope: Scope, receive: Receive, send: Send) -> None:
+async def _refuse(reason: str, status: int, scope: Scope, receive: Receive, send: Send) -> None:
     if scope["type"] == "websocket":
-        await receive()  # its handshake; closed before it is accepted, it is answered by 403
-        return await send({"type": "websocket.close", "code": REFUSED, "reason": words})
-    await PlainTextResponse(words + "\n", status)(scope, receive, send)
+        await receive()  # the handshake; a websocket closed before accept is answered with 403
+        return await send({"type": "websocket.close", "code": REFUSED, "reason": reason})
+    await PlainTextResponse(reason + "\n", status)(scope, receive, send)
 
 
 class Served(NamedTuple):
-    """What a browser must have, and whether its server runs."""
+    """Access rules of a server, and a function that returns True while it runs."""
 
     access: Access
     alive: Callable[[], bool]
 
     @property
     def address(self) -> str:
-        """What a browser is given; it leads to ``home``."""
+        """Address for a browser, which leads to ``home``."""
         return self.access.address()
 
 
@@ -182,9 +195,12 @@ class Served(NamedTuple):
 def serve_application(
     app: ASGIApp, home: str, policy: str, port: int = 0, host: str = LOOPBACK
 ) -> Iterator[Served]:
-    """Serve an application behind a `Guard` as long as the context lasts; port 0: a free one."""
+    """Serve an application behind a `Guard` until the context ends.
+
+    Port 0 selects a free port.
+    """
     with ExitStack() as stack:
-        listeners = [stack.enter_context(each) for each in _listeners(host, port)]
+        listeners = [stack.enter_context(listener) for listener in _listeners(host, port)]
         access = Access(int(listeners[0].getsockname()[1]), host=host)
         config = uvicorn.Config(
             Guard(app, access, home, policy),
@@ -196,7 +212,7 @@ def serve_application(
             timeout_graceful_shutdown=1,
             server_header=False,
         )
-        logging.getLogger("uvicorn.error").addFilter(_in_one_line)
+        logging.getLogger("uvicorn.error").addFilter(_is_relevant)
         server = uvicorn.Server(config)
 
         thread = threading.Thread(target=server.run, args=(listeners,), daemon=True)
@@ -205,11 +221,16 @@ def serve_application(
             yield Served(access, thread.is_alive)
         finally:
             server.should_exit = True
-            thread.join(END_S)  # a request that computes does not keep the command
+            thread.join(END_S)  # a long request does not keep the command running
 
 
-def _in_one_line(record: logging.LogRecord) -> bool:
-    """No traceback for a message that is no UTF-8, no word of a request cut off or no HTTP."""
+def _is_relevant(record: logging.LogRecord) -> bool:
+    """Return True if a log record is an error other than a cancelled request.
+
+    The traceback of invalid UTF-8 is removed.
+
+    Warnings on invalid or aborted requests are not logged.
+    """
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, UnicodeDecodeError):
         record.exc_info = None
@@ -217,7 +238,7 @@ def _in_one_line(record: logging.LogRecord) -> bool:
 
 
 def _listeners(host: str, port: int) -> list[socket.socket]:
-    """Return the listening sockets; on the loopback of IPv4 and IPv6, if it has one.
+    """Return the listening sockets, on the loopback those of IPv4 and IPv6.
 
     A browser tries both addresses of a name below localhost. Another user's server at the same port
     of the other one would receive the cookie.
@@ -254,10 +275,12 @@ def _listener(family: socket.AddressFamily, host: str, port: int) -> socket.sock
     except OSError as error:
         listener.close()
         if host != LOOPBACK and error.errno != errno.EADDRINUSE:
-            words = (
+            message = (
                 f"--host: is {host!r:.60} ({error.strerror}); allowed: an address of this machine"
             )
-            raise ConfigError(words) from None
-        why = "is in use" if error.errno == errno.EADDRINUSE else f"{error.strerror}"
-        raise ConfigError(f"--port: {port} {why}; allowed: another, or 0 for a free one") from None
+            raise ConfigError(message) from None
+        reason = "is in use" if error.errno == errno.EADDRINUSE else f"{error.strerror}"
+        raise ConfigError(
+            f"--port: {port} {reason}; allowed: another, or 0 for a free one"
+        ) from None
     return listener

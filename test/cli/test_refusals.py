@@ -63,7 +63,7 @@ REFUSED = [
     ("jump --rig no_such_rig", 2, "no_such_rig.yaml: no such file"),
     ("jump --from-rest -1", 2, "the run from rest lasts -1 s; allowed: above 0"),
     ("jump --steady --ramp 100", 2, "allowed: one of them"),
-    ("jump --ramp 350 --plot {tmp}/a.png", 2, "--ramp holds none"),
+    ("jump --ramp 350 --plot {tmp}/a.png", 2, "--plot cannot be combined with --ramp"),
     ("orders poly354", 2, "poly354: no such cam or scene (did you mean 'poly345'?)"),
     ("orders poly345 --cam tm21", 2, "--cam tm21: poly345 is a cam; allowed: with a scene"),
     ("orders poly345 --rpm 0", 2, "--rpm 0: allowed: 300, or 200,300, or 200:400:10"),

@@ -1,4 +1,4 @@
-"""Requests to a server of pages, header by header."""
+"""Requests with custom headers to a server of pages."""
 
 import json
 import re
@@ -11,7 +11,10 @@ from ..processes import WAIT_S
 
 
 def opened(address, path, method="GET", body="", **headers):
-    """A connection on which a path has been asked for; ``Host`` is the address's by default."""
+    """Return a connection after the request of a path.
+
+    The default of ``Host`` is that of the address.
+    """
     url = urlsplit(address)
     # a browser resolves names below localhost, Python only if the system does
     host = "127.0.0.1" if url.hostname.endswith(".localhost") else url.hostname
@@ -24,12 +27,12 @@ def opened(address, path, method="GET", body="", **headers):
 
 
 def ask(address, path, method="GET", body="", **headers):
-    """Status, headers and body."""
+    """Return status, headers and body of a response."""
     connection = opened(address, path, method, body, **headers)
-    answer = connection.getresponse()
-    found = answer.status, answer.headers, answer.read()
+    http_response = connection.getresponse()
+    response = http_response.status, http_response.headers, http_response.read()
     connection.close()
-    return found
+    return response
 
 
 def local(port):
@@ -38,7 +41,7 @@ def local(port):
 
 
 class Visitor:
-    """A browser that came with the whole address: its cookie, its origin, where it was led to."""
+    """Browser that opened the printed address: its cookie, origin and home path."""
 
     def __init__(self, address):
         self.url, self.address = urlsplit(address), address
@@ -50,16 +53,16 @@ class Visitor:
         self.headers = {"Cookie": self.cookie, "Origin": f"http://{self.url.netloc}"}
 
     def get(self, path):
-        """The body of a path that there is."""
+        """Return the body of an existing path."""
         status, _, body = ask(self.address, path, Cookie=self.cookie)
         assert status == 200, (path, status)
         return body
 
     def post(self, path, body=""):
-        """What a page's own request is answered with."""
+        """Return the response to a request of the page."""
         return ask(self.address, path, "POST", body, **self.headers)
 
     def send(self, path, value):
-        """Status and answer of what a page sends as JSON."""
+        """Return status and response of JSON that the page sends."""
         status, _, body = self.post(path, json.dumps(value))
         return status, json.loads(body)

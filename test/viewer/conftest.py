@@ -1,4 +1,4 @@
-"""A small bag, simulated and written without ROS, and its picture read back."""
+"""Fixtures: a small bag written without ROS, and its recording read back."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cam_rig.viewer.recording import save_recording
 
 from ..conftest import scene_data
 
-#: Two cams at two speeds, the second so fast that the follower jumps.
+#: Two cams at two speeds. At the second speed the follower jumps.
 SCENE = scene_data(
     title="Two cams, two speeds", speeds=[300, 700], turns=2, ticks_per_turn=2, sample_rate=4000
 )
@@ -34,7 +34,7 @@ SCENE = scene_data(
 
 @dataclass
 class SmallBag:
-    """A bag, and what was written into it."""
+    """Bag with the data written into it."""
 
     path: Path
     loaded: LoadedScene
@@ -46,23 +46,23 @@ class SmallBag:
 
     @property
     def samples(self):
-        """``(6, n)`` all samples."""
+        """All samples, shape (6, n)."""
         return np.concatenate(self.rows, axis=1)
 
     @property
     def angle(self):
-        """``(n,)`` cam angle at every sample, rad."""
+        """Cam angle at every sample, rad, shape (n,)."""
         return np.concatenate(self.angles)
 
     @property
     def gap(self):
-        """``(n,)`` lift less that of the mounted cam's law at every sample, m."""
+        """Lift minus law of the mounted cam at every sample, m, shape (n,)."""
         laws, angles = self.loaded.laws.values(), np.split(self.angle, len(self.loaded.laws))
-        known = [law(angle) for law, angle in zip(laws, angles, strict=True)]
-        return self.samples[1] - np.concatenate(known)
+        lifts = [law(angle) for law, angle in zip(laws, angles, strict=True)]
+        return self.samples[1] - np.concatenate(lifts)
 
     def sample_of(self, picture, entity):
-        """The sample that each row of an entity is of."""
+        """Return the index of the sample of each row of an entity."""
         return np.abs(self.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
 
 
@@ -86,15 +86,15 @@ def of_profile(cam, points):
 
 
 def make_bag(folder, config, leave_out=(), scene=SCENE):
-    """Simulate the small scene and write what the picture needs, but for some topics."""
+    """Simulate a scene, and write the topics of the picture except `leave_out`."""
     for part in ("cams", "rigs"):
         shutil.copytree(config / part, folder / "config" / part)
     path = folder / "config" / "scenes" / "small.yaml"
     path.parent.mkdir()
     path.write_text(json.dumps(scene), encoding="utf-8")
     loaded = open_scene(path)
-    made = SmallBag(folder / "small", loaded)
-    with BagWriter(made.path) as writer:
+    bag = SmallBag(folder / "small", loaded)
+    with BagWriter(bag.path) as writer:
 
         def write(topic, time_ns, message):
             if topic not in leave_out:
@@ -103,8 +103,8 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
         for path in loaded.files:
             writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
         for name, cam in loaded.cams.items():
-            made.profiles[name] = contours(cam.follower, loaded.laws[name], 360)[0].points.T
-            write(topics.PROFILE, 0, of_profile(name, made.profiles[name]))
+            bag.profiles[name] = contours(cam.follower, loaded.laws[name], 360)[0].points.T
+            write(topics.PROFILE, 0, of_profile(name, bag.profiles[name]))
         follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
         last = None
         for state in cam_states(loaded.scene):
@@ -114,21 +114,21 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
                 rows = turned[1].rows
                 pressure = microphone.listen(rows, last.speed)
                 level = float(level_db(pressure))
-                made.rows.append(rows)
-                made.angles.append(last.unwrapped + last.speed * (rows[0] - last.time_ns / NS))
-                made.levels.append((state.time_ns, level))
-                made.pressures.append(pressure)
+                bag.rows.append(rows)
+                bag.angles.append(last.unwrapped + last.speed * (rows[0] - last.time_ns / NS))
+                bag.levels.append((state.time_ns, level))
+                bag.pressures.append(pressure)
                 write(topics.FOLLOWER_SAMPLES, state.time_ns, of_rows(rows))
                 write(topics.LEVEL, state.time_ns, new("std_msgs/Float64", level))
-                at = header(state.time_ns, "microphone")
-                heard = new("sensor_msgs/FluidPressure", at, pressure, 0.0)
-                write(topics.PRESSURE, state.time_ns, heard)
+                stamp = header(state.time_ns, "microphone")
+                pressure_message = new("sensor_msgs/FluidPressure", stamp, pressure, 0.0)
+                write(topics.PRESSURE, state.time_ns, pressure_message)
             last = state
-    return made
+    return bag
 
 
-def told(view, bag):
-    """Tell a live view a run as its nodes would, tick by tick: gives the state that comes next."""
+def play(view, bag):
+    """Pass a run to a live view tick by tick, and yield the state before each tick."""
     feed, states = view.feed, cam_states(bag.loaded.scene)
     for cam, points in bag.profiles.items():
         feed.profile(cam, points)
@@ -147,13 +147,13 @@ def told(view, bag):
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory, config_dir):
-    """A whole small bag."""
+    """Return a complete small bag."""
     return make_bag(tmp_path_factory.mktemp("whole"), config_dir)
 
 
 @pytest.fixture(scope="session")
 def drawings(bag, tmp_path_factory):
-    """The small bag's pictures with options, read back."""
+    """Return a function that records the small bag with options and reads it back."""
 
     @cache
     def drawn(*options):
@@ -166,13 +166,13 @@ def drawings(bag, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def picture(drawings):
-    """The picture with the default options."""
+    """Return the recording with the default options."""
     return drawings()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def strict():
-    """Rerun raises what it would only warn of."""
+    """Make Rerun raise errors instead of warnings."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -180,7 +180,7 @@ def strict():
 
 
 class Picture:
-    """A recording by entity and column."""
+    """Recording, by entity and column."""
 
     def __init__(self, path):
         from rerun.chunk import RrdReader
@@ -192,11 +192,11 @@ class Picture:
 
     @property
     def entities(self):
-        """All entities, each with a slash before it."""
+        """Entity paths, each with a leading slash."""
         return set(self._batches)
 
     def column(self, entity, name):
-        """Every value of a column, as plain data, in the order sent."""
+        """Return the values of a column in the order in which they were sent."""
         values = []
         for batch in self._batches[f"/{entity}"]:
             if name in batch.schema.names:
@@ -204,11 +204,11 @@ class Picture:
         return values
 
     def numbers(self, entity, name):
-        """``(n, …)`` numbers of a column."""
+        """Return the numbers of a column, shape (n, …)."""
         return np.array(self.column(entity, name), dtype=np.float64).squeeze()
 
     def time(self, entity):
-        """``(n,)`` rig time of an entity's rows, s."""
+        """Return the rig time of the rows of an entity, s, shape (n,)."""
         times = [
             batch.column("rig_time").cast("int64").to_numpy()
             for batch in self._batches[f"/{entity}"]

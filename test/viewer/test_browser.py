@@ -1,4 +1,4 @@
-"""The picture in a real browser: every curve can be seen, and a missing one is missed."""
+"""The page in a real browser: every curve is visible, a missing curve detected."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from tools.docs import browser
 from tools.docs.browser import count, new_page
 
 pytestmark = pytest.mark.slow
-#: A red box at once, and a green one that comes later.
+#: Page with a red box, and a green box that appears later.
 LATE = """<body style="margin:0"><div style="width:100px;height:100px;background:#f00"></div>
 <div id="late" style="width:0;height:100px;background:#0f0"></div>
 <script>setTimeout(() => { late.style.width = "400px"; }, 1000);</script></body>"""
 
-#: Where the small run is begun, as a share of it: its second cam turns, and flies.
+#: Start of the playback, as a fraction of the small run: its second cam turns and lifts off.
 BEGIN = 0.9
-#: What has to be seen there, by its own colour.
+#: Colours that must be visible there.
 SHOWN = {
     line.entity: line.colour
     for line in (
@@ -51,13 +51,16 @@ SHOWN = {
     "follower": colours.FOLLOWER,
 }
 LEFT_OUT = series.VELOCITY_LINE
-#: Of no curve, and as far from each as the curves are from each other.
-NOBODYS = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
+#: Colours that no curve has, as different from the curves as these are from each other.
+UNUSED = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 
 
 @dataclass
 class Visit:
-    """What a browser saw of one address: the most pixels of each colour, and times (s) shown."""
+    """Observations of a browser at one address.
+
+    `most` is the largest number of pixels of each colour, `times` the displayed rig times in s.
+    """
 
     most: dict[str, int]
     times: list[float] = field(default_factory=lambda: [0.0])
@@ -65,11 +68,11 @@ class Visit:
     outside: list[str] = field(default_factory=list)
 
     def missing(self):
-        """The names of the colours that never were there."""
+        """Return the names of the colours that were never visible."""
         return {name for name, pixels in self.most.items() if pixels < browser.MIN_PIXELS}
 
     def watch(self, page):
-        """Write down errors on the console, requests to any other machine, and times shown."""
+        """Record errors on the console, requests to other machines, and displayed times."""
         page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("request", lambda asked: self._asked(asked.url))
@@ -81,19 +84,22 @@ class Visit:
             self.times.append(int(shown[1]) / NS)
 
 
-def look(chromium, address, shown, without, until=0.0):
-    """Visit an address until all colours were seen but some, and a rig time (s) was reached."""
-    visit, page, begun = Visit(dict.fromkeys(shown, 0)), new_page(chromium), time.monotonic()
+def look(chromium, address, shown, missing, until=0.0):
+    """Visit an address until all colours except `missing` were visible.
+
+    The visit also waits until the page displays the rig time `until` (s).
+    """
+    visit, page, start = Visit(dict.fromkeys(shown, 0)), new_page(chromium), time.monotonic()
     visit.watch(page)
-    page.set_viewport_size({"width": 1000, "height": 640})  # drawn by a processor
+    page.set_viewport_size({"width": 1000, "height": 640})  # small: no GPU
     page.goto(address)
-    more = 1 if without else 0  # what is not expected has time to come all the same
-    for pixels in browser.photographs(page, begun + browser.TIMEOUT_S):
+    extra_photographs = 1 if missing else 0  # gives unexpected colours time to appear
+    for pixels in browser.photographs(page, start + browser.TIMEOUT_S):
         for name, colour in shown.items():
             visit.most[name] = max(visit.most[name], count(pixels, colour))
-        if visit.missing() <= without and visit.times[-1] >= until:
-            more -= 1
-            if more < 0:
+        if visit.missing() <= missing and visit.times[-1] >= until:
+            extra_photographs -= 1
+            if extra_photographs < 0:
                 break
     page.context.close()
     return visit
@@ -101,25 +107,25 @@ def look(chromium, address, shown, without, until=0.0):
 
 @pytest.fixture(scope="module")
 def path(bag, tmp_path_factory):
-    """The small run as the command would serve it."""
+    """Return the small run as the command serves it."""
     path = tmp_path_factory.mktemp("web") / "small run.rrd"
     save_recording(bag.path, path)
     return path
 
 
 @pytest.mark.long
-def test_every_curve_is_seen_from_where_the_run_is_played(chromium, bag, path):
-    """By pixels of its own colour; no error, no request elsewhere; the cursor leaps there."""
+def test_every_curve_is_visible_at_the_start_of_the_playback(chromium, bag, path):
+    """The page causes no errors or requests to other hosts."""
     end = float(bag.samples[0, -1])
     with serve_file(path, BEGIN * end) as address:
-        visit = look(chromium, address, SHOWN | NOBODYS, set(NOBODYS), BEGIN * end)
-    assert visit.missing() == set(NOBODYS)
+        visit = look(chromium, address, SHOWN | UNUSED, set(UNUSED), BEGIN * end)
+    assert visit.missing() == set(UNUSED)
     assert visit.errors == [] and visit.outside == []
     assert np.diff(visit.times).max() > 0.5 * end
 
 
 def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
-    """A page whose second box comes later: the picture has both."""
+    """The photograph shows both boxes of a page whose second box appears later."""
     page = tmp_path / "page.html"
     page.write_text(LATE, encoding="utf-8")
     monkeypatch.setattr("tools.docs.browser.open_browser", lambda: nullcontext(chromium))
@@ -128,12 +134,12 @@ def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium, bag):
-    """Opened before there is any; it draws nothing meanwhile, and is told of each by name."""
+def test_an_idle_page_displays_one_run_after_the_other(chromium, bag):
+    """The page is opened before the first run, and receives the name of each run."""
     page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")
     with serve() as pages:
         page.goto(pages.address)
-        for _ in range(5):  # its first second is full of pictures
+        for _ in range(5):  # the first second is redrawn continuously
             with page.expect_request(re.compile(r"/shown\?ns=-1")):
                 pass
         for _ in range(2):
@@ -147,8 +153,8 @@ def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium, bag):
 
 
 @pytest.mark.long
-def test_a_curve_that_is_left_out_is_missed(chromium, bag, tmp_path, monkeypatch):
-    """The same run without its velocity: that curve and no other is not seen."""
+def test_a_missing_curve_is_detected(chromium, bag, tmp_path, monkeypatch):
+    """If the run has no velocity, only that curve is missing."""
     send = TurnChart._strips
 
     def send_others(self, at, entity, strips):
@@ -164,8 +170,8 @@ def test_a_curve_that_is_left_out_is_missed(chromium, bag, tmp_path, monkeypatch
     assert seen.missing() == {LEFT_OUT.entity}
 
 
-def test_no_two_curves_look_alike():
-    """Else the one could stand for the other."""
+def test_no_two_curves_have_similar_colours():
+    """Similar colours would let one curve be mistaken for another."""
     for one, other in itertools.combinations(SHOWN.values(), 2):
         channels = [abs((one >> shift & 255) - (other >> shift & 255)) for shift in (24, 16, 8)]
         assert max(channels) > 28

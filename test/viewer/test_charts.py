@@ -1,4 +1,4 @@
-"""What is drawn beside cam and follower: axes, levels, bands, turns of several cams, words."""
+"""Charts of the viewer: axes, levels, bands, overlaid turns, texts."""
 
 from dataclasses import replace
 from itertools import islice, pairwise
@@ -29,15 +29,15 @@ STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
 def some_ends():
-    """Pairs that differ by anything from a thousandth to a million, around 0 and away from it."""
+    """Return pairs that differ by 1e-5 to 1e6, around 0 and away from 0."""
     random = np.random.default_rng(18)
     size = 10.0 ** random.uniform(-3.0, 6.0, 300)
     low = random.uniform(-1.0, 1.0, 300) * size
     return [*zip(low.tolist(), (low + size * random.uniform(0.01, 1.0, 300)).tolist(), strict=True)]
 
 
-def test_an_axis_holds_its_values_and_wastes_little():
-    """Ends are whole steps of 1, 2 or 5, less than one beyond; 2 to 4 numbers, 0 among them."""
+def test_an_axis_contains_its_values_with_a_small_margin():
+    """Limits are multiples of a step of 1, 2 or 5, and 2 to 4 numbers include 0."""
     for low, high in some_ends():
         left, right, step = round_range(low, high)
         mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
@@ -56,7 +56,7 @@ def test_an_axis_holds_its_values_and_wastes_little():
             assert np.abs(values).min() < 1e-9 * step
         for value, words in marks.items():
             assert float(words.replace("−", "-")) == pytest.approx(value, rel=1e-5)
-        # over time: powers of ten times a whole number, three at least and eleven at most
+        # Axes over time have three or more multiples of a power of ten.
         left, right = tens_range(low, high)
         assert left <= low and high <= right
         step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
@@ -64,37 +64,43 @@ def test_an_axis_holds_its_values_and_wastes_little():
         assert numbers.size >= 3
         assert (right - left) / step <= 10.0 * (1.0 + ABOVE) + 1.0
         assert high - low >= 0.33 * (right - left)
-    # a follower that never leaves its cam has a gap of 0
+    # The gap is 0 if the follower never leaves its cam.
     assert round_range(0.0, 0.0)[:2] == (0.0, 1.0)
 
 
-def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own():
-    """It fills a fifth of it at least; gaps that one axis shows have no other."""
+def test_a_gap_much_smaller_than_the_greatest_has_an_additional_axis():
+    """The gap fills 15 to 50 % of it.
+
+    Gaps that one axis resolves have no additional axis.
+    """
     for least in (1.5e-6, 16.5e-6, 3e-4):
         (low, high, _) = quantities.close_gap([least, 0.04, 0.0])[quantities.CLOSE_GAP]
         assert low == 0.0 and 0.15 <= least * 1e6 / high <= 0.5
     for gaps in ([], [0.0], [1e-9, 0.04], [0.02, 0.04], [1e-4]):
         assert quantities.close_gap(gaps) == {}
-    whole = scene_ranges(open_scene(config_root() / "scenes" / "tm21_sweep.yaml")).whole
-    assert whole[quantities.CLOSE_GAP][1] <= quantities.MAX_SHARE * 4.0 * whole["gap"][1]
+    axes = scene_ranges(open_scene(config_root() / "scenes" / "tm21_sweep.yaml")).all_cams
+    assert axes[quantities.CLOSE_GAP][1] <= quantities.MAX_SHARE * 4.0 * axes["gap"][1]
 
 
-def test_least_and_greatest_of_every_bucket_stay_in_order():
-    """Each bucket keeps its own two, also the last, shorter one; a bucket of one keeps all."""
+def test_minimum_and_maximum_of_every_bucket_are_kept_in_order():
+    """The last bucket may be shorter.
+
+    Buckets of one sample keep all samples.
+    """
     for count, bucket in ((1, 5), (5, 5), (52, 5), (100, 7), (9, 100)):
         values = np.random.default_rng(1).normal(size=count)
-        kept = quantities.extremes(values, bucket)
-        assert np.all(np.diff(kept) > 0)
-        assert kept.size <= 2 * -(-count // bucket)
-        for begin in range(0, count, bucket):
-            part = values[begin : begin + bucket]
-            of_part = values[kept[(kept >= begin) & (kept < begin + bucket)]]
+        indices = quantities.extremes(values, bucket)
+        assert np.all(np.diff(indices) > 0)
+        assert indices.size <= 2 * -(-count // bucket)
+        for start in range(0, count, bucket):
+            part = values[start : start + bucket]
+            of_part = values[indices[(indices >= start) & (indices < start + bucket)]]
             assert of_part.min() == part.min() and of_part.max() == part.max()
     np.testing.assert_array_equal(quantities.extremes(np.array([3.0, 1.0, 2.0]), 1), [0, 1, 2])
 
 
-def test_a_row_at_the_end_of_a_turn_is_at_0_of_the_next():
-    """Angles reached at whole ns, before or after the turn is full, as the drive says them."""
+def test_a_row_at_the_end_of_a_turn_is_at_0_degrees_of_the_next():
+    """The times of the drive are whole ns, so the angle may be slightly less."""
     turns = np.arange(1, 700)
     for rpm in (60.0, 200.0, 400.0, 3000.0, 10_000.0):
         speed = rpm * np.pi / 30.0
@@ -110,7 +116,7 @@ def test_a_row_at_the_end_of_a_turn_is_at_0_of_the_next():
 
 @pytest.mark.parametrize("free", [True, False])
 def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
-    """Each tick ends with the model's twist; behind a free flywheel each turn is the steady one."""
+    """Each tick ends with the twist of the model, also behind a free flywheel."""
     loaded = open_scene(config_dir / "scenes" / "flywheel.yaml")
     if not free:
         shaft = loaded.rig.shaft
@@ -132,7 +138,7 @@ def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
             np.testing.assert_allclose(shown, expected, rtol=0, atol=1e-8 * peak)
 
 
-# -- third-octave bars: Parseval, the structure's transfer, a landing's pulse -----------------
+# -- third-octave bars: Parseval, transfer function, pulse of a landing ------------------------
 
 RATE = 12_000.0
 
@@ -142,8 +148,8 @@ def radiation(rig):
     return RadiationParameters.from_rig(rig)
 
 
-def test_a_tone_sounds_in_its_own_band(radiation):
-    """1 N at 1 kHz is gain · ω_c · sin-ratio in band 30, and nothing elsewhere."""
+def test_a_tone_has_power_in_its_band_only(radiation):
+    """A force of 1 N at 1 kHz has a pressure of gain · ω_c · ratio in band 30."""
     time = np.arange(12_000) / RATE
     power = level_chart.band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
     numbers = level_chart.band_numbers(RATE)
@@ -153,8 +159,11 @@ def test_a_tone_sounds_in_its_own_band(radiation):
     assert power[numbers != 30.0].max() < 1e-20 * expected
 
 
-def test_the_bands_sum_to_what_the_microphone_hears(radiation):
-    """Of a periodic turn without background; a constant force is 0 dB; a landing is its energy."""
+def test_the_bands_sum_to_the_power_at_the_microphone(radiation):
+    """The sum excludes the background.
+
+    A constant force is 0 dB, and a landing is its energy.
+    """
     turn = 2000
     phase = 2.0 * np.pi * np.arange(turn) / turn
     force = 100.0 + 60.0 * np.cos(phase) + 20.0 * np.sin(5.0 * phase)
@@ -171,11 +180,11 @@ def test_the_bands_sum_to_what_the_microphone_hears(radiation):
     impulse[77] = 0.01
     power = level_chart.band_power(radiation, np.zeros(turn), impulse, rate).sum()
     energy = float(radiation.landing_energy(np.array([0.01]))[0])
-    np.testing.assert_allclose(power * turn / rate, energy, rtol=0.03)  # what is within 20 kHz
+    np.testing.assert_allclose(power * turn / rate, energy, rtol=0.03)  # up to 20 kHz
 
 
-def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(bag, drawings, picture):
-    """Middle n, foot at the lowest dB, top at the level; in a run from the end of each turn on."""
+def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, drawings, picture):
+    """In a run the bars appear at the end of each turn."""
     shown, rate = drawings(ViewOptions(Layout.COMPARE, 700.0)), bag.loaded.scene.sample_rate.si
     axes, numbers = band_axes(rate), level_chart.band_numbers(rate)
     for i, cam in enumerate(bag.loaded.cams):
@@ -189,32 +198,32 @@ def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(bag, drawin
     for other in (4_000.0, 12_000.0, 96_000.0):
         assert (band_axes(other).y, band_axes(other).x[0]) == (BAND_LEVELS, 4.5)
     times = np.array([end for end, _ in bag.levels]) * 1e-9
-    whole = [i for i in range(16) if i % 4]  # two ticks are a turn, and each step begins anew
+    whole = [i for i in range(16) if i % 4]  # two ticks per turn, four per step
     np.testing.assert_allclose(picture.time("bands/bars"), times[whole], atol=1e-9)
 
 
 # -- levels over speed ------------------------------------------------------------------------
 
 
-def test_each_cam_is_named_beside_its_last_point(bag, picture):
-    """In words, right of the axes, none over another; of random places none is moved up."""
+def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
+    """The labels are right of the axes and do not overlap, and keep their order."""
     names = picture.column("noise/names", "Points2D:labels")[-1]
     assert names == [*level_chart.shown_cams(bag.loaded).values()]
-    places = picture.column("noise/names", POSITIONS)[-1]
-    axes, (x, y) = level_axes(bag.loaded), np.array(places).T
+    positions = picture.column("noise/names", POSITIONS)[-1]
+    axes, (x, y) = level_axes(bag.loaded), np.array(positions).T
     assert np.all(x > axes.width)
-    assert np.all(x < axes.width * (1.0 + level_chart.beside(bag.loaded)))
+    assert np.all(x < axes.width * (1.0 + level_chart.names_width(bag.loaded)))
     assert np.diff(np.sort(y)).min() >= level_chart.STEP - 1e-4
     random = np.random.default_rng(18)
     for _ in range(50):
-        places = random.uniform(0.0, 30.0, random.integers(1, 7))
-        moved = level_chart.spread(places, 5.0)
-        np.testing.assert_array_equal(np.argsort(moved), np.argsort(places))
-        assert np.all(moved >= places) and np.all(np.diff(np.sort(moved)) >= 5.0 - 1e-12)
+        positions = random.uniform(0.0, 30.0, random.integers(1, 7))
+        shifted = level_chart.spread_apart(positions, 5.0)
+        np.testing.assert_array_equal(np.argsort(shifted), np.argsort(positions))
+        assert np.all(shifted >= positions) and np.all(np.diff(np.sort(shifted)) >= 5.0 - 1e-12)
 
 
-def test_measured_points_are_the_steps_levels(bag, picture):
-    """The last ones are the energy mean over each step's settled ticks; speed right, level up."""
+def test_measured_points_are_the_levels_of_the_steps(bag, picture):
+    """The last points are the energy means over the settled ticks of each step."""
     states, rate = list(cam_states(bag.loaded.scene)), int(bag.loaded.scene.sample_rate.si)
     ticks = [
         MeasuredTick.between(start, end, pressure, rate)
@@ -232,14 +241,14 @@ def test_measured_points_are_the_steps_levels(bag, picture):
     np.testing.assert_allclose(corners, [[0.0, axes.height], [axes.width, 0.0]])
 
 
-# -- cams beside each other, and words --------------------------------------------------------
+# -- cams side by side, and texts -----------------------------------------------------------
 
 
 @pytest.mark.parametrize("rpm", [300.0, 700.0])
-def test_the_last_turn_lies_over_those_of_the_others(bag, drawings, rpm):
-    """Samples of the step's last turn at their degrees, its greatest and its least among them."""
+def test_the_last_turns_of_all_cams_are_overlaid(bag, drawings, rpm):
+    """The curve has samples of the last turn at their degrees, with the extremes."""
     shown = drawings(ViewOptions(Layout.COMPARE, rpm))
-    low, high, _ = scene_ranges(bag.loaded).whole["lift"]
+    low, high, _ = scene_ranges(bag.loaded).all_cams["lift"]
     for i, cam in enumerate(bag.loaded.cams):
         (strips,) = shown.column(f"{at_speed(rpm, 'lift')}/lift/{cam}", STRIPS)
         x, y = np.array(strips[0]).T
@@ -256,7 +265,7 @@ def test_the_last_turn_lies_over_those_of_the_others(bag, drawings, rpm):
 
 @pytest.mark.parametrize("layout", [Layout.COMPARE, Layout.REPORT])
 def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
-    """A moving picture and bars a cam, not the whole run; the bar of 100 N is as long for each."""
+    """Each cam has a moving picture and bars, and the bar of 100 N has equal length."""
     shown, lengths = drawings(ViewOptions(layout, 300.0)), []
     assert "/plots/lift/follower" not in shown.entities
     assert 100.0 < force_scale(bag.loaded, 10.0 * np.pi) < 1000.0
@@ -273,7 +282,7 @@ def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
 
 
 def test_results_are_those_of_the_turns(bag, picture):
-    """Cams in the scene's order, each named once, its speeds below it, with four digits."""
+    """The table has the cams and speeds in the order of the scene, with four digits."""
     words = picture.column("results", "TextDocument:text")[-1][0]
     lines = [[cell.strip() for cell in line.split("|")[1:]] for line in words.splitlines()[4:]]
     assert [line[0] for line in lines] == ["Polynomial 3-4-5", "", "Bézier degree 15", ""]
@@ -290,7 +299,7 @@ def test_results_are_those_of_the_turns(bag, picture):
 
 @pytest.mark.parametrize("layout", list(Layout))
 def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, layout):
-    """On every timeline, also on that of a turn's degrees, all steps are in words and points."""
+    """The table and the points of all steps appear on every timeline."""
     shown = picture if layout is Layout.RUN else drawings(ViewOptions(layout, 300.0))
     (words,) = shown.column("results", "TextDocument:text")
     assert len([line for line in words[0].splitlines() if line.startswith("|")]) == 2 + 4
@@ -301,7 +310,7 @@ def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, la
 
 
 def test_numbers_are_listed_by_origin(bag):
-    """Each number with its unit under given, assumed or identified; thinning is told."""
+    """Numbers have units and are listed as given, assumed or identified."""
     words = about(bag.loaded, 1)
     assert words.startswith("# Two cams, two speeds\n")
     assert "## Polynomial 3-4-5" in words

@@ -1,4 +1,4 @@
-"""Opening the viewer fails with words, and the command line says them."""
+"""cam-rig view, charts of laws and orders, and Rerun's import of a bag."""
 
 import json
 import os
@@ -46,16 +46,17 @@ app.command()(view)
 
 @pytest.fixture
 def no_display(monkeypatch):
-    """A Linux machine without a screen."""
+    """Simulate a Linux machine without a display."""
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
 
 
-def test_the_viewer_gets_the_file_listens_to_nobody_else_and_reports_no_usage(
-    monkeypatch, tmp_path
-):
-    """Bound to loopback, quiet as where CI is set; its exit code is told, with the way out."""
+def test_the_viewer_opens_the_file_on_loopback_and_reports_no_usage(monkeypatch, tmp_path):
+    """CI is set in its environment.
+
+    The error contains its exit code and a remedy.
+    """
     said = tmp_path / "said"
     monkeypatch.delenv("CI", raising=False)
     words = (
@@ -72,16 +73,19 @@ def test_the_viewer_gets_the_file_listens_to_nobody_else_and_reports_no_usage(
 
 
 @pytest.mark.usefixtures("no_display")
-def test_without_a_screen_the_command_says_so(bag):
-    """Exit code 1, one line, before any work is done."""
+def test_a_missing_display_is_reported(bag):
+    """The command exits with code 1 before any computation."""
     result = CliRunner().invoke(app, [str(bag.path)])
     assert result.exit_code == 1 and "no display to open the viewer on" in result.stderr
     assert "--save FILE.rrd" in result.stderr
 
 
 @pytest.mark.usefixtures("no_display")
-def test_saving_needs_no_screen_and_tells_path_and_size(bag, tmp_path):
-    """The folder is made; a second time the file is in the way, but for --force."""
+def test_saving_needs_no_display_and_prints_path_and_size(bag, tmp_path):
+    """The folder is created.
+
+    An existing file is only replaced with --force.
+    """
     path = tmp_path / "out" / "a.rrd"
     command = [str(bag.path), "--save", str(path)]
     first, second = (CliRunner().invoke(app, command) for _ in range(2))
@@ -91,8 +95,8 @@ def test_saving_needs_no_screen_and_tells_path_and_size(bag, tmp_path):
     assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
 
 
-def test_what_cannot_be_is_refused(bag, tmp_path):
-    """The message names the speeds there are, or the options that do not go together."""
+def test_invalid_options_are_refused(bag, tmp_path):
+    """The message contains the speeds of the run, or the conflicting options."""
     save = ["--save", "{tmp}/a.rrd"]
     for options, code, words in (
         ([*save, "--web"], 2, "--save and --web"),
@@ -113,8 +117,8 @@ def test_what_cannot_be_is_refused(bag, tmp_path):
         assert list(tmp_path.iterdir()) == []
 
 
-def test_cams_are_compared_at_speeds_an_operator_set(bag, tmp_path):
-    """A run's speeds are the bag's; its scene may have had others."""
+def test_cams_are_compared_at_speeds_of_the_operator(bag, tmp_path):
+    """The speeds are read from the bag instead of the scene."""
     path = tmp_path / "scenes" / "other.yaml"
     path.parent.mkdir()
     for part in ("cams", "rigs"):
@@ -130,8 +134,8 @@ def test_cams_are_compared_at_speeds_an_operator_set(bag, tmp_path):
         save_recording(bag.path, path, ViewOptions(Layout.COMPARE, 500.0), loaded=other)
 
 
-def test_nothing_is_left_of_a_file_that_was_interrupted(bag, tmp_path, monkeypatch):
-    """In the middle of the drawing, where there is a part of it."""
+def test_an_interrupted_file_is_deleted(bag, tmp_path, monkeypatch):
+    """The interrupt comes while the partial file exists."""
 
     def interrupted(*_):
         assert [path.name for path in tmp_path.iterdir()] == ["a.rrd.drawn.part"]
@@ -143,7 +147,7 @@ def test_nothing_is_left_of_a_file_that_was_interrupted(bag, tmp_path, monkeypat
     assert list(tmp_path.iterdir()) == []
 
 
-# -- recordings beside a run: laws as their own curves, orders as the spectra's own numbers
+# -- recordings of laws and of orders ----------------------------------------------------------
 
 
 STRIPS = "LineStrips2D:strips"
@@ -152,7 +156,7 @@ UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
 def test_each_curve_is_the_law(tmp_path):
-    """Heights in the chart are the values, to a scale that all laws of the chart share."""
+    """All laws of a chart have the same scale."""
     curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
     save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
     picture = Picture(tmp_path / "a.rrd")
@@ -178,7 +182,7 @@ def found():
 
 
 def test_bars_are_the_levels_of_the_speed(found, tmp_path):
-    """To scale, each at its speed on the timeline; a stroke is within 60 dB of the loudest."""
+    """Bars are to scale, and strokes are within 60 dB of the loudest."""
     path = tmp_path / "a.rrd"
     save_orders(found, path)
     picture, (study,) = Picture(path), found
@@ -197,8 +201,8 @@ def test_bars_are_the_levels_of_the_speed(found, tmp_path):
         save_orders(found, tmp_path / "a.png")
 
 
-def test_tabs_and_charts_are_named_in_words(found):
-    """A cam by its title, a long one shortened; without one by its name in words."""
+def test_tabs_and_charts_have_titles(found):
+    """A tab has the shortened title of the cam, or its name as text without a title."""
     long = "A cam whose title has about forty letters"
     for titles, name in (({}, "Polynomial 3-4-5"), ({"poly345": long}, short(long))):
         (tab,) = orders_tabs(found, titles)
@@ -207,15 +211,15 @@ def test_tabs_and_charts_are_named_in_words(found):
         assert len(charts) == 4 and not any("poly" in str(view.name) for view in charts)
 
 
-# -- the bag as it is, without our own drawing: what Rerun's MCAP import makes of it ----------
+# -- Rerun's import of the MCAP file of a bag --------------------------------------------------
 
 
-#: Packages of interfaces that every ROS 2 installation has: none is our own.
+#: Packages of interfaces that every ROS 2 installation has.
 OF_ROS = r"(diagnostic|geometry|rosgraph|sensor|std|tf2|trajectory|visualization)_msgs/"
 
 
 def convert(path, *options):
-    """The golden bag as Rerun's own converter makes it."""
+    """Convert the golden bag with Rerun's converter, and return the recording."""
     command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(bag_file(GOLDEN)), *options]
     subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
     return Picture(path)
@@ -226,8 +230,8 @@ def imported(tmp_path_factory):
     return convert(tmp_path_factory.mktemp("imported") / "golden.rrd")
 
 
-def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path):
-    """No `samples[i]`; θ, lift and force by their joints; durations from 0 instead of dates."""
+def test_the_documented_options_give_named_curves_over_rig_time(tmp_path):
+    """The curves have the names of the joints, and times are durations from 0."""
     documented = (config_root().parent / "docs" / "viewing.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"rerun mcap convert (.*?) -o", documented, re.DOTALL)
     options = shlex.split(line.replace("\\\n", " "))[1:]
@@ -241,8 +245,8 @@ def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path)
     assert min(times).total_seconds() >= 0.0 and max(times).total_seconds() < 10.0
 
 
-def test_joint_states_and_pressure_plot_by_themselves(imported):
-    """Each field as in the bag; r.m.s. sound pressure, one value a tick."""
+def test_joint_states_and_pressure_are_plotted_without_options(imported):
+    """Each field has the values of the bag."""
     every = ("position", "velocity", "effort")
     for topic, fields in (
         (topics.CAM_STATE, every),
@@ -259,8 +263,8 @@ def test_joint_states_and_pressure_plot_by_themselves(imported):
     np.testing.assert_array_equal(shown, recorded)
 
 
-def test_the_rig_turns_by_itself(imported):
-    """Each body of the last URDF in its link's frame, moved by the bag's transforms."""
+def test_the_rig_moves_without_options(imported):
+    """Each body of the last URDF is moved by the transforms of the bag."""
     *_, (_, _, last) = messages(GOLDEN, (topics.ROBOT_DESCRIPTION,))
     links = [
         e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual") is not None
@@ -274,8 +278,8 @@ def test_the_rig_turns_by_itself(imported):
     assert {"guide", "motor", "microphone", "tm21", "bezier15"} <= still
 
 
-def test_every_message_explains_itself():
-    """Schemas are in the file, in the encoding that Foxglove and PlotJuggler read."""
+def test_the_file_contains_the_schemas_of_all_messages():
+    """The encoding is one that Foxglove and PlotJuggler read."""
     with bag_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"

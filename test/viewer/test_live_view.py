@@ -1,4 +1,4 @@
-"""What a viewer that follows a run has got at every moment: nothing is ahead of the curves."""
+"""Live view of a run: no data are ahead of the curves."""
 
 import time
 from functools import partial
@@ -24,18 +24,18 @@ from cam_rig.viewer.quantities import VELOCITY_LINE as VELOCITY
 from cam_rig.viewer.recording import LiveView, live_window, screen_bucket
 from cam_rig.viewer.timeline import FramePace
 
-from .conftest import told
+from .conftest import play
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORCE, ZERO)]
-#: So short that the small run is several of them.
+#: Window (s), so short that the small run contains several windows.
 MIN_WINDOW_S = 0.2
 
 
 def show(bag, address, flush=False):
-    """The small run as its nodes would tell it, as fast as it can be drawn."""
+    """Draw the small run as fast as possible."""
     picture = LiveView(bag.loaded, address)
-    for _ in told(picture, bag):
+    for _ in play(picture, bag):
         if flush:
             picture.flush()
     picture.close()
@@ -43,7 +43,7 @@ def show(bag, address, flush=False):
 
 @pytest.fixture(scope="module")
 def arrived(bag, tmp_path_factory):
-    """The pieces of a live picture in the order in which Rerun's own server took them."""
+    """Return the chunks of a live view in the order of their arrival at a server."""
     path, port = tmp_path_factory.mktemp("live") / "live.rrd", free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
@@ -56,61 +56,64 @@ def arrived(bag, tmp_path_factory):
 
 
 def times_of(parts):
-    """Rig times (ns) of everything in the parts of one recording."""
-    readers, found = [RrdReader(part) for part in parts], dict[str, list[int]]()
+    """Return the rig times (ns) of all entities in the parts of one recording."""
+    readers, by_entity = [RrdReader(part) for part in parts], dict[str, list[int]]()
     assert len({str(recording) for reader in readers for recording in reader.recordings()}) == 1
     for chunk in (chunk for reader in readers for chunk in reader.stream().to_chunks()):
-        batch, times = chunk.to_record_batch(), found.setdefault(chunk.entity_path, [])
+        batch, times = chunk.to_record_batch(), by_entity.setdefault(chunk.entity_path, [])
         if "rig_time" in batch.schema.names:
             times += batch.column("rig_time").cast("int64").to_pylist()
-    return {path: sorted(times) for path, times in found.items()}
+    return {path: sorted(times) for path, times in by_entity.items()}
 
 
-def test_a_long_picture_goes_on_in_parts(bag, tmp_path, monkeypatch):
-    """Put together they are the same recording as in one: nothing is lost where a part ends."""
+def test_a_long_recording_is_written_in_parts(bag, tmp_path, monkeypatch):
+    """The parts contain the same data as a recording in one part."""
     monkeypatch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
     monkeypatch.setattr(page_module, "KEPT_PARTS", 10_000)
     folders = []
-    for most in (1 << 30, 1 << 12):
-        monkeypatch.setattr(page_module, "MAX_PART", most)
-        folders.append(tmp_path / str(most))
+    for max_part in (1 << 30, 1 << 12):
+        monkeypatch.setattr(page_module, "MAX_PART", max_part)
+        folders.append(tmp_path / str(max_part))
         folders[-1].mkdir()
         show(bag, str(folders[-1]), flush=True)
-    one, many = (sorted(folder.glob("*.rrd")) for folder in folders)
-    assert (len(one), len(many) > 3) == (1, True)
-    whole, parts = (times_of(paths) for paths in (one, many))
+    single, many = (sorted(folder.glob("*.rrd")) for folder in folders)
+    assert (len(single), len(many) > 3) == (1, True)
+    whole, parts = (times_of(paths) for paths in (single, many))
     assert set(parts) == set(whole)
     for curve in CURVES:
         assert parts[curve] == whole[curve] and whole[curve]
 
 
 def written(path, end):
-    """What the server has written, once every curve is at its end (s) and the run is over."""
+    """Return the chunks once every curve is at its end (s) and the run is finished.
+
+    Returns an empty list before.
+    """
     try:
         chunks = list(RrdReader(path).stream().to_chunks())
-    except RuntimeError:  # it ends in the middle of what is being written
+    except RuntimeError:  # the file ends within a chunk
         return []
-    there = {chunk.entity_path for chunk in chunks if newest(chunk) > end - 1e-3}
-    over = any("finished" in words for words in results(chunks))
-    return chunks if over and there.issuperset(CURVES) else []
+    complete = {chunk.entity_path for chunk in chunks if newest(chunk) > end - 1e-3}
+    is_over = any("finished" in words for words in results(chunks))
+    return chunks if is_over and complete.issuperset(CURVES) else []
 
 
 def results(chunks):
-    """The heads of the table of results, in their order."""
-    found = rows(chunks, "/results", "TextDocument:text")
-    return [str(words[0]).partition("\n")[0] for _, words in found if words]
+    """Return the headings of the table of results, in order."""
+    texts = rows(chunks, "/results", "TextDocument:text")
+    return [str(words[0]).partition("\n")[0] for _, words in texts if words]
 
 
 def newest(chunk):
-    """The newest rig time (s) in a piece, none where it holds at every time."""
+    """Return the newest rig time (s) in a chunk, or -inf if it applies to every time."""
     batch = chunk.to_record_batch()
     if "rig_time" not in batch.schema.names:
         return -np.inf
     return float(np.max(batch.column("rig_time").cast("int64").to_numpy())) * 1e-9
 
 
-def test_nothing_leads_the_curves_by_more_than_is_shown(bag, arrived):
-    """Neither the cursor, by more than the window, nor bars, pictures, words and points at all."""
+def test_the_cursor_stays_within_the_window_of_the_curves(bag, arrived):
+    """Bars, pictures, texts and points are never ahead of the curves."""
     reached, cursor, lead, others = dict.fromkeys(CURVES, 0.0), 0.0, 0.0, 0
     for chunk in arrived:
         if chunk.entity_path in reached:
@@ -127,15 +130,15 @@ def test_nothing_leads_the_curves_by_more_than_is_shown(bag, arrived):
     assert 0.0 < lead <= MIN_WINDOW_S + 1e-9
 
 
-def test_the_results_say_whether_the_run_goes_on(arrived):
-    """Running up to the last, which says finished."""
+def test_the_results_report_the_state_of_the_run(arrived):
+    """The headings contain "running" except for the last, which contains "finished"."""
     heads = results(arrived)
     assert heads[-1] == "# Results, finished"
     assert set(heads[:-1]) == {"# Results, running"}
 
 
-def test_nothing_of_a_cam_stands_beside_the_next(bag, arrived):
-    """From the state on at which it turns, its caption stands, without a reading or a curve."""
+def test_a_change_of_cam_or_speed_clears_the_chart(bag, arrived):
+    """The first state has the new caption, without old readings or curves."""
     changes = [state.time_ns for state in cam_states(bag.loaded.scene)][::4][:-1]
     captions = rows(arrived, "/turn/caption", "Points2D:labels")
     assert [time for time, _ in captions] == changes
@@ -143,47 +146,47 @@ def test_nothing_of_a_cam_stands_beside_the_next(bag, arrived):
     named = [words[0] for _, words in captions]
     assert named == [f"{title}, {rpm} rpm" for title in titles for rpm in (300, 700)]
     readings = rows(arrived, "/scene_readings", "TextDocument:text")
-    begun = [words[0] for time, words in readings if time in changes]
-    assert len(begun) == 4
-    assert all("mm" not in words and "rpm" in words for words in begun)
+    first_readings = [words[0] for time, words in readings if time in changes]
+    assert len(first_readings) == 4
+    assert all("mm" not in words and "rpm" in words for words in first_readings)
     curves = rows(arrived, "/turn/force/follower/0", "LineStrips2D:strips")
     assert [strips for time, strips in curves if time in changes[1:]] == [[], [], []]
 
 
 def rows(chunks, entity, column):
-    """Rig times (ns) of an entity and what a column has there, in order of time."""
-    found = []
+    """Return the rig times (ns) and the values of a column, in order of time."""
+    pairs = []
     for batch in (chunk.to_record_batch() for chunk in chunks if chunk.entity_path == entity):
         if "rig_time" in batch.schema.names and column in batch.schema.names:
             times = batch.column("rig_time").cast("int64").to_pylist()
-            found += zip(times, batch.column(column).to_pylist(), strict=True)
-    return sorted(found, key=lambda row: row[0])
+            pairs += zip(times, batch.column(column).to_pylist(), strict=True)
+    return sorted(pairs, key=lambda row: row[0])
 
 
-def test_a_curve_has_two_points_a_place_of_the_screen():
-    """A thousand places across the window, one sample at least; a window has two ticks."""
+def test_a_curve_has_two_points_per_position_of_the_screen():
+    """A window has at most a thousand buckets, and contains two ticks or more."""
     assert live_window(0.1) == live.MIN_WINDOW_S and live_window(2.0) == 4.0
     for rate in (500.0, 12_000.0, 48_000.0):
         bucket = screen_bucket(2.0, rate)
         assert 2.0 * rate / bucket <= 1000.0 + 1e-9 or bucket == 1
 
 
-def test_pictures_of_a_paced_run_come_evenly_between_its_ticks(bag, monkeypatch):
-    """At half real time 20 a second or more, a tick and 0.35 s behind the drive at most."""
+def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypatch):
+    """At half real time 20 pictures per second are at most a tick and 0.35 s late."""
     now, factor = [100.0], 0.5
     sent = {}
 
-    def note(_, entity, indexes, columns):
+    def record(_, entity, indexes, columns):
         times = [rr.TimeColumn.as_arrow_array(index).cast("int64").to_numpy() for index in indexes]
         sent.setdefault(entity, []).append((now[0], float(np.max(times[0])) / NS))
 
     monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=lambda: now[0]))
     monkeypatch.setattr(live, "FramePace", partial(FramePace, clock=lambda: now[0]))
     monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
-    monkeypatch.setattr(rr.RecordingStream, "send_columns", note)
+    monkeypatch.setattr(rr.RecordingStream, "send_columns", record)
     view = LiveView(bag.loaded, stream_address(free_port()))
     view.set_pace(factor)
-    for state in told(view, bag):
+    for state in play(view, bag):
         while now[0] < 100.0 + state.time_ns / NS / factor:
             now[0] += 1.0 / 60.0
             view.flush()
@@ -198,13 +201,13 @@ def test_pictures_of_a_paced_run_come_evenly_between_its_ticks(bag, monkeypatch)
         view.close()
 
 
-# -- how much is sent to a page: never late for long, never needlessly slow -------------------
+# -- rate of the pictures: a page is not late for long and not slower than necessary -----------
 
 STEP_S = 0.25
 
 
 class Page:
-    """A page that draws so many pictures a second, its clock, and what waits for it."""
+    """Page that draws `speed` pictures per second, with a clock and a queue."""
 
     def __init__(self, speed):
         self.speed, self.now, self.waiting = speed, 0.0, 0.0
@@ -213,8 +216,8 @@ class Page:
     def behind(self):
         return self.waiting / self.speed
 
-    def go_on(self):
-        """So many pictures come in a step of wall time, and so many are drawn."""
+    def advance(self):
+        """Send and draw the pictures of a step of wall-clock time."""
         self.now += STEP_S
         if self.pace.is_due():
             self.waiting += self.pace.chosen(1000).size
@@ -223,10 +226,10 @@ class Page:
 
 @pytest.mark.parametrize("speed", [1.5, 3.0, 7.0, 20.0])
 def test_a_slow_page_is_never_late_for_long(speed):
-    """Whatever it can draw: two seconds at most in a quarter of an hour; and it is used."""
+    """Its delay is at most 2 s in 15 minutes, and at least half of its speed is used."""
     page, late, rates = Page(speed), 0.0, list[float]()
     for _ in range(int(900 / STEP_S)):
-        page.go_on()
+        page.advance()
         late = max(late, page.behind())
         rates.append(page.pace.rate)
     assert late <= 2.0 + STEP_S
@@ -234,30 +237,30 @@ def test_a_slow_page_is_never_late_for_long(speed):
     assert np.mean(rates) >= 0.5 * speed
 
 
-def test_a_page_that_becomes_slower_is_sent_less_and_more_again():
-    """Another program takes its time away for a minute; two pictures a second are left."""
+def test_the_rate_follows_a_page_that_is_slow_for_a_while():
+    """For one minute the page draws only two pictures per second."""
     page = Page(60.0)
     slow = dict.fromkeys(range(60, 120), 2.0)
     rates = {}
     for i in range(int(240 / STEP_S)):
         page.speed = slow.get(int(i * STEP_S), 60.0)
-        page.go_on()
+        page.advance()
         rates[i * STEP_S] = page.pace.rate
     assert rates[59.0] == timeline.MAX_RATE
     assert max(rate for at, rate in rates.items() if 80.0 < at < 120.0) <= 5.0
     assert rates[239.0] == timeline.MAX_RATE
 
 
-def test_a_late_page_is_given_time_to_show_a_slower_rate():
-    """Its delay is of what was sent before: once it is late, the rate falls once per while."""
+def test_the_rate_of_a_late_page_falls_once_per_settling_time():
+    """A lower rate needs time to take effect, because of the queued pictures."""
     page = Page(60.0)
     while page.pace.rate < timeline.MAX_RATE:
-        page.go_on()
+        page.advance()
     page.waiting = 60.0 * (timeline.LATE_S + 0.5)
     page.speed, changes = 60.0, list[tuple[float, float]]()
     for _ in range(int(timeline.SETTLE_S / STEP_S)):
         before = page.pace.rate
-        page.go_on()
+        page.advance()
         page.waiting = 60.0 * (timeline.LATE_S + 0.5)
         if page.pace.rate != before:
             changes.append((before, page.pace.rate))
@@ -265,8 +268,8 @@ def test_a_late_page_is_given_time_to_show_a_slower_rate():
     assert changes[0][1] <= 0.5 * changes[0][0]
 
 
-def test_where_nobody_knows_the_delay_the_rate_stays():
-    """Of a page that shows nothing yet, or is neither late nor in time; a window gets every one."""
+def test_the_rate_is_constant_if_the_delay_is_unknown():
+    """It is also constant if a page is neither late nor in time, and for a window."""
     now, between = [0.0], 0.5 * (timeline.LATE_S + timeline.IN_TIME_S) + 1.0 / timeline.MIN_RATE
     for behind, rate in (
         (lambda: between, timeline.MIN_RATE),
@@ -280,8 +283,11 @@ def test_where_nobody_knows_the_delay_the_rate_stays():
         assert pace.rate == rate
 
 
-def test_no_more_pictures_are_sent_than_a_screen_shows():
-    """Of many as many as fit into the time since the last, evenly, the newest always."""
+def test_no_more_pictures_are_sent_than_a_screen_displays():
+    """The number fits the time since the last pictures.
+
+    The newest is always sent.
+    """
     now = iter([0.0, 0.1, 0.1, 10.0])
     pace = FramePace(None, lambda: next(now))
     assert pace.chosen(100).size == 3 and pace.chosen(100).tolist() == [99]

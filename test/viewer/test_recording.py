@@ -1,4 +1,4 @@
-"""The picture of a bag shows the bag's own numbers."""
+"""The recording of a bag shows the numbers of the bag."""
 
 import random
 
@@ -22,7 +22,10 @@ SCALARS = "Scalars:scalars"
 
 
 def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
-    """Lift (mm), force (N) at rig time and cam angle, level where its tick ends, speed in rpm."""
+    """Lift is in mm, force in N and speed in rpm.
+
+    A level is at the end of its tick.
+    """
     time, lift, _, _, force, _ = bag.samples
     np.testing.assert_allclose(picture.numbers(LIFT.entity, SCALARS), lift * 1e3, rtol=1e-12)
     np.testing.assert_allclose(picture.numbers(FORCE.entity, SCALARS), force, rtol=1e-12)
@@ -39,7 +42,7 @@ def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
 
 
 def test_landings_are_marked(bag, picture):
-    """Every sample with an impulse is a marker on the lift and a line of text."""
+    """Every sample with an impulse has a mark on the lift and a line in the events."""
     time, lift, _, _, _, impulse = bag.samples
     landed = impulse > 0.0
     assert landed.any()
@@ -51,7 +54,7 @@ def test_landings_are_marked(bag, picture):
 
 
 def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
-    """Of each tick the greatest and least; all samples below a million, half a million above."""
+    """A reduced run contains the extremes of each tick, and `all_samples` keeps all."""
     monkeypatch.setattr(recording, "WHOLE_BELOW", 100)
     monkeypatch.setattr(recording, "BUCKETS", 40)
     save_recording(bag.path, tmp_path / "few.rrd")
@@ -68,14 +71,17 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
     assert bucket_for(WHOLE_BELOW - 1) == 1 and bucket_for(6_314_142) == 26
 
 
-def test_what_holds_at_every_time_is_read_first(picture):
-    """A viewer shows a file while it loads: colours, axes and results precede the first curve."""
+def test_static_data_are_read_first(picture):
+    """A viewer displays a file while it loads, so colours and axes precede the curves."""
     static = [chunk.is_static for chunk in RrdReader(picture.path).stream().to_chunks()]
     assert any(static) and static == sorted(static, reverse=True)
 
 
 def test_an_existing_file_is_not_overwritten(bag, tmp_path):
-    """Only with ``overwrite``; another suffix, a folder that is a file are refused."""
+    """``overwrite`` replaces it.
+
+    A wrong suffix and a file as folder are errors.
+    """
     path = tmp_path / "taken.rrd"
     path.write_text("mine")
     with pytest.raises(CamRigError, match=r"taken\.rrd: exists already.*--force"):
@@ -91,8 +97,8 @@ def test_an_existing_file_is_not_overwritten(bag, tmp_path):
             save_recording(bag.path, tmp_path / other)
 
 
-def test_a_bag_without_what_is_shown_is_refused(tmp_path, config_dir):
-    """The message names the topic, and no half file stays behind."""
+def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
+    """The message contains the topic, and no incomplete file remains."""
     for topic, words in (
         (topics.PROFILE, "'poly345' turns, but its /cam/profile is not in the bag"),
         (topics.FOLLOWER_SAMPLES, "has no /follower/samples, so nothing to show"),
@@ -105,11 +111,11 @@ def test_a_bag_without_what_is_shown_is_refused(tmp_path, config_dir):
     assert not list(tmp_path.glob("out/*"))
 
 
-# -- messages come on many topics in any order; the picture is the same -----------------------
+# -- messages arrive in any order of topics, and the result is the same -----------------------
 
 
 class Notes:
-    """Stands for a recording: writes down what it receives."""
+    """Receiver that lists the received data."""
 
     def __init__(self):
         self.profiles = {}
@@ -132,7 +138,7 @@ class Notes:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
-    """Each tick once, and its sound after it."""
+    """Each tick is passed on once, followed by its sound."""
     notes = Notes()
     feed, sounds = RunFeed(notes), zip(bag.levels, bag.pressures, strict=True)
     queues = [
@@ -149,8 +155,8 @@ def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
             pass
     feed.close()
     ends = [t for t, _ in bag.levels]
-    assert [t for what, t in notes.received if what == "tick"] == ends
-    assert [t for what, t in notes.received if what == "sound"] == ends
+    assert [t for kind, t in notes.received if kind == "tick"] == ends
+    assert [t for kind, t in notes.received if kind == "sound"] == ends
     assert notes.levels == [v for _, v in bag.levels]
     assert all(notes.received.index(("tick", t)) < notes.received.index(("sound", t)) for t in ends)
     assert notes.received[-1] == ("close", 0)

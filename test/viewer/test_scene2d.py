@@ -1,4 +1,4 @@
-"""The moving picture is true: the roller is on the contour wherever there is contact."""
+"""Moving picture of cam and follower: the roller touches the contour in contact."""
 
 import numpy as np
 import pytest
@@ -13,15 +13,15 @@ CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/c
 
 
 def gap(point, outline):
-    """Distance of a point to a closed polyline ``(n, 2)``, its first point again at the end."""
-    begin, along = outline[:-1], np.diff(outline, axis=0)
-    share = np.sum((point - begin) * along, axis=1) / np.sum(along**2, axis=1)
-    foot = begin + np.clip(share, 0.0, 1.0)[:, None] * along
+    """Return the distance of a point to a closed polyline ``(n, 2)``."""
+    start, along = outline[:-1], np.diff(outline, axis=0)
+    fraction = np.sum((point - start) * along, axis=1) / np.sum(along**2, axis=1)
+    foot = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
     return float(np.hypot(*(point - foot).T).min())
 
 
-def test_each_cam_replaces_the_one_before(bag, picture):
-    """One contour at a time: the recorded /cam/profile in mm, closed, when its cam comes on."""
+def test_each_cam_replaces_the_previous_cam(bag, picture):
+    """There is one contour at a time: the recorded /cam/profile in mm, closed."""
     strips = picture.column(CONTOUR, "LineStrips2D:strips")
     assert len(strips) == 2
     for strip, profile in zip(strips, bag.profiles.values(), strict=True):
@@ -31,8 +31,8 @@ def test_each_cam_replaces_the_one_before(bag, picture):
     np.testing.assert_allclose(picture.time(CONTOUR), [0.0, half], atol=1e-3)
 
 
-def test_the_picture_turns_the_cam_as_the_drive_did(bag, picture):
-    """The recorded rotation is the cam angle at the frame's time, counterclockwise about z."""
+def test_the_picture_turns_the_cam_like_the_drive(bag, picture):
+    """The rotation is the cam angle of the frame, counterclockwise about z."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
     angle = np.interp(time, bag.samples[0], bag.angle)
@@ -42,7 +42,7 @@ def test_the_picture_turns_the_cam_as_the_drive_did(bag, picture):
 
 
 def test_the_roller_touches_the_turned_contour(bag, picture):
-    """In contact the contour is one roller radius from the roller's centre, in flight farther."""
+    """In contact its centre is one roller radius from the contour, in flight more."""
     time = picture.time(FOLLOWER)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
     _, _, z, w = picture.numbers(CAM, "Transform3D:quaternion").T
@@ -60,7 +60,7 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
 
 
 def test_frames_come_at_equal_angles_across_blocks():
-    """One sample a frame, however the samples are cut into blocks."""
+    """Each frame has one sample for any division of the samples into blocks."""
     angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
     step = angle[1]
     whole = frame_mask(angle, step)
@@ -70,8 +70,8 @@ def test_frames_come_at_equal_angles_across_blocks():
     assert frame_mask(angle[::500], 500 * step).all()
 
 
-def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag, picture):
-    """From the point the cam would touch straight up by lift minus law; none in contact."""
+def test_the_gap_is_drawn_in_flight_only(bag, picture):
+    """The line goes straight up from the cam by lift minus law."""
     strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
     sample = bag.sample_of(picture, "scene/rig/gap")
     flies = bag.samples[4, sample] == 0.0
@@ -86,7 +86,10 @@ def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag, picture):
 
 
 def test_the_arrow_is_the_contact_force(bag, picture):
-    """Its height is the force in the speed's scale, it leans as the normal does, none in flight."""
+    """Its length is the force to scale, along the normal.
+
+    There is no arrow in flight.
+    """
     vectors = picture.column("scene/rig/force", "Arrows2D:vectors")
     origins = picture.column("scene/rig/force", "Arrows2D:origins")
     sample = bag.sample_of(picture, "scene/rig/force")
@@ -114,13 +117,16 @@ def test_the_arrow_is_the_contact_force(bag, picture):
         np.testing.assert_allclose(centre, [0.0, distance * 1e3], atol=1e-3)
 
 
-def test_under_the_cam_are_its_name_and_speed_and_a_bar_of_a_force(bag, picture):
-    """In the contour's colour; the bar is a power of ten, to the arrow's scale, no longer."""
+def test_title_speed_and_force_bar_are_below_the_cam(bag, picture):
+    """The text has the colour of the contour.
+
+    The bar is a power of ten to the arrow's scale.
+    """
     cams = ("poly345", "poly345", "bezier15", "bezier15")
     labels = [row[0] for row in picture.column("scene/rig/label", "Points2D:labels")]
     assert labels[1] == "Polynomial 3-4-5, 700 rpm"
-    seen = [row[0] for row in picture.column("scene/rig/label", "Points2D:colors")]
-    assert seen == [of_cam(cam) for cam in cams]
+    colours = [row[0] for row in picture.column("scene/rig/label", "Points2D:colors")]
+    assert colours == [of_cam(cam) for cam in cams]
     bars = picture.column("scene/rig/bar", "LineStrips2D:strips")
     words = picture.column("scene/rig/bar/words", "Points2D:labels")
     for bar, (label,), cam, rpm in zip(bars, words, cams, (300.0, 700.0) * 2, strict=True):
@@ -133,8 +139,8 @@ def test_under_the_cam_are_its_name_and_speed_and_a_bar_of_a_force(bag, picture)
 
 
 @pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
-def test_the_greatest_force_is_seen_at_every_speed(scene):
-    """The preload alone, as in the low dwell, has an arrow of a hundredth of the view."""
+def test_the_arrow_is_visible_at_every_speed(scene):
+    """The arrow of the preload is longer than a hundredth of the view."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     for cam in loaded.cams:
         slowest = min(loaded.scene.program.speeds.si_list)
@@ -143,8 +149,11 @@ def test_the_greatest_force_is_seen_at_every_speed(scene):
 
 
 @pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "flat", "poly345"])
-def test_no_number_of_the_ring_is_run_over(make_loaded_scene, cam):
-    """At no lift of the law; all others are there, more than half."""
+def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
+    """The follower is clear of the visible numbers at every lift.
+
+    There are six or more.
+    """
     framing = framings(make_loaded_scene(cams=[cam]))[cam]
     places, numbers = framing.numbers()
     assert len(numbers) >= 6
@@ -154,8 +163,8 @@ def test_no_number_of_the_ring_is_run_over(make_loaded_scene, cam):
             assert distances(places, turned(strip, tilt) + place).min() > 0.1 * framing.ring
 
 
-def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge():
-    """The readings say that it is higher, and how high."""
+def test_a_follower_outside_its_view_is_drawn_at_the_edge():
+    """The readings contain its lift and the lift at which it is drawn."""
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
     assert "lift    200.000 mm" in words and "drawn at 65 mm" in words
@@ -163,8 +172,8 @@ def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge():
     assert "not touched" in words
 
 
-def test_nothing_of_a_cam_and_its_follower_is_cut(bag, picture):
-    """Contour, ring, guide and the whole follower, in flight too, are within the view's bounds."""
+def test_cam_and_follower_are_completely_visible(bag, picture):
+    """Contour, ring, guide and follower are within the view, also in flight."""
     (left, right), (top, bottom) = bounds(framings(bag.loaded))
     zoom = picture.numbers("scene/rig", "Transform3D:mat3x3").reshape(-1, 3, 3)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
@@ -183,7 +192,7 @@ def test_nothing_of_a_cam_and_its_follower_is_cut(bag, picture):
 
 
 def test_the_readings_are_those_of_the_frame(bag, picture):
-    """θ, speed, lift, force, and the gap or contact with the pressure angle, at its sample."""
+    """They contain angle, speed, lift, force, and the gap or the pressure angle."""
     words = [row[0] for row in picture.column("scene_readings", "TextDocument:text")]
     sample, gaps = bag.sample_of(picture, "scene_readings"), bag.gap * 1e6
     half = bag.samples.shape[1] // 2

@@ -1,4 +1,4 @@
-"""One turn over 0 to 360°: the samples' own numbers, on axes that hold the whole scene."""
+"""The chart of one turn shows the samples, on axes that contain the whole scene."""
 
 import numpy as np
 import pytest
@@ -14,53 +14,53 @@ from cam_rig.studies.bounce.motion import bouncing
 from cam_rig.units import NS, RPM, TURN
 from cam_rig.viewer.bounce_chart import GAPS, LANDINGS, bounce_axes, rebounds
 from cam_rig.viewer.quantities import GAP_LINE as GAP
-from cam_rig.viewer.quantities import LANDING, LIFT_OFF, drawn_of, gap_of, scene_ranges
+from cam_rig.viewer.quantities import LANDING, LIFT_OFF, gap_of, plot_rows, scene_ranges
 from cam_rig.viewer.recording import LiveView, save_recording
-from cam_rig.viewer.turn_chart import HEAD, LAID, ROW, WIDTH, TurnAxes, curve
+from cam_rig.viewer.turn_chart import HEAD, MAX_OVERLAID, ROW, WIDTH, TurnAxes, curve
 
 from ..conftest import scene_data
-from .conftest import Picture, make_bag, told
+from .conftest import Picture, make_bag, play
 
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
 def back(bag, cam, key, strip):
-    """Degrees and values that a strip of the chart was drawn from."""
+    """Return the degrees and values from which a strip of the chart was drawn."""
     ranges = scene_ranges(bag.loaded).of(cam)
     low, high, _ = ranges[key]
-    top = TurnAxes(drawn_of("one_mass"), ranges).tops[key]
+    top = TurnAxes(plot_rows("one_mass"), ranges).tops[key]
     x, y = np.array(strip).reshape(-1, 2).T
     return x / WIDTH * 360.0, high - (y - top) / ROW * (high - low)
 
 
 def rows_of(bag, step, turn):
-    """Samples of a turn of a step, and their unwrapped angles."""
+    """Return the samples of a turn of a step, and their unwrapped angles."""
     at = slice(4 * step + 2 * turn, 4 * step + 2 * turn + 2)
     return Samples(np.concatenate(bag.rows[at], axis=1)), np.concatenate(bag.angles[at])
 
 
 @pytest.mark.parametrize("scene", ["quick", "torsion"])
-def test_the_axes_hold_the_whole_scene(scene):
-    """Every sample of every quantity is within its cam's axis, and has at least two numbers."""
+def test_the_axes_contain_the_whole_scene(scene):
+    """Every sample is within the axis of its cam, which has two numbers or more."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     ranges = scene_ranges(loaded)
     for tick in turned_ticks(loaded):
-        for row in drawn_of(loaded.scene.model)[:4]:
+        for row in plot_rows(loaded.scene.model)[:4]:
             low, high, _ = ranges.of(tick.cam)[row.key]
             values = getattr(tick, row.key) * row.line.factor
             assert low - 1e-9 <= values.min() and values.max() <= high + 1e-9
-            assert ranges.whole[row.key][0] <= low
+            assert ranges.all_cams[row.key][0] <= low
     for cam in loaded.cams:
         for axis in ranges.of(cam).values():
             assert len(step_marks(*axis)) >= 2
 
 
-def test_a_curve_is_the_turns_samples(bag, picture):
-    """Each quantity of each first turn: samples at their degrees, from 0 to 360, peaks included."""
+def test_a_curve_shows_the_samples_of_the_turn(bag, picture):
+    """The first turn of each step shows samples from 0 to 360°, with their peaks."""
     for step, cam in enumerate(("poly345", "poly345", "bezier15", "bezier15")):
         rows, angle = rows_of(bag, step, 0)
         degrees = np.degrees(angle) % 360.0
-        for row in drawn_of("one_mass"):
+        for row in plot_rows("one_mass"):
             first = [strips for strips in picture.column(f"turn/{row.key}/follower/0", STRIPS)]
             drawn = [strips for strips in first if strips][step]
             x, y = back(bag, cam, row.key, drawn[0])
@@ -74,8 +74,8 @@ def test_a_curve_is_the_turns_samples(bag, picture):
             assert y.max() == pytest.approx(known.max(), abs=near)
 
 
-def test_the_law_lies_over_the_lift(bag, picture):
-    """The second strip, thinner and darker, is the law at every degree."""
+def test_the_law_is_drawn_over_the_lift(bag, picture):
+    """The second, thinner strip is the law at every degree."""
     for strips in picture.column("turn/lift/follower/0", STRIPS):
         if strips:
             degrees, lift = back(bag, "poly345", "lift", strips[1])
@@ -86,16 +86,19 @@ def test_the_law_lies_over_the_lift(bag, picture):
     assert -widths[1] < -widths[0]
 
 
-def test_turns_that_look_alike_are_sent_once(bag, picture):
-    """In contact from rest the second turn is the first; each step begins in the first place."""
+def test_equal_turns_are_sent_once(bag, picture):
+    """In contact from rest the second turn equals the first.
+
+    Each step starts with slot 0.
+    """
     sent = [strips for strips in picture.column("turn/force/follower/0", STRIPS) if strips]
     assert len(sent) == 4
     for step in range(4):
-        one, other = (rows_of(bag, step, turn)[0].force for turn in (0, 1))
-        count = min(one.size, other.size)
-        alike = np.abs(one[:count] - other[:count]).max() < 1e-3 * one.max()
-        assert alike or step in (1, 3)
-    others = {f"/turn/force/follower/{i}" for i in range(1, LAID)}
+        first, second = (rows_of(bag, step, turn)[0].force for turn in (0, 1))
+        count = min(first.size, second.size)
+        is_equal = np.abs(first[:count] - second[:count]).max() < 1e-3 * first.max()
+        assert is_equal or step in (1, 3)
+    others = {f"/turn/force/follower/{i}" for i in range(1, MAX_OVERLAID)}
     sent = [e[1:] for e in others & picture.entities if picture.column(e[1:], "rig_time")]
     times = [t for entity in sent for t in picture.time(entity)]
     slow = (bag.rows[0][0, 0], bag.rows[4][0, 0]), (bag.rows[8][0, 0], bag.rows[12][0, 0])
@@ -103,7 +106,7 @@ def test_turns_that_look_alike_are_sent_once(bag, picture):
 
 
 def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
-    """On the lift, at the degrees of the samples; strokes behind all rows cover each flight."""
+    """Marks are at the degrees of the samples, and strokes cover each flight."""
     rows, angle = rows_of(bag, 1, 0)
     degrees, off = np.degrees(angle) % 360.0, rows.force == 0.0
     landed, left = degrees[rows.impulse > 0.0], degrees[off & ~np.roll(off, 1)]
@@ -119,40 +122,40 @@ def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
 
 
 def test_the_gap_is_lift_minus_law_in_flight(bag, picture):
-    """Over time, in µm, sample by sample; 0 in contact."""
+    """The gap over time is in µm for each sample, and 0 in contact."""
     gap = np.where(bag.samples[4] == 0.0, bag.gap, 0.0) * 1e6
     np.testing.assert_allclose(picture.numbers(GAP.entity, "Scalars:scalars"), gap, atol=1e-3)
     assert gap.max() > 1e3
 
 
 def test_the_cursor_is_at_the_cams_angle(bag, picture):
-    """At each frame, within the turn."""
+    """Each frame has the cursor at the angle within the turn."""
     place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
     sample = bag.sample_of(picture, "turn/cursor")
     np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
 
 
-def test_what_is_beyond_its_axis_ends_at_its_edge():
-    """An operator may drive faster than the scene: no curve runs into the row above."""
-    (lift, *_) = drawn_of("one_mass")
+def test_values_beyond_their_axis_are_drawn_at_its_edge():
+    """If an operator drives faster than the scene, no curve enters the row above."""
+    (lift, *_) = plot_rows("one_mass")
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})
     angle = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
     points = curve(axes, "lift", angle, 20.0 * np.sin(angle))
     assert points[:, 1].min() == HEAD and points[:, 1].max() == HEAD + ROW
 
 
-# -- the map of bounces in the viewer: the exact states once a turn, turn after turn ----------
+# -- chart of bounces: the exact states, one per turn -----------------------------------------
 
 
-#: m: how far the follower moves in a sample's time, of which a landing beside angle 0 costs a part.
-BESIDE_A_LANDING = 2.5e-4
-#: Turns at a speed: so few that the last digit has not grown where it is irregular.
+#: Error (m) of the gap if a landing is next to angle 0: the travel in one sample period, at most.
+LANDING_ERROR = 2.5e-4
+#: Turns at a speed, so few that rounding errors of irregular motion stay small.
 TURNS = 6
 
 
 @pytest.fixture(scope="module", params=[1, 4], ids=["a tick a turn", "four"])
 def bouncing_bag(request, tmp_path_factory, config_dir):
-    """A knob turned up from where it rests on the cam to where it is irregular."""
+    """Return a bag with speeds from contact to irregular bouncing."""
     speeds = sorted(np.random.default_rng(7).uniform(380.0, 560.0, 3).round(2).tolist())
     rig, program = "tm21_bouncing", {"turns": TURNS, "ticks_per_turn": request.param}
     scene = scene_data(cams=["tm21"], rig=rig, speeds=speeds, sample_rate=4000, **program)
@@ -167,7 +170,10 @@ def replayed(bouncing_bag, tmp_path_factory):
 
 
 def exact(loaded):
-    """Speed (rpm) and gap (mm) at the end of each turn, each speed from where the last ended."""
+    """Yield speed (rpm) and gap (mm) at the end of each turn.
+
+    Each speed starts from the last state of the previous speed.
+    """
     (law,), state = loaded.laws.values(), ON_THE_CAM
     for speed in loaded.scene.program.speeds.si_list:
         run = StroboscopicMap(law, bouncing(loaded.rig, None), speed).run(TURNS, state)
@@ -176,7 +182,7 @@ def exact(loaded):
 
 
 def placed_from(axes, points):
-    """Rows of x and y that points were placed from."""
+    """Return the rows of x and y from which points were placed."""
     x, y = np.array(points).reshape(-1, 2).T
     across, up = x / axes.width, 1.0 - (y - axes.top) / axes.height
     placed = ((across, *axes.x), (up, *axes.y))
@@ -184,23 +190,23 @@ def placed_from(axes, points):
 
 
 def axes_of(bag):
-    return bounce_axes(bag.loaded, scene_ranges(bag.loaded).whole)
+    return bounce_axes(bag.loaded, scene_ranges(bag.loaded).all_cams)
 
 
 def test_points_are_the_states_of_the_exact_map(bouncing_bag, replayed):
-    """A row a turn, at the turn's end and speed; the run's last turn has no sample after it."""
+    """Each turn has one row, except for the last turn, which no sample follows."""
     rows = replayed.column(f"{GAPS}/tm21", POSITIONS)
     assert all(len(points) == 1 for points in rows)
     rpm, gap = np.array([*exact(bouncing_bag.loaded)])[:-1].T
     shown = placed_from(axes_of(bouncing_bag)[0], rows)
     np.testing.assert_allclose(shown[0], rpm, atol=1e-4)
     off = np.abs(shown[1] - gap)
-    assert np.median(off) < 1e-6 and off.max() < 1e3 * BESIDE_A_LANDING
+    assert np.median(off) < 1e-6 and off.max() < 1e3 * LANDING_ERROR
     assert np.ptp(gap) > 1.0
 
 
 def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
-    """Its row has the time of the tick in which the cam passes angle 0: the map grows."""
+    """Its row has the time of the tick in which the cam passes angle 0."""
     time = replayed.time(f"{GAPS}/tm21")
     scene = bouncing_bag.loaded.scene
     ticks = scene.program.ticks_per_turn
@@ -211,7 +217,7 @@ def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
 
 
 def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
-    """Each sample with an impulse, at its cam angle within the turn."""
+    """Each sample with an impulse is drawn at its cam angle within the turn."""
     points = [p for row in replayed.column(f"{LANDINGS}/tm21", POSITIONS) for p in row]
     _, degrees = placed_from(axes_of(bouncing_bag)[1], points)
     landed = bouncing_bag.samples[5] > 0.0
@@ -221,9 +227,9 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
 
 
 def test_a_live_view_gets_the_same_points(bouncing_bag, replayed, tmp_path):
-    """As they come, tick by tick, in one row for each turn."""
+    """A live view sends the same rows, tick by tick."""
     view = LiveView(bouncing_bag.loaded, str(tmp_path))
-    for _ in told(view, bouncing_bag):
+    for _ in play(view, bouncing_bag):
         view.flush()
     view.close()
     (part,) = tmp_path.glob("*.rrd")
@@ -233,8 +239,8 @@ def test_a_live_view_gets_the_same_points(bouncing_bag, replayed, tmp_path):
         np.testing.assert_array_equal(live.time(entity), replayed.time(entity))
 
 
-def test_only_a_follower_that_rebounds_has_one(picture):
-    """Of the shipped scenes one; a recording without it has nothing of it."""
+def test_only_a_follower_that_rebounds_has_the_chart(picture):
+    """Only the shipped scene `bounce` has the chart of bounces."""
     scenes = (config_root() / "scenes").glob("*.yaml")
     assert [path.stem for path in scenes if rebounds(open_scene(path))] == ["bounce"]
     assert not [entity for entity in picture.entities if entity.startswith(f"/{GAPS}")]

@@ -1,4 +1,4 @@
-"""Rerun's page: the recording, Rerun's own viewer behind a guard, and nothing else."""
+"""Rerun's page: the recording and Rerun's viewer behind a guard."""
 
 import itertools
 import os
@@ -27,7 +27,7 @@ from .asking import Visitor, ask, opened
 
 RECORDED = b"RRF2 of a kind"
 
-# -- who may ask ------------------------------------------------------------------------------
+# -- access control ---------------------------------------------------------------------------
 
 ACCESS = Access(8123, "right")
 OWN = f"{LOCAL_HOST}:8123"
@@ -46,36 +46,39 @@ COOKIES = {
     "cam_rig_8124=right": False,
     "cam_rig_8123=righ": False,
     "cam_rig_8123=": False,
-    'cam_rig_8123="right"': False,  # nothing is unquoted: that takes long where it is long
+    'cam_rig_8123="right"': False,  # quotes are not removed, because that is slow for long values
     "é\ud800=1": False,
     "": False,
 }
 
 
 def test_host_origin_and_cookie_must_all_be_right():
-    """One that is wrong refuses, whatever the others are, with one line that says what is."""
+    """A wrong host, origin or cookie refuses a request with a one-line reason."""
     for host, origin, cookie, needed in itertools.product(HOSTS, ORIGINS, COOKIES, (False, True)):
         given = {"host": host, "origin": origin, "cookie": cookie}
         headers = {name: value for name, value in given.items() if value is not None}
-        why_not = ACCESS.why_not(headers, None, needed)
+        reason = ACCESS.refusal_reason(headers, None, needed)
         right = HOSTS[host] and ORIGINS[origin] and COOKIES[cookie]
-        assert (why_not == "") == (right and not (needed and origin is None)), given
-        assert why_not == "" or "allowed" in why_not or "must be" in why_not
-        assert "right" not in why_not
-        assert len(why_not.splitlines()) <= 1
+        assert (reason == "") == (right and not (needed and origin is None)), given
+        assert reason == "" or "allowed" in reason or "must be" in reason
+        assert "right" not in reason
+        assert len(reason.splitlines()) <= 1
 
 
-def test_a_token_in_the_address_counts_alone_and_is_nobody_elses():
-    """A wrong one is refused also beside the right cookie; each server's is long and its own."""
+def test_a_token_in_the_address_takes_precedence_and_is_unique():
+    """A wrong token is refused even with the right cookie.
+
+    Tokens are long and unique.
+    """
     headers = {"host": OWN}
-    assert ACCESS.why_not(headers, "right") == ""
+    assert ACCESS.refusal_reason(headers, "right") == ""
     for wrong in ("", "wrong", "\ud800"):
-        assert ACCESS.why_not(headers | {"cookie": "cam_rig_8123=right"}, wrong) != ""
+        assert ACCESS.refusal_reason(headers | {"cookie": "cam_rig_8123=right"}, wrong) != ""
     tokens = {Access(1).token for _ in range(100)}
     assert len(tokens) == 100 and min(map(len, tokens)) >= 32
 
 
-# -- a recording's page -----------------------------------------------------------------------
+# -- page of a recording ---------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +90,10 @@ def page(tmp_path_factory):
 
 
 def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
-    """The token leaves the address; the page is told what to show, and asks nobody else."""
+    """The token is removed from the address.
+
+    The page gets its recording from this server.
+    """
     assert "token" not in page.home and "HttpOnly; Path=/; SameSite=Strict" in page.set_cookie
     status, headers, body = ask(page.address, page.home, Cookie=page.cookie)
     assert (status, headers.get_content_type()) == (200, "text/html")
@@ -106,8 +112,8 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
     assert ask(page.address, "/../../etc/passwd", Cookie=page.cookie)[0] == 404
 
 
-def test_the_cookie_is_of_a_host_that_no_other_server_knows(page):
-    """A browser sends a cookie to all ports of its host: no other server knows that host."""
+def test_the_cookie_belongs_to_a_host_that_no_other_server_knows(page):
+    """Each process has a random host, because a cookie is valid for all ports."""
     assert page.url.hostname == LOCAL_HOST and "Domain" not in page.set_cookie
     code = "from cam_rig.viewer.web_server import LOCAL_HOST; print(LOCAL_HOST)"
     names = {ended(sys.executable, "-c", code).stdout.strip() for _ in range(2)}
@@ -116,31 +122,31 @@ def test_the_cookie_is_of_a_host_that_no_other_server_knows(page):
 
 @pytest.mark.skipif(not _has_ipv6_loopback(), reason="this machine has no IPv6 loopback")
 def test_no_other_server_can_take_the_same_port_of_ipv6(page):
-    """A browser tries both loopback addresses of the name."""
+    """The server listens on both loopback addresses, because a browser tries both."""
     with socket.socket(socket.AF_INET6) as other, pytest.raises(OSError, match="in use"):
         other.bind(("::1", page.url.port))
 
 
-def test_the_entry_leads_to_no_other_host(page):
-    """Whatever the path, the page with the cookie leads to one of this server."""
+def test_the_entry_page_leads_to_no_other_host(page):
+    """The page that sets the cookie leads to this server for any requested path."""
     for path in ("/%2Fevil.example", "/%5Cevil.example", "/%22%3E%3Cscript%3E"):
         status, _, body = ask(page.address, f"{path}?{page.url.query}")
         led = re.search(rb'0; url=([^"]*)"', body)[1]
         assert status == 200 and re.fullmatch(rb"/[\w.%]+", led), (path, body)
 
 
-def test_without_the_token_there_is_nothing(page):
-    """Refuse recording and viewer without the cookie, or with the origin of another site."""
-    own = {"Cookie": page.cookie}
+def test_requests_without_the_cookie_are_refused(page):
+    """Recording and viewer need the cookie, and no origin of another site."""
+    cookie = {"Cookie": page.cookie}
     for path in ("/", "/a%20run.rrd", "/re_viewer.js", "/shown?ns=1", "/nothing"):
-        assert ask(page.address, path, **own)[0] != 403
-        for headers in ({}, own | {"Origin": "http://evil.example"}):
+        assert ask(page.address, path, **cookie)[0] != 403
+        for headers in ({}, cookie | {"Origin": "http://evil.example"}):
             status, answered, body = ask(page.address, path, **headers)
             assert (status, answered["Set-Cookie"]) == (403, None)
             assert RECORDED not in body
 
 
-NO_PATHS = [
+INVALID_PATHS = [
     b"foo",
     b"@x.invalid/y",
     b":1/y",
@@ -152,36 +158,36 @@ NO_PATHS = [
 ]
 
 
-def test_what_is_no_path_is_refused(page, capfd, monkeypatch):
-    """Nothing asked for is taken for a host, so that no name is looked up; no traceback."""
-    looked_up = []
+def test_invalid_paths_are_refused(page, capfd, monkeypatch):
+    """An invalid path causes no name lookup and no traceback."""
+    resolved = []
     original = socket.getaddrinfo
 
     def spied(host, *rest, **more):
-        looked_up.append(host)
+        resolved.append(host)
         return original(host, *rest, **more)
 
-    for asked in NO_PATHS:
+    for path in INVALID_PATHS:
         with socket.create_connection((LOOPBACK, page.url.port), timeout=WAIT_S) as asker:
             monkeypatch.setattr(socket, "getaddrinfo", spied)
-            lines = (b"GET " + asked + b" HTTP/1.1", b"Host: " + page.url.netloc.encode())
+            lines = (b"GET " + path + b" HTTP/1.1", b"Host: " + page.url.netloc.encode())
             asker.sendall(b"\r\n".join((*lines, b"Connection: close", b"", b"")))
             answer = b"".join(iter(lambda: asker.recv(4096), b""))
             monkeypatch.undo()
-        assert answer.startswith(b"HTTP/1.1 400 "), asked
-    assert set(looked_up) <= {LOOPBACK}
+        assert answer.startswith(b"HTTP/1.1 400 "), path
+    assert set(resolved) <= {LOOPBACK}
     assert "Traceback" not in capfd.readouterr().err
 
 
 def listening_ports(pids):
-    """The TCP ports at which processes listen."""
+    """Return the TCP ports at which processes listen."""
     rows = [row for pid in pids for row in sockets(pid, "tcp", "tcp6")]
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A"}
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
-def test_no_port_is_open_that_asks_for_no_token(tmp_path):
-    """Of a process that serves a file and a live run: each port refuses who has no token."""
+def test_every_open_port_requires_the_token(tmp_path):
+    """A process that serves a file and a live run has no other open port."""
     (tmp_path / "a.rrd").write_bytes(RECORDED)
     script = (
         "import sys, time; from pathlib import Path\n"
@@ -203,7 +209,7 @@ def test_no_port_is_open_that_asks_for_no_token(tmp_path):
             server.kill()
 
 
-# -- a live run's page ------------------------------------------------------------------------
+# -- page of a live run ----------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -214,14 +220,17 @@ def served():
 
 @pytest.fixture
 def live(served):
-    """A page of a run that has not begun."""
+    """Return the page of a run that has not started."""
     for recording in served[0].folder.iterdir():
         recording.unlink()
     return served
 
 
 def test_a_live_run_is_sent_while_it_is_written(live):
-    """What is written comes at once; the next run is named, and ends what was sent of this one."""
+    """New data arrive immediately.
+
+    A new run ends the response of the previous run.
+    """
     pages, reader = live
     assert reader.get("/shown?ns=-1") == b""
     recording = new_recording(pages.folder)
@@ -241,8 +250,8 @@ def test_a_live_run_is_sent_while_it_is_written(live):
         connection.close()
 
 
-def test_a_page_that_reads_nothing_holds_no_other_up(live):
-    """The run is written, and another page has it whole."""
+def test_a_page_that_does_not_read_blocks_no_other_page(live):
+    """The run is written, and another page receives all of it."""
     pages, reader = live
     recording = new_recording(pages.folder)
     with recording.open("wb", buffering=0) as node:
@@ -256,8 +265,11 @@ def test_a_page_that_reads_nothing_holds_no_other_up(live):
             connection.close()
 
 
-def test_a_long_run_goes_on_from_part_to_part(live, monkeypatch):
-    """One answer has them one after the other; a page that comes late has first part and newest."""
+def test_a_long_run_is_sent_part_by_part(live, monkeypatch):
+    """One response contains all parts.
+
+    A later page receives the first and the newest parts.
+    """
     pages, reader = live
     monkeypatch.setattr(page_module, "MAX_PART", 1)
     first = part = new_recording(pages.folder)
@@ -277,14 +289,14 @@ def test_a_long_run_goes_on_from_part_to_part(live, monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="reads Linux's own tables")
-def test_a_closed_page_is_followed_no_more(live):
-    """Also where nothing more is written, which alone would tell: its file is closed."""
+def test_the_recording_is_closed_after_its_page(live):
+    """The server closes the file even if the run writes no more data."""
     pages, reader = live
     recording = new_recording(pages.folder)
     recording.write_bytes(b"begin")
 
     def is_open():
-        """Whether this process reads the recording."""
+        """Return True if this process has the recording open."""
         links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
         return any(os.path.realpath(link) == str(recording) for link in links)
 
@@ -294,11 +306,14 @@ def test_a_closed_page_is_followed_no_more(live):
     assert is_open()
     answer.close()
     connection.close()
-    until(lambda: not is_open())  # else the page is followed though it was closed
+    until(lambda: not is_open())  # fails if the response continues after the page was closed
 
 
-def test_the_page_says_what_it_shows(live):
-    """The served page carries the script; what it says ends the waiting, and the node reads it."""
+def test_the_page_reports_its_rig_time(live):
+    """The served page contains the script.
+
+    Its report ends `until_open` and sets the delay.
+    """
     pages, reader = live
     assert b"/shown?ns=" in reader.get(reader.home)
     waiting = threading.Thread(target=pages.page.until_open, daemon=True)
@@ -311,11 +326,11 @@ def test_the_page_says_what_it_shows(live):
     assert page_delay(pages.folder) is not None
 
 
-# -- the folder between node and server -------------------------------------------------------
+# -- folder between node and server ----------------------------------------------------------
 
 
-def test_a_long_run_keeps_its_beginning_and_its_newest(tmp_path, monkeypatch):
-    """However long: the first part, of which the others are the going on, and some of the last."""
+def test_a_long_run_keeps_its_first_and_newest_parts(tmp_path, monkeypatch):
+    """The parts in between are deleted, and a new recording deletes the old one."""
     monkeypatch.setattr(page_module, "MAX_PART", 10)
     assert page_module.newest_recording(tmp_path) is None
     first = part = new_recording(tmp_path)
@@ -327,11 +342,11 @@ def test_a_long_run_keeps_its_beginning_and_its_newest(tmp_path, monkeypatch):
         following = page_module.next_part(part)
         following.touch()
         part = following
-        there = sorted(tmp_path.glob("*.rrd"))
-        assert there[0] == first == page_module.newest_recording(tmp_path) and there[-1] == part
-        assert len(there) <= page_module.KEPT_PARTS + 1
-    assert page_module.part_after(first) == there[1]
-    assert page_module.part_after(there[1]) == there[2] and page_module.part_after(part) is None
+        parts = sorted(tmp_path.glob("*.rrd"))
+        assert parts[0] == first == page_module.newest_recording(tmp_path) and parts[-1] == part
+        assert len(parts) <= page_module.KEPT_PARTS + 1
+    assert page_module.part_after(first) == parts[1]
+    assert page_module.part_after(parts[1]) == parts[2] and page_module.part_after(part) is None
     other = new_recording(tmp_path)
     assert page_module.part_after(first) is None
     assert not first.exists()
@@ -340,8 +355,8 @@ def test_a_long_run_keeps_its_beginning_and_its_newest(tmp_path, monkeypatch):
         new_recording(tmp_path / "gone")
 
 
-def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path):
-    """Nothing while none is, or it is being written; nothing when the folder is gone."""
+def test_the_delay_is_the_last_written_and_grows_when_overdue(tmp_path):
+    """It is None without a file, with an incomplete file, and without the folder."""
     assert page_delay(tmp_path) is None
     page_module.write_delay(tmp_path, None)
     assert page_delay(tmp_path) is None
@@ -357,12 +372,12 @@ def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path
     assert page_delay(tmp_path) is None and page_delay(tmp_path / "gone") is None
 
 
-# -- what a page does beside the viewer -------------------------------------------------------
+# -- script of the page and its delay --------------------------------------------------------
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
-def test_the_delay_is_wall_time_at_any_pace(factor):
-    """As of the page's report; one that hangs says nothing, and its delay grows all the same."""
+def test_the_delay_is_wall_clock_time_at_any_factor(factor):
+    """It follows from the page's report, and grows if a page no longer reports."""
     wall = SimpleNamespace(now=0.0)
     page = PageTime(lambda: wall.now)
     for i in range(40):
@@ -378,8 +393,8 @@ def test_the_delay_is_wall_time_at_any_pace(factor):
     assert page.behind() == pytest.approx(8.0)
 
 
-def test_a_page_that_shows_nothing_or_is_ahead_is_not_late():
-    """Without a rig time there is no delay; what the drive has not reported may be shown."""
+def test_a_page_without_rig_time_or_ahead_of_the_drive_is_not_late():
+    """The delay is None without a rig time, and 0 if the page is ahead of the drive."""
     page = PageTime(lambda: 0.0)
     page.driven(1.0)
     page.take("ns=-1")
@@ -391,8 +406,8 @@ def test_a_page_that_shows_nothing_or_is_ahead_is_not_late():
     assert page.behind() == 0.0
 
 
-def test_the_request_names_timeline_and_time():
-    """As Rerun's Viewer Control API numbers its fields; the page must not import Rerun."""
+def test_the_request_contains_timeline_and_time():
+    """The message has the field numbers of Rerun's Viewer Control API."""
     assert page_module.TIMELINE == RIG_TIME == "rig_time"
     for time_ns, varint in (
         (1, b"\x01"),
@@ -404,7 +419,7 @@ def test_the_request_names_timeline_and_time():
         assert page_module.cursor_request(time_ns) == b"\x32" + bytes([len(parts)]) + parts
 
 
-def test_only_a_recording_that_begins_later_has_its_cursor_moved():
-    """A live run is followed, and its page asks nothing of its viewer."""
+def test_only_a_recording_with_a_start_time_moves_the_cursor():
+    """The page of a live run sends no request to its viewer."""
     assert "viewer_control" not in page_script() and "viewer_control" in page_script(0.3)
     assert "300000000n" in page_script(0.3)

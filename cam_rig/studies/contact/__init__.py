@@ -1,1 +1,1 @@
-"""Contact of cam and follower: Hertz pressure, sliding, and the base radius that they ask for."""
+"""Contact of cam and follower: Hertz pressure, sliding, and base radius."""

@@ -1,4 +1,4 @@
-"""The command ``cam-rig contact``."""
+"""cam-rig contact: Hertz pressure and sliding of cams."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from cam_rig.errors import ConfigError
 from cam_rig.show.command import CamsOrScene, RigOfScene, check_outputs, command, write_plot
 from cam_rig.show.result import Result
 
-#: Speed of contact: below every jump speed of the paper's laws.
+#: Default speed of the cam, rpm. It is below every jump speed of the paper's laws.
 CONTACT_RPM = 300.0
 
 
 Events = Annotated[
     Path | None,
-    typer.Option("--events", help="Draw the least base radius over the event angle, law by law."),
+    typer.Option("--events", help="Draw the least base radius over the event angle, by law."),
 ]
 
 
@@ -26,20 +26,26 @@ Rpm = Annotated[float, typer.Option(min=0.0, max=1e5, help="Speed of the cam.")]
 
 
 Steepest = Annotated[
-    float, typer.Option(metavar="DEG", min=1.0, max=89.0, help="Most pressure angle of --events.")
+    float,
+    typer.Option(metavar="DEG", min=1.0, max=89.0, help="Pressure angle of --events."),
 ]
 
 
 Sharpest = Annotated[
     float,
     typer.Option(
-        metavar="LIFTS", min=0.0, max=100.0, help="Roller and least radius of --events, in lifts."
+        metavar="LIFTS",
+        min=0.0,
+        max=100.0,
+        help="Roller radius plus least radius of --events, in lifts.",
     ),
 ]
 
 
-#: Pressure angle (degrees) of the nomogram, and its roller and least radius in lifts.
-STEEPEST, SHARPEST = 30.0, 2.0
+#: Default of the largest pressure angle of the nomogram, degrees.
+STEEPEST = 30.0
+#: Default of the sum of roller radius and least radius of curvature, in lifts.
+SHARPEST = 2.0
 
 
 @command("json", "csv", "plot")
@@ -51,12 +57,12 @@ def contact(
     pressure_angle: Steepest = STEEPEST,
     sharpest: Sharpest = SHARPEST,
 ) -> Result:
-    """Find Hertz pressure and sliding speed over the turn, and the bounds on the base radius.
+    """Find Hertz pressure, sliding speed and bounds on the base radius.
 
-    A rigid follower in contact, without friction. Face width, material, tip radius of a point and
-    what is permissible stand under contact in the cam file; what it does not give is assumed, and
-    is listed. From below the base radius is bounded by pressure, curvature and pressure angle, from
-    above by sliding. --events draws the nomogram: least radii in lifts over the event angle.
+    The follower is rigid, in contact and without friction. Face width, material, tip radius of a
+    point and permissible values are under contact in the cam file. Missing values are assumed and
+    listed. Pressure, curvature and pressure angle give lower bounds on the base radius, and sliding
+    gives an upper bound. --events draws the nomogram: least radii in lifts over the event angle.
 
     In Python: cam_rig.contact(cams, rig, rpm, pressure_angle)
 
@@ -73,11 +79,11 @@ def contact(
         raise ConfigError(
             "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
         )
-    most = math.radians(pressure_angle)
-    steepest = None if events is None else most
-    found = study.contact(cams, rig, rpm, pressure_angle=steepest)
+    max_angle = math.radians(pressure_angle)
+    nomogram_angle = None if events is None else max_angle
+    result = study.contact(cams, rig, rpm, pressure_angle=nomogram_angle)
     if events is not None:
         from cam_rig.studies.contact.figures import events_figure
 
-        write_plot(events, lambda: events_figure(most, sharpest))
-    return found
+        write_plot(events, lambda: events_figure(max_angle, sharpest))
+    return result

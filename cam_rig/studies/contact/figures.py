@@ -1,4 +1,4 @@
-"""Hertz pressure and sliding over the turn and the base radius; the nomogram of event angles."""
+"""Figures of Hertz pressure and sliding, and the nomogram of event angles."""
 
 from __future__ import annotations
 
@@ -17,21 +17,29 @@ from cam_rig.studies.contact.study import CamContact, ContactResult
 from cam_rig.studies.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.units import FloatArray
 
-#: Samples of a turn, and base radii of a curve from and to these times the cam's own.
-POINTS, RADII = 1440, 36
-FROM, TO = 0.25, 3.0
-#: Letters of a name in the legend, of which three stand beside each other.
+#: Number of samples of a turn.
+POINTS = 1440
+#: Number of base radii of a curve.
+RADII = 36
+#: Smallest base radius of a curve, relative to that of the cam.
+MIN_RATIO = 0.25
+#: Largest base radius of a curve, relative to that of the cam.
+MAX_RATIO = 3.0
+#: Largest number of letters of a name in a legend with three columns.
 LETTERS = 32
 #: Event angles of the nomogram, degrees.
 EVENTS = np.linspace(30.0, 180.0, 151)
 
 
 @styled
-def figure(found: ContactResult) -> Figure:
-    """Left over the turn, right the largest values over the base radius, with what is allowed."""
-    rows = found.rows
-    out = empty(5.6)
-    panels = out.subplots(2, 2)
+def figure(result: ContactResult) -> Figure:
+    """Draw pressure and sliding over the turn, and their maxima over the base radius.
+
+    Dashed lines are the permissible values.
+    """
+    rows = result.rows
+    fig = empty(5.6)
+    panels = fig.subplots(2, 2)
     for row in rows:
         style = line(row.case.cam.name)
         _over_turn(panels[:, 0], row, style)
@@ -41,10 +49,13 @@ def figure(found: ContactResult) -> Figure:
     for axes in panels[:, 0]:
         turn_axis(axes)
     parts = [row.case.cam.parts for row in rows]
-    _limit(panels[0, 1], {1e-6 * one.most_pressure.si for one in parts}, "most pressure", "MPa")
+    _limit(panels[0, 1], {1e-6 * part.most_pressure.si for part in parts}, "most pressure", "MPa")
     if not all(row.case.surfaces.rolls for row in rows):
         _limit(
-            panels[1, 1], {one.most_sliding_speed.si for one in parts}, "most sliding speed", "m/s"
+            panels[1, 1],
+            {part.most_sliding_speed.si for part in parts},
+            "most sliding speed",
+            "m/s",
         )
     else:
         panels[1, 1].text(0.5, 0.5, "rollers roll", ha="center", transform=panels[1, 1].transAxes)
@@ -55,30 +66,30 @@ def figure(found: ContactResult) -> Figure:
     panels[1, 1].set(ylabel="largest sliding speed [m/s]", xlabel="base radius $R_b$ [mm]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     columns = 3 if max(map(len, labels)) <= LETTERS else 2
-    out.legend(handles, labels, loc="outside lower center", ncols=columns)
-    out.suptitle(f"Contact at {found.rpm:g} rpm, rig: {in_words(found.rig)}")
-    return out
+    fig.legend(handles, labels, loc="outside lower center", ncols=columns)
+    fig.suptitle(f"Contact at {result.rpm:g} rpm, rig: {in_words(result.rig)}")
+    return fig
 
 
 def _over_turn(panels: FloatArray, row: CamContact, style: dict[str, Any]) -> None:
-    at = row.case.at(turn_angles(POINTS))
-    surfaces, degrees = row.case.surfaces, np.degrees(at[0].angle)
+    motion_touch = row.case.at(turn_angles(POINTS))
+    surfaces, degrees = row.case.surfaces, np.degrees(motion_touch[0].angle)
     name = f"{short(row.case.cam.title)} ({row.case.cam.follower.type.replace('_', ' ')})"
-    panels[0].plot(degrees, 1e-6 * surfaces.pressure(*at), label=name, **style)
-    panels[1].plot(degrees, surfaces.sliding(*at), **style)
+    panels[0].plot(degrees, 1e-6 * surfaces.pressure(*motion_touch), label=name, **style)
+    panels[1].plot(degrees, surfaces.sliding(*motion_touch), **style)
 
 
 def _over_base(
     axes: Axes, row: CamContact, style: dict[str, Any], measure: Measure, factor: float
 ) -> None:
-    own = row.case.cam.follower.base_radius.si
-    base = own * np.geomspace(FROM, TO, RADII)
-    values = [measured(row.case, measure, float(one)) for one in base]
-    shown = [math.nan if v is None or math.isinf(v) else factor * v for v in values]
-    axes.plot(1e3 * base, shown, **style)
-    here = measured(row.case, measure, own)
-    assert here is not None
-    axes.plot(1e3 * own, factor * here, "o", color=style["color"], ms=5)
+    cam_radius = row.case.cam.follower.base_radius.si
+    base = cam_radius * np.geomspace(MIN_RATIO, MAX_RATIO, RADII)
+    values = [measured(row.case, measure, float(radius)) for radius in base]
+    displayed = [math.nan if v is None or math.isinf(v) else factor * v for v in values]
+    axes.plot(1e3 * base, displayed, **style)
+    cam_value = measured(row.case, measure, cam_radius)
+    assert cam_value is not None
+    axes.plot(1e3 * cam_radius, factor * cam_value, "o", color=style["color"], ms=5)
 
 
 def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
@@ -89,13 +100,14 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 
 @styled
 def events_figure(most: float, radius: float) -> Figure:
-    """Least radii over the event angle, law by law, in lifts; ``most`` pressure angle in rad.
+    """Draw the nomogram: least radii in lifts over the event angle, by law.
 
-    The ``radius`` is the roller's and the least one of the contour together.
+    ``most`` is the largest pressure angle in rad. ``radius`` is the sum of roller radius and least
+    radius of curvature of the contour, in lifts.
     """
     event = np.radians(EVENTS)
-    out = empty(3.6)
-    panels = out.subplots(1, 3)
+    fig = empty(3.6)
+    panels = fig.subplots(1, 3)
     for name in surfaces.RISES:
         curves = (
             surfaces.by_pressure_angle(name, event, most),
@@ -113,5 +125,5 @@ def events_figure(most: float, radius: float) -> Figure:
     for axes, title, name in zip(panels, titles, names, strict=True):
         axes.set(title=title, ylabel=name, xlabel="event angle β [°]", xlim=(30.0, 180.0))
         axes.set(xticks=range(30, 181, 30), ylim=(-0.5, 8.0))
-    out.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return out
+    fig.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return fig

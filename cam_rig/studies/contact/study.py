@@ -1,4 +1,4 @@
-"""Contact of several cams on one rig at one speed."""
+"""Contact of cams at one speed: pressure, sliding and bounds on the base radius."""
 
 from __future__ import annotations
 
@@ -34,16 +34,31 @@ from cam_rig.studies.contact.surfaces import (
 )
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
 
-#: Event angles of the nomogram's tables, degrees.
+#: Event angles of the tables of the nomogram, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 
 
 @dataclass(frozen=True, eq=False)
 class CamContact:
-    """Largest Hertz ``pressure`` (Pa) and sliding speed (m/s) over the turn, and where.
+    """Contact of one cam over the turn.
 
-    At the former the normal force (N), the contact's width (m), and 1/κ of the pair (m), of the
-    follower alone where the cam is straight; ``lost`` where the cam would have to pull somewhere.
+    Parameters
+    ----------
+    case : ContactCase
+        Cam with its law and surfaces.
+    pressure : Extreme
+        Largest Hertz pressure in Pa and its cam angle.
+    load, width : float
+        Normal force in N and width of the contact in m at the largest pressure.
+    relative_radius : float
+        Relative radius 1/κ of the pair in m at the largest pressure. It is the radius of the
+        follower if the cam is straight there.
+    sliding : Extreme
+        Largest sliding speed in m/s and its cam angle.
+    lost : bool
+        True if contact is lost, because the cam would have to pull at some angle.
+    bounds : BaseBounds
+        Bounds on the base radius.
     """
 
     case: ContactCase
@@ -57,47 +72,47 @@ class CamContact:
 
     @property
     def cam(self) -> CamConfig:
-        """The cam."""
+        """Cam with its follower."""
         return self.case.cam
 
     @property
     def roller_rpm(self) -> float | None:
-        """Greatest speed (rpm) of a roller about its pin, carried along by the cam."""
+        """Greatest speed (rpm) of a roller about its pin, or None without a roller."""
         surfaces = self.case.surfaces
         return self.sliding.value / surfaces.radius * RPM_PER_RAD_S if surfaces.rolls else None
 
     @property
     def result(self) -> str:
-        """Whether the cam's own base radius is within the bounds."""
-        least, most = self.bounds.least, self.bounds.sliding
-        if least is None or most is None or least > most:
+        """Comparison of the cam's base radius with the bounds, as text."""
+        lower, upper = self.bounds.least, self.bounds.sliding
+        if lower is None or upper is None or lower > upper:
             return "no base radius meets all"
-        own = self.cam.follower.base_radius.si
-        return "within" if least <= own <= most else "outside"
+        radius = self.cam.follower.base_radius.si
+        return "within" if lower <= radius <= upper else "outside"
 
 
 def contact_row(case: ContactCase) -> CamContact:
-    """All measures of one cam."""
+    """Return all measures of one cam."""
     surfaces, scan = case.surfaces, case.scan
     pressure = scan.greatest_of(surfaces.pressure)
-    lightest = -scan.greatest_of(lambda *at: -surfaces.normal_force(*at)).value
-    # At a joint the pressure jumps: both sides of it, and the one that presses harder.
+    min_force = -scan.greatest_of(lambda *motion: -surfaces.normal_force(*motion)).value
+    # The pressure jumps at a joint, so the side with the larger pressure is selected.
     sides = [Motion.at(case.law, np.array([pressure.angle + d])) for d in (-1e-9 * TURN, 0.0)]
-    at = max(sides, key=lambda side: surfaces.pressure(side, scan.element.touch(side))[0])
-    touch = scan.element.touch(at)
+    motion = max(sides, key=lambda side: surfaces.pressure(side, scan.element.touch(side))[0])
+    touch = scan.element.touch(motion)
     return CamContact(
         case=case,
         pressure=pressure,
-        load=float(surfaces.normal_force(at, touch)[0]),
-        width=float(surfaces.width(at, touch)[0]),
+        load=float(surfaces.normal_force(motion, touch)[0]),
+        width=float(surfaces.width(motion, touch)[0]),
         relative_radius=float(1.0 / surfaces.curvature(touch)[0]),
         sliding=scan.greatest_of(surfaces.sliding),
-        lost=lightest <= 0.0,
+        lost=min_force <= 0.0,
         bounds=base_bounds(case),
     )
 
 
-def _each(values: Iterable[float]) -> str:
+def _values(values: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in sorted(set(values)))
 
 
@@ -111,7 +126,7 @@ def _bound(key: str, heading: str) -> Column:
     def cell(row: CamContact) -> Cell:
         value = getattr(row.bounds, key)
         if value is None:
-            return "none will do"
+            return "impossible"
         return "no bound" if math.isinf(value) else 1e3 * value
 
     return Column(key, "mm", ".1f", heading, f"bounds.{key}", cell)
@@ -129,9 +144,18 @@ RADII = (
 
 @dataclass(frozen=True, repr=False)
 class ContactResult(Result):
-    """The contact of cams on a rig of that name at one speed (rpm).
+    """Contact of cams on a rig at one speed.
 
-    ``steepest`` is the most pressure angle (rad) of the nomogram, where that is asked for.
+    Parameters
+    ----------
+    rig : str
+        Name of the rig.
+    rpm : float
+        Speed of the cam in rpm.
+    rows : tuple of CamContact
+        Contact of each cam.
+    steepest : float, optional
+        Largest pressure angle of the nomogram in rad. None without a nomogram.
     """
 
     schema = "cam_rig.contact.1"
@@ -188,7 +212,10 @@ class ContactResult(Result):
     steepest: float | None = None
 
     def tables(self) -> list[Records]:
-        """``contact``, ``bounds``, ``assumed``; ``roller_radii`` and ``face_radii`` if asked."""
+        """Return the tables ``contact``, ``bounds``, ``assumed`` and of the nomogram.
+
+        The tables of the nomogram are ``roller_radii`` and ``face_radii``.
+        """
         parts = [row.cam.parts for row in self.rows]
         contact = self.table(
             "contact",
@@ -196,11 +223,10 @@ class ContactResult(Result):
             self.rows,
             "A roller that turns freely does not slide; the cam carries its rim along.",
             Footnote(
-                "A point without a radius would have infinite pressure: it is taken with its tip "
-                "radius.",
+                "A point without a radius would have infinite pressure: its tip radius is used.",
                 lambda row: not row.case.surfaces.rolls and math.isfinite(row.case.surfaces.radius),
             ),
-            f"Face width: {_each(1e3 * one.face_width.si for one in parts)} mm.",
+            f"Face width: {_values(1e3 * part.face_width.si for part in parts)} mm.",
             Footnote(
                 "The cam would have to pull somewhere: contact is lost, and landings press harder.",
                 lambda row: row.lost,
@@ -211,16 +237,16 @@ class ContactResult(Result):
             "bounds",
             f"Bounds on the base radius at {self.rpm:g} rpm",
             self.rows,
-            "0: every base radius down to a hundredth of the cam's own will do.",
-            f"Most pressure: {_each(1e-6 * one.most_pressure.si for one in parts)} MPa. "
-            f"Most sliding speed: {_each(one.most_sliding_speed.si for one in parts)} m/s.",
+            "0: every base radius down to a hundredth of the cam's satisfies the limit.",
+            f"Most pressure: {_values(1e-6 * part.most_pressure.si for part in parts)} MPa. "
+            f"Most sliding speed: {_values(part.most_sliding_speed.si for part in parts)} m/s.",
         )
         assumed = self.table(
             "assumed",
-            "What is assumed of a contact where a cam file does not say",
+            "Assumed numbers of a contact that a cam file does not contain",
             quantities(ContactParts(), ""),
         )
-        run = self.table("run", "On which rig, how fast", [self], single=True, hidden=True)
+        run = self.table("run", "Rig and speed", [self], single=True, hidden=True)
         return [contact, bounds, assumed, *self._nomogram(), run]
 
     def _nomogram(self) -> Iterator[Records]:
@@ -242,7 +268,7 @@ def _quantity(quantity: Quantity) -> str:
 
 
 def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None) -> ContactResult:
-    """The contact of every cam of a set at one speed; see `ContactResult`."""
+    """Return the contact of every cam of a set at one speed."""
     rig = FollowerParameters.from_rig(cam_set.rig)
     rows = (
         contact_row(contact_case(cam, cam_set.laws[name], rig, rpm * RPM))
@@ -251,7 +277,7 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
     return ContactResult(cam_set.rig.name, rpm, tuple(rows), steepest)
 
 
-#: Below every jump speed of the paper's laws, rpm.
+#: Default speed, rpm. It is below every jump speed of the paper's laws.
 SPEED = 300.0
 
 
@@ -259,30 +285,42 @@ SPEED = 300.0
 def contact(
     cams: Cams = None, rig: Rig = None, rpm: float = SPEED, *, pressure_angle: float | None = None
 ) -> ContactResult:
-    """Hertz pressure and sliding speed over the turn, and what base radius they ask for.
+    """Find Hertz pressure, sliding speed and bounds on the base radius.
 
-    A rigid follower in contact, without friction; width and material are the cam's ``contact``.
-
-    The command is ``cam-rig contact``.
+    The follower is rigid, in contact and without friction. Face width and material are in the
+    section ``contact`` of the cam. The command is ``cam-rig contact``.
 
     Parameters
     ----------
-    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
-    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
-        ``paper_table2``
-    rpm : of the cam, rpm, to 1e5
-    pressure_angle : rad, 1° to 89°: with it the least base radii over the event angle at which no
-        pressure angle is larger stand in a table of their own, ``nomogram``
+    cams : str, Path, Cam or sequence
+        Cams as names, paths or results of `load_cam`, or one scene (default: the cams of the
+        paper's Table 2).
+    rig : str, Path or Rig
+        Rig (default: that of the scene, or the only rig next to the cams, else
+        ``paper_table2``).
+    rpm : float
+        Speed of the cam in rpm, 0 to 1e5 rpm (default: 300 rpm).
+    pressure_angle : float, optional
+        Largest pressure angle in rad, 1° to 89°. With it the result contains the tables
+        ``roller_radii`` and ``face_radii`` of the nomogram: least base radii over the event angle.
+
+    Returns
+    -------
+    ContactResult
+        Pressure, sliding and bounds of each cam, and the assumed numbers.
 
     Raises
     ------
-    ConfigError : an unknown cam, rig or scene, or a number that is out of range
+    ConfigError
+        A cam, rig or scene is unknown, or a number is out of range.
+    ProfileError
+        A tip radius is larger than a concave radius of curvature of the cam.
 
     Examples
     --------
     >>> import cam_rig
-    >>> found = cam_rig.contact("poly345", rpm=200)
-    >>> found.to_pandas().cam.tolist()
+    >>> result = cam_rig.contact("poly345", rpm=200)
+    >>> result.to_pandas().cam.tolist()
     ['poly345']
     """
     if not 0.0 <= rpm <= FASTEST_RPM:

@@ -1,8 +1,8 @@
 """Load, pressure and sliding of cam and follower over the turn.
 
-The force along the guide, or along the arc of the arm, is that of a rigid follower in contact. By
-virtual work N v·n = F ṡ it presses along the common normal: N = F / cos α in a guide. Friction is
-left out. Where the cam would have to pull there is no contact and no pressure.
+The force F along the guide, or along the arc of the arm, is that of a rigid follower in contact.
+The normal force N follows from virtual work, N v·n = F ṡ, and is N = F / cos α in a guide. Friction
+is neglected. If the cam would have to pull, the force and the pressure are zero.
 """
 
 from __future__ import annotations
@@ -31,25 +31,39 @@ from cam_rig.units import FloatArray
 
 
 def hertz_pressure(load: FloatArray, curvature: FloatArray, modulus: float) -> FloatArray:
-    """Largest pressure p₀ (Pa), in the middle of the contact: √(F' E* κ / π).
+    """Return the largest pressure p₀ (Pa), at the middle of contact: √(F' E* κ / π).
 
-    F' in N/m is the force over the face width, κ = 1/R₁ + 1/R₂ with a negative radius where it is
-    concave, E* in Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂.
+    ``load`` is the force F' per face width in N/m. ``curvature`` is κ = 1/R₁ + 1/R₂ in 1/m, where a
+    concave radius is negative. ``modulus`` is E* in Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂.
     """
     return np.sqrt(load * modulus * curvature / np.pi)
 
 
 def half_width(load: FloatArray, curvature: FloatArray, modulus: float) -> FloatArray:
-    """Half the width of the contact b (m): √(4 F' / (π E* κ))."""
+    """Return half the width of the contact b (m): √(4 F' / (π E* κ))."""
     return np.sqrt(4.0 * load / (np.pi * modulus * curvature))
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """One cam under its follower at one speed (rad/s); arrays have the shape of the motion.
+    """Surfaces of a cam and its follower at one speed.
 
-    ``radius`` (m) is of the follower's surface: a roller's, which ``rolls`` instead of sliding, a
-    point's tip, infinite for a face.
+    Arrays have the shape of the motion.
+
+    Parameters
+    ----------
+    element : Element
+        Surface of the follower.
+    radius : float
+        Radius of the follower's surface in m: that of a roller or a tip, infinite for a face.
+    rolls : bool
+        True for a roller, which rolls instead of sliding.
+    parts : ContactParts
+        Face width, material and permissible values.
+    rig : FollowerParameters
+        Follower of the rig.
+    speed : float
+        Speed of the cam in rad/s.
     """
 
     element: Element
@@ -60,35 +74,41 @@ class Surfaces:
     speed: float
 
     def normal_force(self, motion: Motion, touch: Touch) -> FloatArray:
-        """N along the common normal (N); 0 where the cam would have to pull."""
-        row = np.stack([motion.s, motion.slope, motion.curvature])
-        force = np.tensordot(force_weights(self.rig, self.speed), row, axes=1) + self.rig.preload
+        """Return the force (N) along the common normal, 0 if the cam would have to pull."""
+        orders = np.stack([motion.s, motion.slope, motion.curvature])
+        force = np.tensordot(force_weights(self.rig, self.speed), orders, axes=1) + self.rig.preload
         lever = (self.element.moves(touch.contact) * touch.normal.conj()).real
-        with np.errstate(divide="ignore"):  # a face that the cam touches at its pivot
-            held = np.where(lever > 0.0, np.asarray(force) / lever, np.inf)
-        return np.maximum(held, 0.0)
+        with np.errstate(divide="ignore"):  # a face touched at its pivot
+            normal = np.where(lever > 0.0, np.asarray(force) / lever, np.inf)
+        return np.maximum(normal, 0.0)
 
     def curvature(self, touch: Touch) -> FloatArray:
-        """κ = 1/ρ + 1/R of the pair; infinite where they do not fit or the cam is undercut."""
+        """Return the curvature κ = 1/ρ + 1/R of the pair in 1/m.
+
+        It is infinite if the follower does not fit into the cam, or the cam is undercut.
+        """
         with np.errstate(divide="ignore"):
-            found = 1.0 / touch.radius + 1.0 / self.radius
-        fits = (found > 0.0) & (touch.rate > 0.0)
-        return np.where(fits, found, np.inf)
+            curvature = 1.0 / touch.radius + 1.0 / self.radius
+        fits = (curvature > 0.0) & (touch.rate > 0.0)
+        return np.where(fits, curvature, np.inf)
 
     def pressure(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Largest Hertz pressure p₀ (Pa); infinite where they do not fit, loaded or not."""
+        """Return the Hertz pressure p₀ (Pa), infinite if the curvature is infinite."""
         load, curvature = self.normal_force(motion, touch), self.curvature(touch)
-        with np.errstate(invalid="ignore"):  # no load on what does not fit
-            found = hertz_pressure(load / self.parts.face_width.si, curvature, self.parts.modulus)
-        return np.where(np.isinf(curvature), np.inf, found)
+        with np.errstate(invalid="ignore"):  # infinite curvature without load
+            value = hertz_pressure(load / self.parts.face_width.si, curvature, self.parts.modulus)
+        return np.where(np.isinf(curvature), np.inf, value)
 
     def width(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Width 2b of the contact (m)."""
+        """Return the width 2b of the contact (m)."""
         load = self.normal_force(motion, touch) / self.parts.face_width.si
         return 2.0 * half_width(load, self.curvature(touch), self.parts.modulus)
 
     def sliding(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Speed of the cam's surface along the follower's, of a free roller's rim (m/s)."""
+        """Return the sliding speed (m/s).
+
+        For a free roller it is the speed of its rim.
+        """
         carried = motion.slope * self.element.moves(touch.contact)
         relative = 1j * touch.contact - carried
         return np.abs((relative * touch.normal.conj()).imag) * self.speed
@@ -96,7 +116,7 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class ContactCase:
-    """A cam on a rig at a speed (rad/s), checked: the contact exists all the way round."""
+    """Checked cam on a rig at a speed, with contact over the whole turn."""
 
     cam: CamConfig
     law: Law
@@ -104,17 +124,23 @@ class ContactCase:
 
     @cached_property
     def scan(self) -> Scan:
-        """The contact over the whole turn."""
+        """Contact over the whole turn."""
         return Scan(self.law, self.surfaces.element)
 
     def at(self, angle: FloatArray) -> tuple[Motion, Touch]:
-        """Motion and contact at cam angles, rad."""
+        """Return motion and contact at cam angles (rad)."""
         motion = Motion.at(self.law, angle)
         return motion, self.surfaces.element.touch(motion)
 
 
 def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float) -> ContactCase:
-    """A cam whose contact can be asked for; ``speed`` in rad/s."""
+    """Check a cam, and return its contact at a ``speed`` in rad/s.
+
+    Raises
+    ------
+    ProfileError
+        If the profile is invalid, or the tip radius is larger than a concave radius of curvature.
+    """
     require_profile(cam, law)
     radius, follower = np.inf, cam.follower
     if follower.roller > 0.0:
@@ -122,33 +148,43 @@ def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float
     elif isinstance(follower, Point | OscillatingPoint):
         radius = cam.parts.tip_radius.si
     element, rolls = discs(follower, law)[0].element, follower.roller > 0.0
-    found = ContactCase(cam, law, Surfaces(element, radius, rolls, cam.parts, rig, speed))
-    hollow = found.scan.greatest(lambda touch: -1.0 / touch.radius)
-    if hollow.value * found.surfaces.radius >= 1.0:
+    case = ContactCase(cam, law, Surfaces(element, radius, rolls, cam.parts, rig, speed))
+    hollow = case.scan.greatest(lambda touch: -1.0 / touch.radius)
+    if hollow.value * case.surfaces.radius >= 1.0:
         raise ProfileError(
-            f"cam {cam.name!r}: contact.tip_radius is {found.surfaces.radius * 1e3:.5g} mm; "
+            f"cam {cam.name!r}: contact.tip_radius is {case.surfaces.radius * 1e3:.5g} mm; "
             f"allowed: less than the cam's concave radius of curvature, {1e3 / hollow.value:.5g} mm"
             f" at {np.degrees(hollow.angle):.4g}°"
         )
-    return found
+    return case
 
 
-# The base radius that a contact asks for, from below and from above.
+# Lower and upper bounds on the base radius.
 
-#: A number of the whole turn, larger than its limit when it is bad.
+#: Measure of the whole turn, which must not exceed its limit.
 Measure = Callable[[Surfaces, Scan], float]
 
-#: Lower bounds, those of the thesis first, and what a sentence calls them.
+#: Lower bounds by their keys, with their displayed names.
 LOWER = {"curvature": "curvature", "pressure": "Hertz pressure", "pressure_angle": "pressure angle"}
 
 
 @dataclass(frozen=True)
 class BaseBounds:
-    """Base radii (m) of one cam at one speed; each holds with the cam's other numbers unchanged.
+    """Bounds on the base radius (m) of a cam at one speed.
 
-    The least without undercut and sharper parts than asked for, for the most pressure angle and
-    Hertz pressure; the greatest for the most sliding speed, infinite for a roller. None where none
-    will do, 0 where every one down to a hundredth of the cam's own does.
+    The other numbers of the cam are fixed. A bound is None if no base radius satisfies the limit.
+    A lower bound is 0 if every base radius down to a hundredth of the cam's satisfies the limit.
+
+    Parameters
+    ----------
+    curvature : float, optional
+        Least base radius without undercut and with the least radius of curvature.
+    pressure_angle : float, optional
+        Least base radius for the largest pressure angle.
+    pressure : float, optional
+        Least base radius for the permissible Hertz pressure.
+    sliding : float, optional
+        Greatest base radius for the permissible sliding speed, infinite for a roller.
     """
 
     curvature: float | None
@@ -158,54 +194,60 @@ class BaseBounds:
 
     @property
     def least(self) -> float | None:
-        """The largest of the three lower bounds, None where one cannot be met."""
+        """Largest of the three lower bounds, or None if a limit cannot be satisfied."""
         lower = [getattr(self, key) for key in LOWER]
         return None if None in lower else max(lower)
 
     @property
     def governing(self) -> str:
-        """Key of the largest lower bound, or of one that no base radius meets; "" for none."""
+        """Key of the largest lower bound, or of a limit that cannot be satisfied.
+
+        It is empty if all lower bounds are 0.
+        """
         lower = {key: getattr(self, key) for key in LOWER}
         worst = max(LOWER, key=lambda key: np.inf if lower[key] is None else lower[key])
         return "" if lower[worst] == 0.0 else worst
 
     @property
     def feasible(self) -> bool:
-        """Whether a base radius meets all of them."""
+        """True if a base radius satisfies all limits."""
         return self.least is not None and self.sliding is not None and self.least <= self.sliding
 
 
 def base_bounds(case: ContactCase) -> BaseBounds:
-    """All bounds on the base radius of a cam."""
+    """Return all bounds on the base radius of a cam."""
     follower, limits = case.cam.follower, case.surfaces.parts
-    own = follower.base_radius.si
+    radius = follower.base_radius.si
 
     def steepest(_: Surfaces, scan: Scan) -> float:
         return scan.greatest(lambda touch: np.abs(touch.pressure)).value
 
     def least(measure: Measure, limit: float) -> float | None:
-        return least_base(lambda base: -_excess(case, measure, limit, base, np.inf), own)
+        return least_base(lambda base: -_excess(case, measure, limit, base, np.inf), radius)
 
     return BaseBounds(
         curvature=least_base_radius(follower, case.law),
         pressure_angle=least(steepest, greatest_allowed(follower, case.surfaces.element)),
         pressure=least(peak_pressure, limits.most_pressure.si),
-        sliding=_greatest(case, own, limits.most_sliding_speed.si),
+        sliding=_greatest(case, radius, limits.most_sliding_speed.si),
     )
 
 
 def peak_pressure(surfaces: Surfaces, scan: Scan) -> float:
-    """Largest Hertz pressure (Pa) over the turn."""
+    """Return the largest Hertz pressure (Pa) over the turn."""
     return scan.greatest_of(surfaces.pressure).value
 
 
 def peak_sliding(surfaces: Surfaces, scan: Scan) -> float:
-    """Largest sliding speed (m/s) over the turn."""
+    """Return the largest sliding speed (m/s) over the turn."""
     return scan.greatest_of(surfaces.sliding).value
 
 
 def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
-    """A measure of the cam on another base radius (m); None where the follower does not reach."""
+    """Return a measure of the cam with another base radius (m).
+
+    Returns None if the follower does not reach the cam.
+    """
     plates = plates_on(case.cam.follower, case.law, base)
     if not plates:
         return None
@@ -216,27 +258,34 @@ def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
 def _excess(
     case: ContactCase, measure: Measure, limit: float, base: float, missing: float
 ) -> float:
-    """Measure over its limit less 1, within ±1 for the root finder; ``missing`` out of reach."""
+    """Return measure/limit − 1, clipped to ±1 for the root finder.
+
+    ``missing`` replaces measure/limit if the follower does not reach the cam.
+    """
     value = measured(case, measure, base)
     return float(np.clip((missing if value is None else value / limit) - 1.0, -1.0, 1.0))
 
 
-def _greatest(case: ContactCase, own: float, limit: float) -> float | None:
-    """Above this base radius (m) the follower slides too fast; None where it does on every one."""
+def _greatest(case: ContactCase, radius: float, limit: float) -> float | None:
+    """Return the base radius (m) above which the sliding speed exceeds its limit.
+
+    Returns None if it exceeds the limit for every base radius, and infinity for a roller.
+    """
     if case.surfaces.rolls:
         return np.inf
-    found = least_base(
-        lambda base: _excess(case, peak_sliding, limit, base, np.inf if base > own else 0.0), own
+    bound = least_base(
+        lambda base: _excess(case, peak_sliding, limit, base, np.inf if base > radius else 0.0),
+        radius,
     )
-    if found == 0.0:
+    if bound == 0.0:
         return None
-    reaches = found is not None and measured(case, peak_sliding, found * 1.001) is not None
-    return found if reaches else np.inf  # the follower ends before the bound does
+    reaches = bound is not None and measured(case, peak_sliding, bound * 1.001) is not None
+    return bound if reaches else np.inf  # the follower does not reach the bound
 
 
-# Least base radius over the event angle, law by law: the nomogram of the cam handbooks.
+# Nomogram of the cam handbooks: least base radius over the event angle, by law.
 
-#: Laws of the diagram: every full rise without an infinite acceleration, each once.
+#: Laws of the nomogram: every full rise with finite acceleration, each once.
 RISES = (
     "simple_harmonic",
     "modified_trapezoid",
@@ -249,22 +298,28 @@ RISES = (
 
 assert set(RISES) <= set(NAMED_RISES)
 
-#: Halvings of the search for a radius: to 1e-12 of the lift.
+#: Number of bisections of the search for a radius: relative accuracy 1e-12 of the lift.
 HALVINGS = 48
-#: Samples of each piece of a rise: a radius comes out to 1e-5 of itself.
+#: Number of samples of each piece of a rise: relative accuracy 1e-5 of a radius.
 SAMPLES = 1001
 
 
-def _spread(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """S, s', s'' of a rise over its lift at event angles ``(m,)`` in rad, ``(m, n)`` each."""
-    s, slope, bend = _unit(name)
+def _scaled_rises(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return s, s', s'' of a rise relative to its lift, shape (m, n) each.
+
+    ``event`` are the event angles in rad, shape (m,).
+    """
+    s, slope, second = _unit(name)
     beta = event[:, None]
-    return np.broadcast_to(s, (event.size, s.size)), slope / beta, bend / beta**2
+    return np.broadcast_to(s, (event.size, s.size)), slope / beta, second / beta**2
 
 
 @lru_cache(maxsize=len(NAMED_RISES))
 def _unit(name: str) -> FloatArray:
-    """``(3, n)``: s, s', s'' of the unit rise, joints with both limits, and of the dwells."""
+    """Return s, s', s'' of the unit rise and of the dwells, shape (3, n).
+
+    A joint has the values of both sides.
+    """
     breaks, columns = unit_rise(name)
     ordinates, spans = joined(columns), np.diff(breaks)
     u = np.linspace(0.0, 1.0, SAMPLES)
@@ -272,42 +327,49 @@ def _unit(name: str) -> FloatArray:
     for _ in range(3):
         rows.append(bernstein.evaluate(ordinates, u).ravel())
         ordinates = bernstein.derivative(ordinates) / spans
-    rest = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
-    return np.concatenate([rest, np.stack(rows)], axis=1)
+    dwells = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+    return np.concatenate([dwells, np.stack(rows)], axis=1)
 
 
 def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
-    """Least prime radius over h of a roller or point: tan α = s' / (R_p + s), α in rad."""
-    s, slope, _ = _spread(name, event)
+    """Return the least prime radius over h of a roller or point.
+
+    It follows from tan α = s' / (R_p + s) with the largest pressure angle ``most`` = α in rad.
+    """
+    s, slope, _ = _scaled_rises(name, event)
     return np.asarray((np.abs(slope) / np.tan(most) - s).max(axis=1))
 
 
 def by_face(name: str, event: FloatArray) -> FloatArray:
-    """Least (R_b − ρ_min) / h of a flat follower: ρ = R_b + s + s'' (eq. 2.42)."""
-    s, _, bend = _spread(name, event)
-    least = np.maximum(-(s + bend).min(axis=1), 0.0)
+    """Return the least (R_b − ρ_min) / h of a flat follower.
+
+    It follows from ρ = R_b + s + s'' (eq. 2.42).
+    """
+    s, _, second = _scaled_rises(name, event)
+    least = np.maximum(-(s + second).min(axis=1), 0.0)
     return np.asarray(least + 0.0)  # no negative zero
 
 
 def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
-    """Least prime radius over h at which the pitch curve is nowhere sharper than ``radius`` (/ h).
+    """Return the least prime radius over h for a least radius of the pitch curve.
 
-    Eq. 2.46 with ε = 0. The radius is the roller's and the least one of the contour together.
+    It follows from eq. 2.46 with ε = 0. ``radius`` is the sum of roller radius and least radius of
+    curvature of the contour, relative to h.
     """
-    s, slope, bend = _spread(name, event)
+    s, slope, second = _scaled_rises(name, event)
 
-    def sharp(prime: FloatArray) -> FloatArray:
+    def too_sharp(prime: FloatArray) -> FloatArray:
         high = prime[:, None] + s
         square = high**2 + slope**2
-        bent = square + slope**2 - high * bend
-        return np.asarray((radius * bent > square**1.5).any(axis=1))
+        curvature_term = square + slope**2 - high * second
+        return np.asarray((radius * curvature_term > square**1.5).any(axis=1))
 
-    low = np.full(event.shape, radius)  # the dwell's circle is as sharp
+    low = np.full(event.shape, radius)  # the circle of the dwell has this radius
     high = low + 1.0
-    while (still := sharp(high)).any():
-        high = np.where(still, 2.0 * high, high)
+    while (rejected := too_sharp(high)).any():
+        high = np.where(rejected, 2.0 * high, high)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        bad = sharp(middle)
-        low, high = np.where(bad, middle, low), np.where(bad, high, middle)
+        rejected = too_sharp(middle)
+        low, high = np.where(rejected, middle, low), np.where(rejected, high, middle)
     return high

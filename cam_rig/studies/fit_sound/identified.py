@@ -1,4 +1,4 @@
-"""Write identified numbers back into a YAML file, keeping its comments and layout."""
+"""Writer of identified numbers into a YAML file, which keeps comments and layout."""
 
 from __future__ import annotations
 
@@ -12,16 +12,30 @@ import yaml
 from cam_rig.errors import ConfigError
 from cam_rig.schema.quantity import ORIGINS
 
-#: Replacement of a part of a text: first character, the one after the last, new text.
+#: Replacement of a part of a text: index of the first character, index after the last, new text.
 Edit = tuple[int, int, str]
 
 
 def set_identified(
     path: Path, numbers: dict[tuple[str | int, ...], float], source: str, residual: str
 ) -> None:
-    """Write numbers as `identified`, with source and residual; nothing else of the text changes.
+    """Write numbers as `identified`, with source and residual, into a YAML file.
 
-    `numbers` are by key path, in the unit that the file has there. The file is replaced as a whole.
+    The rest of the text does not change. The file is replaced atomically.
+
+    Parameters
+    ----------
+    path : Path
+        YAML file.
+    numbers : dict
+        Numbers by key path, in the units of the file.
+    source, residual : str
+        Source and residual of all numbers.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written.
     """
     text = path.read_bytes().decode("utf-8")
     root = yaml.compose(text, Loader=yaml.SafeLoader)

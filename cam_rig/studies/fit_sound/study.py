@@ -1,4 +1,4 @@
-"""Fit of gain and cut-off of a rig's radiation to measured sound pressure levels of one cam."""
+"""Fit of gain and cut-off of a rig's radiation to measured levels of one cam."""
 
 from __future__ import annotations
 
@@ -22,19 +22,21 @@ from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_co
 from cam_rig.studies.fit_sound.identified import set_identified
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Least number of different speeds: a fit of two numbers has then a residual.
+#: Least number of different speeds, so that a fit of two numbers has a residual.
 MIN_SPEEDS = 3
-#: Limits of speeds in rpm, and of levels in dB; the highest is a sine of one atmosphere.
-SPEEDS, LEVELS = (1.0, 1e5), (-20.0, 191.0)
-#: Limits of the corner in Hz. Orders of a cam sound between some Hz and some hundred Hz, so levels
-#: cannot tell a corner near these limits from one beyond.
+#: Limits of speeds in rpm.
+SPEEDS = (1.0, 1e5)
+#: Limits of levels in dB. The highest is a sine with an amplitude of one atmosphere.
+LEVELS = (-20.0, 191.0)
+#: Limits of the corner in Hz. The orders of a cam are between some Hz and some hundred Hz, so
+#: levels do not distinguish a corner near these limits from a corner beyond them.
 CORNERS = 0.5, 2000.0
-#: A corner within this relative distance of a limit is at it.
+#: Relative distance from a limit within which a corner is at the limit.
 AT_LIMIT = 0.01
 
 
 class LevelRow(NamedTuple):
-    """A measured level (dB) at a speed (rpm), and the fitted rig's."""
+    """Measured level (dB) at a speed (rpm), and the level of the fitted rig."""
 
     rpm: float
     measured: float
@@ -48,10 +50,25 @@ class LevelRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SoundFit(Result):
-    """Gain (Pa·s/N) and cut-off (Hz) of a rig's radiation, fitted to levels of one cam.
+    """Gain (Pa·s/N) and cut-off (Hz) of a rig's radiation, fitted to levels of a cam.
 
-    `rms` (dB) is the root mean square of the differences left. The numbers hold for the follower
-    and the model of the fit: with others, levels are relative.
+    The numbers are valid for the follower and the model of the fit. With others, levels are
+    relative.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+        Scene with the cam and the rig.
+    cam : str
+        Measured cam.
+    gain : float
+        Gain in Pa·s/N.
+    corner : float
+        Cut-off in Hz.
+    rms : float
+        Root mean square of the differences in dB.
+    levels : tuple of LevelRow
+        Measured and fitted levels.
     """
 
     schema = "cam_rig.fit_sound.1"
@@ -61,7 +78,7 @@ class SoundFit(Result):
             Column("gain", "Pa·s/N", ".4g"),
             Column("corner", "Hz", ".4g"),
             Column("rms", "dB", ".3f", "difference, r.m.s."),
-            Column("speeds", "", "d", of=lambda found: len(found.levels)),
+            Column("speeds", "", "d", of=lambda fit: len(fit.levels)),
         ),
         "levels": (
             Column("rpm", "rpm", ".6g"),
@@ -79,11 +96,11 @@ class SoundFit(Result):
     levels: tuple[LevelRow, ...]
 
     def tables(self) -> list[Records]:
-        """``sound``, the two numbers, and ``levels``."""
+        """Return the tables ``sound``, with the two numbers, and ``levels``."""
         caption = f"Sound of rig {self.scene.rig.name}, fitted to levels of {self.cam}"
         return [
             self.table("sound", caption, [self], single=True),
-            self.table("levels", "Measured levels, and those of the fitted rig", self.levels),
+            self.table("levels", "Measured levels, and levels of the fitted rig", self.levels),
         ]
 
     def summary(self) -> list[str]:
@@ -99,12 +116,12 @@ class SoundFit(Result):
         Returns
         -------
         Path
-            The rig file. Its comments and layout stay.
+            The rig file. Its comments and layout are kept.
 
         Raises
         ------
         ConfigError
-            The file names another cam as `calibrated_on`, or it cannot be written.
+            If `calibrated_on` in the file is another cam, or the file cannot be written.
         """
         rig, file = self.scene.rig, self.scene.rig_file
         if rig.calibrated_on != self.cam:
@@ -125,43 +142,48 @@ class SoundFit(Result):
 
 @checked
 def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None = None) -> SoundFit:
-    """Fit gain and cut-off of a rig's radiation to measured sound pressure levels of one cam.
+    """Fit gain and cut-off of a rig's radiation to measured levels of one cam.
 
-    Least squares of the differences in dB, on the exact steady response of a follower in contact.
-    Every other cam's level is then a prediction.
-
-    The command is ``cam-rig fit sound``.
+    The squares of the differences in dB are minimised, with the exact steady response of a follower
+    in contact. The levels of all other cams are then predictions. The command is
+    ``cam-rig fit sound``.
 
     Parameters
     ----------
-    levels : a file with one row per speed, columns of rpm and dB; or an array ``(n, 2)`` of these
-    scene : gives the cam, the rig and its background noise: a name, a path, or from `load_scene`
-    cam : a cam of the scene (default: the rig's ``calibrated_on``, else the only one)
+    levels : str, Path or ndarray
+        File with one row per speed and columns of rpm and dB, or an array of these, shape (n, 2).
+    scene : str, Path or Scene
+        Scene with the cam, the rig and its background noise: a name, a path, or the result of
+        `load_scene`.
+    cam : str, optional
+        Cam of the scene (default: ``calibrated_on`` of the rig, else the only cam).
 
     Returns
     -------
     SoundFit
-        Its ``write()`` puts the numbers into the rig file.
+        Gain, cut-off and residual. Its method ``write`` writes the numbers into the rig file.
 
     Raises
     ------
-    ConfigError : fewer than 3 different speeds, a speed outside 1 to 1e5 rpm, a level that is not
-        above the rig's background or is above 191 dB, or a cam not in the scene
-    DynamicsError : the cam loses contact at a speed, or the levels do not determine the corner
+    ConfigError
+        There are fewer than 3 different speeds, a speed is outside 1 to 1e5 rpm, a level is not
+        above the rig's background or is above 191 dB, or the cam is not in the scene.
+    DynamicsError
+        The cam loses contact at a speed, or the levels do not determine the corner.
 
     Examples
     --------
     >>> import cam_rig, numpy as np
     >>> levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
-    >>> found = cam_rig.fit_sound(levels, "tm21_sweep", cam="poly345")  # rpm, dB
-    >>> f"{found.corner:.1f} Hz"
+    >>> fit = cam_rig.fit_sound(levels, "tm21_sweep", cam="poly345")  # rpm, dB
+    >>> f"{fit.corner:.1f} Hz"
     '27.4 Hz'
     """
     loaded = asked_scene(scene)
     table = read_levels(Path(levels)) if isinstance(levels, str | Path) else levels
     _require_levels(table, loaded)
     name = _measured_cam(loaded, cam)
-    measured = _measured(loaded, name, table)
+    measured = _published_cam(loaded, name, table)
     fitted = two_constants([measured], Acoustics(loaded.radiation), CORNERS)
     corner = fitted.radiation.corner
     if not CORNERS[0] * (1.0 + AT_LIMIT) < corner < CORNERS[1] * (1.0 - AT_LIMIT):
@@ -182,7 +204,7 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
 
 
 def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
-    """Refuse too few speeds, speeds and levels out of range, and levels of the background."""
+    """Check the number of speeds, and the ranges of speeds and levels."""
     if table.ndim != 2 or table.shape[1] != 2 or len(np.unique(table[:, 0])) < MIN_SPEEDS:
         raise ConfigError(
             f"levels: is an array of shape {table.shape}; allowed: (n, 2), each row a speed in rpm "
@@ -207,10 +229,10 @@ def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
 
 
 def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
-    """Return the cam that was measured, by default the rig's or the only one."""
-    known = cam or loaded.rig.calibrated_on
-    if cam or known in loaded.cams:
-        return known
+    """Return the measured cam, by default that of the rig or the only cam."""
+    name = cam or loaded.rig.calibrated_on
+    if cam or name in loaded.cams:
+        return name
     if len(loaded.cams) > 1:
         raise ConfigError(
             f"--cam: is missing; allowed: one of the scene's cams, {', '.join(loaded.cams)}"
@@ -218,8 +240,11 @@ def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
     return next(iter(loaded.cams))
 
 
-def _measured(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam:
-    """Return the steady sound of the cam and its levels; contact must be kept at each speed."""
+def _published_cam(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam:
+    """Return the steady sound of the cam with its levels.
+
+    Raises DynamicsError if contact is lost at a speed.
+    """
     law, follower, speeds = loaded.law_of(name), loaded.follower, table[:, 0] * RPM
     for speed in speeds.tolist():
         if loss_intervals(law, follower, speed):
@@ -231,7 +256,10 @@ def _measured(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam
 
 
 def read_levels(path: Path) -> FloatArray:
-    """Read speeds (rpm) and unweighted levels (dB), `(n, 2)`, without rows that have no level."""
+    """Read speeds (rpm) and unweighted levels (dB), shape (n, 2).
+
+    Rows without a level are skipped.
+    """
     lines, _ = read_lines(path, "speed and level")
     table = CellTable(path.name, lines)
     if table.first is None or table.first == 0:
@@ -239,15 +267,15 @@ def read_levels(path: Path) -> FloatArray:
     headings = table.headings(len(table.rows[table.first][1]))
     columns, factors = [], []
     for name, default in (("speed", RPM), ("level", 1.0)):
-        fitting = [i for i, heading in enumerate(headings) if heading.quantity == name]
-        if len(fitting) != 1:
+        matches = [i for i, heading in enumerate(headings) if heading.quantity == name]
+        if len(matches) != 1:
             texts = ", ".join(heading.text for heading in headings)
             raise table.refused(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
-        columns += fitting
-        factors.append(headings[fitting[0]].factor or default)
+        columns += matches
+        factors.append(headings[matches[0]].factor or default)
     table.require_clear(headings, columns)
     body = table.rows[table.first :]
-    table.how_read(body, columns)  # refuses a mixture of decimal marks
+    table.how_read(body, columns)  # raises for mixed decimal marks
     cells = (table.numbers(line, row, headings, columns) for line, row in body)
     rows = [[row[i] for i in columns] for row in cells]
     numbers = np.array([row for row in rows if row[1] != NOTHING], dtype=float).reshape(-1, 2)

@@ -1,1 +1,1 @@
-"""Jump speeds of one rig, and of the shipped cams beside the paper's Table 2."""
+"""Jump speeds of cams and rigs, and comparison with the paper's Table 2."""

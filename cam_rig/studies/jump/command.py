@@ -1,4 +1,4 @@
-"""The command ``cam-rig jump``."""
+"""cam-rig jump: jump speeds of cams."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ def jump(
     from_rest: Annotated[
         float | None,
         typer.Option(
-            metavar="SECONDS", help="Length of the run from rest, at one speed: 1.7, to 60 s."
+            metavar="SECONDS", help="Duration of each run from rest, to 60 s (default: 1.7)."
         ),
     ] = None,
-    steady: Annotated[bool, typer.Option("--steady", help="In steady state instead.")] = False,
+    steady: Annotated[bool, typer.Option("--steady", help="Find it in steady state.")] = False,
     ramp: Annotated[
-        float | None, typer.Option(metavar="RPM/S", help="Along a ramp instead, 1 to 1e5.")
+        float | None, typer.Option(metavar="RPM/S", help="Find it along a ramp, 1 to 1e5.")
     ] = None,
     *,
     plot: Path | None,
     progress: Progress,
 ) -> Result:
-    """Find the jump speed of cams to 0.01 rpm, beside the paper's Table 2.
+    """Find the jump speed of cams to 0.01 rpm, compared with the paper's Table 2.
 
-    The follower is two masses where the rig says how they split, else one rigid mass: from rest at
-    cam angle 0, in steady state, or along a ramp. Angle and time are of the first lift-off.
+    The follower has two masses if the rig contains their split, else one rigid mass. A run starts
+    from rest at cam angle 0, is in steady state, or follows a ramp. Angle and time are those of the
+    first lift-off.
 
     In Python: cam_rig.jump(cams, rig, from_rest, steady, ramp)
 
@@ -49,7 +50,6 @@ def jump(
 
     if plot is not None and ramp is not None:
         raise ConfigError(
-            "--plot shows the least force of speeds that are held, and --ramp holds none; "
-            "allowed: one of them"
+            "--plot cannot be combined with --ramp: it shows the minimum force at constant speeds"
         )
     return study.jump(cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, progress=progress)

@@ -1,4 +1,4 @@
-"""Jump speeds beside the published ones."""
+"""Jump speeds of cams, compared with the published jump speeds."""
 
 from __future__ import annotations
 
@@ -33,15 +33,19 @@ from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Recor
 from cam_rig.show.tables import pluralize
 from cam_rig.units import NS, RPM, TURN, rms
 
-# What is published of the cams at hand, and what it was used for: told by content, not by name.
+# Published jump speeds, assigned to cams by the content of their files.
 
-#: The rig that was identified from the jump speeds.
+#: Rig that was identified from the jump speeds.
 IDENTIFIED = "paper_table2"
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A published jump speed (rpm) and time (s); ``role`` is fitted, test, or empty."""
+    """Published jump speed (rpm) and time (s) of a cam.
+
+    `role` is "fitted" if the rig was identified from the speed, "test" if not, and empty for other
+    rigs and angles.
+    """
 
     rpm: float
     time: float
@@ -49,28 +53,42 @@ class Reference:
 
 
 def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Reference]:
-    """What is published of a set of cams, by cam."""
+    """Return the published jump speeds of a set of cams, by cam."""
     shipped = load_rig(config_root() / "rigs" / f"{IDENTIFIED}.yaml")
     identified = bare(cam_set.rig.follower, WORDS) == bare(shipped.follower, WORDS)
-    found = {}
+    by_cam = {}
     for name, cam in cam_set.cams.items():
-        known = published.table_2_jump.get(name)
-        if known is None or not same_as_shipped(cam, WORDS | {"span"}):
+        row = published.table_2_jump.get(name)
+        if row is None or not same_as_shipped(cam, WORDS | {"span"}):
             continue
         role = ""
         if identified and same_as_shipped(cam, WORDS):
             role = "fitted" if name in published.table_2_defined else "test"
-        found[name] = Reference(known.rpm, known.time_s, role)
-    return found
+        by_cam[name] = Reference(row.rpm, row.time_s, role)
+    return by_cam
 
 
 @dataclass(frozen=True)
 class JumpRow:
-    """A cam's jump from rest, in steady state or along a ramp (rpm/s), and what is published of it.
+    """Jump of a cam, and the published jump of the cam.
 
-    ``steady`` is there beside a run from rest, ``rigid_rpm``, of one rigid mass, beside two masses.
-    ``role`` is fitted where the cam identified the rig, test where it did not, and empty on another
-    rig. Along a ramp nothing is compared: the published speeds are constant ones.
+    Parameters
+    ----------
+    cam : str
+        Name of the cam.
+    found : Jump
+        Jump from rest, in steady state or along a ramp.
+    steady : Jump, optional
+        Jump in steady state, if `found` is a jump from rest.
+    published_rpm, published_time : float, optional
+        Published jump speed in rpm and time in s.
+    role : str
+        "fitted" if the rig was identified from this cam, "test" if not, empty on another rig.
+    ramp : float, optional
+        Slope of the ramp in rpm/s. Along a ramp the speeds are not compared, because the
+        published speeds are constant speeds.
+    rigid_rpm : float, optional
+        Jump speed in rpm of one rigid mass, if the follower has two masses.
     """
 
     cam: str
@@ -84,14 +102,17 @@ class JumpRow:
 
     @property
     def difference(self) -> float | None:
-        """Found less published speed, relative to the published; None along a ramp."""
+        """Difference to the published speed, relative to it.
+
+        It is None along a ramp and without a published speed.
+        """
         if self.ramp is not None:
             return None
         return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0
 
     @property
     def turns(self) -> tuple[float, float] | None:
-        """How many turns after the start contact is lost, found and published."""
+        """Number of turns before contact is lost, found and published, or None."""
         if self.published_time is None or self.published_rpm is None:
             return None
         ours = self.found.time * self.found.rpm / 60.0
@@ -100,11 +121,21 @@ class JumpRow:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Jump speeds against Table 2.
+    """Comparison of jump speeds with Table 2.
 
-    ``rms`` of the relative differences is over ``cams`` cams: those that identified the rig where
-    ``fitted``, else all that are published. ``turns`` are the fewest and most before contact is
-    first lost.
+    Parameters
+    ----------
+    rms : float
+        Root mean square of the relative differences.
+    cams : int
+        Number of cams in `rms`.
+    fitted : bool
+        True if `rms` is over the cams from which the rig was identified, False if it is over all
+        published cams.
+    same_ranking : bool
+        True if the speeds have the published order.
+    turns, published_turns : tuple of float
+        Minimum and maximum number of turns before contact is first lost.
     """
 
     rms: float
@@ -117,7 +148,10 @@ class Comparison:
 
 @dataclass(frozen=True, repr=False)
 class JumpResult(Result):
-    """The jump of every cam, in a run of ``duration`` s from rest, or in steady state for None."""
+    """Jump speeds of cams, with the first lift-off.
+
+    ``duration`` is that of the runs from rest in s, or None in steady state and along a ramp.
+    """
 
     schema = "cam_rig.jump.1"
     plot_function = "cam_rig.studies.jump.figures:figure"
@@ -137,7 +171,7 @@ class JumpResult(Result):
         "run": (
             Column("rig", of="cam_set.rig.name"),
             Column("follower"),
-            Column("duration", "s", doc="from rest; none in steady state and along a ramp"),
+            Column("duration", "s", doc="from rest; null in steady state and along a ramp"),
             Column("ramp", "rpm/s"),
         ),
     }
@@ -157,42 +191,43 @@ class JumpResult(Result):
 
     @property
     def rpm(self) -> dict[str, float]:
-        """The jump speeds by cam."""
+        """Jump speeds in rpm by cam."""
         return {row.cam: row.found.rpm for row in self.rows}
 
     @property
     def follower(self) -> str:
-        """Two masses or one, in words."""
+        """Description of the follower: two masses or one."""
         return described(follower_of(self.cam_set.rig))
 
     @property
     def ramp(self) -> float | None:
-        """The ramp (rpm/s), where it is one."""
+        """Slope of the ramp (rpm/s), or None without a ramp."""
         return next((row.ramp for row in self.rows), None)
 
     @property
     def run(self) -> str:
-        """Which follower, and how it runs, in words."""
+        """Description of the follower and of its run."""
         if self.ramp is not None:
             return f"{self.follower}, along a ramp of {self.ramp:g} rpm/s"
         return described_run(follower_of(self.cam_set.rig), self.duration)
 
     @property
     def comparison(self) -> Comparison | None:
-        """What a comparison with Table 2 comes to; None where nothing is to compare."""
+        """Comparison with Table 2, or None if no cam has a published speed to compare."""
         fitted = [row for row in self.rows if row.role == "fitted"]
-        known = fitted or [row for row in self.rows if row.difference is not None]
+        compared = fitted or [row for row in self.rows if row.difference is not None]
         turns = [row.turns for row in self.rows if row.turns is not None]
         if not turns or all(row.difference is None for row in self.rows):
             return None
-        ours, theirs = ((min(t), max(t)) for t in zip(*turns, strict=True))
+        found_range, published_range = ((min(t), max(t)) for t in zip(*turns, strict=True))
         printed = [row for row in self.rows if row.published_rpm is not None]
         ranked = sorted(printed, key=lambda row: row.found.rpm)
         same = ranked == sorted(printed, key=lambda row: row.published_rpm or 0.0)
-        return Comparison(rms_difference(known), len(known), bool(fitted), same, ours, theirs)
+        ranges = found_range, published_range
+        return Comparison(rms_difference(compared), len(compared), bool(fitted), same, *ranges)
 
     def tables(self) -> list[Records]:
-        """``jump``, a row a cam, and ``run``."""
+        """Return the tables ``jump``, with one row per cam, and ``run``."""
         caption = f"Jump speed on rig {self.cam_set.rig.name}: {self.run}"
         return [
             self.table("jump", caption, self.rows, *self.notes),
@@ -200,30 +235,30 @@ class JumpResult(Result):
         ]
 
     def summary(self) -> list[str]:
-        """What the comparison with Table 2 comes to."""
+        """Return the result of the comparison with Table 2."""
         if self.ramp is not None:
-            words = "along a ramp: the speeds of Table 2 are constant ones, so nothing is compared"
-            return [words]
-        found = self.comparison
-        if found is None:
-            return ["nothing is published of these cams"]
-        of = "that identified the rig" if found.fitted else "not used to identify the rig"
-        ranking = f"; ranking {'as' if found.same_ranking else 'not as'} published"
-        ours, theirs = (
+            return ["along a ramp: no comparison, because the speeds of Table 2 are constant"]
+        comparison = self.comparison
+        if comparison is None:
+            return ["no jump speed of these cams is published"]
+        use = "that identified the rig" if comparison.fitted else "not used to identify the rig"
+        cams = f"{pluralize(comparison.cams, 'cam')} {use}"
+        ranking = f"; ranking {'as' if comparison.same_ranking else 'not as'} published"
+        turns, published_turns = (
             f"{low:.1f}" if low == high else f"{low:.1f} to {high:.1f}"
-            for low, high in (found.turns, found.published_turns)
+            for low, high in (comparison.turns, comparison.published_turns)
         )
         return [
-            f"{100.0 * found.rms:.2f} % r.m.s. from Table 2 on {pluralize(found.cams, 'cam')} {of}"
-            f"{ranking if len(self.rows) > 1 else ''}; contact first lost after {ours} turns, "
-            f"published {theirs}"
+            f"{100.0 * comparison.rms:.2f} % r.m.s. from Table 2 on {cams}"
+            f"{ranking if len(self.rows) > 1 else ''}; contact first lost after {turns} turns, "
+            f"published {published_turns}"
         ]
 
 
 def rms_difference(rows: Iterable[JumpRow]) -> float:
-    """r.m.s. of the relative differences of the cams that have one; NaN for none."""
-    known = [row.difference for row in rows if row.difference is not None]
-    return rms(known) if known else math.nan
+    """Return the r.m.s. of the relative differences, or NaN without any."""
+    differences = [row.difference for row in rows if row.difference is not None]
+    return rms(differences) if differences else math.nan
 
 
 def find_jumps(
@@ -233,52 +268,78 @@ def find_jumps(
     ramp: float | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> JumpResult:
-    """The jump of every cam in ``duration`` s from rest at one speed, and in steady state.
+    """Find the jumps of a set of cams.
 
-    None for that alone; along a ``ramp`` (rpm/s) from rest instead.
+    Parameters
+    ----------
+    cam_set : CamSet
+        Cams with their laws, and the rig.
+    published : dict
+        Published jump speeds by cam.
+    duration : float or None
+        Duration in s of runs from rest at constant speed. The jump in steady state is also found
+        for two masses. None for the steady state only.
+    ramp : float, optional
+        Slope in rpm/s of a ramp from rest, which replaces the runs at constant speed.
+    progress : Progress
+        Receiver of the progress.
     """
     if duration is not None:
         require_run(duration)
     follower, rows = follower_of(cam_set.rig), []
     for cam in progress.track(cam_set.laws):
-        law, beside = cam_set.laws[cam], dict[str, Any](ramp=ramp)
-        if (known := published.get(cam)) is not None:
-            beside |= {"published_rpm": known.rpm, "published_time": known.time, "role": known.role}
+        law, details = cam_set.laws[cam], dict[str, Any](ramp=ramp)
+        if (reference := published.get(cam)) is not None:
+            details |= {"published_rpm": reference.rpm, "published_time": reference.time}
+            details["role"] = reference.role
         if ramp is not None:
-            rows.append(JumpRow(cam, jump_along_ramp(law, follower, ramp * RPM), **beside))
+            rows.append(JumpRow(cam, jump_along_ramp(law, follower, ramp * RPM), **details))
             continue
-        found, steady, rigid = find_jump(law, follower, duration), None, None
-        if isinstance(follower, TwoMassParameters):  # one mass is rigid, from rest as settled
+        jump, steady, rigid = find_jump(law, follower, duration), None, None
+        # The jump of one rigid mass from rest is that in steady state.
+        if isinstance(follower, TwoMassParameters):
             rigid = rigid_jump_speed(law, FollowerParameters.from_rig(cam_set.rig)) / RPM
             if duration is not None and follower.stem_damping + follower.damping > 0.0:
                 steady = find_jump(law, follower, None)
-        rows.append(JumpRow(cam, found, steady, rigid_rpm=rigid, **beside))
+        rows.append(JumpRow(cam, jump, steady, rigid_rpm=rigid, **details))
     return JumpResult(cam_set, tuple(rows), None if ramp else duration)
 
 
-# The jump speed of a cam that speeds up evenly from rest.
+# Jump speed of a cam with constant acceleration from rest.
 
-#: Slowest and steepest ramp, rpm/s: hours of turns, and a jump within the first turn.
-SLOWEST, STEEPEST = 1.0, 1e5
-#: Events are exact at any rate; samples are not looked at.
+#: Smallest slope of a ramp, rpm/s: the run takes hours of turns.
+MIN_RAMP = 1.0
+#: Largest slope of a ramp, rpm/s: contact is lost within the first turn.
+MAX_RAMP = 1e5
+#: Sample rate of the run, Hz. Events are exact at any rate, and the samples are not used.
 SAMPLE_RATE_HZ = 1000
 
 
 def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
-    """First loss of contact on a cam that speeds up from rest at θ = 0 by ``rate`` rad/s²."""
-    if not SLOWEST <= rate / RPM * (1.0 + 1e-12) <= STEEPEST * (1.0 + 2e-12):
+    """Find the first loss of contact on a cam accelerated by ``rate`` rad/s².
+
+    The run starts from rest at θ = 0.
+
+    Raises
+    ------
+    ConfigError
+        If the ramp is not within 1 to 1e5 rpm/s.
+    DynamicsError
+        If the cam keeps contact.
+    """
+    if not MIN_RAMP <= rate / RPM * (1.0 + 1e-12) <= MAX_RAMP * (1.0 + 2e-12):
         raise ConfigError(
-            f"the ramp is {rate / RPM:g} rpm/s; allowed: {SLOWEST:g} to {STEEPEST:g} rpm/s"
+            f"the ramp is {rate / RPM:g} rpm/s; allowed: {MIN_RAMP:g} to {MAX_RAMP:g} rpm/s"
         )
     two = isinstance(parameters, TwoMassParameters)
     advance = MODELS["two_mass" if two else "one_mass"].advance
     state: FollowerState | None = None
     start = 0
-    if law.lift == 0.0:  # a disc: it would be turned to the fastest speed for nothing
+    if law.lift == 0.0:  # a disc never jumps: skip the run to the highest speed
         raise keeps_contact(law)
     for turn in range(1, math.ceil((FASTEST * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
-        stop, begun = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS
-        tick = Interval(start, stop, 0.5 * rate * begun**2, rate * begun, rate)
+        stop, start_time = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS
+        tick = Interval(start, stop, 0.5 * rate * start_time**2, rate * start_time, rate)
         state, block = advance(law, parameters, state, tick, SAMPLE_RATE_HZ)
         if block.events:
             first = block.events[0]

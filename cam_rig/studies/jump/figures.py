@@ -1,4 +1,4 @@
-"""Where contact is lost: the minimum force by speed, and a turn above the jump speed (fig. 11)."""
+"""Figures of the minimum force by speed, and of a turn with lift-off (fig. 11)."""
 
 from __future__ import annotations
 
@@ -29,46 +29,48 @@ from cam_rig.studies.jump.comparison import JumpResult, JumpRow
 from cam_rig.studies.jump.jump_speed import JumpSpeed
 from cam_rig.units import RPM, TURN, FloatArray
 
-#: Between these speeds (rpm) most of the paper's cams lose contact: an inset.
+#: Speeds (rpm) of the inset, between which most of the paper's cams lose contact.
 INSET = (380.0, 420.0)
-#: Times its jump speed up to which a cam's curve goes: it has left the axes, and beside a cam that
-#: jumps at ten times the speed it would cost a thousand turns a point.
-BEYOND = 2.0
+#: End of a cam's curve, relative to its jump speed. There the curve has left the axes, and further
+#: points would take a thousand turns each if another cam jumps at ten times the speed.
+MAX_SPEED_RATIO = 2.0
 
-#: Marker of a published speed, which points at the axis from below.
+#: Style of the mark of a published speed, which points at the axis from below.
 PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
 
-#: The turn shown above the jump speed, counted from rest, and its samples.
-SHOWN, SAMPLES = 3, 3000
+#: Number of the displayed turn from rest, above the jump speed.
+TURN_NUMBER = 3
+#: Number of samples of the displayed turn.
+SAMPLES = 3000
 
 
 @styled
-def figure(found: JumpResult) -> Figure:
-    """The minimum force of each cam's run by speed: zero at its jump speed."""
-    rows, cam_set = found.rows, found.cam_set
+def figure(result: JumpResult) -> Figure:
+    """Draw the minimum force by speed of each cam, which is zero at its jump speed."""
+    rows, cam_set = result.rows, result.cam_set
     parameters = follower_of(cam_set.rig)
-    last = 1.08 * max(found.rpm.values())
-    rpm = np.linspace(0.35 * min(found.rpm.values()), last, POINTS)
+    last = 1.08 * max(result.rpm.values())
+    rpm = np.linspace(0.35 * min(result.rpm.values()), last, POINTS)
     rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
     insets = [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
     out = empty(4.8 if len(insets) > 1 else 3.4)
     axes = out.subplots()
-    places = [axes]
+    panels = [axes]
     lift = max(peak(cam_set.laws[row.cam], 0).value for row in rows)
-    shown = parameters.preload or 0.01 * parameters.spring_stiffness * lift
-    low, high = -0.55 * shown, 1.15 * shown
+    force_scale = parameters.preload or 0.01 * parameters.spring_stiffness * lift
+    low, high = -0.55 * force_scale, 1.15 * force_scale
     if len(insets) > 1:
-        high = 2.1 * shown  # room for it above the curves
-        places.append(_inset(axes, 0.12 * shown))
+        high = 2.1 * force_scale  # space for the inset above the curves
+        panels.append(_inset(axes, 0.12 * force_scale))
     force_axes(axes, rpm)
     for row in rows:
-        near = rpm[rpm < BEYOND * row.found.rpm]
-        least = min_force(cam_set.laws[row.cam], parameters, found.duration, near * RPM)
+        speeds = rpm[rpm < MAX_SPEED_RATIO * row.found.rpm]
+        forces = min_force(cam_set.laws[row.cam], parameters, result.duration, speeds * RPM)
         label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
-        for place in places:
-            place.plot(near, least, label=label, **line(row.cam))
-            _mark(place, row)
-    title = f"Contact is kept while the minimum force is positive ({found.run})"
+        for panel in panels:
+            panel.plot(speeds, forces, label=label, **line(row.cam))
+            _mark(panel, row)
+    title = f"Contact is kept while the minimum force is positive ({result.run})"
     axes.set(title=wrapped(title), ylim=(low, high))
     if any(row.published_rpm is not None for row in rows):
         axes.plot([], [], label="published (paper, Table 2)", color="0.3", **PUBLISHED)
@@ -77,7 +79,10 @@ def figure(found: JumpResult) -> Figure:
 
 
 def _inset(axes: Axes, force: float) -> Axes:
-    """Where several cams lose contact, enlarged: ``force`` (N) to both sides of zero."""
+    """Return the inset of the speeds at which several cams lose contact.
+
+    Its force axis has the limits -``force`` and ``force`` (N).
+    """
     out = axes.inset_axes((0.54, 0.69, 0.44, 0.29), xlim=INSET, ylim=(-force, force))
     out.axhline(0.0, color="0.3", lw=0.9)
     out.tick_params(axis="x", pad=6.0)
@@ -86,7 +91,7 @@ def _inset(axes: Axes, force: float) -> Axes:
 
 
 def _mark(axes: Axes, row: JumpRow) -> None:
-    """The speed found on the line of zero force; the published one at the foot of the axes."""
+    """Mark the jump speed, and the published speed at the foot of the axes."""
     ink = colour(row.cam)
     axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
     low, high = axes.get_xlim()
@@ -97,53 +102,53 @@ def _mark(axes: Axes, row: JumpRow) -> None:
 
 @styled
 def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Displacement of the roller, and its gap to the cam, over one turn at one speed (rpm)."""
+    """Draw displacement and gap of the roller over a turn at a speed (rpm)."""
     out = empty(4.8)
-    place, gap = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
+    upper, lower = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
     parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
-    times = (SHOWN - 1 + np.linspace(0.0, 1.0, SAMPLES)) * TURN / speed
-    degrees = np.degrees(speed * times) - 360.0 * (SHOWN - 1)
+    times = (TURN_NUMBER - 1 + np.linspace(0.0, 1.0, SAMPLES)) * TURN / speed
+    degrees = np.degrees(speed * times) - 360.0 * (TURN_NUMBER - 1)
     for cam, law in cam_set.laws.items():
-        course = Separation(law, parameters, speed)
-        course.run(SHOWN * TURN / speed)
-        roller = states(course, times)[0]
-        off = 1e3 * (roller - course.cam(times)[0])
-        lift_offs = sum(event.kind == "lift-off" for event in course.events)
+        trajectory = Separation(law, parameters, speed)
+        trajectory.run(TURN_NUMBER * TURN / speed)
+        roller = states(trajectory, times)[0]
+        gap_mm = 1e3 * (roller - trajectory.cam(times)[0])
+        lift_offs = sum(event.kind == "lift-off" for event in trajectory.events)
         contact = "contact lost" if lift_offs else "contact kept"
         label = f"{title_of(cam_set.titles, cam)}: {contact}"
-        place.plot(degrees, 1e3 * roller, label=label, **line(cam))
-        gap.plot(degrees, off, **line(cam))
-    place.set(ylabel="displacement of the roller [mm]")
-    place.set(title=f"Turn {SHOWN} from rest at {rpm:g} rpm")
-    gap.set(ylabel="gap to the cam [mm]", xlabel=CAM_ANGLE)
-    for axes in (place, gap):
+        upper.plot(degrees, 1e3 * roller, label=label, **line(cam))
+        lower.plot(degrees, gap_mm, **line(cam))
+    upper.set(ylabel="displacement of the roller [mm]")
+    upper.set(title=f"Turn {TURN_NUMBER} from rest at {rpm:g} rpm")
+    lower.set(ylabel="gap to the cam [mm]", xlabel=CAM_ANGLE)
+    for axes in (upper, lower):
         turn_axis(axes, 30)
-    place.legend(loc="lower center")
+    upper.legend(loc="lower center")
     return out
 
 
-#: Speeds of a curve.
+#: Number of speeds of a curve.
 POINTS = 400
 
 
 def force_axes(axes: Axes, rpm: FloatArray) -> None:
-    """Both axes, with the line of zero force."""
+    """Set up both axes, with the line of zero force."""
     axes.set(xlabel=CAM_SPEED, ylabel="minimum contact force [N]", xlim=(rpm[0], rpm[-1]))
     axes.axhline(0.0, color="0.3", lw=0.9)
-    axes.tick_params(axis="x", pad=6.0)  # beside what is published
+    axes.tick_params(axis="x", pad=6.0)  # space for the marks of published speeds
 
 
 @styled
-def jump_speed_figure(found: JumpSpeed) -> Figure:
-    """The minimum force (N) of one cam's run up to 8 % above its jump speed, where it is zero."""
-    law, parameters = found.law, follower_of(found.rig)
+def jump_speed_figure(result: JumpSpeed) -> Figure:
+    """Draw the minimum force (N) of a cam up to 8 % above its jump speed."""
+    law, parameters = result.law, follower_of(result.rig)
     out = empty(3.4)
     axes = out.subplots()
-    rpm = np.linspace(0.35 * found.rpm, 1.08 * found.rpm, POINTS)
-    axes.plot(rpm, min_force(law, parameters, found.duration, rpm * RPM), **line(law.name))
-    label = f"jump speed {found.rpm:.2f} rpm"
-    axes.plot(found.rpm, 0.0, "o", color=colour(law.name), label=label)
+    rpm = np.linspace(0.35 * result.rpm, 1.08 * result.rpm, POINTS)
+    axes.plot(rpm, min_force(law, parameters, result.duration, rpm * RPM), **line(law.name))
+    label = f"jump speed {result.rpm:.2f} rpm"
+    axes.plot(result.rpm, 0.0, "o", color=colour(law.name), label=label)
     force_axes(axes, rpm)
-    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, found.duration)}"))
+    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, result.duration)}"))
     axes.legend(loc="lower left")
     return out

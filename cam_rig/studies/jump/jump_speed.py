@@ -1,4 +1,4 @@
-"""The jump speed of a law on a rig, or on many rigs that differ in numbers of their follower."""
+"""Jump speed of a law on one rig, or on many rigs that differ in their follower."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True, repr=False)
 class JumpSpeed(Jump, Result):
-    """Jump speed ``rpm``, ``speed`` (rad/s), with the first lift-off.
+    """Jump speed of a law on a rig, with the first lift-off.
 
-    ``angle`` (cam angle in its turn, rad) and ``time`` (since rest or since the start of a turn, s)
-    are those of the first lift-off. ``duration`` (s) is that of the run; None is steady state.
+    The jump speed is ``rpm``, or ``speed`` in rad/s. ``angle`` (cam angle in its turn, rad) and
+    ``time`` (since rest or since the start of a turn, s) are those of the first lift-off.
+    ``duration`` is that of the run in s, or None in steady state.
     """
 
     schema = "cam_rig.jump_speed.1"
@@ -50,13 +51,13 @@ class JumpSpeed(Jump, Result):
 
     def __repr__(self) -> str:
         """Return the jump speed in rpm and the lift-off in degrees."""
-        where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
-        return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
+        lift_off = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
+        return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {lift_off})"
 
 
 @dataclass(frozen=True)
 class RigJump:
-    """Jump speed of one rig; NaN with a reason if it has none."""
+    """Jump speed of one rig, or NaN with a reason."""
 
     mass: float  #: kg
     spring_stiffness: float  #: N/m
@@ -93,7 +94,7 @@ class JumpSpeeds(Result):
 
     @property
     def rpm(self) -> FloatArray:
-        """Jump speeds in rpm, ``(n,)``; NaN if a rig has none."""
+        """Jump speeds in rpm, shape (n,), NaN for a rig without jump speed."""
         return np.array([row.rpm for row in self.rows])
 
     def tables(self) -> list[Records]:
@@ -104,9 +105,9 @@ class JumpSpeeds(Result):
 
     def __repr__(self) -> str:
         """Return the number of jump speeds and their range."""
-        found = self.rpm[np.isfinite(self.rpm)]
-        span = f", {found.min():.2f} to {found.max():.2f} rpm" if found.size else ""
-        return f"JumpSpeeds({self.law.name}: {found.size} of {len(self.rows)} rigs{span})"
+        speeds = self.rpm[np.isfinite(self.rpm)]
+        span = f", {speeds.min():.2f} to {speeds.max():.2f} rpm" if speeds.size else ""
+        return f"JumpSpeeds({self.law.name}: {speeds.size} of {len(self.rows)} rigs{span})"
 
 
 #: Number of the follower in SI units, one for all rigs or one per rig.
@@ -149,24 +150,31 @@ def jump_speed(
 
     Parameters
     ----------
-    law : `Law`, for example from `build_law`
-    rig : `RigConfig` of two masses with ``roller_share`` and ``stem_damping``, such as
-        ``paper_table2``; of one mass without both
-    duration : s, of runs from rest at cam angle 0 at one speed each; None for the steady state
-        (default: 1.7 s)
-    mass, spring_stiffness, damping, preload : kg, N/m, N·s/m and N, ``(n,)``, or one number for all
-        rigs; None for the rig's number
+    law : Law
+        Law of the cam, for example from `build_law`.
+    rig : Rig
+        Rig of two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``, or
+        of one mass without both.
+    duration : float or None
+        Duration in s of runs from rest at cam angle 0 at constant speed, to 60 s. None for the
+        steady state (default: 1.7 s).
+    mass, spring_stiffness, damping, preload : ndarray or float, optional
+        Numbers of the follower in kg, N/m, N·s/m and N, shape (n,), or one number for all rigs
+        (default: the rig's number).
 
     Returns
     -------
-    `JumpSpeed`, or `JumpSpeeds` if a number of the follower is given
+    JumpSpeed or JumpSpeeds
+        Jump speed of the rig, or of each rig if a number of the follower is given.
 
     Raises
     ------
-    ConfigError : an argument of another type, a rig with only one of the two numbers, arrays of
-        different lengths, or a duration above 60 s
-    DynamicsError : contact is lost at every speed or at none, or there is no steady state; with
-        arrays the row of the rig contains the reason instead
+    ConfigError
+        An argument has another type, the rig has only one of the two numbers, the arrays have
+        different lengths, or the duration is above 60 s.
+    DynamicsError
+        Contact is lost or kept at every speed, or a steady state does not exist. With arrays the
+        row of the rig contains the reason instead.
 
     Examples
     --------
@@ -184,37 +192,40 @@ def jump_speed(
         "damping": damping,
         "preload": preload,
     }
-    given = {name: value for name, value in numbers.items() if value is not None}
-    if given:
-        return _of_many(law, rig, duration, given)
-    found = find_jump(law, follower_of(rig), duration)
-    return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)
+    changed = {name: value for name, value in numbers.items() if value is not None}
+    if changed:
+        return _jump_speeds(law, rig, duration, changed)
+    jump = find_jump(law, follower_of(rig), duration)
+    return JumpSpeed(jump.speed, jump.angle, jump.time, law, rig, duration)
 
 
-def _of_many(
+def _jump_speeds(
     law: Law, rig: RigConfig, duration: float | None, numbers: Mapping[str, FloatArray | float]
 ) -> JumpSpeeds:
-    given = [on_one_axis(name, x) for name, x in numbers.items()]
+    columns = [on_one_axis(name, x) for name, x in numbers.items()]
     try:
-        arrays = np.broadcast_arrays(*given)
+        arrays = np.broadcast_arrays(*columns)
     except ValueError:
         sizes = ", ".join(f"{name} {np.size(x)}" for name, x in numbers.items())
         raise ConfigError(f"the arrays have {sizes} numbers; allowed: as many each") from None
     rows = []
     for values in zip(*(array.tolist() for array in arrays), strict=True):
-        rows.append(_row(law, rig, duration, dict(zip(numbers, values, strict=True))))
+        rows.append(_rig_jump(law, rig, duration, dict(zip(numbers, values, strict=True))))
     return JumpSpeeds(law, rig, duration, tuple(rows))
 
 
-def _row(law: Law, rig: RigConfig, duration: float | None, changed: dict[str, float]) -> RigJump:
+def _rig_jump(
+    law: Law, rig: RigConfig, duration: float | None, changed: dict[str, float]
+) -> RigJump:
     base = follower_of(rig)
-    own = {x: getattr(base, x) for x in ("spring_stiffness", "damping", "preload")}
-    shown, numbers = {"mass": rig.follower.mass.si, **own, **changed}, dict[str, Any](changed)
+    defaults = {x: getattr(base, x) for x in ("spring_stiffness", "damping", "preload")}
+    displayed = {"mass": rig.follower.mass.si, **defaults, **changed}
+    numbers = dict[str, Any](changed)
     if "mass" in numbers and isinstance(base, TwoMassParameters):
         roller = numbers.pop("mass") * rig.need("roller_share", BY, ONE_MASS).si
         numbers |= {"roller_mass": roller, "end_mass": changed["mass"] - roller}
     try:
-        found = find_jump(law, replace(base, **numbers), duration)
+        jump = find_jump(law, replace(base, **numbers), duration)
     except CamRigError as error:
-        return RigJump(**shown, rpm=math.nan, angle=math.nan, time=math.nan, reason=str(error))
-    return RigJump(**shown, rpm=found.rpm, angle=found.angle, time=found.time, reason="")
+        return RigJump(**displayed, rpm=math.nan, angle=math.nan, time=math.nan, reason=str(error))
+    return RigJump(**displayed, rpm=jump.rpm, angle=jump.angle, time=jump.time, reason="")

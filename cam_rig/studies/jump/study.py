@@ -22,26 +22,41 @@ def jump(
     ramp: float | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> JumpResult:
-    """The jump speed of cams to 0.01 rpm, beside the paper's Table 2.
+    """Find the jump speed of cams to 0.01 rpm, compared with the paper's Table 2.
 
-    `jump_speed` is that of one law on a rig of one's own, or on many.
-
-    The command is ``cam-rig jump``.
+    `jump_speed` finds the jump speed of one law on one or many rigs. The command is
+    ``cam-rig jump``.
 
     Parameters
     ----------
-    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
-    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
-        ``paper_table2``
-    from_rest : s, length of runs from rest at one speed; None: 1.7 s, as the paper
-    steady : in steady state instead
-    ramp : rpm/s, along a ramp from rest instead
-    progress : told how far it is
+    cams : str, Path, Cam or sequence
+        Cams as names, paths or results of `load_cam`, or one scene (default: the cams of the
+        paper's Table 2).
+    rig : str, Path or Rig
+        Rig (default: that of the scene, or the only rig next to the cams, else
+        ``paper_table2``).
+    from_rest : float
+        Duration in s of runs from rest at constant speed, to 60 s (default: 1.7 s, as in the
+        paper).
+    steady : bool
+        True for the jump speed in steady state.
+    ramp : float
+        Slope in rpm/s of a ramp from rest, 1 to 1e5 rpm/s, along which the jump speed is found.
+    progress : Progress
+        Receiver of the progress.
+
+    Returns
+    -------
+    JumpResult
+        Jump speed, cam angle and time of the first lift-off of each cam.
 
     Raises
     ------
-    ConfigError : an unknown cam, rig or scene; more than one kind of run, or a wrong one
-    DynamicsError : a cam that never jumps
+    ConfigError
+        A cam, rig or scene is unknown, more than one kind of run is requested, or a duration or
+        ramp is out of range.
+    DynamicsError
+        A cam keeps contact at every speed.
 
     Examples
     --------

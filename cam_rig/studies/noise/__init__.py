@@ -1,1 +1,1 @@
-"""The paper's noise experiment: calibrate on one cam, predict another, identify the third."""
+"""Noise study of three cams: one calibrated, one predicted, one identified."""

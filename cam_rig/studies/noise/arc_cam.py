@@ -1,8 +1,8 @@
-"""Refining the geometry of an arc cam against its published noise curve, from a good start.
+"""Local fit of the geometry of an arc cam to its published noise curve.
 
-A global search takes minutes (examples/paper/identify.py). This one takes seconds, for studies
-that ask how the geometry moves when something else does. It keeps the flank, which every search
-leaves at the straightest that still is concave, and moves two numbers: lift and event.
+A global search takes minutes (examples/paper/identify.py). The local fit takes seconds, for studies
+of the effect of other numbers on the geometry. It varies lift and event. The flank is fixed,
+because every global search ends at the straightest flank that is still concave.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from cam_rig.simulation.simulate import Acoustics, Turns
 from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.units import FloatArray, rms
 
-#: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam; beyond
-#: this a flank of some millimetres is straight.
+#: Largest pitch radius (m) of a flank that is visibly concave, as in the paper. With a larger
+#: radius a flank of some millimetres is practically straight.
 MAX_FLANK = 0.5
-#: Fit error given to a geometry that cannot exist, dB.
+#: Fit error assigned to a geometry that cannot exist, dB.
 IMPOSSIBLE = 50.0
 
 
 def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: float) -> CamConfig:
-    """The same cam file with other numbers."""
+    """Return the cam file with another lift (mm), event and nose angle (degrees)."""
     data = cam.model_dump(exclude_none=True)
     dwell = 180.0 - 0.5 * event_deg
     data["lift"] |= {"identified": lift_mm, "unit": "mm"}
@@ -40,19 +40,23 @@ def with_geometry(cam: CamConfig, lift_mm: float, event_deg: float, nose_deg: fl
     return CamConfig.model_validate(data)
 
 
-#: Lifts tried as a start, relative to the given one, and events relative to the valley of equal
-#: levels: shapes that sound alike lie along it, lift about in proportion to the event cubed.
-LIFTS, EVENTS = (1.2, 1.0, 0.85, 0.72, 0.61), (0.97, 1.0, 1.03)
-#: First steps of the search, relative to lift and event, and the most trials.
-SIMPLEX, TRIALS = 0.03, 32
-#: Step of a numerical derivative, relative to lift and event: where arcs join the force jumps
-#: between samples, so levels jitter by 0.01 dB as a shape moves.
-STEP = 2e-2
+#: Lifts of the start shapes, relative to the given shape.
+LIFTS = (1.2, 1.0, 0.85, 0.72, 0.61)
+#: Events of the start shapes, relative to the valley of equal levels. In this valley the lift is
+#: about proportional to the cube of the event.
+EVENTS = (0.97, 1.0, 1.03)
+#: First steps of the search, relative to lift and event.
+SIMPLEX = 0.03
+#: Largest number of evaluations of the search.
+TRIALS = 32
+#: Step of a numerical derivative, relative to lift and event. At the joints of arcs the force jumps
+#: between samples, so that levels scatter by 0.01 dB as the shape changes.
+DERIVATIVE_STEP = 2e-2
 
 
 @dataclass(frozen=True)
 class ArcShape:
-    """The three numbers of an arc cam: lift (m), event (rad), curvature of the flank (1/m)."""
+    """Shape of an arc cam: lift (m), event (rad), curvature of the flank (1/m)."""
 
     lift: float
     event: float
@@ -60,7 +64,7 @@ class ArcShape:
 
     @classmethod
     def of(cls, cam: CamConfig) -> ArcShape:
-        """The shape of a cam file."""
+        """Return the shape of a cam file."""
         circles = arc_cam(cam)
         return cls(circles.lift, 2.0 * circles.event_half_angle, 1.0 / circles.radii()[0])
 
@@ -70,11 +74,14 @@ class ArcShape:
         return 1.0 / self.curvature
 
     def scaled(self, lift: float, event: float) -> ArcShape:
-        """Another lift and event, the same flank."""
+        """Return the shape with scaled lift and event and the same flank."""
         return ArcShape(lift * self.lift, event * self.event, self.curvature)
 
     def nose(self, base: float) -> float:
-        """Angle (rad) of a nose that touches the flank on the line of their centres."""
+        """Return the angle (rad) of the nose that is tangent to the flank.
+
+        ``base`` is the base radius in m.
+        """
         flank, top, half = self.flank, base + self.lift, 0.5 * self.event
         a = base**2 + top**2 - 2.0 * base * top * np.cos(half)
         b = 2.0 * base - 2.0 * top * np.cos(half)
@@ -86,7 +93,13 @@ class ArcShape:
         return float(2.0 * np.angle(joint))
 
     def law(self, cam: CamConfig) -> Law:
-        """The law of the cam file with this shape."""
+        """Return the law of the cam file with this shape.
+
+        Raises
+        ------
+        LawError
+            If the shape has no nose.
+        """
         base = arc_cam(cam).base_radius
         degrees = np.degrees([self.event, self.nose(base)])
         if not 0.0 < degrees[1] < degrees[0] < 359.0:
@@ -96,33 +109,49 @@ class ArcShape:
 
 @dataclass(frozen=True)
 class ShapeProblem:
-    """An arc cam's file, its published levels (dB), and what runs a law at their speeds."""
+    """Fit of the shape of an arc cam to its published levels.
+
+    Parameters
+    ----------
+    cam : Cam
+        File of the arc cam.
+    published : ndarray
+        Published levels in dB, shape (n,).
+    turn : callable
+        Function that simulates a law at the speeds of the levels.
+    """
 
     cam: CamConfig
     published: FloatArray
     turn: Callable[[Law], Turns]
-    _known: dict[ArcShape, PublishedCam] = field(default_factory=dict, init=False, compare=False)
+    _cache: dict[ArcShape, PublishedCam] = field(default_factory=dict, init=False, compare=False)
 
     def cam_of(self, shape: ArcShape) -> PublishedCam:
-        """The shape's turns; kept, since fits to other constants begin at the same shapes."""
-        if shape not in self._known:
+        """Return the simulated turns of a shape.
+
+        They are cached, because fits to other constants start at the same shapes.
+        """
+        if shape not in self._cache:
             turns = self.turn(shape.law(self.cam))
-            self._known[shape] = PublishedCam(self.cam.name, turns, self.published)
-        return self._known[shape]
+            self._cache[shape] = PublishedCam(self.cam.name, turns, self.published)
+        return self._cache[shape]
 
     def sensitivity(self, shape: ArcShape, acoustics: Acoustics) -> FloatArray:
-        """``(n, 2)``: dB per change of lift, of event, by 1."""
-        moved = [shape.scaled(*(1.0 + STEP * axis)) for axis in np.eye(2)]
-        base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *moved))
-        return np.stack([(level - base) / STEP for level in levels], axis=1)
+        """Return the derivatives of the levels (dB) by relative lift and event, (n, 2)."""
+        changed = [shape.scaled(*(1.0 + DERIVATIVE_STEP * axis)) for axis in np.eye(2)]
+        base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *changed))
+        return np.stack([(level - base) / DERIVATIVE_STEP for level in levels], axis=1)
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
-        """Lift and event whose cubic is nearest the published one, from near a shape."""
-        compared = cubic(self.cam_of(near).rpm)
+        """Fit lift and event so that the regression is nearest to the published cubic.
+
+        The search starts near the shape `near`.
+        """
+        projection = cubic(self.cam_of(near).rpm)
 
         def cost(shape: ArcShape) -> float:
             try:
-                return rms(compared @ self.cam_of(shape).difference(acoustics))
+                return rms(projection @ self.cam_of(shape).difference(acoustics))
             except LawError:
                 return IMPOSSIBLE
 
@@ -133,10 +162,10 @@ class ShapeProblem:
             return cost(start.scaled(*x.tolist()))
 
         simplex = np.ones((3, 2)) + SIMPLEX * np.eye(3, 2, -1)
-        found = minimize(
+        solution = minimize(
             cost_at,
             np.ones(2),
             method="Nelder-Mead",
             options={"initial_simplex": simplex, "maxfev": TRIALS, "xatol": 1e-3, "fatol": 5e-3},
         )
-        return start.scaled(*found.x.tolist())
+        return start.scaled(*solution.x.tolist())

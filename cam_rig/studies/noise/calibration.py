@@ -1,4 +1,4 @@
-"""Fitting the shared acoustic constants to published curves of one cam or more."""
+"""Fits of the shared acoustic constants to published curves of one cam or more."""
 
 from __future__ import annotations
 
@@ -19,62 +19,74 @@ from cam_rig.simulation.simulate import Acoustics
 from cam_rig.simulation.sound_constants import PublishedCam, two_constants
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Terms of the speed response: with its gain a cubic, like a published regression.
+#: Number of terms of the speed response. With the gain it is a cubic, like the regressions.
 RESPONSE_TERMS = 3
-#: Step of a numerical derivative, relative in a constant, in dB of a response term.
-STEP = 1e-4
+#: Step of a numerical derivative: relative for a constant, in dB for a term of the response.
+DERIVATIVE_STEP = 1e-4
 
 
 def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
-    """Gain and speed response of the reference cam, the corner as two constants have it.
+    """Fit gain and speed response to the reference cam.
 
-    Five numbers to one cubic, which has four: the reference's own curve says nothing any more.
-    It is the method of the reference sound source (ISO 3747): what passes between source and
-    microphone is measured with a known source and taken for the same with another.
+    The corner is that of `two_constants`.
+
+    Five numbers are fitted to one cubic, which has four, so the curve of the reference tests
+    nothing. The method is that of the reference sound source (ISO 3747): the transfer between
+    source and microphone is measured with a known source and assumed equal for other sources.
     """
     base = two_constants([reference], start)
     r = base.radiation
 
-    def at(x: FloatArray) -> Acoustics:
+    def acoustics_at(x: FloatArray) -> Acoustics:
         return base.with_constants(r.gain * float(np.exp(x[0])), r.corner, tuple(x[1:].tolist()))
 
     def residual(x: FloatArray) -> FloatArray:
-        return reference.difference(at(x))
+        return reference.difference(acoustics_at(x))
 
-    found = least_squares(residual, np.zeros(1 + RESPONSE_TERMS), x_scale=0.1)
-    return at(found.x)
+    solution = least_squares(residual, np.zeros(1 + RESPONSE_TERMS), x_scale=0.1)
+    return acoustics_at(solution.x)
 
 
 def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
-    """``(n, k)``: how levels (dB) change with log gain and log corner, or the response's terms."""
+    """Return the derivatives of the levels (dB) by the constants, shape (n, k).
+
+    The constants are log gain and log corner, or log gain and the terms of the response.
+    """
     r = acoustics.radiation
     base = acoustics.levels(cam.turns)
-    gain = acoustics.with_constants(r.gain * np.exp(STEP), r.corner, acoustics.response)
-    moved = [gain]
+    gain = acoustics.with_constants(r.gain * np.exp(DERIVATIVE_STEP), r.corner, acoustics.response)
+    changed = [gain]
     if acoustics.response:
         for i in range(RESPONSE_TERMS):
             response = np.array(acoustics.response)
-            response[i] += STEP
-            moved.append(acoustics.with_constants(r.gain, r.corner, tuple(response.tolist())))
+            response[i] += DERIVATIVE_STEP
+            changed.append(acoustics.with_constants(r.gain, r.corner, tuple(response.tolist())))
     else:
-        moved.append(acoustics.with_constants(r.gain, r.corner * np.exp(STEP)))
-    return np.stack([(a.levels(cam.turns) - base) / STEP for a in moved], axis=1)
+        changed.append(acoustics.with_constants(r.gain, r.corner * np.exp(DERIVATIVE_STEP)))
+    return np.stack([(a.levels(cam.turns) - base) / DERIVATIVE_STEP for a in changed], axis=1)
 
 
-# Which structure between contact force and sound: candidates fitted on one cam, tried on others.
+# Transfer functions between contact force and sound, fitted to one cam and tested on another.
 
-#: Samples of a turn and harmonics of it: up to 500 Hz at 200 rpm.
-SAMPLES, HARMONICS = 1024, 150
-#: Starts of a fit of modes, which may end in more than one place, and their seed.
-STARTS, SEED = 8, 1
+#: Number of samples of a turn.
+SAMPLES = 1024
+#: Number of harmonics of a turn: up to 500 Hz at 200 rpm.
+HARMONICS = 150
+#: Number of starts of a fit of modes, which has several local minima.
+STARTS = 8
+#: Seed of the random starts.
+SEED = 1
 
-#: |pressure per force|² from log constants ``x`` and frequency (Hz).
+#: Function that returns |pressure per force|² from log constants ``x`` and frequency (Hz).
 Transfer = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A candidate: its transfer function, where its fit starts, and the frequency weighting."""
+    """Candidate of a transfer function.
+
+    `start` are the initial constants of its fit.
+    """
 
     name: str
     transfer: Transfer
@@ -84,7 +96,10 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureFit:
-    """r.m.s. difference (dB) on the cam ``fitted`` to and on the other one, ``predicted``."""
+    """R.m.s. differences (dB) of a structure on the fitted and on the predicted cam.
+
+    `numbers` is the number of fitted constants.
+    """
 
     name: str
     weighting: str
@@ -129,7 +144,7 @@ STRUCTURES = (
 def compare_structures(
     loaded: LoadedScene, cams: Mapping[str, PublishedCam], fitted: str
 ) -> list[StructureFit]:
-    """Fit every candidate to one of two cams that keep contact, and predict the other."""
+    """Fit every structure to one of two cams that keep contact, and predict the other."""
     (other,) = cams.keys() - {fitted}
     speeds = np.asarray(cams[fitted].turns.speeds)
     harmonics = {cam: harmonic_power(loaded.laws[cam], loaded.follower, speeds) for cam in cams}
@@ -138,34 +153,37 @@ def compare_structures(
     weights = {w: weighting_power(w, frequency) for w in "ZCA"}
 
     def difference(structure: Structure, cam: str, x: FloatArray) -> FloatArray:
-        passed = structure.transfer(x, frequency) * weights[structure.weighting]
-        power = background + np.sum(passed * harmonics[cam], axis=1)
+        transfer = structure.transfer(x, frequency) * weights[structure.weighting]
+        power = background + np.sum(transfer * harmonics[cam], axis=1)
         return level_db(np.sqrt(power)) - cams[cam].published
 
-    found = []
+    fits = []
     for structure in STRUCTURES:
-        x = _best(lambda x, s=structure: difference(s, fitted, x), structure.start)  # type: ignore[misc]
-        own, unseen = (rms(difference(structure, cam, x)) for cam in (fitted, other))
+        x = _fit(lambda x, s=structure: difference(s, fitted, x), structure.start)  # type: ignore[misc]
+        fitted_rms, predicted_rms = (rms(difference(structure, cam, x)) for cam in (fitted, other))
         kind = structure.name, structure.weighting, x.size
-        found.append(StructureFit(*kind, fitted, own, other, unseen))
-    return found
+        fits.append(StructureFit(*kind, fitted, fitted_rms, other, predicted_rms))
+    return fits
 
 
-def _best(residual: Callable[[FloatArray], FloatArray], start: tuple[float, ...]) -> FloatArray:
+def _fit(residual: Callable[[FloatArray], FloatArray], start: tuple[float, ...]) -> FloatArray:
     generator = np.random.default_rng(SEED)
-    best, least = np.log(start), np.inf
+    best, lowest_cost = np.log(start), np.inf
     for i in range(1 if len(start) == 2 else STARTS):
         scatter = generator.normal(size=len(start)) * (0.6 if i else 0.0)
-        found = least_squares(
+        solution = least_squares(
             residual, np.log(start) + scatter, bounds=(-30.0, 30.0), max_nfev=120, ftol=1e-5
         )
-        if found.cost < least:
-            best, least = found.x, float(found.cost)
+        if solution.cost < lowest_cost:
+            best, lowest_cost = solution.x, float(solution.cost)
     return np.asarray(best)
 
 
 def harmonic_power(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
-    """Mean square of each harmonic of the contact force, ``(len(speeds), HARMONICS)``, N²."""
+    """Return the mean square of each harmonic of the contact force, N².
+
+    The shape is (len(speeds), HARMONICS), with `speeds` in rad/s.
+    """
     angle = TURN * np.arange(SAMPLES) / SAMPLES
     motion = np.stack([law(angle, order) for order in range(3)])
     forces = np.stack([force_weights(follower, float(speed)) @ motion for speed in speeds])

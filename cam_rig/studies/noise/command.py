@@ -1,4 +1,4 @@
-"""cam-rig noise: the paper's noise regressions, reproduced and taken further."""
+"""cam-rig noise: the study of the paper's noise regressions."""
 
 from __future__ import annotations
 
@@ -14,19 +14,21 @@ from cam_rig.show.result import Progress, Result
 def noise(
     scene: Scene = DEFAULT_SCENE,
     rig: Annotated[
-        str, typer.Option(help="Rig identified from jump speeds, beside the scene's: file or name.")
+        str, typer.Option(help="Rig identified from jump speeds, file or name.")
     ] = "paper_table2",
     one_rig: Annotated[
-        bool, typer.Option("--one-rig", help="Fit the arc cam on that rig too: takes minutes.")
+        bool,
+        typer.Option("--one-rig", help="Fit the arc cam on that rig too (takes minutes)."),
     ] = False,
     *,
     progress: Progress,
 ) -> Result:
-    """Calibrate on one cam, predict another, identify the third, with confidence intervals.
+    """Calibrate noise on one cam, predict another, and identify the third.
 
-    The transfer functions between force and sound; three ways of calibrating, with 95 % bands and
-    the speed at which two cams are equally loud; each cam left out in turn; and the one rig that
-    the jump speeds gave. Some ten seconds.
+    The study contains the transfer functions between force and sound, and three methods of
+    calibration, with 95 % bands and the speed at which two cams are equally loud. Further parts
+    leave out each cam in turn, and use the rig identified from jump speeds. It takes about ten
+    seconds.
 
     In Python: cam_rig.noise(scene, rig, one_rig)
 

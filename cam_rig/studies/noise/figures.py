@@ -1,4 +1,4 @@
-"""The noise study as a picture: level against speed with bands, one panel a way to calibrate."""
+"""Figure of the noise study: levels with bands, one panel per calibration."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from cam_rig.studies.noise.study import NoiseStudyResult
 
 @styled
 def figure(study: NoiseStudyResult) -> Figure:
-    """Level against speed, simulated and published, one panel a way to calibrate."""
+    """Draw simulated and published level over speed, one panel per calibration."""
     titles = {cam: short(title) for cam, title in study.titles.items()}
-    out = empty(2.5 * len(study.methods) + 0.8)
-    axes = out.subplots(len(study.methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    fig = empty(2.5 * len(study.methods) + 0.8)
+    axes = fig.subplots(len(study.methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for panel, method in zip(axes, study.methods, strict=True):
         _panel(panel, method, titles)
         panel.set_ylabel(LEVEL)
@@ -33,8 +33,8 @@ def figure(study: NoiseStudyResult) -> Figure:
         Line2D([], [], color="k", ls="--", label="cubic regression, published"),
         Rectangle((0, 0), 1, 1, color="0.75", label="95 % band for the published regression"),
     ]
-    out.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
-    return out
+    fig.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    return fig
 
 
 def _panel(panel: Axes, method: Method, titles: dict[str, str]) -> None:
@@ -48,13 +48,13 @@ def _panel(panel: Axes, method: Method, titles: dict[str, str]) -> None:
         if rpm.size >= MIN_SPEEDS:
             panel.plot(rpm, curve.regression_db, color=colour)
         panel.plot(rpm, curve.published_db, "--", color=colour)
-    found = method.crossing
-    if found.rpm is not None and np.isfinite(found.low):
-        panel.axvspan(found.low, found.high, color="0.5", alpha=0.12, lw=0)
-        panel.axvline(found.rpm, color="0.35", lw=0.9)
-        interval = f"95 %: {found.low:.0f} to {found.high:.0f} rpm"
-        place = dict[str, Any](xycoords=("data", "axes fraction"), textcoords="offset points")
-        words = f"equal levels at {found.rpm:.1f} rpm\n{interval}"
-        panel.annotate(words, (found.rpm, 0.02), (-5, 0), ha="right", color="0.25", **place)
+    crossing = method.crossing
+    if crossing.rpm is not None and np.isfinite(crossing.low):
+        panel.axvspan(crossing.low, crossing.high, color="0.5", alpha=0.12, lw=0)
+        panel.axvline(crossing.rpm, color="0.35", lw=0.9)
+        interval = f"95 %: {crossing.low:.0f} to {crossing.high:.0f} rpm"
+        offset = dict[str, Any](xycoords=("data", "axes fraction"), textcoords="offset points")
+        text = f"equal levels at {crossing.rpm:.1f} rpm\n{interval}"
+        panel.annotate(text, (crossing.rpm, 0.02), (-5, 0), ha="right", color="0.25", **offset)
     panel.set_title(method.name)
     panel.legend(loc="upper left")

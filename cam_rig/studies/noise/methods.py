@@ -1,11 +1,11 @@
-"""The three curves by one way of calibrating, with their bands and their crossing.
+"""Noise curves of three cams by method of calibration, with bands and crossings.
 
-Three ways stand side by side:
+There are three methods of calibration:
 
-* two constants, gain and corner of the structure, with the arc cam as its file has it: there
-  the simulated points were compared with the published regression;
-* the same with the arc cam fitted anew, its regression compared with the published one;
-* by substitution: the reference also measures how the rig passes sound on at each speed.
+* Two constants are gain and corner of the structure. The geometry of the arc cam is that of its
+  file, which was fitted by the differences of simulated points and published regression.
+* Two constants with the arc cam refitted use the differences of the two regressions instead.
+* Substitution also measures with the reference how the rig transmits sound at each speed.
 """
 
 from __future__ import annotations
@@ -30,18 +30,23 @@ from cam_rig.studies.noise.calibration import by_substitution, sensitivity
 from cam_rig.studies.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.units import FloatArray, rms
 
-# Confidence intervals of the noise curves and their crossing, by a bootstrap of the fit errors.
+# Confidence intervals of the noise curves and their crossings, by a bootstrap of the fit errors.
 
-#: Neighbouring speeds that are drawn together: a third of the range.
+#: Number of neighbouring speeds that are drawn together, a third of the range.
 BLOCK = 7
-#: Draws, and the seed of them.
-DRAWS, SEED = 2000, 1
-#: Percent outside a 95 % band, on either side.
+#: Number of draws.
+DRAWS = 2000
+#: Seed of the draws.
+SEED = 1
+#: Percentage outside a 95 % band on each side.
 TAIL = 2.5
 
 
 def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """``(DRAWS, n)`` series like ``residual`` ``(n,)``, put together from blocks of it."""
+    """Return random series of blocks of ``residual``, shape (DRAWS, n).
+
+    ``residual`` has the shape (n,).
+    """
     count = residual.size
     blocks = -(-count // BLOCK)
     starts = generator.integers(0, count, size=(DRAWS, blocks))
@@ -51,19 +56,19 @@ def resample(residual: FloatArray, generator: np.random.Generator) -> FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Where 95 % of the draws lie, dB at each speed, ``(n,)``."""
+    """Band that contains 95 % of the draws, in dB at each speed, shape (n,)."""
 
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def of(cls, draws: FloatArray) -> Band:
-        """The band of draws ``(DRAWS, n)``."""
+        """Return the band of draws of shape (DRAWS, n)."""
         low, high = np.percentile(draws, [TAIL, 100.0 - TAIL], axis=0)
         return cls(low, high)
 
     def holds(self, level: FloatArray) -> float:
-        """Share of the speeds at which a curve ``(n,)`` lies within."""
+        """Return the fraction of the speeds at which a curve ``(n,)`` is within the band."""
         return float(np.mean((level >= self.low) & (level <= self.high)))
 
 
@@ -71,8 +76,18 @@ class Band:
 class Crossing:
     """Speed in rpm at which two regressions cross, with its confidence interval.
 
-    ``low`` and ``high`` hold 95 % of the draws, of which a share ``missing`` does not cross at all
-    within the speeds. ``points_rpm`` is where the simulated levels themselves cross.
+    Parameters
+    ----------
+    rpm : float, optional
+        Speed of the crossing. None if the regressions do not cross within the speeds.
+    low, high : float
+        Limits of the 95 % interval in rpm, NaN if fewer than two draws cross.
+    deviation : float
+        Standard deviation of the draws in rpm, NaN if fewer than two draws cross.
+    missing : float
+        Fraction of the draws that do not cross within the speeds.
+    points_rpm : float, optional
+        Speed in rpm at which the simulated levels cross, or None.
     """
 
     rpm: float | None
@@ -83,32 +98,40 @@ class Crossing:
     points_rpm: float | None = None
 
 
-def all_crossings(rpm: FloatArray, one: FloatArray, two: FloatArray) -> FloatArray:
-    """Where two cubics, given by their values ``(n,)``, cross, rpm."""
-    fit, scale = _difference(rpm, one, two)
+def all_crossings(rpm: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the speeds (rpm) at which two cubics with values ``(n,)`` cross."""
+    fit, scale = _difference(rpm, first, second)
     return crossings(fit, (rpm[0], rpm[-1]), scale=scale, shift=1.0)
 
 
-def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
-    """The one of `all_crossings` nearest to ``near`` rpm; None when there is none."""
-    fit, scale = _difference(rpm, one, two)
+def crossing(rpm: FloatArray, first: FloatArray, second: FloatArray, near: float) -> float | None:
+    """Return the crossing of two cubics nearest to ``near`` (rpm), or None."""
+    fit, scale = _difference(rpm, first, second)
     return nearest_crossing(fit, (rpm[0], rpm[-1]), near, scale=scale, shift=1.0)
 
 
-def _difference(rpm: FloatArray, one: FloatArray, two: FloatArray) -> tuple[FloatArray, float]:
-    """Coefficients of one less the other, each ``(n,)`` or draws, over rpm/scale − 1; the scale."""
+def _difference(rpm: FloatArray, first: FloatArray, second: FloatArray) -> tuple[FloatArray, float]:
+    """Return the coefficients of the difference over rpm/scale − 1, and the scale.
+
+    The values are of shape (n,), or draws of shape (DRAWS, n).
+    """
     scale = float(rpm.mean())
-    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, (one - two).T, REGRESSION_DEGREE)
+    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, (first - second).T, REGRESSION_DEGREE)
     return np.asarray(fit, dtype=np.float64), scale
 
 
-def points_crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> float | None:
-    """Where two series of levels ``(n,)``, joined by straight lines, cross nearest to ``near``."""
-    gap = one - two
-    at = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
-    share = gap[at] / (gap[at] - gap[at + 1])
-    found = rpm[at] + share * (rpm[at + 1] - rpm[at])
-    return float(found[np.argmin(np.abs(found - near))]) if found.size else None
+def points_crossing(
+    rpm: FloatArray, first: FloatArray, second: FloatArray, near: float
+) -> float | None:
+    """Return the crossing (rpm) of two polylines of levels nearest to ``near``.
+
+    Returns None if they do not cross.
+    """
+    gap = first - second
+    index = np.flatnonzero(np.sign(gap[1:]) != np.sign(gap[:-1]))
+    fraction = gap[index] / (gap[index] - gap[index + 1])
+    speeds = rpm[index] + fraction * (rpm[index + 1] - rpm[index])
+    return float(speeds[np.argmin(np.abs(speeds - near))]) if speeds.size else None
 
 
 def crossing_interval(
@@ -117,27 +140,45 @@ def crossing_interval(
     draws: tuple[FloatArray, FloatArray],
     near: float,
 ) -> Crossing:
-    """The crossing of two regressions, with what draws ``(DRAWS, n)`` of both say about it."""
+    """Return the crossing of two regressions with its interval from the draws of both.
+
+    ``best`` are the regressions, shape (n,), and ``draws`` their draws, shape (DRAWS, n).
+    """
     fits, scale = _difference(rpm, *draws)
     ends = (rpm[0], rpm[-1])
-    found = [nearest_crossing(fit, ends, near, scale=scale, shift=1.0) for fit in fits.T]
-    there = np.array([rpm for rpm in found if rpm is not None])
+    crossings_rpm = [nearest_crossing(fit, ends, near, scale=scale, shift=1.0) for fit in fits.T]
+    crossed = np.array([rpm for rpm in crossings_rpm if rpm is not None])
     low = high = deviation = np.nan
-    if there.size > 1:
-        low, high = np.percentile(there, [TAIL, 100.0 - TAIL]).tolist()
-        deviation = float(np.std(there, ddof=1))
-    missing = 1.0 - there.size / len(found)
+    if crossed.size > 1:
+        low, high = np.percentile(crossed, [TAIL, 100.0 - TAIL]).tolist()
+        deviation = float(np.std(crossed, ddof=1))
+    missing = 1.0 - crossed.size / len(crossings_rpm)
     return Crossing(crossing(rpm, *best, near), low, high, deviation, missing)
 
 
 @dataclass(frozen=True, eq=False)
 class StudiedCurve:
-    """One cam by one way of calibrating. Levels in dB at each speed.
+    """Noise curve of one cam by one method of calibration.
 
-    ``numbers`` were fitted to this cam's own published curve, a cubic of four. ``rms_db`` is of
-    the simulated points to the published regression, ``rms_regression_db`` of their regression
-    to it. ``confidence`` is the band of the regression from what was fitted, ``expected`` where the
-    published one should lie.
+    Parameters
+    ----------
+    method, cam, role : str
+        Method of calibration, name of the cam, and origin of its level.
+    numbers : int
+        Number of constants fitted to the published curve of this cam, a cubic with four numbers.
+    rpm : ndarray
+        Speeds in rpm, shape (n,).
+    level_db, regression_db, published_db : ndarray
+        Simulated levels, their regression, and the published regression, in dB, shape (n,).
+    coefficients : ndarray
+        Coefficients of the regression, dB/rpm^i.
+    rms_db, rms_regression_db : float
+        R.m.s. difference in dB of the simulated levels, and of their regression, to the published
+        regression.
+    confidence : Band
+        95 % band of the regression, which results from the fitted constants.
+    expected : Band
+        95 % band in which the published regression is expected.
     """
 
     method: str
@@ -156,15 +197,15 @@ class StudiedCurve:
 
     @property
     def largest(self) -> tuple[float, float]:
-        """By how much (dB) a point is off at most, which an r.m.s. hides, and at which rpm."""
+        """Largest difference (dB) of a point, which an r.m.s. hides, and its speed (rpm)."""
         difference = self.level_db - self.published_db
-        at = int(np.argmax(np.abs(difference)))
-        return float(difference[at]), round(float(self.rpm[at]), 9)
+        index = int(np.argmax(np.abs(difference)))
+        return float(difference[index]), round(float(self.rpm[index]), 9)
 
 
 @dataclass(frozen=True)
 class PairCrossing:
-    """Where the published curves of two cams cross, and where those of a method do."""
+    """Crossing of the published curves of two cams, and of the curves of a method."""
 
     method: str
     between: tuple[str, str]
@@ -174,10 +215,22 @@ class PairCrossing:
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """One way of calibrating: shared constants, curves by cam, and where they cross.
+    """Method of calibration with its constants, curves and crossings.
 
-    ``crossing`` is of the two cams that the paper names, ``pairs`` of every two at each speed at
-    which their published curves cross.
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    acoustics : Acoustics
+        Acoustic constants shared by all cams.
+    shape : ArcShape
+        Geometry of the arc cam.
+    curves : dict
+        Curves by cam.
+    crossing : Crossing
+        Crossing of the two cams that the paper names.
+    pairs : tuple of PairCrossing
+        Crossings of every two cams, one for each crossing of their published curves.
     """
 
     name: str
@@ -189,72 +242,76 @@ class Method:
 
     @property
     def predicted_rms_db(self) -> float:
-        """r.m.s. difference (dB) of the points on what no number was fitted to."""
+        """R.m.s. difference (dB) of the points of cams to which no number was fitted."""
         unseen = [curve.rms_db for curve in self.curves.values() if curve.numbers == 0]
         return rms(np.array(unseen)) if unseen else np.inf
 
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
-    """Gain and corner from the reference; the arc cam as its file has it, or fitted anew."""
+    """Calibrate gain and corner on the reference.
+
+    `refit` is True to refit the arc cam.
+    """
     name = "two constants, arc cam refitted" if refit else "two constants"
     return _method(name, study, lambda cam: two_constants([cam], study.start), refit)
 
 
 def with_substitution(study: NoiseSetup) -> Method:
-    """Gain and speed response from the reference; the arc cam's geometry fitted to that."""
+    """Calibrate gain and speed response on the reference, and refit the arc cam."""
     return _method("by substitution", study, lambda cam: by_substitution(cam, study.start), True)
 
 
 def _method(
-    name: str, study: NoiseSetup, calibrated: Callable[[PublishedCam], Acoustics], refit: bool
+    name: str, study: NoiseSetup, calibrate: Callable[[PublishedCam], Acoustics], refit: bool
 ) -> Method:
-    """Curves and bands.
+    """Return the curves and bands of a method of calibration.
 
-    The difference (dB) of this way on a cam it was not fitted to is the reference's, with the parts
-    of reference and predicted cam exchanged.
+    The bootstrap needs the difference (dB) of the method on a cam to which it was not fitted. This
+    is the difference of the reference after a calibration on the predicted cam.
     """
     reference = study.cams[study.roles.reference]
-    acoustics, project = calibrated(reference), cubic(study.rpm)
-    unseen = reference.difference(calibrated(study.cams[study.roles.predicted]))
+    acoustics, project = calibrate(reference), cubic(study.rpm)
+    prediction_error = reference.difference(calibrate(study.cams[study.roles.predicted]))
     shape = study.fit_shape(acoustics) if refit else study.shape
-    compared = project if refit else np.eye(study.rpm.size)  # what the geometry was fitted to
-    arcs, slope = study.problem.cam_of(shape), study.problem.sensitivity(shape, acoustics)
+    # Projection onto the curve to which the geometry was fitted: regression or points.
+    projection = project if refit else np.eye(study.rpm.size)
+    arcs, shape_slope = study.problem.cam_of(shape), study.problem.sensitivity(shape, acoustics)
     roles, cams = study.roles, study.cams | {arcs.cam: arcs}
-    unlike = dict.fromkeys(cams, -unseen) | {arcs.cam: -arcs.difference(acoustics)}
+    errors = dict.fromkeys(cams, -prediction_error) | {arcs.cam: -arcs.difference(acoustics)}
     generator = np.random.default_rng(SEED)
-    fitted, left = ({cam: resample(unlike[cam], generator) for cam in cams} for _ in range(2))
-    slopes = {cam: sensitivity(one, acoustics) for cam, one in cams.items()}
+    fitted, residuals = ({cam: resample(errors[cam], generator) for cam in cams} for _ in range(2))
+    slopes = {name: sensitivity(cam, acoustics) for name, cam in cams.items()}
     constants = fitted[roles.reference] @ _refit(project @ slopes[roles.reference], project).T
-    moved = {cam: constants @ one.T for cam, one in slopes.items()}
-    change = (fitted[arcs.cam] - moved[arcs.cam]) @ _refit(compared @ slope, compared).T
-    moved[arcs.cam] = moved[arcs.cam] + change @ slope.T
+    shifts = {cam: constants @ slope.T for cam, slope in slopes.items()}
+    change = (fitted[arcs.cam] - shifts[arcs.cam]) @ _refit(projection @ shape_slope, projection).T
+    shifts[arcs.cam] = shifts[arcs.cam] + change @ shape_slope.T
     numbers = {roles.reference: 2 + len(acoustics.response), roles.arcs: 2 if refit else 3}
     curves = {
-        cam: _curve(name, study, h, acoustics, numbers.get(cam, 0), moved[cam], left[cam])
+        cam: _curve(name, study, h, acoustics, numbers.get(cam, 0), shifts[cam], residuals[cam])
         for cam, h in cams.items()
     }
-    drawn = {c: curves[c].regression_db + (moved[c] + left[c]) @ project for c in cams}
+    drawn = {c: curves[c].regression_db + (shifts[c] + residuals[c]) @ project for c in cams}
 
-    def found(one: str, two: str, near: float) -> Crossing:
-        best = (curves[one].regression_db, curves[two].regression_db)
-        interval = crossing_interval(study.rpm, best, (drawn[one], drawn[two]), near)
-        levels = (curves[one].level_db, curves[two].level_db)
+    def find_crossing(first: str, second: str, near: float) -> Crossing:
+        best = (curves[first].regression_db, curves[second].regression_db)
+        interval = crossing_interval(study.rpm, best, (drawn[first], drawn[second]), near)
+        levels = (curves[first].level_db, curves[second].level_db)
         return replace(interval, points_rpm=points_crossing(study.rpm, *levels, near))
 
     pairs = tuple(
-        PairCrossing(name, (one, two), near, found(one, two, near))
-        for one, two in combinations(curves, 2)
+        PairCrossing(name, (first, second), near, find_crossing(first, second, near))
+        for first, second in combinations(curves, 2)
         for near in all_crossings(
-            study.rpm, curves[one].published_db, curves[two].published_db
+            study.rpm, curves[first].published_db, curves[second].published_db
         ).tolist()
     )
     named = study.crossover
-    return Method(name, acoustics, shape, curves, found(*named.between, named.rpm), pairs)
+    return Method(name, acoustics, shape, curves, find_crossing(*named.between, named.rpm), pairs)
 
 
-def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:
-    """``(k, n)``: takes a change of the published levels to that of the fitted numbers."""
-    return np.asarray(np.linalg.pinv(slope, rcond=1e-2) @ compared)
+def _refit(slopes: FloatArray, projection: FloatArray) -> FloatArray:
+    """Return the matrix (k, n) from changes of levels to those of fitted numbers."""
+    return np.asarray(np.linalg.pinv(slopes, rcond=1e-2) @ projection)
 
 
 def _curve(
@@ -263,8 +320,8 @@ def _curve(
     cam: PublishedCam,
     acoustics: Acoustics,
     numbers: int,
-    moved: FloatArray,
-    left: FloatArray,
+    shifts: FloatArray,
+    residuals: FloatArray,
 ) -> StudiedCurve:
     level = acoustics.levels(cam.turns)
     project = cubic(study.rpm)
@@ -272,7 +329,7 @@ def _curve(
     return StudiedCurve(
         method=method,
         cam=cam.cam,
-        role=study.loaded.fitted_origin(cam.cam),  # true here: each method calibrates anew
+        role=study.loaded.fitted_origin(cam.cam),  # valid here, because each method recalibrates
         numbers=numbers,
         rpm=study.rpm,
         level_db=level,
@@ -281,24 +338,36 @@ def _curve(
         published_db=cam.published,
         rms_db=rms(level - cam.published),
         rms_regression_db=rms(fitted - cam.published),
-        confidence=Band.of(fitted + moved @ project),
-        expected=Band.of(fitted + (moved + left) @ project),
+        confidence=Band.of(fitted + shifts @ project),
+        expected=Band.of(fitted + (shifts + residuals) @ project),
     )
 
 
-# Each cam left out in turn: the acoustic constants are fitted to the other two alone.
+# Leave-one-out test: the acoustic constants are fitted to two of the three cams.
 
-#: Rounds of fitting shape and constants in turn.
+#: Number of alternating fits of shape and constants.
 ROUNDS = 2
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A cam left out, the constants of the other two, and the fit error (dB) on each cam.
+    """Result of the test that leaves out one cam.
 
-    ``numbers`` were fitted together to the other cams. The arc cam's geometry is its own: it is
-    fitted with the constants where the cam is among the others, and to its own curve, after the
-    constants, where it is the one left out. ``rms_regression_db`` is of the cam left out.
+    The geometry of the arc cam is fitted together with the constants. If the arc cam is left out,
+    its geometry is fitted to its curve after the constants.
+
+    Parameters
+    ----------
+    cam : str
+        Cam that is left out.
+    numbers : int
+        Number of constants fitted to the other cams.
+    acoustics : Acoustics
+        Acoustic constants from the other cams.
+    rms_db : dict
+        R.m.s. difference in dB on each cam.
+    rms_regression_db : float
+        R.m.s. difference in dB of the regression of the cam that is left out.
     """
 
     cam: str
@@ -309,31 +378,31 @@ class LeftOut:
 
 
 def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
-    """All three, in the order of the scene."""
+    """Return the test of each of the three cams, in the order of the scene."""
     return [_leave_out(study, cam) for cam in study.cams]
 
 
 def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
     arcs = study.roles.arcs
-    trained = tuple(name for name in study.cams if name != cam)
-    known = [study.cams[name] for name in trained if name != arcs]
-    acoustics = two_constants(known, study.start)
+    others = tuple(name for name in study.cams if name != cam)
+    calibrated = [study.cams[name] for name in others if name != arcs]
+    acoustics = two_constants(calibrated, study.start)
     for _ in range(1 if cam == arcs else ROUNDS):
         shape = study.fit_shape(acoustics)
         cams = study.cams | {arcs: study.problem.cam_of(shape)}
-        acoustics = two_constants([cams[name] for name in trained], study.start)
+        acoustics = two_constants([cams[name] for name in others], study.start)
     return LeftOut(
         cam=cam,
         numbers=2 if cam == arcs else 4,
         acoustics=acoustics,
-        rms_db={name: one.rms(acoustics) for name, one in cams.items()},
+        rms_db={name: other.rms(acoustics) for name, other in cams.items()},
         rms_regression_db=rms(cubic(study.rpm) @ cams[cam].difference(acoustics)),
     )
 
 
-# What the paper claims of noise, tested on its own curves and on those of the study.
+# Claims of the paper on noise, tested on its curves and on those of the study.
 
-#: Curves that a claim is tested on: its heading, and which of a studied curve it takes.
+#: Curves on which a claim is tested: heading -> function of a studied curve.
 TESTED_ON: dict[str, Callable[[StudiedCurve], FloatArray]] = {
     "published curves": lambda curve: curve.published_db,
     "regressions": lambda curve: curve.regression_db,
@@ -343,10 +412,18 @@ TESTED_ON: dict[str, Callable[[StudiedCurve], FloatArray]] = {
 
 @dataclass(frozen=True)
 class NoiseClaim:
-    """A claim of the paper on the levels of its cams, and what it was tested on.
+    """Claim of the paper on the levels of its cams, and its test.
 
-    ``holds`` counts the speeds at which it holds, of ``cases``; ``fails_rpm`` are the lowest and
-    highest speed at which it does not, None where it always holds.
+    Parameters
+    ----------
+    words, source : str
+        Text of the claim, and its position in the paper.
+    tested_on : str
+        Key of `TESTED_ON`.
+    holds, cases : int
+        Number of speeds at which the claim is true, and number of tested speeds.
+    fails_rpm : tuple of float, optional
+        Lowest and highest speed in rpm at which the claim is false, or None.
     """
 
     words: str
@@ -360,24 +437,24 @@ class NoiseClaim:
 def noise_claims(
     roles: StudyRoles, curves: Mapping[str, StudiedCurve], crossover_rpm: float
 ) -> list[NoiseClaim]:
-    """The paper's claims below and above its speed at which its two rivals are equally loud."""
+    """Test the paper's claims on noise below and above the crossing that it states."""
     rpm = curves[roles.arcs].rpm
     below, above = rpm < crossover_rpm, rpm > crossover_rpm
-    at = f"{crossover_rpm:g} rpm"
-    arcs, conventional, proposed = roles.arcs, roles.reference, roles.predicted
+    limit = f"{crossover_rpm:g} rpm"
+    arcs, reference, proposed = roles.arcs, roles.reference, roles.predicted
     quieter = f"{proposed} is quieter than"
-    named = (
-        (f"{arcs} is the quietest below {at}", "fig. 16", arcs, (conventional, proposed), below),
-        (f"{quieter} {arcs} above {at}", "fig. 16", proposed, (arcs,), above),
-        (f"{quieter} {conventional} above {at}", "conclusions", proposed, (conventional,), above),
+    tests = (
+        (f"{arcs} is the quietest below {limit}", "fig. 16", arcs, (reference, proposed), below),
+        (f"{quieter} {arcs} above {limit}", "fig. 16", proposed, (arcs,), above),
+        (f"{quieter} {reference} above {limit}", "conclusions", proposed, (reference,), above),
     )
-    found = []
-    for words, source, cam, others, where in named:
-        for name, take in TESTED_ON.items():
-            loudness = [take(curves[other])[where] for other in others]
-            holds = take(curves[cam])[where] < np.min(loudness, axis=0)
-            against = rpm[where][~holds]
-            fails = (float(against[0]), float(against[-1])) if against.size else None
-            cases = int(where.sum())
-            found.append(NoiseClaim(words, source, name, int(holds.sum()), cases, fails))
-    return found
+    claims = []
+    for claim, source, cam, others, mask in tests:
+        for name, curve_of in TESTED_ON.items():
+            loudness = [curve_of(curves[other])[mask] for other in others]
+            holds = curve_of(curves[cam])[mask] < np.min(loudness, axis=0)
+            failures = rpm[mask][~holds]
+            fails = (float(failures[0]), float(failures[-1])) if failures.size else None
+            cases = int(mask.sum())
+            claims.append(NoiseClaim(claim, source, name, int(holds.sum()), cases, fails))
+    return claims

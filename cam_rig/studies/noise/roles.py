@@ -1,6 +1,7 @@
-"""The set-up of a noise study: the mechanics of each cam, run once, and the role of each.
+"""Set-up of a noise study: the role of each cam, and its simulated turns.
 
-The reference calibrates the acoustic constants; one is predicted, one has its geometry identified.
+The reference cam calibrates the acoustic constants. The second cam is predicted, and the geometry
+of the third is identified.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.units import FloatArray, to_rpm
 
-#: A shape is fitted at each of these of the study's speeds, and then compared at all.
+#: Step of the speeds at which a shape is fitted. It is then compared at all speeds.
 EVERY = 2
-#: What gives the levels of a scene that is no noise study.
+#: Remedy for a scene that does not fit a noise study.
 OTHERWISE = "for any other scene take cam-rig simulate or report"
-#: Half of them still are more than a cubic has numbers.
+#: Smallest number of speeds. Half of them are still more than the four numbers of a cubic.
 MIN_SPEEDS = 9
 
 
 @dataclass(frozen=True)
 class StudyRoles:
-    """Which cam plays which part in a scene."""
+    """Names of the cams of a scene by their role in the study."""
 
     reference: str
     predicted: str
@@ -38,7 +39,13 @@ class StudyRoles:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> StudyRoles:
-        """The roles in a scene."""
+        """Return the roles of the cams of a scene.
+
+        Raises
+        ------
+        ConfigError
+            If the scene has too few speeds or does not have three cams with the three roles.
+        """
         speeds = len(loaded.scene.program.speeds.numbers)
         if speeds < MIN_SPEEDS:
             raise ConfigError(
@@ -59,7 +66,7 @@ class StudyRoles:
 
 @dataclass(frozen=True, eq=False)
 class NoiseSetup:
-    """What all parts of a noise study share: the scene, the roles, the mechanics of each cam."""
+    """Scene, roles and simulated turns of each cam of a noise study."""
 
     loaded: LoadedScene
     roles: StudyRoles
@@ -68,7 +75,7 @@ class NoiseSetup:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> NoiseSetup:
-        """Run the mechanics of a scene once."""
+        """Simulate the turns of all cams of a scene."""
         roles = StudyRoles.of(loaded)
         speeds = np.array(loaded.scene.program.speeds.si_list)
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
@@ -81,31 +88,34 @@ class NoiseSetup:
 
     @property
     def shape(self) -> ArcShape:
-        """The arc cam's geometry as its file has it."""
+        """Geometry of the arc cam in its file."""
         return ArcShape.of(self.loaded.cams[self.roles.arcs])
 
     @property
     def rpm(self) -> FloatArray:
-        """The speeds in rpm."""
+        """Speeds in rpm, shape (n,)."""
         return self.cams[self.roles.arcs].rpm
 
     @property
     def crossover(self) -> Crossover:
-        """Which two cams the paper says are equally loud, and at which speed."""
+        """Crossing that the paper states: two cams and their speed of equal levels."""
         assert self.loaded.published is not None  # the study has its levels
         return self.loaded.published.crossover
 
     @cached_property
     def problem(self) -> ShapeProblem:
-        """The arc cam's shape as it is fitted, at all speeds."""
+        """Fit of the arc cam's shape at all speeds."""
         return self.shape_problem("one_mass", self.loaded.follower, 1)
 
     @cached_property
-    def _thin(self) -> ShapeProblem:
+    def _problem_at_some_speeds(self) -> ShapeProblem:
         return self.shape_problem("one_mass", self.loaded.follower)
 
     def shape_problem(self, model: str, follower: Any, every: int = EVERY) -> ShapeProblem:
-        """The arc cam's shape as it is fitted on a model's follower, at some of the speeds."""
+        """Return the fit of the arc cam's shape with the follower of a model.
+
+        It is at every `every`-th of the speeds.
+        """
         arcs = self.cams[self.roles.arcs].every(every)
 
         def turn(law: Law) -> Turns:
@@ -114,5 +124,5 @@ class NoiseSetup:
         return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 
     def fit_shape(self, acoustics: Acoustics) -> ArcShape:
-        """Lift and event of the arc cam for these constants."""
-        return self._thin.fit(self.shape, acoustics)
+        """Fit lift and event of the arc cam for acoustic constants."""
+        return self._problem_at_some_speeds.fit(self.shape, acoustics)

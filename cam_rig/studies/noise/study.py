@@ -1,4 +1,4 @@
-"""The whole noise study, part after part, and the paper's claims of noise, tested."""
+"""Noise study: its parts and its result, with tests of the paper's claims."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from cam_rig.studies.noise.variants import (
 )
 from cam_rig.units import FloatArray
 
-#: The parts of a study in order, for the progress bar.
+#: Parts of a study in order, for the progress bar.
 PARTS = (
     "the cams' turns",
     "structures",
@@ -48,12 +48,12 @@ PARTS = (
     "lift, high dwell and joints",
 )
 
-#: Every so many speeds have a row where people read.
+#: Step of the speeds that have a displayed row.
 EVERY = 2
 
 
 class LevelAt(NamedTuple):
-    """A cam at a speed (rpm) by a method: levels and the ends of its bands, dB."""
+    """Levels of a cam at a speed (rpm) by a method, and limits of its bands, in dB."""
 
     method: str
     cam: str
@@ -65,16 +65,16 @@ class LevelAt(NamedTuple):
 
 
 class OnCam(NamedTuple):
-    """One cam with the constants of a rig, or with those of two other cams."""
+    """Cam of a result with the constants of a rig, or of two other cams."""
 
     of: OneRig | LeftOut
     cam: str
 
 
 class Changed(NamedTuple):
-    """A cam of the factorial of lift, high dwell and joints at a speed (rpm).
+    """Level of a cam of the factorial of lift, high dwell and joints at a speed (rpm).
 
-    ``change`` holds the least and the greatest difference to the reference cam over all speeds, dB.
+    ``change`` are the smallest and the largest difference to the reference cam over all speeds, dB.
     """
 
     lift: float
@@ -93,7 +93,7 @@ def _constants(of: str = "") -> tuple[Column, ...]:
 
 
 def _shape(of: str = "", hidden: bool = False) -> tuple[Column, ...]:
-    """The arc cam's geometry, where it has one."""
+    """Return the columns of the geometry of the arc cam."""
     return (
         Column("lift", "mm", ".2f", "arc cam: lift", f"{of}shape.lift", hidden=hidden),
         Column("event", "°", ".1f", of=f"{of}shape.event", hidden=hidden),
@@ -106,7 +106,7 @@ def _response(i: int) -> Callable[[Method], float | None]:
 
 
 def _crossing(hidden: bool, before: str = "", of: str = "found") -> tuple[Column, ...]:
-    """Where two regressions cross, and what the bootstrap says of it."""
+    """Return the columns of a crossing of two regressions and of its bootstrap."""
     kinds = (
         ("crossing", ".1f", "regressions", "rpm", "nowhere"),
         ("deviation", ".1f", "standard deviation", "deviation", ""),
@@ -115,16 +115,19 @@ def _crossing(hidden: bool, before: str = "", of: str = "found") -> tuple[Column
         ("points", ".1f", "points", "points_rpm", "nowhere"),
     )
     share = Column(f"{before}missing", "%", ".0f", "draws without", f"{of}.missing", hidden=hidden)
-    found = [
-        Column(f"{before}{key}", "rpm", shown, words, f"{of}.{at}", missing=gone, hidden=hidden)
-        for key, shown, words, at, gone in kinds
+    columns = [
+        Column(f"{before}{key}", "rpm", fmt, title, f"{of}.{field}", missing=empty, hidden=hidden)
+        for key, fmt, title, field, empty in kinds
     ]
-    return (*found[:-1], share, found[-1])
+    return (*columns[:-1], share, columns[-1])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NoiseStudyResult(Result):
-    """All that a noise study finds; ``named`` is the crossing that the paper states."""
+    """Result of a noise study.
+
+    ``named`` is the crossing that the paper states, and ``rpm`` are the speeds, shape (n,).
+    """
 
     schema = "cam_rig.noise.1"
     plot_function = "cam_rig.studies.noise.figures:figure"
@@ -162,7 +165,7 @@ class NoiseStudyResult(Result):
             Column("source", heading="in the paper"),
             Column("tested_on"),
             Column("holds", "", "d", doc="speeds at which it holds"),
-            Column("cases", "", "d", doc="speeds looked at"),
+            Column("cases", "", "d", doc="tested speeds"),
             Column("fails_from", "rpm", "g", of="fails_rpm.0"),
             Column("fails_to", "rpm", "g", of="fails_rpm.1"),
         ),
@@ -249,21 +252,24 @@ class NoiseStudyResult(Result):
 
     @property
     def best(self) -> Method:
-        """The way of calibrating that predicts best what it was not fitted to.
+        """Method of calibration with the best prediction.
 
-        The rule looks at curves of which no number was fitted, not at the crossing; of ways that
-        predict alike, the first, which has the fewest fitted numbers.
+        The criterion is the r.m.s. difference of cams to which no number was fitted, not the
+        crossing. Of equal methods the first is chosen, which has the fewest fitted numbers.
         """
         return min(self.methods, key=lambda method: round(method.predicted_rms_db, 3))
 
     def tables(self) -> list[Records]:
-        """``curves`` first, a row a way of calibrating and cam; the levels themselves last."""
+        """Return the tables.
+
+        ``curves``, with one row per method and cam, is the first.
+        """
         named, best = self.named, self.best
-        way = best.name if best.name.startswith("by ") else f"with {best.name}"
+        way_text = best.name if best.name.startswith("by ") else f"with {best.name}"
         return [
             self.table(
                 "curves",
-                "Noise of three cams by three ways of calibrating: r.m.s. difference to published",
+                "Noise of three cams by three calibrations: r.m.s. difference to published",
                 (curve for method in self.methods for curve in method.curves.values()),
                 "A published regression has four numbers: a fit of as many proves nothing.",
             ),
@@ -278,26 +284,26 @@ class NoiseStudyResult(Result):
                 "claims",
                 "The paper's claims of noise, tested",
                 noise_claims(self.roles, best.curves, named.rpm),
-                f"Regressions and points: simulated, calibrated {way}, which predicts best what it "
-                "was not fitted to.",
+                f"Regressions and points: simulated, calibrated {way_text}, which gives the best "
+                "prediction.",
                 pivot="tested_on",
             ),
             self.table(
                 "methods",
-                "Constants by way of calibrating",
+                "Constants by calibration",
                 self.methods,
                 Footnote("Response: x = (rpm − 300)/100.", lambda m: bool(m.acoustics.response)),
             ),
             *self._further(),
-            self.table("study", "Who plays which part", [self], single=True, hidden=True),
+            self.table("study", "Role of each cam", [self], single=True, hidden=True),
         ]
 
     def _further(self) -> list[Records]:
-        """Structures, cams left out, one rig, the high dwell, and the levels."""
+        """Return the tables of structures, cams left out, one rig, high dwell and levels."""
         best, thinned = self.best, set(self.rpm[::EVERY])
         base, middle = self.methods[1], self.rpm[self.rpm.size // 2]
-        left = {cam: curve.rms_db for cam, curve in base.curves.items()}
-        own = OneRig(base.name, base.acoustics, left, base.shape, base.crossing.rpm)
+        rms_db = {cam: curve.rms_db for cam, curve in base.curves.items()}
+        scene_rig = OneRig(base.name, base.acoustics, rms_db, base.shape, base.crossing.rpm)
         ends = {self.rpm[0], middle, self.rpm[-1]}
         return [
             self.table(
@@ -316,7 +322,7 @@ class NoiseStudyResult(Result):
             self.table(
                 "one_rig",
                 "One rig for jump and noise: r.m.s. difference of the points to published",
-                (OnCam(rig, cam) for rig in (own, *self.one_rig) for cam in rig.rms_db),
+                (OnCam(rig, cam) for rig in (scene_rig, *self.one_rig) for cam in rig.rms_db),
                 Footnote(
                     "Not run: a search of minutes, cam-rig noise --one-rig.",
                     lambda row: row.of.shape is None,
@@ -350,8 +356,8 @@ class NoiseStudyResult(Result):
     def _changed(self) -> Iterator[Changed]:
         if self.high_dwell is not None:
             for cam, levels in self.high_dwell.levels_db.items():
-                off = levels - self.high_dwell.reference
-                change = float(off.min()), float(off.max())
+                differences = levels - self.high_dwell.reference
+                change = float(differences.min()), float(differences.max())
                 for rpm, level in zip(self.rpm.tolist(), levels.tolist(), strict=True):
                     yield Changed(*cam, change, rpm, level)
 
@@ -363,21 +369,33 @@ class NoiseStudyResult(Result):
                     for band in (curve.confidence, curve.expected)
                 ]
                 levels = (self.rpm, curve.published_db, curve.level_db)
-                for row in zip(*(one.tolist() for one in levels), *bands, strict=True):
+                for row in zip(*(series.tolist() for series in levels), *bands, strict=True):
                     yield LevelAt(method.name, curve.cam, *row)
 
 
 def study_noise(
     loaded: LoadedScene, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
 ) -> NoiseStudyResult:
-    """Run every part; ``rig``: of the jump speeds; ``arcs``: fit the arc cam on it (minutes)."""
+    """Run all parts of a noise study.
+
+    Parameters
+    ----------
+    loaded : LoadedScene
+        Scene with the three cams.
+    rig : RigConfig
+        Rig identified from jump speeds, with two masses.
+    arcs : bool
+        True to fit the arc cam also on that rig, which takes minutes.
+    progress : Progress
+        Receiver of the progress.
+    """
     parts = progress.track(PARTS)
     next(parts)
-    TwoMassParameters.from_rig(rig)  # refused now rather than at the end
+    TwoMassParameters.from_rig(rig)  # raises for an unsuitable rig before the long computation
     study = NoiseSetup.of(loaded)
     smooth = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
     next(parts)
-    structures = tuple(one for cam in smooth for one in compare_structures(loaded, smooth, cam))
+    structures = tuple(fit for cam in smooth for fit in compare_structures(loaded, smooth, cam))
     next(parts)
     methods = [with_two_constants(study, refit) for refit in (False, True)]
     next(parts)
@@ -386,11 +404,11 @@ def study_noise(
     left_out = tuple(leave_one_out(study))
     next(parts)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
-    rpm, found = np.round(study.rpm, 9), (structures, tuple(methods), left_out, rigs)
-    whole = NoiseStudyResult(study.crossover, loaded.titles, study.roles, rpm, *found)
+    rpm, results = np.round(study.rpm, 9), (structures, tuple(methods), left_out, rigs)
+    result = NoiseStudyResult(study.crossover, loaded.titles, study.roles, rpm, *results)
     next(parts)
-    best = whole.best
-    return replace(whole, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
+    best = result.best
+    return replace(result, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
 
 
 @checked
@@ -401,25 +419,36 @@ def noise(
     *,
     progress: Progress = NULL_PROGRESS,
 ) -> NoiseStudyResult:
-    """Calibrate on one cam, predict another, identify the third, with confidence intervals.
+    """Calibrate noise on one cam, predict another, and identify the third.
 
-    Some ten seconds.
-
-    The command is ``cam-rig noise``.
+    The study takes about ten seconds. The command is ``cam-rig noise``.
 
     Parameters
     ----------
-    scene : a name in ``config/scenes``, a path, or what `load_scene` gave; with published curves
-    rig : the one identified from jump speeds: a name, a path or a rig
-    one_rig, progress : fit the arc cam on that rig too, in minutes; told how far it is
+    scene : str, Path or Scene
+        Scene with published curves: a name in ``config/scenes``, a path, or the result of
+        `load_scene`.
+    rig : str, Path or Rig
+        Rig identified from jump speeds.
+    one_rig : bool
+        True to fit the arc cam also on that rig, which takes minutes.
+    progress : Progress
+        Receiver of the progress.
+
+    Returns
+    -------
+    NoiseStudyResult
+        Curves, crossings and claims by method of calibration, and the further parts of the study.
 
     Raises
     ------
-    ConfigError : a scene without the three cams and their published curves, or a rig of one mass
+    ConfigError
+        The scene does not have the three cams with their published curves, or the rig has one
+        mass.
 
     Examples
     --------
-    >>> found = cam_rig.noise()  # doctest: +SKIP
+    >>> result = cam_rig.noise()  # doctest: +SKIP
     """
     loaded = asked_scene(scene)
     if not isinstance(rig, RigConfig):

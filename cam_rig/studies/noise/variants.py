@@ -1,14 +1,13 @@
-"""The noise study on another rig, and on other cams: one rig for all; why the arc cam is quiet.
+"""Noise study on another rig, and factorial of the reasons for a quiet arc cam.
 
-One rig for all: event angles, preload, mass split and stem come from the jump speeds (Table 2);
-nothing of them is fitted to noise. Gain and corner are fitted to the reference anew. The arc cam,
-which the jump speeds know nothing of, is fitted to its own curve twice: on that rig with a rigid
-stem, which shows what its preload does, and, when asked, on the whole two-mass follower.
+The other rig is identified from the jump speeds (Table 2): event angles, preload, mass split and
+stem are not fitted to noise. Gain and corner are refitted to the reference. The arc cam is not in
+Table 2, so it is fitted to its noise curve twice: on that rig with a rigid stem, which shows the
+effect of the preload, and on request with the complete two-mass follower.
 
-Why the arc cam is quiet is a factorial: the reference cam's rise and fall with two lifts, with and
-without the high dwell, and with two rises: the reference's own, and one whose acceleration jumps
-where it joins a dwell, as a cam of arcs has it. Rise and fall keep their angles; without the high
-dwell the low one is longer.
+The factorial varies the reference cam in three factors: two lifts, with and without the high dwell,
+and two rises. The second rise has an acceleration that jumps at a dwell, as in a cam of arcs.
+Rise and fall keep their angles. Without the high dwell the low dwell is longer.
 """
 
 from __future__ import annotations
@@ -36,18 +35,32 @@ from cam_rig.studies.noise.methods import crossing
 from cam_rig.studies.noise.roles import EVERY, NoiseSetup
 from cam_rig.units import FloatArray
 
-#: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
-SEARCHED = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
-#: Generations of the search, shapes a generation for each number, and its seed.
-GENERATIONS, POPULATION, SEED = 12, 7, 2
+#: Bounds of the search: lift (m), event (rad) and curvature of the flank (1/m).
+SEARCH_BOUNDS = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
+#: Number of generations of the search.
+GENERATIONS = 12
+#: Number of shapes per generation and varied number.
+POPULATION = 7
+#: Seed of the search.
+SEED = 2
 
 
 @dataclass(frozen=True)
 class OneRig:
-    """The fit error on each cam's noise with a follower identified from the jump speeds.
+    """Noise of the cams with a follower identified from the jump speeds.
 
-    ``rms_db`` of the points to the published regressions; ``shape`` of the arc cam and
-    ``crossing_rpm`` are None when it was left aside.
+    Parameters
+    ----------
+    name : str
+        Name of the rig.
+    acoustics : Acoustics
+        Acoustic constants.
+    rms_db : dict
+        R.m.s. difference in dB of the points to the published regression of each cam.
+    shape : ArcShape, optional
+        Geometry of the arc cam. None if it was not fitted.
+    crossing_rpm : float, optional
+        Crossing in rpm of the cams that the paper names. None if the arc cam was not fitted.
     """
 
     name: str
@@ -58,14 +71,14 @@ class OneRig:
 
 
 def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
-    """The rig's masses, spring and preload on a rigid stem."""
+    """Return the noise with the rig's masses, spring and preload and a rigid stem."""
     follower = FollowerParameters.from_rig(rig)
     smooth = _smooth(study, "one_mass", follower)
     acoustics = two_constants([smooth[study.roles.reference]], study.start)
     problem = study.shape_problem("one_mass", follower)
-    # Lift-off stays at its speed when lift and preload grow together.
-    share = rig.follower.preload.si / study.loaded.rig.follower.preload.si
-    shape = problem.fit(study.shape.scaled(share**0.5, 1.0), acoustics)
+    # The lift-off speed is constant if lift and preload increase together.
+    preload_ratio = rig.follower.preload.si / study.loaded.rig.follower.preload.si
+    shape = problem.fit(study.shape.scaled(preload_ratio**0.5, 1.0), acoustics)
     arcs = problem.cam_of(shape)
     return _result(f"{rig.name}, rigid stem", study, acoustics, smooth, shape, arcs)
 
@@ -73,7 +86,10 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
 def with_elastic_stem(
     study: NoiseSetup, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
 ) -> OneRig:
-    """The whole two-mass follower of the rig; ``arcs``: the arc cam's shape too, in minutes."""
+    """Return the noise with the complete two-mass follower of the rig.
+
+    With ``arcs`` the shape of the arc cam is fitted, too, which takes minutes.
+    """
     follower = TwoMassParameters.from_rig(rig)
     smooth = _smooth(study, "two_mass", follower)
     start = Acoustics(_landing_on_roller(study, follower))
@@ -86,21 +102,21 @@ def with_elastic_stem(
 
 
 def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, PublishedCam]:
-    """Reference and predicted cam on another follower, at all speeds."""
+    """Return reference and predicted cam with another follower, at all speeds."""
     cams = (study.cams[cam] for cam in (study.roles.reference, study.roles.predicted))
     return {
-        one.cam: replace(
-            one, turns=settled_turns(study.loaded.laws[one.cam], model, follower, one.turns.speeds)
+        cam.cam: replace(
+            cam, turns=settled_turns(study.loaded.laws[cam.cam], model, follower, cam.turns.speeds)
         )
-        for one in cams
+        for cam in cams
     }
 
 
 def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> RadiationParameters:
-    """The radiation with a landing's pulse as long as the roller's mass takes on the cam.
+    """Return the radiation with a contact time of landings of the roller mass.
 
-    The stem's give is in the model; what is left is the contact itself, for which the paper
-    prints nothing, so it is taken as stiff as the rigid rig's stem (its Table 1).
+    The model contains the elasticity of the stem, so only that of the contact remains. The paper
+    does not print it. It is assumed equal to the stem stiffness of the scene's rig (Table 1).
     """
     stiffness = study.loaded.follower.stem
     time = np.pi * np.sqrt(follower.roller_mass / stiffness)
@@ -108,7 +124,10 @@ def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> Radiat
 
 
 def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> ArcShape:
-    """The shape of least r.m.s. difference; an elastic stem gives no smooth gradient."""
+    """Return the shape with the smallest r.m.s. difference.
+
+    The search uses no gradient, because it is not smooth with an elastic stem.
+    """
 
     def cost(x: FloatArray) -> float:
         try:
@@ -116,12 +135,12 @@ def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> 
         except CamRigError:
             return IMPOSSIBLE
 
-    def tell(intermediate_result: OptimizeResult) -> None:
+    def report(intermediate_result: OptimizeResult) -> None:
         progress.describe(f"one rig, best {intermediate_result.fun:.1f} dB")
 
     options: dict[str, Any] = {"popsize": POPULATION, "maxiter": GENERATIONS, "polish": False}
-    found = differential_evolution(cost, SEARCHED, seed=SEED, callback=tell, **options)
-    return ArcShape(*found.x.tolist())
+    solution = differential_evolution(cost, SEARCH_BOUNDS, seed=SEED, callback=report, **options)
+    return ArcShape(*solution.x.tolist())
 
 
 def _result(
@@ -133,29 +152,28 @@ def _result(
     arcs: PublishedCam | None = None,
 ) -> OneRig:
     if arcs is None:
-        left = {cam: one.rms(acoustics) for cam, one in smooth.items()}
-        return OneRig(name, acoustics, left, None, None)
-    thinned = {cam: one.every(EVERY) for cam, one in smooth.items()} | {arcs.cam: arcs}
+        rms_db = {name: cam.rms(acoustics) for name, cam in smooth.items()}
+        return OneRig(name, acoustics, rms_db, None, None)
+    thinned = {key: cam.every(EVERY) for key, cam in smooth.items()} | {arcs.cam: arcs}
     named = study.crossover
-    one, two = (cubic(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between)
-    crossed = crossing(arcs.rpm, one, two, named.rpm)
-    left = {name: cam.rms(acoustics) for name, cam in (smooth | {arcs.cam: arcs}).items()}
-    return OneRig(name, acoustics, left, shape, crossed)
+    first, second = (
+        cubic(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between
+    )
+    crossed = crossing(arcs.rpm, first, second, named.rpm)
+    rms_db = {key: cam.rms(acoustics) for key, cam in (smooth | {arcs.cam: arcs}).items()}
+    return OneRig(name, acoustics, rms_db, shape, crossed)
 
 
-# Why the arc cam is quiet: its lift, its missing high dwell or its joints, as a factorial. The
-# reference cam's rise and fall with two lifts, with and without the high dwell, and with two rises:
-# its own, and one whose acceleration jumps where it joins a dwell, as a cam of arcs has it. Rise
-# and fall keep their angles; without the high dwell the low one is longer.
+# Factorial of the reasons why the arc cam is quiet: lift, missing high dwell and joints.
 
-#: The rise whose acceleration jumps at a dwell, as at the joints of arcs.
+#: Rise whose acceleration jumps at a dwell, as at the joints of arcs.
 WITH_JUMPS = "simple_harmonic"
-#: The factors in their order, in words.
+#: Names of the factors in order.
 FACTORS = ("lift", "high dwell", "joints")
 
 
 class Timing(NamedTuple):
-    """A cam that rises, dwells, falls by one named rise: its angles in rad, its lift in m."""
+    """Timing of a cam with equal rise and fall and a high dwell, in rad and m."""
 
     rise: str
     event: float
@@ -165,28 +183,34 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class HighDwellStudy:
-    """Levels (dB) of the eight cams at the study's speeds, the first the reference itself.
+    """Result of the factorial of lift, high dwell and joints.
 
-    A cam is told by lift (m), high dwell (rad) and rise. ``shares`` are those of the sum of squares
-    of the mean levels, by the factors that act together (indices into `FACTORS`).
+    Parameters
+    ----------
+    levels_db : dict
+        Levels in dB at the speeds of the study, by lift (m), high dwell (rad) and rise. The first
+        of the eight cams is the reference.
+    shares : mapping
+        Fractions of the sum of squares of the mean levels, by the indices into `FACTORS` of the
+        interacting factors.
     """
 
     levels_db: dict[tuple[float, float, str], FloatArray]
     shares: Mapping[tuple[int, ...], float]
 
     def change_db(self, factor: str) -> FloatArray:
-        """What changing one of `FACTORS` alone does to the reference's levels, dB."""
-        # The levels are listed with the last factor changing first: 4, 2 and 1 change one alone.
+        """Return the change of the reference's levels (dB) if only one factor changes."""
+        # The last factor varies fastest in the list: the indices 4, 2 and 1 change one factor.
         return list(self.levels_db.values())[4 >> FACTORS.index(factor)] - self.reference
 
     @property
     def reference(self) -> FloatArray:
-        """Levels (dB) of the reference cam."""
+        """Levels (dB) of the reference cam, shape (n,)."""
         return next(iter(self.levels_db.values()))
 
 
 def timing_of(cam: CamConfig) -> Timing | None:
-    """The timing of a cam that rises and falls by one named rise with a high dwell; else None."""
+    """Return the timing of a cam with a high dwell between two equal rises, else None."""
     rises = [segment for segment in cam.segments if isinstance(segment, Rise)]
     dwells = [segment for segment in cam.segments if isinstance(segment, Dwell)]
     shape = [isinstance(segment, Rise) for segment in cam.segments]
@@ -203,16 +227,17 @@ def timing_of(cam: CamConfig) -> Timing | None:
 def study_high_dwell(
     setup: NoiseSetup, acoustics: Acoustics, other_lift: float
 ) -> HighDwellStudy | None:
-    """Run the eight cams; None where the reference cam cannot be changed in all three.
+    """Run the factorial of the reference cam.
 
-    It must have a high dwell between two equal rises, another lift than the arc cam's
-    ``other_lift`` (m), and no jumps at its joints.
+    Returns None if the reference cam cannot be changed in all three factors. It must have a high
+    dwell between two equal rises, a lift that differs from ``other_lift`` (m), that of the arc cam,
+    and an acceleration without jumps.
     """
     timing = timing_of(setup.loaded.cams[setup.roles.reference])
     if timing is None:
         return None
     choices = ((timing.lift, other_lift), (timing.high_dwell, 0.0), (timing.rise, WITH_JUMPS))
-    if any(own == other for own, other in choices):
+    if any(first == second for first, second in choices):
         return None
     speeds = np.asarray(setup.cams[setup.roles.reference].turns.speeds)
     levels = {}
@@ -225,10 +250,10 @@ def study_high_dwell(
 
 
 def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
-    """Shares of the sum of squares of k factors with two levels each, and of their interactions.
+    """Return the fractions of the sum of squares of factors and interactions.
 
-    Of ``values`` ``(2, …, 2)``, an axis a factor; by the axes that act together, ``(0,)`` or
-    ``(0, 2)``. They add up to one, or are all zero where nothing varies.
+    ``values`` has one axis per factor, shape (2, …, 2). The keys are the interacting axes, such as
+    ``(0,)`` or ``(0, 2)``. The fractions add up to one, or are all zero if the values are equal.
     """
     signs = np.array([-1.0, 1.0])
     squares = {}
@@ -239,5 +264,5 @@ def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
                 shape = [2 if i == axis else 1 for i in range(values.ndim)]
                 contrast = contrast * signs.reshape(shape)
             squares[axes] = float(contrast.mean()) ** 2
-    whole = sum(squares.values()) or 1.0
-    return {axes: square / whole for axes, square in squares.items()}
+    total = sum(squares.values()) or 1.0
+    return {axes: square / total for axes, square in squares.items()}

@@ -1,1 +1,1 @@
-"""The paper's vibration experiment: stem and shaft in their steady states."""
+"""Vibration of stem and shaft in steady state, the paper's vibration experiment."""

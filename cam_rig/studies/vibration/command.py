@@ -1,4 +1,4 @@
-"""The command ``cam-rig vibration``."""
+"""cam-rig vibration: vibration of cams in steady state."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from cam_rig.show.result import Progress, Result
 def vibration(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
-    rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be given often.")] = None,
+    rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be repeated.")] = None,
     *,
     progress: Progress,
 ) -> Result:
-    """Measure residual vibration in the low dwell, peak acceleration, and twist of the shaft.
+    """Measure residual vibration, peak acceleration and twist of the shaft.
 
-    Eq. 5 and eq. 10 of the paper, in steady state. The residual amplitude is of the free vibration
-    that a law's joints excite; a law without a low dwell is read within 31.25° of its lowest lift.
-    † marks cams whose follower loses contact below a speed: the model holds it on, and the paper's
-    claims are tested without that speed. The plot shows the last speed. By default up to four
-    speeds of a scene; 200, 250, 300 and 350 rpm, below every jump speed of the paper's laws.
+    The models are eq. 5 and eq. 10 of the paper in steady state. The residual amplitude is that of
+    the free vibration excited by the joints of a law. It is measured in the low dwell, or within
+    31.25° of the lowest lift without a low dwell. † marks cams whose jump speed is below
+    the speed. The model keeps their follower in contact, and the paper's claims are tested without
+    this speed. The plot shows the last speed. The default is up to four speeds of a scene, or 200,
+    250, 300 and 350 rpm, which are below every jump speed of the paper's laws.
 
     In Python: cam_rig.vibration(cams, rig, rpm)
 

@@ -1,6 +1,6 @@
-"""Residual and torsional vibration of several cams, as in figs. 4-6 and 9 of the paper.
+"""Figure of residual and torsional vibration, as in figs. 4-6 and 9 of the paper.
 
-Small multiples: a column for each cam, in which the other cams are grey.
+It has one column per cam, in which the other cams are grey.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cam_rig.show.looks import title_of
 from cam_rig.studies.vibration.study import VibrationResult
 from cam_rig.units import RPM, FloatArray
 
-#: What is drawn, row by row; the last only of a rig with a shaft.
+#: Labels of the rows. The last row is only drawn for a rig with a shaft.
 LABELS = (
     "displacement x\n(fig. 4) [mm]",
     "x − quasi-static x\n(fig. 5) [µm]",
@@ -33,13 +33,16 @@ LABELS = (
     "twist of the shaft\n(fig. 9) [°]",
 )
 
-#: The row whose abscissa is counted from the middle of the low dwell, and how far it goes, °.
-RESIDUAL, AROUND = 1, 60.0
-#: Columns before a new block of rows begins; the other cams.
-MOST_COLUMNS = 5
-#: Letters of a line over a column, which has two.
+#: Index of the row whose abscissa starts at the middle of the low dwell.
+RESIDUAL_ROW = 1
+#: Largest distance from the middle of the low dwell in that row, °.
+AROUND = 60.0
+#: Number of columns after which a new block of rows starts.
+MAX_COLUMNS = 5
+#: Largest number of letters in each of the two lines above a column.
 COLUMN_LETTERS = 14
 
+#: Style of the other cams.
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
 
 #: Abscissa and values of each row.
@@ -47,31 +50,34 @@ Rows = list[tuple[FloatArray, FloatArray]]
 
 
 @styled
-def figure(found: VibrationResult, rpm: float = 0.0) -> Figure:
-    """Displacement, residual vibration, acceleration, twist at a speed (rpm), else the last."""
-    cam_set, rpm = found.cam_set, rpm or found.rpm[-1]
+def figure(result: VibrationResult, rpm: float = 0.0) -> Figure:
+    """Draw displacement, residual vibration, acceleration and twist at a speed.
+
+    ``rpm`` is one of the speeds of the result (default: the last).
+    """
+    cam_set, rpm = result.cam_set, rpm or result.rpm[-1]
     rows = {cam: _rows(law, cam_set.rig, rpm * RPM) for cam, law in cam_set.laws.items()}
     cams, count = list(rows), len(LABELS) if cam_set.rig.shaft is not None else len(LABELS) - 1
-    columns = min(MOST_COLUMNS, len(cams))
+    columns = min(MAX_COLUMNS, len(cams))
     blocks = -(-len(cams) // columns)
-    out = empty(blocks * (1.5 * count + 0.3) + 0.4)
-    panels = out.subplots(blocks * count, columns, squeeze=False)
-    for place, cam in enumerate(cams):
-        top, column = place // columns * count, place % columns
+    fig = empty(blocks * (1.5 * count + 0.3) + 0.4)
+    panels = fig.subplots(blocks * count, columns, squeeze=False)
+    for index, cam in enumerate(cams):
+        top, column = index // columns * count, index % columns
         title, dwell = title_of(cam_set.titles, cam), low_dwell(cam_set.laws[cam])
         _column(panels[top : top + count, column], cam, title, rows, dwell)
         panels[top, column].set_title("\n".join([*wrap(title, COLUMN_LETTERS), ""][:2]))
     for unused in panels[(blocks - 1) * count :, len(cams) - (blocks - 1) * columns :].flat:
         unused.set_visible(False)
-    for row, across in enumerate(panels):
-        _share(across, LABELS[row % count])
-    out.suptitle(wrapped(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}"))
-    out.legend(handles=_legend(cams), loc="outside lower center", ncols=3, frameon=False)
-    return out
+    for row, axes_row in enumerate(panels):
+        _share(axes_row, LABELS[row % count])
+    fig.suptitle(wrapped(f"Steady state at {rpm:g} rpm\n{cam_set.rig.title}"))
+    fig.legend(handles=_legend(cams), loc="outside lower center", ncols=3, frameon=False)
+    return fig
 
 
 def _legend(cams: list[str]) -> list[Artist]:
-    """What is drawn in every column, whatever its cam."""
+    """Return the legend entries of all columns."""
     dwell = Patch(color="0.5", alpha=0.12, lw=0, label="low dwell")
     cam = Line2D([], [], color="0.2", label="the cam named above")
     others = [Line2D([], [], **OTHERS, label="the other cams")] if len(cams) > 1 else []
@@ -79,15 +85,18 @@ def _legend(cams: list[str]) -> list[Artist]:
 
 
 def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
-    """The curves of one cam; what is left of the vibration over degrees from its low dwell."""
+    """Return the curves of one cam.
+
+    The residual vibration is over the degrees from the middle of the low dwell.
+    """
     turn = steady_turn(law, FollowerParameters.from_rig(rig), speed)
     degrees = np.degrees(turn.angle)
-    about = (np.degrees(turn.angle - low_dwell(law).middle) + 180.0) % 360.0 - 180.0
-    order = np.argsort(about)
-    inside = order[np.abs(about[order]) <= AROUND]
+    from_dwell = (np.degrees(turn.angle - low_dwell(law).middle) + 180.0) % 360.0 - 180.0
+    order = np.argsort(from_dwell)
+    inside = order[np.abs(from_dwell[order]) <= AROUND]
     rows = [
         (degrees, 1e3 * turn.displacement),
-        (about[inside], 1e6 * turn.vibration[inside]),
+        (from_dwell[inside], 1e6 * turn.vibration[inside]),
         (degrees, turn.acceleration),
     ]
     if rig.shaft is not None:
@@ -99,12 +108,12 @@ def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
 def _column(
     panels: np.ndarray, cam: str, title: str, rows: dict[str, Rows], dwell: LowDwell
 ) -> None:
-    """One cam over the grey others."""
+    """Draw the column of a cam over the grey other cams."""
     for row, axes in enumerate(panels):
         for other in (name for name in rows if name != cam):
             axes.plot(*rows[other][row], **OTHERS)
         axes.plot(*rows[cam][row], color=colour(cam), ls=line(cam)["ls"], label=title)
-        if row == RESIDUAL:
+        if row == RESIDUAL_ROW:
             half = 0.5 * float(np.degrees(dwell.span))
             axes.axvspan(-half, half, color="0.5", alpha=0.12, lw=0)
             axes.set(xlim=(-AROUND, AROUND), xticks=(-40, 0, 40), xlabel="from the dwell [°]")
@@ -114,11 +123,11 @@ def _column(
     panels[-1].set_xlabel(CAM_ANGLE)
 
 
-def _share(across: np.ndarray, label: str) -> None:
-    """One scale for a row, written at its left."""
-    shown: list[Axes] = [axes for axes in across if axes.get_visible()]
-    limits = np.array([axes.get_ylim() for axes in shown])
-    for axes in shown:
+def _share(axes_row: np.ndarray, label: str) -> None:
+    """Set one scale for a row, with its label at the left."""
+    visible: list[Axes] = [axes for axes in axes_row if axes.get_visible()]
+    limits = np.array([axes.get_ylim() for axes in visible])
+    for axes in visible:
         axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
-        axes.tick_params(labelleft=axes is across[0])
-    across[0].set_ylabel(label)
+        axes.tick_params(labelleft=axes is axes_row[0])
+    axes_row[0].set_ylabel(label)

@@ -1,4 +1,4 @@
-"""Vibration of cams in steady state (figs. 4-6 and 9 of the paper), and what it claims of them."""
+"""Vibration of cams in steady state, and the paper's claims (figs. 4-6 and 9)."""
 
 from __future__ import annotations
 
@@ -26,17 +26,24 @@ from cam_rig.simulation.asked import (
 )
 from cam_rig.units import RPM
 
-#: The cam that the paper proposes, and its two polynomials by degree.
-PROPOSED, LOWER, HIGHER = "bezier15", "poly345", "poly4567"
-#: What residual vibration may be measured by; the paper does not say which.
+#: Cam that the paper proposes.
+PROPOSED = "bezier15"
+#: The paper's polynomial of lower degree.
+LOWER = "poly345"
+#: The paper's polynomial of higher degree.
+HIGHER = "poly4567"
+#: Measures of residual vibration. The paper does not state its measure.
 RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
-#: Speeds of the vibration tables, rpm: the first of the paper's laws jumps at 389 rpm.
+#: Default speeds, rpm. They are below the lowest jump speed of the paper's laws, 389 rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 
 
 @dataclass(frozen=True)
 class Row:
-    """A cam at a speed; the model, which keeps contact, holds to ``contact_lost_rpm``."""
+    """Vibration of a cam at a speed.
+
+    The model keeps contact, so it is valid up to the jump speed ``contact_lost_rpm``.
+    """
 
     cam: str
     rpm: float
@@ -45,13 +52,16 @@ class Row:
 
     @property
     def contact_lost(self) -> bool:
-        """Whether the follower would have left the cam."""
+        """True if the follower loses contact below this speed."""
         return self.contact_lost_rpm < self.rpm
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, and in how many of the speeds at which all keep contact it holds."""
+    """Claim of the paper.
+
+    It is true at ``holds`` of the ``cases`` speeds at which all followers keep contact.
+    """
 
     rig: str
     claim: str
@@ -73,7 +83,7 @@ CLAIMS = (
 
 @dataclass(frozen=True, repr=False)
 class VibrationResult(Result):
-    """Every cam at every speed, each speed (rpm) once, and the paper's claims of them."""
+    """Vibration of every cam at every speed, and the paper's claims."""
 
     schema = "cam_rig.vibration.1"
     plot_function = "cam_rig.studies.vibration.figures:figure"
@@ -95,12 +105,12 @@ class VibrationResult(Result):
     }
     notes = (
         Footnote(
-            "No low dwell: read within 31.25° of the lowest lift, where the follower still moves.",
+            "No low dwell: measured within 31.25° of the lowest lift, where the follower moves.",
             lambda row: not row.measured.window.dwell,
             "*",
         ),
         Footnote(
-            "Contact is lost below this speed; the model holds the follower on.",
+            "Contact is lost below this speed; the model keeps the follower on the cam.",
             lambda row: row.contact_lost,
             "†",
         ),
@@ -115,43 +125,43 @@ class VibrationResult(Result):
 
     @property
     def rpm(self) -> tuple[float, ...]:
-        """The speeds."""
+        """Speeds in rpm, each once."""
         return tuple(dict.fromkeys(row.rpm for row in self.rows))
 
     def at(self, rpm: float) -> dict[str, SteadyVibration]:
-        """The measures at one of the speeds, by cam."""
+        """Return the measures at one of the speeds, by cam."""
         return {row.cam: row.measured for row in self.rows if row.rpm == rpm}
 
     @property
     def in_contact(self) -> list[float]:
-        """The speeds at which all followers are on their cams."""
+        """Speeds in rpm at which all followers keep contact."""
         lost = {row.rpm for row in self.rows if row.contact_lost}
         return [rpm for rpm in self.rpm if rpm not in lost]
 
     @property
     def claims(self) -> list[Claim]:
-        """The paper's claims of vibration, at every speed at which all followers are on."""
+        """Claims of the paper, tested at the speeds at which all followers keep contact."""
         return list(_claims(self))
 
     def tables(self) -> list[Records]:
-        """``vibration``, a row a cam and speed, and ``claims``."""
+        """Return the tables ``vibration``, with one row per cam and speed, and ``claims``."""
         caption = f"Steady-state vibration at {{rpm:g}} rpm, rig {self.cam_set.rig.name}"
-        found = self.table("vibration", caption, self.rows, *self.notes, group_by="rpm")
-        return [found, claims_table(self.claims, self.rpm)]
+        table = self.table("vibration", caption, self.rows, *self.notes, group_by="rpm")
+        return [table, claims_table(self.claims, self.rpm)]
 
     def summary(self) -> list[str]:
-        """At how many speeds no claim can be tested."""
+        """Return the number of speeds at which no claim is tested."""
         lost = len(self.rpm) - len(self.in_contact)
-        words = f"contact is lost at {lost} of {len(self.rpm)} speeds: no claim is tested there"
-        return [words] if lost else []
+        text = f"contact is lost at {lost} of {len(self.rpm)} speeds: no claim is tested there"
+        return [text] if lost else []
 
 
 def claims_table(claims: Iterable[Claim], rpm: tuple[float, ...]) -> Records:
-    """Claims tested at so many speeds (rpm), a row for each measure and rig."""
+    """Return the table of claims at speeds in rpm, with one row per measure and rig."""
     speeds = ", ".join(f"{speed:g}" for speed in rpm)
     notes = (
         f"Cases: those of {speeds} rpm at which every follower keeps contact.",
-        "The paper does not say how residual vibration is measured.",
+        "The paper does not state how residual vibration is measured.",
     )
     return Records("claims", "The paper's claims, tested", CLAIMS, tuple(claims), notes)
 
@@ -164,30 +174,40 @@ def vibration(
     *,
     progress: Progress = NULL_PROGRESS,
 ) -> VibrationResult:
-    """Residual vibration in the low dwell, peak acceleration and twist of the shaft, settled.
+    """Measure residual vibration, peak acceleration and twist in steady state.
 
-    Eq. 5 and eq. 10 of the paper; the residual amplitude is of the free vibration that a law's
-    joints excite.
-
-    The command is ``cam-rig vibration``.
+    The models are eq. 5 and eq. 10 of the paper. The residual amplitude is that of the free
+    vibration in the low dwell, which the joints of a law excite. The command is
+    ``cam-rig vibration``.
 
     Parameters
     ----------
-    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
-    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
-        ``paper_table2``
-    rpm : one or more, rpm; None: four of the scene's, or 200 to 350 rpm
-    progress : told how far it is
+    cams : str, Path, Cam or sequence
+        Cams as names, paths or results of `load_cam`, or one scene (default: the cams of the
+        paper's Table 2).
+    rig : str, Path or Rig
+        Rig with a stem (default: that of the scene, or the only rig next to the cams, else
+        ``paper_table2``).
+    rpm : float or sequence
+        Speeds in rpm (default: four speeds of the scene, or 200, 250, 300 and 350 rpm).
+    progress : Progress
+        Receiver of the progress.
+
+    Returns
+    -------
+    VibrationResult
+        Measures of every cam at every speed, and the paper's claims.
 
     Raises
     ------
-    ConfigError : an unknown cam, rig or scene, a rig without a stem, or a speed that is none
+    ConfigError
+        A cam, rig or scene is unknown, the rig has a rigid stem, or a speed is out of range.
 
     Examples
     --------
     >>> import cam_rig
-    >>> found = cam_rig.vibration(["poly345", "cycloidal"], rig="tm21", rpm=300)
-    >>> found.to_pandas().cam.tolist()
+    >>> result = cam_rig.vibration(["poly345", "cycloidal"], rig="tm21", rpm=300)
+    >>> result.to_pandas().cam.tolist()
     ['poly345', 'cycloidal']
     """
     cam_set, scene = asked_cams(cams, rig), one_scene(listed(cams))
@@ -196,14 +216,19 @@ def vibration(
     return measure(cam_set, asked_speeds(rpm), progress)
 
 
-#: What is said to need a stem that the rig file leaves out.
+#: Computation that needs the stem, for the error message of a rig without stem.
 BY = "the vibration of a mass on its stem"
 
 
 def measure(
     cam_set: CamSet, rpm: Iterable[float], progress: Progress = NULL_PROGRESS
 ) -> VibrationResult:
-    """Measure every cam at every speed (rpm), each speed once; twist where the rig has a shaft."""
+    """Measure every cam at every speed (rpm).
+
+    Repeated speeds are measured once.
+
+    The twist is measured if the rig has a shaft.
+    """
     follower, rpm = FollowerParameters.on_stem(cam_set.rig, BY), list(dict.fromkeys(rpm))
     require_speeds(follower, rpm)
     shaft = None if cam_set.rig.shaft is None else shaft_of(cam_set.rig)
@@ -211,38 +236,38 @@ def measure(
     for cam in progress.track(cam_set.laws):
         law = cam_set.laws[cam]
         lost = contact_lost_speed(law, cam_set.rig) / RPM
-        rows += [
-            Row(cam, one, steady.vibration(law, follower, shaft, one * RPM), lost) for one in rpm
-        ]
+        for speed in rpm:
+            measured = steady.vibration(law, follower, shaft, speed * RPM)
+            rows.append(Row(cam, speed, measured, lost))
     return VibrationResult(cam_set, tuple(rows))
 
 
-Test = Callable[[dict[str, SteadyVibration]], bool]
+ClaimTest = Callable[[dict[str, SteadyVibration]], bool]
 
 
-def _claims(found: VibrationResult) -> Iterable[Claim]:
-    cases = [found.at(rpm) for rpm in found.in_contact]
+def _claims(result: VibrationResult) -> Iterable[Claim]:
+    cases = [result.at(rpm) for rpm in result.in_contact]
 
-    def tested(claim: str, source: str, test: Test, measure: str = "") -> Claim:
-        rig = found.cam_set.rig.name
+    def count(claim: str, source: str, test: ClaimTest, measure: str = "") -> Claim:
+        rig = result.cam_set.rig.name
         return Claim(rig, claim, source, sum(map(test, cases)), len(cases), measure)
 
-    def least(measure: str) -> Test:
-        return lambda at: min(at, key=lambda cam: getattr(at[cam], measure)) == PROPOSED
+    def is_lowest(measure: str) -> ClaimTest:
+        return lambda cams: min(cams, key=lambda cam: getattr(cams[cam], measure)) == PROPOSED
 
-    def less(measure: str) -> Test:
-        return lambda at: bool(getattr(at[HIGHER], measure) < getattr(at[LOWER], measure))
+    def is_lower(measure: str) -> ClaimTest:
+        return lambda cams: bool(getattr(cams[HIGHER], measure) < getattr(cams[LOWER], measure))
 
-    cams = {row.cam for row in found.rows}
+    cams = {row.cam for row in result.rows}
     if PROPOSED in cams:
-        words = "Bézier 15 has the least peak acceleration"
-        yield tested(words, "fig. 6", least("acceleration"))
-        words = "Bézier 15 has the least residual vibration"
+        claim = "Bézier 15 has the least peak acceleration"
+        yield count(claim, "fig. 6", is_lowest("acceleration"))
+        claim = "Bézier 15 has the least residual vibration"
         for key, measure in RESIDUAL.items():
-            yield tested(words, "fig. 5", least(key), measure)
-        if all(row.measured.twist is not None for row in found.rows):
-            yield tested("Bézier 15 has the least twist of the shaft", "fig. 9", least("twist"))
+            yield count(claim, "fig. 5", is_lowest(key), measure)
+        if all(row.measured.twist is not None for row in result.rows):
+            yield count("Bézier 15 has the least twist of the shaft", "fig. 9", is_lowest("twist"))
     if {LOWER, HIGHER} <= cams:
-        words = "the polynomial of higher degree has less residual vibration"
+        claim = "the polynomial of higher degree has less residual vibration"
         for key, measure in RESIDUAL.items():
-            yield tested(words, "conclusions", less(key), measure)
+            yield count(claim, "conclusions", is_lower(key), measure)

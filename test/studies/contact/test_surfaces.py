@@ -1,4 +1,4 @@
-"""Load, pressure and sliding: exact for circles and faces, by energy for all; cam-rig contact."""
+"""Load, pressure and sliding against closed forms and energy, and cam-rig contact."""
 
 import json
 from dataclasses import replace
@@ -47,7 +47,7 @@ SPRUNG = (
 
 
 def case_of(name, base=None, **changes):
-    """A shipped cam on the rig, with another section ``contact``, or on another base (mm)."""
+    """Return the contact of a shipped cam with changed numbers or base radius (mm)."""
     data = load_cam(named_path("cams", name)).model_dump(exclude_none=True)
     data["contact"] = {key: assumed(*number) for key, number in changes.items()}
     if base is not None:
@@ -57,8 +57,8 @@ def case_of(name, base=None, **changes):
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_the_surfaces_do_not_part_nor_enter(name):
-    """Along the normal both move alike; all the relative velocity is sliding."""
+def test_the_relative_velocity_is_tangential(name):
+    """Both surfaces have the same velocity along the normal."""
     case = case_of(name)
     motion, touch = case.at(ANGLES)
     moved = motion.slope * case.surfaces.element.moves(touch.contact)
@@ -68,7 +68,7 @@ def test_the_surfaces_do_not_part_nor_enter(name):
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_power_in_is_power_out(name):
-    """The normal force turns the cam back with the torque F s' of eq. 8."""
+    """The torque of the normal force on the cam is F s' (eq. 8)."""
     case = case_of(name)
     motion, touch = case.at(ANGLES)
     lever = (1j * touch.contact * touch.normal.conj()).real
@@ -78,15 +78,15 @@ def test_power_in_is_power_out(name):
 
 
 def on_the_follower(element, motion, contact):
-    """The point of contact as the follower carries it along."""
+    """Return the point of contact in the frame of the follower."""
     if isinstance(element, SwungCentre | SwungFace):
         return (contact - element.pivot) * np.exp(1j * element.arm_angle(motion.s))
     return contact - 1j * motion.s
 
 
 @pytest.mark.parametrize("name", [name for name in SPRUNG if name != "tm21"])
-def test_sliding_is_the_difference_of_both_ways(name):
-    """The contact's way along the cam less its way along the follower, by differences."""
+def test_sliding_is_the_difference_of_both_paths(name):
+    """It is the difference of the contact's paths on cam and follower, numerically."""
     case, step = case_of(name), 1e-6
     element = case.surfaces.element
     before, middle, after = (
@@ -94,18 +94,18 @@ def test_sliding_is_the_difference_of_both_ways(name):
         for motion in (Motion.at(case.law, ANGLES + d) for d in (-step, 0.0, step))
     )
     ends = [on_the_follower(element, motion, touch.contact) for motion, touch in (before, after)]
-    ways = [element.touch(m).contact * np.exp(-1j * m.angle) for m in (before[0], after[0])]
-    way_on_cam = np.abs(ways[1] - ways[0]) / (2 * step)
+    points = [element.touch(m).contact * np.exp(-1j * m.angle) for m in (before[0], after[0])]
+    path_on_cam = np.abs(points[1] - points[0]) / (2 * step)
     moved = (ends[1] - ends[0]) / (2 * step)
     if isinstance(element, SwungCentre | SwungFace):
         moved = moved * np.exp(-1j * element.arm_angle(middle[0].s))
-    way_on_follower = (moved * (-1j * middle[1].normal).conj()).real  # clockwise around the cam
-    expected = np.abs(way_on_cam - way_on_follower) * SPEED
+    path_on_follower = (moved * (-1j * middle[1].normal).conj()).real  # clockwise around the cam
+    expected = np.abs(path_on_cam - path_on_follower) * SPEED
     np.testing.assert_allclose(case.surfaces.sliding(*middle), expected, rtol=2e-6, atol=1e-6)
 
 
 def test_a_dwell_is_two_circles():
-    """On the base circle: F₀ over the width, κ = 1/R_b + 1/R_r, no pressure angle."""
+    """On the base circle the load is the preload, and κ = 1/R_b + 1/R_r."""
     case = case_of("tm21", face_width=(7.0, "mm"))
     follower, modulus = case.cam.follower, 206e9 / (2 * 0.91)
     curvature = 1.0 / follower.base_radius.si + 1.0 / follower.roller
@@ -114,15 +114,18 @@ def test_a_dwell_is_two_circles():
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_tip_wider_than_a_hollow_is_refused():
-    """It would touch at two places: radius, limit and angle are named."""
+def test_a_tip_with_a_radius_above_the_concave_radius_is_refused():
+    """It would touch at two points.
+
+    The message contains radius, limit and angle.
+    """
     with pytest.raises(ProfileError, match=r"tip_radius is 90 mm; allowed: less than .* mm at \d"):
         case_of("oscillating_point", base=20.0, tip_radius=(90.0, "mm"))
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_the_largest_pressure_is_no_sample(name):
-    """None of 20,000 angles has more, both sides of each joint; load and width give the same."""
+def test_the_largest_pressure_is_not_exceeded_at_any_sample(name):
+    """It is compared with 20,000 angles, and agrees with load and width."""
     case = case_of(name)
     row = contact_row(case)
     fine = case.surfaces.pressure(*case.at(np.linspace(0.0, 2.0 * np.pi, 20_000)))
@@ -133,7 +136,7 @@ def test_the_largest_pressure_is_no_sample(name):
 
 
 def test_no_pressure_where_the_cam_would_have_to_pull():
-    """Above the jump speed contact is lost, and said to be."""
+    """Above the jump speed `lost` is True."""
     cam = load_cam(named_path("cams", "poly345"))
     row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
     assert row.lost
@@ -144,7 +147,7 @@ def test_no_pressure_where_the_cam_would_have_to_pull():
 
 
 def test_tables_json_and_nomogram(tmp_path, monkeypatch):
-    """A face slides, a roller rolls; the nomogram's table comes with its figure; origins of all."""
+    """Tables and JSON contain sliding, bounds and assumed numbers."""
     monkeypatch.setattr("cam_rig.studies.contact.figures.RADII", 6)
     plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
     files = ("--plot", plot, "--events", events, "--csv", csv)
@@ -165,16 +168,16 @@ def test_tables_json_and_nomogram(tmp_path, monkeypatch):
     assert data["run"] == {"rig": "paper_table2", "rpm": 300.0}
 
 
-# -- bounds on the base radius: the measure is at its limit there; closed forms where there are
+# -- bounds on the base radius: the measure equals its limit; closed forms --------------------
 
 
 @pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
-def test_at_its_bound_a_measure_is_at_its_limit(name):
-    """Seeded limits around the cam's own values: met on one side, exceeded on the other."""
+def test_at_a_bound_the_measure_equals_its_limit(name):
+    """The limits are random numbers near the values of the cam."""
     rng = np.random.default_rng(11)
     case = case_of(name)
-    own = case.cam.follower.base_radius.si
-    pressure, sliding = (measured(case, m, own) for m in (peak_pressure, peak_sliding))
+    radius = case.cam.follower.base_radius.si
+    pressure, sliding = (measured(case, m, radius) for m in (peak_pressure, peak_sliding))
     limits = {
         "most_pressure": (pressure * rng.uniform(1.02, 1.3), "Pa"),
         "most_sliding_speed": (sliding * rng.uniform(0.85, 1.2), "m/s"),
@@ -182,7 +185,7 @@ def test_at_its_bound_a_measure_is_at_its_limit(name):
     bounds = base_bounds(case_of(name, **limits))
     found, least = measured(case, peak_sliding, bounds.sliding), bounds.pressure
     assert found == pytest.approx(limits["most_sliding_speed"][0], rel=1e-9)
-    assert least < own
+    assert least < radius
     if measured(case, peak_pressure, least) is not None:
         low, high = (measured(case, peak_pressure, least * f) for f in (0.999, 1.001))
         assert high < limits["most_pressure"][0]
@@ -196,7 +199,7 @@ def test_sliding_of_a_face_in_closed_form():
 
 
 def test_pressure_of_a_still_face_in_closed_form():
-    """With a preload alone F' E* / (π p²) is the least radius, R_b its excess over s + s''."""
+    """With a preload only the least radius of curvature is F' E* / (π p²)."""
     case = case_of("flat", most_pressure=(60.0, "MPa"))
     weightless = replace(RIG, mass=1e-12, spring_stiffness=1e-9, damping=0.0)
     case = replace(case, surfaces=replace(case.surfaces, rig=weightless))
@@ -206,8 +209,8 @@ def test_pressure_of_a_still_face_in_closed_form():
     assert base_bounds(case).pressure == pytest.approx(expected, rel=1e-7)
 
 
-def test_a_limit_that_no_cam_meets():
-    """A roller presses hard however large the cam, but rolls; a face slides however small."""
+def test_a_limit_that_no_base_radius_satisfies():
+    """The bound is None, and the sliding bound of a roller is infinite."""
     roller = base_bounds(case_of("tm21", most_pressure=(10.0, "MPa")))
     assert (roller.pressure, roller.sliding) == (None, np.inf)
     bounds = base_bounds(case_of("flat", most_sliding_speed=(1e-3, "m/s")))
@@ -216,8 +219,8 @@ def test_a_limit_that_no_cam_meets():
 
 
 @pytest.mark.parametrize("seed", range(14))
-def test_just_above_the_least_base_radius_all_is_permissible(seed):
-    """Random followers, rigs and limits: the largest lower bound holds for every measure."""
+def test_the_least_base_radius_satisfies_all_limits(seed):
+    """With random followers, rigs and limits every measure is within its limit."""
     rng = np.random.default_rng(seed)
     name = SPRUNG[seed % len(SPRUNG)]
     case = case_of(name, most_pressure=(10.0 ** rng.uniform(2.0, 3.2), "MPa"))
@@ -231,8 +234,8 @@ def test_just_above_the_least_base_radius_all_is_permissible(seed):
     assert measured(case, peak_pressure, base) <= limit * (1 + 1e-9)
     scan = Scan(case.law, plates_on(case.cam.follower, case.law, base)[0].element)
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure)).value
-    most = greatest_allowed(case.cam.follower, scan.element)
-    assert steepest <= most * (1 + 1e-9)
+    limit_angle = greatest_allowed(case.cam.follower, scan.element)
+    assert steepest <= limit_angle * (1 + 1e-9)
     assert scan.greatest(lambda touch: -touch.rate).value < 0.0  # not undercut
 
 
@@ -240,7 +243,7 @@ EVENT = np.radians([47.0, 83.0, 121.0])
 
 
 def test_simple_harmonic_in_closed_form():
-    """Pressure angle: h/2 (√(1 + (π/(β tan α))²) − 1); face: h (π²/(2 β²) − 1), not below 0."""
+    """Roller: h/2 (√(1 + (π/(β tan α))²) − 1), face: h (π²/(2 β²) − 1), at least 0."""
     found = by_pressure_angle("simple_harmonic", EVENT, 0.5)
     expected = 0.5 * (np.sqrt(1.0 + (np.pi / (EVENT * np.tan(0.5))) ** 2) - 1.0)
     np.testing.assert_allclose(found, expected, rtol=1e-5)
@@ -249,8 +252,8 @@ def test_simple_harmonic_in_closed_form():
 
 
 @pytest.mark.parametrize("rise", RISES)
-def test_the_nomogram_is_that_of_cams(rise, cams, make_cam):
-    """Least base radii of whole cams, found by the contour's own checks, at one event angle."""
+def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
+    """The least base radii of cams are those of the checks of contours."""
     beta, law = np.radians([52.0]), up_and_down(rise, np.radians(52.0), 0.01)
     flat = cams["flat"].follower
     least = least_base_radius(flat, law) - flat.least_curvature_radius.si
@@ -260,38 +263,36 @@ def test_the_nomogram_is_that_of_cams(rise, cams, make_cam):
     assert by_curvature(rise, beta, 2.0)[0] * 0.01 - 0.02 == pytest.approx(least, rel=1e-5)
 
 
-# -- hertz's line contact: elasticity in 50 digits, and the constants that handbooks print
+# -- Hertz's line contact: theory of elasticity in 50 digits, and constants of handbooks -------
 
 
 #: Load (N/m), radii (m; negative: concave), E* (Pa).
 CASES = [(1.0e5, 0.020, 0.040, 113e9), (2.3e4, 0.010, -0.055, 113e9), (7.7e5, 0.150, np.inf, 60e9)]
 
 
-@pytest.mark.parametrize(("load", "one", "other", "modulus"), CASES)
-def test_the_pressure_is_that_of_elasticity(load, one, other, modulus):
-    """The semi-ellipse carries the load, and bends both surfaces until their gap is closed.
+@pytest.mark.parametrize(("load", "first", "second", "modulus"), CASES)
+def test_the_pressure_satisfies_the_theory_of_elasticity(load, first, second, modulus):
+    """The semi-elliptical pressure has the load as its integral, and closes the gap.
 
     u'(x) = −2/(π E*) ∮ p(ξ)/(x − ξ) dξ = −x κ, the principal value with x = b sin φ, ξ = b sin t.
     """
-    curvature = 1.0 / one + 1.0 / other
+    curvature = 1.0 / first + 1.0 / second
     peak = mp.mpf(float(hertz_pressure(load, curvature, modulus)))
     half = mp.mpf(float(half_width(load, curvature, modulus)))
     with mp.workdps(50):
         carried = mp.quad(lambda t: peak * half * mp.cos(t) ** 2, [-mp.pi / 2, mp.pi / 2])
         assert abs(carried / load - 1) < 1e-14
-        for at in (mp.mpf("0.3"), mp.mpf("-0.8")):
-            # p(ξ)/(x − ξ) less p(x)/(x − ξ), whose principal value is known, has no pole.
-            here = mp.sqrt(1 - at**2)
-            smooth = mp.quad(
-                lambda z, at=at, here=here: (mp.sqrt(1 - z**2) - here) / (at - z), [-1, at, 1]
-            )
-            principal = smooth + here * mp.log((1 + at) / (1 - at))
+        for x in (mp.mpf("0.3"), mp.mpf("-0.8")):
+            # p(ξ)/(x − ξ) minus p(x)/(x − ξ), whose principal value is known, is finite.
+            y = mp.sqrt(1 - x**2)
+            smooth = mp.quad(lambda z, x=x, y=y: (mp.sqrt(1 - z**2) - y) / (x - z), [-1, x, 1])
+            principal = smooth + y * mp.log((1 + x) / (1 - x))
             slope = 2 / (mp.pi * mp.mpf(modulus)) * peak * principal
-            assert abs(slope / (at * half * mp.mpf(curvature)) - 1) < 1e-14
+            assert abs(slope / (x * half * mp.mpf(curvature)) - 1) < 1e-14
 
 
 def test_modulus_of_a_pair():
-    """The follower is of the cam's material unless it says; a rigid one halves the compliance."""
+    """The default material of the follower is that of the cam."""
     steel = {"youngs_modulus": assumed(206, "GPa")}
     parts = ContactParts.model_validate(steel)
     assert parts.modulus == pytest.approx(206e9 / (2 * 0.91), rel=1e-15)

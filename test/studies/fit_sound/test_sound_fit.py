@@ -1,4 +1,4 @@
-"""cam-rig fit sound: known constants come back, tables are read, the rig file keeps its layout."""
+"""cam-rig fit sound: fits to known constants, tables of levels, and the rig file."""
 
 import json
 import math
@@ -25,12 +25,12 @@ SPEEDS = np.arange(200.0, 401.0, 25.0)
 
 @pytest.fixture(scope="module")
 def scene():
-    """The scene of the paper's noise measurements."""
+    """Return the scene of the paper's noise measurements."""
     return load_scene("tm21_sweep")
 
 
 def levels_of(scene, radiation, zigzag=0.0):
-    """Speeds and levels of the 3-4-5 cam with these constants; ``zigzag`` in dB is added."""
+    """Return speeds and levels of the 3-4-5 cam, with ``zigzag`` dB added alternately."""
     law, follower = scene.laws["poly345"], scene.follower
     power = [steady_power(law, follower, radiation, rpm * RPM) for rpm in SPEEDS.tolist()]
     levels = level_db(np.sqrt(np.array(power))) + zigzag * (-1.0) ** np.arange(SPEEDS.size)
@@ -39,7 +39,7 @@ def levels_of(scene, radiation, zigzag=0.0):
 
 @pytest.fixture
 def save(tmp_path):
-    """Write a table of levels (text, or speeds and levels), and return its path."""
+    """Return a function that writes a table of levels and returns its path."""
 
     def write(levels):
         path = tmp_path / "levels.csv"
@@ -54,7 +54,7 @@ def save(tmp_path):
 
 @pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
 def test_recovers_gain_and_corner(scene, gain, corner):
-    """From levels made with known constants it gets them back."""
+    """The fit reproduces the constants of simulated levels."""
     true = replace(scene.radiation, gain=gain, corner=corner)
     found = cam_rig.fit_sound(levels_of(scene, true), scene)
     assert found.cam == "poly345"
@@ -64,12 +64,12 @@ def test_recovers_gain_and_corner(scene, gain, corner):
 
 
 def test_residual_is_the_rms_difference(scene):
-    """Levels that zigzag by ±0.5 dB leave nearly that residual, and rows show it."""
+    """Alternating errors of ±0.5 dB give a residual of 0.4 to 0.5 dB."""
     found = cam_rig.fit_sound(levels_of(scene, scene.radiation, 0.5), scene)
     fitted = replace(scene.radiation, gain=found.gain, corner=found.corner)
-    left = levels_of(scene, fitted)[:, 1] - levels_of(scene, scene.radiation, 0.5)[:, 1]
-    assert [row.difference for row in found.levels] == pytest.approx(left, abs=1e-9)
-    assert found.rms == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-9)
+    residual = levels_of(scene, fitted)[:, 1] - levels_of(scene, scene.radiation, 0.5)[:, 1]
+    assert [row.difference for row in found.levels] == pytest.approx(residual, abs=1e-9)
+    assert found.rms == pytest.approx(float(np.sqrt(np.mean(residual**2))), rel=1e-9)
     assert 0.4 < found.rms <= 0.5
 
 
@@ -90,7 +90,7 @@ def test_residual_is_the_rms_difference(scene):
     ],
 )
 def test_refusals(scene, levels, error):
-    """Too few speeds, values that are not numbers or out of range, and a cam that lifts off."""
+    """Invalid levels, an unknown cam and a cam that loses contact raise an error."""
     with pytest.raises((ConfigError, DynamicsError), match=error):
         cam_rig.fit_sound(np.array(levels), scene)
     with pytest.raises(ConfigError, match="has no cam 'no_such'"):
@@ -108,7 +108,7 @@ def test_refusals(scene, levels, error):
     ],
 )
 def test_tables(save, text):
-    """Separators, decimal commas, other columns, empty levels, and names of the units."""
+    """Separators, decimal commas, other columns, empty levels and unit names are read."""
     assert read_levels(save(text)).tolist() == [[200.0, 75.6], [400.0, 89.9]]
 
 
@@ -123,7 +123,7 @@ def test_tables(save, text):
     ],
 )
 def test_other_columns_are_refused(save, heading, error):
-    """A level with a weighting is lower than the rig's."""
+    """Weighted levels and speeds in deg/s are refused."""
     with pytest.raises(ConfigError, match=error):
         read_levels(save(heading + "\n5,75.6\n6,89.9\n"))
 
@@ -137,16 +137,16 @@ def test_other_columns_are_refused(save, heading, error):
     ],
 )
 def test_units_of_speed_are_read(save, heading, speed):
-    """The same 200 rpm in every unit."""
+    """200 rpm are read from every unit."""
     levels = read_levels(save(f"{heading}\n{speed!r},75.6\n"))
     assert levels == pytest.approx(np.array([[200.0, 75.6]]), rel=1e-12)
 
 
-# The command.
+# Command.
 
 
 def test_a_dry_run_writes_nothing(scene, save):
-    """Numbers are printed and in the JSON; the rig file stays."""
+    """The numbers are printed and in the JSON, and the rig file is unchanged."""
     path, rig = save(levels_of(scene, scene.radiation)), config_root() / "rigs" / "tm21.yaml"
     before = rig.read_bytes()
     result = done("fit", "sound", path, "tm21_sweep", "--dry-run", "--json", "-")
@@ -155,8 +155,8 @@ def test_a_dry_run_writes_nothing(scene, save):
     assert rig.read_bytes() == before
 
 
-def test_levels_of_another_cam_than_the_file_says(scene, save):
-    """They are not written under the wrong name."""
+def test_levels_of_another_cam_than_that_of_the_file_are_refused(scene, save):
+    """The message contains both names, and the command exits with code 2."""
     path = save(np.column_stack([SPEEDS, scene.published_levels("bezier15", SPEEDS)]))
     result = call("fit", "sound", path, "tm21_sweep", "--cam", "bezier15")
     assert result.exit_code == 2
@@ -170,8 +170,8 @@ def roles(scene):
 
 
 @pytest.mark.long
-def test_a_calibration_holds_for_its_follower(tmp_path, save):
-    """Another mass makes levels relative; a calibration ends that, until the next mass."""
+def test_a_calibration_is_valid_for_its_follower_only(tmp_path, save):
+    """Another mass makes levels relative until the next calibration."""
     copytree(config_root(), tmp_path / "own")
     scene, rig = (tmp_path / "own" / f for f in ("scenes/tm21_sweep.yaml", "rigs/tm21.yaml"))
     rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.3,", "given: 1.2,"))
@@ -211,8 +211,11 @@ def path(tmp_path):
     return path
 
 
-def test_numbers_with_what_they_are_from(path):
-    """The origin's key is changed; source and residual are replaced, or added where they lack."""
+def test_numbers_are_written_with_source_and_residual(path):
+    """The origin becomes `identified`.
+
+    Source and residual are replaced or added.
+    """
     numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner"): 18.4}
     set_identified(path, {**numbers, ("segments", 0, "span"): 117.5}, 'a "fit"', "0.6 dB, 2 of 3")
     origin = {"source": 'a "fit"', "residual": "0.6 dB, 2 of 3"}
@@ -223,15 +226,15 @@ def test_numbers_with_what_they_are_from(path):
     assert read["segments"][1]["law"] == "Größe"
 
 
-def test_all_else_stays_as_it_was_written(path):
-    """Comments, blanks and the other lines, character by character."""
+def test_the_rest_of_the_file_is_unchanged(path):
+    """Comments, blanks and other lines keep every character."""
     set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
     changed = TEXT.replace("assumed: 1.5e-4", 'identified: 2.0, source: "s", residual: "r"')
     assert path.read_text(encoding="utf-8") == changed
 
 
-def test_a_shipped_rig_is_as_it_was_after_its_own_numbers(tmp_path, config_dir):
-    """Calibrating twice writes the same file."""
+def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir):
+    """The second write does not change the file."""
     path = tmp_path / "tm21.yaml"
     path.write_bytes((config_dir / "rigs" / "tm21.yaml").read_bytes())
     for _ in range(2):
@@ -241,7 +244,7 @@ def test_a_shipped_rig_is_as_it_was_after_its_own_numbers(tmp_path, config_dir):
     assert read_yaml(path)["radiation"]["corner"]["identified"] == 18.42
 
 
-def test_a_file_that_cannot_be_written_is_one_line(path, monkeypatch):
+def test_an_unwritable_file_raises_a_one_line_error(path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 

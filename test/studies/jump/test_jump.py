@@ -1,4 +1,4 @@
-"""Jump speeds beside the published ones, along a ramp, refitted; and cam-rig jump."""
+"""Jump speeds compared with Table 2 and along a ramp, and cam-rig jump."""
 
 import json
 import math
@@ -29,22 +29,22 @@ FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bez
 
 @pytest.fixture(scope="module")
 def published(config_dir):
-    """The paper's tables."""
+    """Return the tables of the paper."""
     return load_tables(config_dir / "published" / "tables" / "paper.yaml")
 
 
 @pytest.fixture(scope="module")
 def found(cam_set, published):
-    """The jumps of the five."""
+    """Return the jumps of the five cams."""
     return find_jumps(cam_set, references(cam_set, published))
 
 
 def test_table_2(found):
-    """Within 1 % r.m.s. on the four fitted laws, in the paper's ranking, and on the fifth too."""
+    """Differences are below 1 %, r.m.s. on the four fitted laws and also on the fifth."""
     compared = found.comparison
     assert (compared.cams, compared.fitted, compared.same_ranking) == (4, True, True)
     assert compared.rms == rms_difference(row for row in found.rows if row.role == "fitted") < 0.01
-    assert compared.turns[1] < compared.published_turns[0]  # the times of Table 2 do not come out
+    assert compared.turns[1] < compared.published_turns[0]  # not reproduced
     (test,) = [row for row in found.rows if row.role == "test"]
     assert test.cam == "bezier_segments"
     assert abs(test.difference) < 0.01
@@ -53,7 +53,7 @@ def test_table_2(found):
 
 
 def test_slow_ramp_is_the_steady_state(laws, two_mass):
-    """A cam that speeds up slowly is left within a turn or two of its steady jump speed."""
+    """On a slow ramp contact is lost within two turns of the steady jump speed."""
     law = laws["poly4567"]
     steady = find_jump(law, two_mass, None).rpm
     slow, fast = (jump_along_ramp(law, two_mass, rate * RPM) for rate in (20.0, 2000.0))
@@ -63,8 +63,11 @@ def test_slow_ramp_is_the_steady_state(laws, two_mass):
     assert slow.time == pytest.approx(slow.rpm / 20.0, rel=1e-12)
 
 
-def test_fitted_is_told_by_content(cam_set, published):
-    """Another rig or other angles: published, not fitted; another motion: not even published."""
+def test_the_role_depends_on_the_content_of_the_files(cam_set, published):
+    """Another rig or other angles give no role.
+
+    Another motion is not in the table.
+    """
     roles = {cam: known.role for cam, known in references(cam_set, published).items()}
     assert roles == dict.fromkeys(FIVE, "fitted") | {"bezier_segments": "test"}
     other = replace(cam_set, rig=cam_set.rig.with_follower(stem_stiffness=2e6))
@@ -79,7 +82,7 @@ def test_fitted_is_told_by_content(cam_set, published):
 
 
 def test_comparison_on_another_rig(found):
-    """Where nothing was fitted the difference is that of all, and is no fit."""
+    """If the rig was not identified from the cams, the difference is over all cams."""
 
     def compared(**changes):
         return replace(found, rows=tuple(replace(row, **changes) for row in found.rows)).comparison
@@ -90,7 +93,7 @@ def test_comparison_on_another_rig(found):
 
 
 def test_runs_and_ramps_have_limits(cam_set):
-    """No time, no run; a ramp of nothing never gets anywhere, one without end is a blow."""
+    """Durations and ramps out of range raise ConfigError."""
     for duration in (0.0, -1.0, 60.1, 1e9, math.nan, math.inf):
         with pytest.raises(ConfigError, match="allowed: above 0, to 60 s, or the steady state"):
             find_jumps(cam_set.only(["poly345"]), {}, duration)
@@ -99,7 +102,7 @@ def test_runs_and_ramps_have_limits(cam_set):
             find_jumps(cam_set.only(["poly345"]), {}, ramp=ramp)
 
 
-# The table.
+# Table.
 
 AT = Jump(40.0, math.pi, 0.5)
 FITTED = JumpRow("a", AT, Jump(41.0, 0.0, 0.0), 400.0, 1.5, "fitted", rigid_rpm=390.0)
@@ -111,7 +114,10 @@ def shown(cam_set, *rows):
 
 
 def test_a_row_has_its_units(cam_set):
-    """rpm, degrees and percent from rad/s, rad and a share; what there is not has no column."""
+    """Cells are in rpm, degrees and percent.
+
+    A column without values is not displayed.
+    """
     table = shown(cam_set, FITTED)
     assert table.caption == "Jump speed on rig paper_table2: two masses, 1.7 s from rest"
     row = dict(zip([column.title for column in table.columns], table.rows[0], strict=True))
@@ -124,52 +130,55 @@ def test_a_row_has_its_units(cam_set):
     assert not any("Fitted" in note for note in bare.notes)
 
 
-# The command.
+# Command.
 
 
 call = partial(run, "jump")
 
 
-def told(*arguments):
-    """The rows by cam, the run, and the words on stderr."""
+def run_json(*arguments):
+    """Return the rows by cam, the run, and the text on stderr."""
     result = call(*arguments, "--json", "-")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
     return {row["cam"]: row for row in data["jump"]}, data["run"], " ".join(result.stderr.split())
 
 
-def test_other_cams_and_ways(tmp_path):
-    """A cam the paper does not have has nothing beside it; steady state and ramp go as well."""
-    rows, run, words = told("modified_sine", "--steady", "--plot", tmp_path / "a.png")
+def test_other_cams_and_runs(tmp_path):
+    """A cam that is not in the paper is not compared, and a ramp neither."""
+    rows, run, words = run_json("modified_sine", "--steady", "--plot", tmp_path / "a.png")
     row = rows["modified_sine"]
     assert row["published_rpm"] is run["duration"] is None
-    assert "nothing is published" in words
-    ramped, run, words = told("modified_sine", "poly345", "--ramp", 400)
+    assert "no jump speed of these cams is published" in words
+    ramped, run, words = run_json("modified_sine", "poly345", "--ramp", 400)
     assert ramped["modified_sine"]["rpm"] > row["rpm"]
     assert (ramped["poly345"]["published_rpm"], ramped["poly345"]["difference"]) == (415, None)
     assert run["ramp"] == 400.0
     assert "two masses, along a ramp of 400 rpm/s" in words
-    assert "nothing is compared" in words
+    assert "no comparison" in words
     assert "fitted" not in words
 
 
 def test_a_rig_without_a_stem_has_a_jump_speed():
-    """Its one mass leaves the cam too; rig and follower are named, in words and in JSON."""
-    rows, run, words = told("poly345", "--rig", "tm21")
+    """It has one rigid mass.
+
+    Text and JSON contain rig and follower.
+    """
+    rows, run, words = run_json("poly345", "--rig", "tm21")
     assert (run["rig"], run["follower"]) == ("tm21", "one rigid mass")
     assert rows["poly345"]["rpm"] == pytest.approx(438.29, abs=0.01)
     assert "rig tm21: one rigid mass" in words
-    ramped, _, _ = told("poly345", "--rig", "tm21", "--ramp", 300)
+    ramped, _, _ = run_json("poly345", "--rig", "tm21", "--ramp", 300)
     assert ramped["poly345"]["rpm"] > rows["poly345"]["rpm"]
 
 
-def test_a_rig_of_four_numbers_is_enough(tmp_path, rig):
-    """Mass, spring, damping and preload have a jump speed, that of the same rig with all else."""
+def test_a_rig_of_four_numbers_has_a_jump_speed(tmp_path, rig):
+    """It is that of the complete rig with the same mass, spring, damping and preload."""
     keys = {"mass", "spring_stiffness", "damping", "preload"}
     four = rig.follower.model_dump(exclude_none=True, include=keys)
     path = tmp_path / "mine.yaml"
     path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": four}))
-    mine, whole = (told("poly345", "--rig", rig)[0]["poly345"]["rpm"] for rig in (path, "tm21"))
+    mine, whole = (run_json("poly345", "--rig", rig)[0]["poly345"]["rpm"] for rig in (path, "tm21"))
     assert mine == whole
     half = four | {"roller_share": {"given": 0.4, "unit": "1"}}
     path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": half}))

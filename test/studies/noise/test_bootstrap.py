@@ -1,4 +1,4 @@
-"""Resampling, bands, crossings and claims, against cases whose answer is known."""
+"""Resampling, bands, crossings, claims and the fit of arcs, against known results."""
 
 from itertools import chain
 from types import SimpleNamespace
@@ -28,20 +28,20 @@ RPM = np.linspace(200.0, 400.0, 21)
 
 
 def test_draws_are_blocks_of_the_residual():
-    """Each draw is runs of neighbours, joined; over all draws every value is as likely."""
+    """Draws consist of blocks of neighbours, and all values are equally likely."""
     residual = np.arange(21.0)
     draws = resample(residual, np.random.default_rng(2))
     assert draws.shape == (bootstrap.DRAWS, 21)
     inner = np.diff(draws, axis=1).reshape(-1, 20)
     joints = [bootstrap.BLOCK - 1, 2 * bootstrap.BLOCK - 1]
     within = np.delete(inner, joints, axis=1)
-    assert set(np.unique(within)) == {1.0, -20.0}  # the next speed, or round the end
+    assert set(np.unique(within)) == {1.0, -20.0}  # the next speed, or from the last to the first
     share = np.bincount(draws.astype(int).ravel(), minlength=21) / draws.size
     np.testing.assert_allclose(share, 1.0 / 21.0, rtol=0.1)
 
 
-def test_band_holds_95_percent():
-    """Of normal draws the band is ±1.96 deviations, and holds a curve that lies within."""
+def test_the_band_contains_95_percent():
+    """The band of normal draws is ±1.96 standard deviations."""
     draws = np.random.default_rng(4).normal(80.0, 2.0, size=(20_000, 3))
     band = Band.of(draws)
     np.testing.assert_allclose(band.high - 80.0, 1.96 * 2.0, atol=0.1)
@@ -49,7 +49,7 @@ def test_band_holds_95_percent():
 
 
 def test_crossing_of_known_lines():
-    """80 + 0.1 (x − 330) and 80 cross at 330; the root nearest to the published one counts."""
+    """The root nearest to the published crossing is returned, or None."""
     flat = np.full(21, 80.0)
     assert crossing(RPM, flat + 0.1 * (RPM - 330.0), flat, 335.0) == pytest.approx(330.0, abs=1e-6)
     bent = flat + 1e-3 * (RPM - 220.0) * (RPM - 340.0)
@@ -59,7 +59,7 @@ def test_crossing_of_known_lines():
 
 
 def test_crossing_of_points():
-    """Levels joined by straight lines cross where the lines do, nearest to the published speed."""
+    """Polylines cross at the intersection nearest to the published speed."""
     flat = np.full(21, 80.0)
     straight = flat + 0.1 * (RPM - 333.0)
     assert points_crossing(RPM, straight, flat, 335.0) == pytest.approx(333.0)
@@ -70,7 +70,7 @@ def test_crossing_of_points():
 
 
 def test_deviation_of_a_crossing():
-    """A level that is out by 0.5 dB moves a crossing of slope 0.1 dB/rpm by 5 rpm."""
+    """With a slope of 0.1 dB/rpm, 0.5 dB shift the crossing by 5 rpm."""
     flat, rising = np.full(21, 80.0), 80.0 + 0.1 * (RPM - 335.0)
     shift = np.random.default_rng(6).normal(0.0, 0.5, size=(bootstrap.DRAWS, 1))
     draws = (np.broadcast_to(flat, (bootstrap.DRAWS, 21)), rising + shift)
@@ -82,7 +82,7 @@ def test_deviation_of_a_crossing():
 
 
 def test_draws_that_do_not_cross_are_counted():
-    """Where no draw crosses there is no interval, and the share says so."""
+    """If no draw crosses, the interval is NaN and the missing fraction is 1."""
     flat = np.full((50, 21), 80.0)
     found = crossing_interval(RPM, (flat[0], flat[0] + 1.0), (flat, flat + 1.0), 335.0)
     assert found.rpm is None
@@ -94,7 +94,7 @@ ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
 
 
 def claims(crossover=335.0, **levels):
-    """Of curves of these levels by whatever they are tested on: by claim, then by that."""
+    """Return the tests of each claim for curves with the same levels in all tests."""
     curves = {
         cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)
         for cam, level in levels.items()
@@ -103,17 +103,17 @@ def claims(crossover=335.0, **levels):
     return [found[i : i + len(TESTED_ON)] for i in range(0, len(found), len(TESTED_ON))]
 
 
-def test_what_holds_everywhere_has_no_speed_against_it():
-    """The arcs rise through both others at 335 rpm."""
-    found = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
-    assert [[one.tested_on for one in claim] for claim in found] == [list(TESTED_ON)] * 3
-    assert [{one.cases for one in claim} for claim in found] == [{14}, {7}, {7}]
-    for one in chain(*found):
-        assert (one.holds, one.fails_rpm) == (one.cases, None)
+def test_a_claim_that_is_true_at_every_speed():
+    """The curve of the arcs crosses both others at 335 rpm, and `fails_rpm` is None."""
+    tests = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
+    assert [[test.tested_on for test in claim] for claim in tests] == [list(TESTED_ON)] * 3
+    assert [{test.cases for test in claim} for claim in tests] == [{14}, {7}, {7}]
+    for test in chain(*tests):
+        assert (test.holds, test.fails_rpm) == (test.cases, None)
 
 
-def test_what_fails_says_at_which_speeds():
-    """The arcs cross at 355 rpm instead: two speeds above 335 rpm are against the paper."""
+def test_a_claim_that_is_false_at_some_speeds():
+    """If the arcs cross at 355 rpm, the claim is false at two speeds above 335 rpm."""
     found = claims(arcs=(RPM - 355.0) / 10.0, conventional=0.0 * RPM - 1.0, proposed=0.0 * RPM)
     (quietest, *_), (against_arcs, *_), (against_conventional, *_) = found
     assert quietest.fails_rpm is None
@@ -121,14 +121,14 @@ def test_what_fails_says_at_which_speeds():
     assert (against_conventional.holds, against_conventional.fails_rpm) == (0, (340.0, 400.0))
 
 
-# -- the arc cam's three numbers: there and back, and found again from its own sound ----------
+# -- shape of the arc cam: conversions, and a fit to simulated levels --------------------------
 
 
 SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
 
 
 def test_shape_of_a_cam_file(cams, laws):
-    """Lift, event and flank give the nose back, and the same law."""
+    """Lift, event and flank reproduce the nose and the law of the file."""
     shape = ArcShape.of(cams["tm21"])
     circles = arc_cam(cams["tm21"])
     assert shape.nose(circles.base_radius) == pytest.approx(2.0 * circles.nose_half_angle, rel=1e-9)
@@ -137,14 +137,14 @@ def test_shape_of_a_cam_file(cams, laws):
 
 
 def test_impossible_shape_is_refused(cams):
-    """A lift that no arcs of this event reach is an error that names the cam."""
+    """A lift that arcs cannot reach raises LawError with the name of the cam."""
     with pytest.raises(LawError, match="tm21"):
         ArcShape(0.5, 1.0, 2.0).law(cams["tm21"])
 
 
 @pytest.fixture
 def problem(make_loaded_scene):
-    """A curve made by a shape like the filed one, 4 % lower and 2 % shorter."""
+    """Return a fit to the levels of a shape 4 % lower and 2 % shorter."""
     loaded = make_loaded_scene(cams=["tm21"], speeds=[200])
     cam, acoustics = loaded.cams["tm21"], Acoustics(loaded.radiation)
 
@@ -155,17 +155,17 @@ def problem(make_loaded_scene):
     return ShapeProblem(cam, acoustics.levels(turn(true.law(cam))), turn), acoustics, true
 
 
-def test_fit_matches_the_curve_a_shape_was_made_with(problem):
-    """From the filed shape, the curve of another is matched to 0.1 dB, the flank kept."""
+def test_the_fit_reproduces_the_curve_of_a_shape(problem):
+    """The fit starts at the shape of the file and matches the curve to 0.1 dB."""
     problem, acoustics, true = problem
-    found = problem.fit(ArcShape.of(problem.cam), acoustics)
-    left = cubic(SPEEDS) @ problem.cam_of(found).difference(acoustics)
-    assert rms(left) < 0.1
-    assert found.curvature == true.curvature
+    shape = problem.fit(ArcShape.of(problem.cam), acoustics)
+    residual = cubic(SPEEDS) @ problem.cam_of(shape).difference(acoustics)
+    assert rms(residual) < 0.1
+    assert shape.curvature == true.curvature
 
 
 def test_sensitivity_is_the_derivative(problem):
-    """Of lift and event, against a wider symmetric difference, where the follower keeps contact."""
+    """It agrees with a wider symmetric difference at speeds without lift-off."""
     problem, acoustics, true = problem
     slope = problem.sensitivity(true, acoustics)
     for axis, step in enumerate(np.diag([0.05, 0.05])):
@@ -175,8 +175,8 @@ def test_sensitivity_is_the_derivative(problem):
         np.testing.assert_allclose(slope[:3, axis], (up - down)[:3] / 0.1, rtol=0.25, atol=0.7)
 
 
-def test_a_shape_is_run_once(make_loaded_scene):
-    """Fits to other constants begin at the same shapes, which are kept."""
+def test_a_shape_is_simulated_once(make_loaded_scene):
+    """The turns of a shape are cached."""
     loaded, runs = make_loaded_scene(cams=["tm21"], speeds=[200]), []
 
     def turn(law):
@@ -190,7 +190,7 @@ def test_a_shape_is_run_once(make_loaded_scene):
 
 
 def test_with_geometry(cams):
-    """Other numbers in the same file: a whole turn, the event in its middle, same origins."""
+    """The spans add up to a turn, and the numbers keep their origins."""
     trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
     spans = [segment.span.raw for segment in trial.segments]
     assert spans == [115.0, 130.0, 115.0]

@@ -1,4 +1,4 @@
-"""The noise study on the shipped sweep: its promises, and that its parts agree."""
+"""The noise study on the shipped sweep: accuracy, and agreement of its parts."""
 
 import dataclasses
 import math
@@ -33,7 +33,7 @@ from cam_rig.studies.noise.variants import (
     with_rigid_stem,
 )
 
-#: Of another cam, m.
+#: Lift of the other level of the factor, m.
 LIFT = 0.005
 
 
@@ -49,7 +49,10 @@ def methods(study):
 
 
 def test_parts(study, make_loaded_scene):
-    """Roles follow from the files; two cams are no study, three speeds no regression."""
+    """Roles follow from the files.
+
+    Two cams and three speeds raise ConfigError.
+    """
     assert study.roles == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
     with pytest.raises(ConfigError, match="needs model one_mass and three published cams"):
         NoiseSetup.of(make_loaded_scene(speeds=list(range(200, 401, 25))))
@@ -59,17 +62,20 @@ def test_parts(study, make_loaded_scene):
 
 @pytest.mark.long
 def test_targets(methods):
-    """By every way: 3-4-5 and Bézier 15 within 0.8 dB, the TM21 cam within 1.5 dB."""
+    """3-4-5 and Bézier 15 are within 0.8 dB, the TM21 cam within 1.5 dB."""
     for method in methods:
-        left = {cam: curve.rms_db for cam, curve in method.curves.items()}
-        assert left["poly345"] <= 0.8
-        assert left["bezier15"] <= 0.8
-        assert left["tm21"] <= 1.5
+        rms_db = {cam: curve.rms_db for cam, curve in method.curves.items()}
+        assert rms_db["poly345"] <= 0.8
+        assert rms_db["bezier15"] <= 0.8
+        assert rms_db["tm21"] <= 1.5
 
 
 @pytest.mark.long
 def test_the_published_crossing_is_expected(methods):
-    """335 rpm is in every 95 % interval, within 5 rpm by substitution, 10 by two constants."""
+    """335 rpm is in every 95 % interval.
+
+    The crossing is within 5 rpm by substitution, and within 10 rpm with two constants.
+    """
     for method in methods:
         assert method.crossing.low < 335.0 < method.crossing.high
         assert method.crossing.missing == 0.0
@@ -78,29 +84,29 @@ def test_the_published_crossing_is_expected(methods):
     assert off[1] < off[0] < 10.0
 
 
-def test_numbers_fitted_are_told(methods):
-    """None to the predicted cam, two or five to the reference, two or three to the arcs."""
+def test_numbers_of_fitted_constants(methods):
+    """They are 0 for the predicted cam, 2 or 5 for the reference, 2 or 3 for the arcs."""
     numbers = [{cam: curve.numbers for cam, curve in m.curves.items()} for m in methods]
     assert [n["bezier15"] for n in numbers] == [0, 0, 0]
     assert [n["poly345"] for n in numbers] == [2, 2, 5]
     assert [n["tm21"] for n in numbers] == [3, 2, 2]
 
 
-def test_two_constants_are_the_rig_files(study, methods):
-    """Its calibration is that of examples/paper/calibrate.py, its levels those of the file."""
+def test_two_constants_are_those_of_the_rig_file(study, methods):
+    """The rig file was calibrated by examples/paper/calibrate.py."""
     r, found = study.loaded.radiation, methods[0].acoustics.radiation
     assert found.gain == pytest.approx(r.gain, rel=1e-3)
     assert found.corner == pytest.approx(r.corner, rel=1e-3)
     assert methods[0].shape == study.shape
 
 
-def test_substitution_is_better_on_the_cam_it_has_not_seen(methods):
-    """The speed response measured on the reference halves the error of the prediction."""
+def test_substitution_improves_the_prediction(methods):
+    """The speed response of the reference reduces the error by 40 % or more."""
     assert methods[2].curves["bezier15"].rms_db < 0.6 * methods[0].curves["bezier15"].rms_db
 
 
-def test_bands_hold_what_was_published(study, methods):
-    """Most of each published curve is within the 95 % band, which is wider than the fit's own."""
+def test_the_bands_contain_the_published_curves(study, methods):
+    """80 % of a published curve are in its band, which is wider than that of the fit."""
     for method in methods:
         for curve in method.curves.values():
             assert curve.expected.holds(curve.published_db) >= 0.8
@@ -110,8 +116,8 @@ def test_bands_hold_what_was_published(study, methods):
             np.testing.assert_allclose(curve.regression_db, regression, atol=1e-9)
 
 
-def test_refitting_comes_nearer_as_regressions(methods):
-    """Fitted to the regression the arc cam's regression is nearer, its points are not."""
+def test_refitting_improves_the_regression_of_the_arc_cam(methods):
+    """Its regression is nearer to the published curve, its points are not."""
     filed, refitted = (method.curves["tm21"] for method in methods[:2])
     assert refitted.rms_regression_db < filed.rms_regression_db
     assert filed.rms_db < refitted.rms_db
@@ -119,7 +125,7 @@ def test_refitting_comes_nearer_as_regressions(methods):
 
 @pytest.mark.long
 def test_each_cam_left_out(study):
-    """Constants from any two cams are much the same, and hold for the third."""
+    """Constants from any two cams are similar and predict the third."""
     rows = leave_one_out(study)
     assert [row.cam for row in rows] == ["tm21", "poly345", "bezier15"]
     assert [row.numbers for row in rows] == [2, 4, 4]
@@ -130,7 +136,7 @@ def test_each_cam_left_out(study):
 
 
 def test_one_rig(study, methods, paper_rig):
-    """The follower of the jump speeds costs the smooth cams less than 0.05 dB, the arc cam more."""
+    """The rig of the jump speeds changes the smooth cams by less than 0.05 dB."""
     own = {cam: curve.rms_db for cam, curve in methods[1].curves.items()}
     rigid, elastic = with_rigid_stem(study, paper_rig), with_elastic_stem(study, paper_rig)
     for cam in ("poly345", "bezier15"):
@@ -141,8 +147,8 @@ def test_one_rig(study, methods, paper_rig):
     assert set(elastic.rms_db) == {"poly345", "bezier15"}
 
 
-def test_every_crossing_of_the_published_curves_has_its_counterpart(methods):
-    """Roots of the printed cubics, by numpy; by substitution what was not fitted comes out best."""
+def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
+    """The published crossings are roots of the printed cubics."""
     published = load_published(config_root() / "published" / "tm21_noise.yaml").regression_db
     for method in methods:
         for pair in method.pairs:
@@ -159,14 +165,14 @@ def test_every_crossing_of_the_published_curves_has_its_counterpart(methods):
     assert best.predicted_rms_db == best.curves["bezier15"].rms_db
 
 
-def test_the_largest_difference_is_told(methods):
-    """What an r.m.s. hides, by substitution 0.9 dB at 200 rpm."""
+def test_the_largest_difference_is_reported(methods):
+    """It is -0.9 dB at 200 rpm by substitution."""
     curve = methods[2].curves["bezier15"]
     assert abs(curve.largest[0]) == np.abs(curve.level_db - curve.published_db).max()
     assert curve.largest == (pytest.approx(-0.9, abs=0.1), 200.0)
 
 
-# Lift, high dwell and joints: the cams are what they are said to be.
+# Factorial of lift, high dwell and joints.
 
 
 @pytest.fixture(scope="module")
@@ -175,14 +181,14 @@ def found(study):
 
 
 def test_the_first_cam_is_the_reference(study, found):
-    """Made from its lift, its dwell and its rise, it sounds as the cam of the file does."""
-    own = study.start.levels(study.cams[study.roles.reference].turns)
-    np.testing.assert_allclose(found.reference, own, atol=1e-6)
+    """Its levels are those of the cam file."""
+    reference = study.start.levels(study.cams[study.roles.reference].turns)
+    np.testing.assert_allclose(found.reference, reference, atol=1e-6)
     assert len(found.levels_db) == 8
 
 
 def test_a_change_is_one_of_the_motion(study, found):
-    """In contact a tenth of the lift is 20 dB the quieter at every speed, without background."""
+    """Without background the level changes by 20 lg of the ratio of the lifts."""
     quiet = dataclasses.replace(study.start.radiation, background=-200.0)
     alone = study_high_dwell(study, Acoustics(quiet), LIFT)
     (lift, dwell, rise), *_ = alone.levels_db
@@ -191,8 +197,8 @@ def test_a_change_is_one_of_the_motion(study, found):
     assert found.shares[(0,)] > 0.9
 
 
-def test_a_cam_without_a_high_dwell_or_rises_is_left_out(study):
-    """A single Bézier curve and arcs have no rise of a name; the study says nothing of them."""
+def test_a_cam_without_high_dwell_or_named_rises_has_no_timing(study):
+    """A single Bézier curve and arcs consist of other segments than named rises."""
     cams = study.loaded.cams
     assert timing_of(cams["poly345"]).high_dwell == pytest.approx(math.radians(62.5))
     assert timing_of(cams["bezier15"]) is None
@@ -202,7 +208,7 @@ def test_a_cam_without_a_high_dwell_or_rises_is_left_out(study):
     assert study_high_dwell(study, study.start, same) is None
 
 
-# -- fits find the constants that a curve was made with, and say what they cannot -------------
+# -- fits to curves with known constants -------------------------------------------------------
 
 
 SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
@@ -210,7 +216,7 @@ SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 
 @pytest.fixture
 def published_cam(make_loaded_scene):
-    """A function that makes a cam whose published levels are those of given constants."""
+    """Return a function that makes a cam with the levels of given constants."""
     loaded = make_loaded_scene()
 
     def make(cam, true):
@@ -220,8 +226,8 @@ def published_cam(make_loaded_scene):
     return make
 
 
-def test_substitution_carries_over(make_loaded_scene, published_cam):
-    """What one cam measures of the rig's speed response holds for another, to 0.05 dB."""
+def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
+    """The speed response of one cam predicts the levels of another to 0.2 dB."""
     start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
     true = start.with_constants(r.gain, r.corner, (0.5, -0.4, 0.3))
@@ -234,7 +240,7 @@ def test_substitution_carries_over(make_loaded_scene, published_cam):
 
 @pytest.mark.parametrize("response", [(), (0.5, -0.4, 0.3)])
 def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, response):
-    """A small change of a constant moves the levels as the sensitivity says."""
+    """A small change of a constant changes the levels by the sensitivity."""
     r = make_loaded_scene().radiation
     acoustics = Acoustics(r, response)
     cam = published_cam("bezier15", acoustics)
@@ -247,11 +253,11 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
         np.testing.assert_allclose(cam.difference(tilted), slope[:, 1] * 1e-3, rtol=1e-2, atol=1e-7)
 
 
-# Structures between force and sound: sums over harmonics, and what a fit is worth.
+# Structures between force and sound: sums over harmonics, and prediction errors.
 
 
 def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, radiation):
-    """Parseval: the sum over harmonics is the exact mean square over a turn, to 1e-3."""
+    """The sum over harmonics is the exact mean square over a turn (Parseval), to 1e-3."""
     frequency = np.arange(1, HARMONICS + 1) * SPEEDS[:, None] / (2.0 * np.pi)
     low_pass = STRUCTURES[0].transfer(np.log([radiation.gain, radiation.corner]), frequency)
     for cam in ("poly345", "bezier15"):
@@ -263,7 +269,7 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
 
 @pytest.mark.long
 def test_the_low_pass_predicts_best(study):
-    """More constants fit the cam they see better, the other worse; an A-weighted level neither."""
+    """More constants fit the first cam better and predict the other worse."""
     smooth = {cam: study.cams[cam] for cam in ("poly345", "bezier15")}
     fits = compare_structures(study.loaded, smooth, "poly345")
     by_name = {(fit.name, fit.weighting): fit for fit in fits}

@@ -1,4 +1,4 @@
-"""Residual and torsional vibration: what is left in the low dwell, and known limits."""
+"""Residual and torsional vibration, against closed forms and limits."""
 
 from dataclasses import replace
 
@@ -30,16 +30,19 @@ from ..conftest import FIVE
 
 @pytest.fixture(scope="module")
 def soft(cam_set):
-    """Its follower as one mass on the stem."""
+    """Return the follower of the rig as one mass on the stem."""
     return FollowerParameters.from_rig(cam_set.rig)
 
 
-def test_low_dwell_goes_around_the_turn(laws):
-    """About θ = 0 it is one stretch; for Bézier 15, which has none, 62.5° stand in."""
+def test_the_low_dwell_may_contain_angle_zero(laws):
+    """It is one interval around θ = 0.
+
+    Bézier 15 has a window of 62.5° instead.
+    """
     found, other = low_dwell(laws["poly345"]), low_dwell(laws["bezier15"])
     assert found.dwell and not other.dwell
-    for one in (found, other):
-        assert np.degrees([one.start, one.span]) == pytest.approx([328.75, 62.5])
+    for window in (found, other):
+        assert np.degrees([window.start, window.span]) == pytest.approx([328.75, 62.5])
     inside = np.radians([330.0, 0.0, 31.0, 32.0, 180.0])
     assert found.holds(inside).tolist() == [True, True, True, False, False]
 
@@ -52,7 +55,7 @@ def test_low_dwell_goes_around_the_turn(laws):
     ],
 )
 def test_low_dwell_anywhere(make_cam, parts, start, span):
-    """A cam is read where it rests low in mid-turn, or about its lowest angle if it never rests."""
+    """The window is the low dwell, or around the lowest lift without a dwell."""
     low = low_dwell(build_law(make_cam(*parts)))
     assert low.dwell == (start is not None)
     if low.dwell:
@@ -61,23 +64,23 @@ def test_low_dwell_anywhere(make_cam, parts, start, span):
         assert np.degrees(low.middle) == pytest.approx(200.0)
 
 
-def test_acceleration_on_a_stiff_stem_is_the_laws(laws, follower):
-    """A stem of 3.3e8 N/m under a C3 law: the follower's acceleration is h s'' Ω², to 0.1 %."""
+def test_acceleration_on_a_stiff_stem_is_that_of_the_law(laws, follower):
+    """With a stem of 3.3e8 N/m and a C3 law it is h s'' Ω², to 0.1 %."""
     turn = steady_turn(laws["poly4567"], follower, 300.0 * RPM)
     expected = laws["poly4567"](turn.angle, 2) * (300.0 * RPM) ** 2
     assert turn.acceleration == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
 
 
-def test_the_acceleration_of_a_short_bump_is_seen(laws, soft):
-    """0.3° wide on the high dwell: 6 h over the square of half its width, to rounding."""
+def test_the_acceleration_of_a_short_bump_is_found(laws, soft):
+    """A bump of 0.3° has 6 h over the square of half its width, to rounding."""
     height, width = 3e-6, np.radians(0.3)
     law = bumped(laws["poly345"], np.radians(180.07), width, height)
     found = vibration(law, soft, None, 60.0 * RPM).rigid_acceleration
     assert found == pytest.approx(6.0 * height * (60.0 * RPM / (0.5 * width)) ** 2, rel=1e-9)
 
 
-def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
-    """Speeds together or alone: the same."""
+def test_residual_vibration_is_equal_for_single_and_several_speeds(laws, soft):
+    """A call with several speeds gives the results of single calls."""
     speeds = np.array([200.0, 300.0, 380.0]) * RPM
     together = residual_vibration(laws["cycloidal"], soft, speeds)
     alone = [residual_vibration(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
@@ -85,7 +88,7 @@ def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
 
 
 def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
-    """A shaft that hardly gives twists by F s'/k as the cam's torque asks, to 1 %."""
+    """The twist of a stiff shaft is F s'/k, to 1 %."""
     shaft = replace(shaft_of(cam_set.rig), shaft_stiffness=1e7, shaft_damping=10.0)
     speed = 300.0 * RPM
     law = laws["poly4567"]
@@ -97,7 +100,7 @@ def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
 
 
 def test_no_steady_state(laws, soft):
-    """Without damping a harmonic at the stem's own frequency is no steady state."""
+    """An undamped harmonic at the natural frequency of the stem raises DynamicsError."""
     undamped = replace(soft, damping=0.0)
     rate = np.sqrt((soft.stem_stiffness + soft.spring_stiffness) / soft.mass)
     rpm = f"{rate / 24.0 / RPM:.6g}"
@@ -105,14 +108,14 @@ def test_no_steady_state(laws, soft):
         vibration(laws["poly345"], undamped, None, rate / 24.0)
 
 
-def test_what_the_paper_says(cam_set):
-    """At 250 and 300 rpm: Bézier 15 is gentlest to follower, stem and shaft, as in the paper.
+def test_claims_of_the_paper(cam_set):
+    """At 250 and 300 rpm Bézier 15 has the least acceleration, vibration and twist.
 
     It has the least free vibration in the window, and the most motion there.
     """
     table = measure(cam_set, (250.0, 300.0, 300.0))
     claims = table.claims
-    assert table.rpm == (250.0, 300.0)  # given twice, it is no second case
+    assert table.rpm == (250.0, 300.0)  # a repeated speed is not a second case
     assert len(claims) == 6
     assert all(c.holds == c.cases > 0 for c in claims if c.measure != "peak to peak")
     at = table.at(300.0)
@@ -122,8 +125,8 @@ def test_what_the_paper_says(cam_set):
     assert holds == {"residual amplitude": 2, "peak to peak": 0}
 
 
-def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
-    """Beyond its jump speed eq. 5 holds on a follower that has left: no case for the paper."""
+def test_speeds_above_the_jump_speed_are_marked_and_not_tested(cam_set):
+    """Above the jump speed eq. 5 is not valid, so no claim is tested."""
     table = measure(cam_set, (300.0, 400.0, 500.0))
     follower = TwoMassParameters.from_rig(cam_set.rig)
     jumps = {cam: find_jump(law, follower).rpm for cam, law in cam_set.laws.items()}
@@ -134,8 +137,8 @@ def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
     assert {claim.cases for claim in table.claims} == {1}
 
 
-def test_when_a_cam_is_left(rig, laws, cam_set):
-    """Where its velocity jumps or nothing presses, at any speed; without two masses, as a rigid."""
+def test_the_speed_of_lost_contact(rig, laws, cam_set):
+    """It is 0 with a velocity jump or without preload, else the jump speed."""
     assert contact_lost_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
     assert contact_lost_speed(laws["poly345"], cam_set.rig.with_follower(preload=0.0)) == 0.0
     expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rig))
@@ -143,15 +146,15 @@ def test_when_a_cam_is_left(rig, laws, cam_set):
 
 
 def test_a_rig_without_a_shaft(rig, cam_set):
-    """No shaft, no twist, and nothing is said of it."""
+    """Without a shaft the twist and the claims on it are missing."""
     table = measure(replace(cam_set, rig=rig), (300.0,))
     assert all(row.measured.twist is None for row in table.rows)
     assert not any("twist" in claim.claim for claim in table.claims)
 
 
 @pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
-def test_speeds_that_mean_nothing(cam_set, rpm):
-    """Too slow to sample, or so fast that the stem swings 1.2 times a turn."""
+def test_speeds_out_of_range_are_refused(cam_set, rpm):
+    """The highest speed is that at which the stem vibrates 1.2 times per turn."""
     with pytest.raises(ConfigError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
         measure(cam_set, (300.0, rpm))
 
@@ -160,7 +163,10 @@ def test_speeds_that_mean_nothing(cam_set, rpm):
 @pytest.mark.parametrize("cam", FIVE)
 @pytest.mark.parametrize("rpm", [200.0, 1000.0, 3000.0])
 def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
-    """Up to the limit the turn is the sum of its harmonics, and ringing no more than all of it."""
+    """The turn is the sum of its harmonics up to the highest speed.
+
+    The residual amplitude is at most 1.1 times the whole vibration.
+    """
     turn = steady_turn(laws[cam], soft, rpm * RPM)
     n = np.arange(turn.angle.size // 2 + 1) * rpm * RPM
     stiffness = soft.stem_stiffness + soft.spring_stiffness
@@ -169,13 +175,13 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
     assert turn.displacement == pytest.approx(expected, abs=1e-9)
     found = vibration(laws[cam], soft, None, rpm * RPM)
     assert found.residual_amplitude <= 1.1 * np.abs(turn.vibration).max()
-    if found.window.dwell:  # nothing else vibrates there
+    if found.window.dwell:  # all vibration there is residual
         inside = np.abs(turn.vibration[found.window.holds(turn.angle)]).max()
         assert found.residual_amplitude == pytest.approx(inside, rel=0.05)
 
 
-def test_a_law_too_steep_to_split(laws, soft):
-    """Ringing larger than all that vibrates is an artefact of the split, and refused."""
+def test_a_law_too_steep_to_split_is_refused(laws, soft):
+    """A residual above the whole vibration is an artefact and raises DynamicsError."""
     law = squeezed(laws["cycloidal"], np.radians(60.0))
     words = r"residual vibration of .* in a vibration of .*; allowed"
     with pytest.raises(DynamicsError, match=words):
