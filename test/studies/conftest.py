@@ -1,4 +1,4 @@
-"""Fixtures of the studies: laws, a table of lifts, and checks of headings and figures."""
+"""Fixtures of the studies: laws, a table of lifts, checks of headings and figures."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def law(laws):
 
 @pytest.fixture
 def lift_table(tmp_path):
-    """Table of 360 lifts in a German spreadsheet format, with 2 µm of noise and an outlier."""
+    """Table of 360 lifts in a German format, with 2 µm of noise and an outlier."""
     angles = np.arange(0, 360)
     u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
     up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)

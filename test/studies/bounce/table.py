@@ -48,7 +48,7 @@ def speed_at(ratio: float) -> float:
 
 
 def window(restitution: float, turns: int = 1) -> tuple[float, float]:
-    """Return the two limits of A ω²/g between which one landing in ``turns`` turns is stable.
+    """Return the limits of A ω²/g between which a landing per ``turns`` turns is stable.
 
     The lower limit is a fold and the upper limit a period doubling. In a flight of n turns T the
     ball takes off at g n T/2, so at the landing ṡ = (g n T/2) (1 − r)/(1 + r). The derivative of
@@ -61,7 +61,7 @@ def window(restitution: float, turns: int = 1) -> tuple[float, float]:
 
 
 def one_landing(restitution: float, ratio: float) -> tuple[float, tuple[float, float]]:
-    """Return speed (rad/s), gap and rate at angle 0 of a ball that lands once per turn."""
+    """Return speed (rad/s), gap and rate at angle 0 of a ball with a landing per turn."""
     speed, (least, _) = speed_at(ratio), window(restitution)
     landing = 0.5 * math.pi + math.acos(least / ratio)  # ṡ has the required value and falls
     left, up = (TURN - landing) / speed, math.pi * GRAVITY / speed
@@ -162,7 +162,7 @@ class TwoInManyDigits:
         return [z - s, v - velocity, y - z, other - v]
 
     def derivative(self, numbers, events):
-        """Return the derivative of a turn, ``(4, 4)``, by central differences in 60 digits.
+        """Return the derivative of a turn, ``(4, 4)``, by central differences.
 
         The first two columns of a turn from the table are zero.
         """

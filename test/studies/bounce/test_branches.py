@@ -79,7 +79,7 @@ def test_a_period_doubling_is_located_to_a_millionth(four, family, follower):
 
 
 def test_a_fold_is_located_to_a_millionth(four, family):
-    """Two motions, one of them stable, exist 1e-6 above a fold, and no motion 1e-6 below it."""
+    """Two motions, one of them stable, exist 1e-6 above a fold, and none below it."""
     (fold,) = of_kind(four, FOLD)
     speed = fold.point.rpm * RPM * (1.0 + BESIDE)
     states = [nearest(four, fold.point.rpm + 0.02, stable).state for stable in (True, False)]
@@ -90,7 +90,7 @@ def test_a_fold_is_located_to_a_millionth(four, family):
 
 
 def test_a_graze_adds_a_landing(four, family, follower):
-    """Just beyond a graze the last motion of the branch has one more landing, of low speed."""
+    """Just beyond a graze the last motion has one more landing, of low speed."""
     (graze,) = of_kind(four, GRAZE)
     last = nearest(four, graze.point.rpm)
     beyond = StroboscopicMap(family.law, follower, graze.point.rpm * RPM * (1.0 + BESIDE))
@@ -100,7 +100,7 @@ def test_a_graze_adds_a_landing(four, family, follower):
 
 
 def test_a_motion_on_a_branch_starts_no_other_branch(four, family):
-    """Two motions of one curve give one branch, and a start without a motion gives none."""
+    """Two motions of one curve and a start without a motion give one branch."""
     seen = [(m.point.speed, m.state, 1) for m in (four.motions[60], four.motions[120])]
     seen.append((380.0 * RPM, (0.5, 3.0), 1))
     result = branches(family.law, family.sweep, seen, 440.0 * RPM, 452.0 * RPM)

@@ -31,7 +31,7 @@ def test_rows_by_speed():
 
 
 def test_rows_from_above_with_branches():
-    """--from above with --follow reports the rows, the branches and their bifurcations."""
+    """--from above with --follow reports rows, branches and bifurcations."""
     found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--follow", *SHORT)
     assert [row["rpm"] for row in found["speeds"]] == list(range(414, 451, 4))
     folds = [one["rpm"] for one in found["bifurcations"] if one["kind"] == "fold"]
@@ -40,7 +40,7 @@ def test_rows_from_above_with_branches():
 
 
 def test_a_sweep_over_mass_is_stored(tmp_path):
-    """A sweep over the mass has one row per value, in the folder too; two masses also run."""
+    """A sweep over the mass has one row per value, in the folder too."""
     words = ("--rpm", "450", "--over", "mass", "--range", "1:1.4:0.2", "--out", str(tmp_path))
     rows = rows_of("tm21", *words, "--jobs", "1")
     assert [float(row["mass"]) for row in rows] == pytest.approx([1.0, 1.2, 1.4])
@@ -51,7 +51,7 @@ def test_a_sweep_over_mass_is_stored(tmp_path):
 
 
 def test_a_long_table_shows_only_changes():
-    """A table of fifty speeds in contact shows the first and the last; JSON contains all."""
+    """A table of fifty speeds in contact shows only the first and the last."""
     result = done("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
     shown = result.stdout + result.stderr
     assert shown.count("in contact ") == 2
@@ -129,7 +129,7 @@ def test_resume_computes_only_missing_rows(tm21, tmp_path, monkeypatch):
     ],
 )
 def test_invalid_stored_maps_are_refused(laws, rig, tmp_path, how, words):
-    """A folder with other rows, rows that depend on each other, and a resume without a folder."""
+    """Other rows in a folder, dependent rows, and resume without a folder are refused."""
     how = {"law": "tm21", "rpm": RPM[:2], "out": tmp_path} | HOW | how
     cam_rig.bounce_map(laws["tm21"], rig, rpm=RPM[:2], out=tmp_path, **HOW)
     with pytest.raises(ConfigError, match=words):

@@ -1,4 +1,4 @@
-"""Classification of runs for any law, follower and speed, and basins of attraction."""
+"""Classification of runs, and basins of attraction."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ from ...dynamics.test_turn_map import random_map
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(120))
 def test_each_kind_of_motion_has_its_property(laws, seed):
-    """A periodic motion repeats one period later; irregular growth is above its error."""
+    """A periodic motion repeats, and irregular growth is above its error."""
     turn_map, _ = random_map(laws, seed)
     run = turn_map.run(160)
     motion = motion_of(turn_map, run, 60)
@@ -57,7 +57,7 @@ def test_each_kind_of_motion_has_its_property(laws, seed):
     ],
 )
 def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitution, speed):
-    """One ulp of the spring changes the period, because rounding grows from rest to rest."""
+    """A period that changes with one ulp of the spring is undetermined."""
     follower = bouncing(rig, restitution)
     periods, motions = [], []
     for stiffness in (follower.spring_stiffness, np.nextafter(follower.spring_stiffness, np.inf)):
@@ -72,7 +72,7 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
 
 
 def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
-    """The caller's restitution replaces the rig's; without both the error names it."""
+    """The caller's restitution replaces the rig's, and one of them is required."""
     assert bouncing(rig, None).restitution == 0.0
     assert bouncing(rig, 0.4).restitution == 0.4
     data = rig.model_dump(exclude_none=True)
@@ -93,7 +93,7 @@ def two(laws, rig):
 
 
 def test_two_motions_at_one_speed(two):
-    """One motion is irregular, one has four landings per turn, and all starts end in them."""
+    """One motion is irregular, one is periodic, and all starts end in them."""
     assert {motion.motion for motion in two.motions} == {IRREGULAR, PERIODIC}
     assert [motion.name for motion in two.motions] == ["A", "B"]
     assert sum(motion.share for motion in two.motions) == pytest.approx(1.0)
@@ -119,7 +119,7 @@ def test_a_start_ends_in_the_reported_motion(two, position):
 
 
 def test_a_portrait_shows_one_period(two):
-    """The gap is never negative, and the portrait returns to its start after the period."""
+    """The gap is never negative, and the portrait starts at the section."""
     motion = next(candidate for candidate in two.motions if candidate.motion == PERIODIC)
     gap, rate = two.portrait(motion)
     assert gap.min() > -1e-12

@@ -23,7 +23,7 @@ def tm21(laws, rig):
 
 
 def test_exponents(tm21):
-    """An exponent is −∞ at rest, above its error if irregular, else that of the periodic motion."""
+    """An exponent is −∞ at rest, positive if irregular, else that of the multipliers."""
     for row in tm21.rows:
         if row.rests:
             assert row.exponent == -math.inf
@@ -37,7 +37,7 @@ def test_exponents(tm21):
 
 
 def test_turns_of_an_irregular_motion_all_differ(tm21):
-    """All 60 fastest landings of an irregular motion differ; a period is stored once."""
+    """All 60 landings of an irregular motion differ, and a period is stored once."""
     for row in tm21.rows:
         if row.motion == IRREGULAR:
             assert len(row.hardest) == 60
@@ -57,7 +57,7 @@ def test_the_level_is_that_of_a_simulation(tm21, rig):
 
 
 def test_the_level_of_an_irregular_motion_varies(tm21):
-    """The level varies from turn to turn by more than 0.5 dB at 420 rpm, and not at 500 rpm."""
+    """The level varies from turn to turn at 420 rpm, and not at 500 rpm."""
     spread = {row.rpm: row.level_spread_db for row in tm21.rows}
     assert spread[420] > 0.5
     assert spread[500] < 0.02
@@ -73,7 +73,7 @@ def test_an_executor_gives_the_same_rows(tm21, rig):
 
 
 def test_data_of_a_map(tm21):
-    """JSON has the keys of the table, null for −∞, and one entry per turn of the figure."""
+    """JSON has the keys of the table, null for −∞, and one entry per turn."""
     data = tm21.data()
     assert data["schema"] == "cam_rig.bounce.1"
     assert data["speeds"][1]["exponent"] is None
@@ -92,7 +92,7 @@ def test_the_first_lift_off_is_the_jump_speed(tm21, rig):
 
 @pytest.mark.parametrize("restitution", [0.0, 0.99])
 def test_at_the_ends_of_restitution(tm21, rig, restitution):
-    """Restitution 0 gives one landing per turn, and 0.99 gives hundreds without an error."""
+    """Restitution 0 gives one landing per turn, and 0.99 gives many."""
     how = {"restitution": restitution, "turns": 20, "settle": 20}
     rows = cam_rig.bounce_map(tm21.law, rig, rpm=[340, 480], **how).rows
     assert all(row.landings_per_turn > 0.0 for row in rows)
@@ -102,7 +102,7 @@ def test_at_the_ends_of_restitution(tm21, rig, restitution):
 
 
 def test_a_follower_that_never_lands_is_undetermined(tm21, rig):
-    """A follower without spring and preload never lands after a throw: not told, exponent NaN."""
+    """A follower without spring and preload never lands, and its exponent is NaN."""
     loose = rig.with_follower(spring_stiffness=1e-9, preload=0.0, damping=0.0)
     how = {"restitution": 0.5, "turns": 20, "settle": 20}
     (row,) = cam_rig.bounce_map(tm21.law, loose, rpm=[400], **how).rows
@@ -144,7 +144,7 @@ OVER = {"over": RESTITUTION}
     ],
 )
 def test_refusals(tm21, rig, how, error, words):
-    """Each error names the argument, its value and the allowed values, before a turn is run."""
+    """Each error names the argument, its value and the allowed values."""
     given = {"rpm": 400.0, "turns": 20, "restitution": 0.7} | how
     with pytest.raises(error, match=words):
         cam_rig.bounce_map(tm21.law, rig, **given)

@@ -1,4 +1,4 @@
-"""A ball on a moving table, whose windows of bouncing have closed forms (Holmes 1982)."""
+"""A ball on a moving table, whose bouncing has closed forms (Holmes 1982)."""
 
 import math
 from dataclasses import replace
@@ -41,7 +41,7 @@ def test_the_period_doubles_at_its_closed_form(restitution):
 
 @pytest.mark.parametrize("restitution", [0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_the_window_starts_at_its_closed_form(restitution):
-    """One landing per turn exists above the fold at A ω²/g = π (1 − r)/(1 + r), to 1e-10."""
+    """One landing per turn exists above A ω²/g = π (1 − r)/(1 + r), to 1e-10."""
     fold_ratio, _ = window(restitution)
     speed, state = one_landing(restitution, 1.05 * fold_ratio)
     family = Family(LAW, by_speed(ball(restitution)), 1)
@@ -76,7 +76,7 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
     [(RESTITUTION, [0.3, 0.62, 0.9]), (PRELOAD, [6.0, 20.0, 50.0]), (MASS, [0.8, 1.0, 1.7])],
 )
 def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, over, values):
-    """A swept row equals the row of a rig with that number; the column of the number is shown."""
+    """A swept row equals the row of a rig with that number."""
     fixed = {} if over == RESTITUTION else {"restitution": 0.7}
     how = {"turns": 20, "settle": 80}
     result = cam_rig.bounce_map(
@@ -98,7 +98,7 @@ def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, over, values):
     "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
 )
 def test_windows_over_preload_and_mass(over, restitution):
-    """Over preload and mass the fold and the doubling are at the closed forms of A ω² m/P."""
+    """Fold and doubling over preload and mass are at the closed forms of A ω² m/P."""
     fold_ratio, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.5 * (fold_ratio + doubling))
     base = OperatingPoint(ball(restitution), speed)
@@ -117,7 +117,7 @@ def test_windows_over_preload_and_mass(over, restitution):
 
 
 def test_contact_is_lost_at_the_closed_form():
-    """Contact is lost at P = m A ω² over preload or mass, and nowhere over restitution."""
+    """Contact is lost at P = m A ω² over preload or mass, never over restitution."""
     base = OperatingPoint(ball(0.5), 30.0)
     values = np.linspace(0.5, 20.0, 40).tolist()
     assert Sweep(base, PRELOAD).lift_off(LAW, values) == pytest.approx(9.0, rel=1e-10)
@@ -128,7 +128,7 @@ def test_contact_is_lost_at_the_closed_form():
 
 
 def test_bifurcations_of_a_map_over_preload(laws, rig):
-    """Bifurcations are in order and include the first lift-off; the axis shows the preload."""
+    """Bifurcations are in order and include the first lift-off."""
     how = {"restitution": 0.7, "turns": 20, "settle": 100, "follow": True}
     values = np.arange(14.0, 34.0, 2.0)
     result = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=PRELOAD, values=values, **how)

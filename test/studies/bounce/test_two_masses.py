@@ -218,7 +218,7 @@ def test_motions_are_those_of_time_stepping(stepped, exact):
 
 
 def test_gaps_at_the_section_are_those_of_time_stepping(stepped, exact):
-    """The range of gaps equals that of time stepping; irregular ranges overlap."""
+    """The range of gaps equals that of time stepping, or overlaps it if irregular."""
     for row, exact_row in zip(stepped, exact, strict=True):
         gaps = 1e3 * exact_row.states[:, 0]
         ends = np.array([float(row["least_gap_mm"]), float(row["greatest_gap_mm"])])

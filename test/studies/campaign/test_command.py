@@ -260,7 +260,7 @@ def batches(study, tmp_path):
 def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
     """The periodic log line has rate, time left and size.
 
-    The rate excludes the first batch: 50 points in 20 s after the first batch leave 940 points at 2.5 points/s, 376 s.
+    The rate excludes the first batch. 50 points in 20 s leave 940 points at 2.5 points/s, 376 s.
     """
     (dataset, write), now, lines = batches, [0.0], []
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])

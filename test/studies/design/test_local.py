@@ -144,7 +144,7 @@ def test_below_the_jump_speed_the_level_is_that_of_the_steady_force():
 
 @pytest.mark.parametrize("rpm", [480.0, 540.0])
 def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
-    """Above the jump speed the level is that of a simulation with a higher sample rate."""
+    """Above the jump speed the level is that of a simulation."""
     law = build_law(cam())
     motion = cam_rig.simulate(law, RIG, model="one_mass", rpm=rpm, turns=4, sample_rate=48_000)
     assert motion.events
