@@ -50,7 +50,7 @@ LOCAL = ("--minimise", "shaft_torque@300rpm", "--pieces", "6")
 
 
 @pytest.mark.parametrize(
-    ("asked", "laws"), [(SMALL, 1), pytest.param(LOCAL, 3, marks=pytest.mark.long)]
+    ("arguments", "laws"), [(SMALL, 1), pytest.param(LOCAL, 3, marks=pytest.mark.long)]
 )
 def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, arguments, laws):
     """An interrupted search returns its best law with exit code 130."""
