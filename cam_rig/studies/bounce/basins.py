@@ -122,10 +122,8 @@ class Basins(Result):
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
         state = turn_map.follower(motion.states[-1].tolist())
         stop = round(len(motion.states) * turn_map.duration * NS)
-        interval, rate = (
-            Interval(0, stop, 0.0, turn_map.speed),
-            round(SAMPLES_PER_TURN / turn_map.duration),
-        )
+        interval = Interval(0, stop, 0.0, turn_map.speed)
+        rate = round(SAMPLES_PER_TURN / turn_map.duration)
         _, block = MODELS["one_mass"].advance(self.law, self.parameters, state, interval, rate)
         cam = self.law.motion_at(turn_map.speed * block.time)
         return block.lift - cam[0], block.velocity - turn_map.speed * cam[1]
@@ -212,9 +210,7 @@ def basins(
     ends, motions = list[int](), list[EndMotion]()
     for line in (map if executor is None else executor.map)(partial(_ends, law, p, speed), lines):
         for end in line:
-            index = next(
-                (i for i, motion in enumerate(motions) if motion.same_as(end)), len(motions)
-            )
+            index = next((i for i, m in enumerate(motions) if m.same_as(end)), len(motions))
             if index == len(motions):
                 motions.append(end)
             ends.append(index)

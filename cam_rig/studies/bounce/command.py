@@ -59,11 +59,7 @@ Follower = Annotated[
     typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
 ]
 Swept = Annotated[
-    Over,
-    typer.Option(
-        "--over",
-        help="Swept quantity; restitution, preload and mass need one speed and --range.",
-    ),
+    Over, typer.Option("--over", help="Swept quantity; all but rpm need one speed and --range.")
 ]
 Range = Annotated[
     str | None,
@@ -150,16 +146,14 @@ def bounce(
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(jobs, dask)
-    law, rig_config = _law_and_rig(cam, rig)
-    speeds = _around_jump(law, rig_config, model) if rpm is None else speeds_in(rpm)
+    law, config = _law_and_rig(cam, rig)
+    speeds = _around_jump(law, config, model) if rpm is None else speeds_in(rpm)
     if basins:
         if model != Masses.ONE_MASS or out is not None:
             raise ConfigError("--basins: are of one mass, and keep no rows; allowed: without both")
         pool = workplace(jobs, dask)
-        return _basins(law, rig_config, speeds, pool, restitution=restitution, progress=progress)
-    find = partial(
-        bounce_map, law, rig_config, rpm=speeds, restitution=restitution, progress=progress
-    )
+        return _basins(law, config, speeds, pool, restitution=restitution, progress=progress)
+    find = partial(bounce_map, law, config, rpm=speeds, restitution=restitution, progress=progress)
     find = partial(find, model=model.value, over=over.value, values=_values(values), turns=turns)
     find = partial(find, settle=settle, start=start.value, follow=follow, out=out, resume=resume)
     if start != Start.REST or (over == Over.RPM and len(speeds) == 1):

@@ -140,19 +140,13 @@ class BounceMap(Result):
             Column("multiplier_imaginary", of="leading.imag"),
         ),
         "turns": (
-            Column("rpm", "rpm", of=lambda result: result.per_turn([r.rpm for r in result.rows])),
-            Column(
-                "row", doc="of speeds", of=lambda result: result.per_turn(range(len(result.rows)))
-            ),
-            Column("hardest", "m/s", of=lambda result: _joined(r.hardest for r in result.rows)),
-            Column("gap", "mm", of=lambda result: _joined(r.states[:, 0] for r in result.rows)),
-            Column(
-                "opening", "m/s", of=lambda result: _joined(r.states[:, 1] for r in result.rows)
-            ),
-            Column(
-                "stretch", "µm", of=lambda result: result.stem(2), doc="of the stem of two masses"
-            ),
-            Column("stretch_rate", "m/s", of=lambda result: result.stem(3)),
+            Column("rpm", "rpm", of=lambda m: m.per_turn([r.rpm for r in m.rows])),
+            Column("row", doc="of speeds", of=lambda m: m.per_turn(range(len(m.rows)))),
+            Column("hardest", "m/s", of=lambda m: _joined(r.hardest for r in m.rows)),
+            Column("gap", "mm", of=lambda m: _joined(r.states[:, 0] for r in m.rows)),
+            Column("opening", "m/s", of=lambda m: _joined(r.states[:, 1] for r in m.rows)),
+            Column("stretch", "µm", of=lambda m: m.stem(2), doc="of the stem of two masses"),
+            Column("stretch_rate", "m/s", of=lambda m: m.stem(3)),
         ),
     }
 
@@ -237,14 +231,14 @@ class BounceMap(Result):
 
         They are in order of the swept value.
         """
-        sweep, result = self.sweep, list[Bifurcation]()
+        sweep, changes = self.sweep, list[Bifurcation]()
         if math.isfinite(self.lift_off):
-            result.append(Bifurcation(LIFT_OFF, sweep.at(self.lift_off), None, 0))
+            changes.append(Bifurcation(LIFT_OFF, sweep.at(self.lift_off), None, 0))
         for item in (item for branch in self.branches for item in branch.bifurcations):
-            if not any(item.same_as(other, sweep) for other in result):
-                result.append(item)
+            if not any(item.same_as(other, sweep) for other in changes):
+                changes.append(item)
         low, high = (sweep.value(self.rows[i].point) for i in (0, -1))
-        within = [item for item in result if low <= sweep.value(item.point) <= high]
+        within = [item for item in changes if low <= sweep.value(item.point) <= high]
         return sorted(within, key=lambda item: sweep.value(item.point))
 
     def summary(self) -> list[str]:
@@ -281,9 +275,7 @@ MAX_SHOWN_ROWS = 40
 #: Kinds of motion in the order of the summary.
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD)
 #: Start of each row as text.
-START_TEXT = {REST: "each from the cam"} | {
-    way: f"each from the one {way}" for way in (BELOW, ABOVE)
-}
+START_TEXT = {REST: "each from the cam"} | {x: f"each from the one {x}" for x in (BELOW, ABOVE)}
 
 
 def _joined(parts: Iterable[FloatArray]) -> FloatArray:

@@ -207,7 +207,6 @@ def stored_rows(
         missing = sum(last - first for first, last in files.missing())
         progress.start(files.campaign.total, pluralize(missing, "row"))
         progress.advance(files.campaign.total - missing)
-        compute_missing(
-            files, compute_batch, executor or InThisProcess(), max(1, workers), progress
-        )
+        executor = executor or InThisProcess()
+        compute_missing(files, compute_batch, executor, max(1, workers), progress)
     return list(files.rows())

@@ -174,9 +174,7 @@ class Campaign:
     def text(self) -> str:
         """All data on which a row depends, in addition to its index, as JSON."""
         parts = {key: getattr(self, key) for key in ("config", "cam", "rig", "scene")}
-        dumped = {
-            key: part.model_dump(mode="json", exclude_none=True) for key, part in parts.items()
-        }
+        dumped = {key: x.model_dump(mode="json", exclude_none=True) for key, x in parts.items()}
         return json.dumps(dumped, sort_keys=True, separators=(",", ":"))
 
     @property
@@ -264,12 +262,9 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
         "settle_turns": number(SETTLE_TURNS, "turns"),
     }
     head = {"name": "campaign", "title": cam.title, "cams": [cam.name], "rig": rig.name}
-    model_and_program = {
-        "model": model or ("two_mass" if split else "one_mass"),
-        "program": program,
-    }
+    run = {"model": model or ("two_mass" if split else "one_mass"), "program": program}
     sampling = {"sample_rate": number(SAMPLE_RATE, "Hz")}
-    return SceneConfig.model_validate(head | model_and_program | sampling)
+    return SceneConfig.model_validate(head | run | sampling)
 
 
 #: Status of a point with all measures, each from a steady motion.

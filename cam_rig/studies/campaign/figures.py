@@ -182,12 +182,8 @@ def measure_map(results: CampaignResult) -> Figure:
     """Draw every measure over the two inputs with the most steps, with its limits."""
     grid = _grid(results)
     order = sorted(range(len(grid)), key=lambda i: -grid[i][1].size)
-    horizontal, vertical = sorted(order[:2])
-    cells = list(
-        product(
-            *(_panel_steps(steps, i in (horizontal, vertical)) for i, (_, steps) in enumerate(grid))
-        )
-    )
+    x, y = sorted(order[:2])
+    cells = list(product(*(_panel_steps(steps, i in (x, y)) for i, (_, steps) in enumerate(grid))))
     columns = min(MAX_COLUMNS, len(cells))
     rows = -(-len(cells) // columns)
     measures = results.campaign.measures
@@ -195,7 +191,7 @@ def measure_map(results: CampaignResult) -> Figure:
     parts = out.subfigures(len(measures), 1, squeeze=False)
     for part, measure in zip(parts[:, 0], measures, strict=True):
         panels = part.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-        _panels(part, panels.ravel().tolist(), results, measure, (horizontal, vertical), cells)
+        _panels(part, panels.ravel().tolist(), results, measure, (x, y), cells)
     return out
 
 

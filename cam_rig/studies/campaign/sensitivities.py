@@ -83,10 +83,8 @@ def contact_force(
     u = np.array([(touched - law.breaks[piece]) / law.spans[piece]])
     basis = bernstein.basis(law.degree, u)[0]
     state = forced[:, :, piece] @ basis + free_state
-    spring_share = p["spring_stiffness"] / stiffness
-    force = np.array(
-        [p["stem_stiffness"] * spring_share, p["stem_damping"] * spring_share, p["roller_mass"]]
-    )
+    ratio = p["spring_stiffness"] / stiffness
+    force = np.array([p["stem_stiffness"] * ratio, p["stem_damping"] * ratio, p["roller_mass"]])
     stem = np.array([p["stem_stiffness"], p["stem_damping"]])
     return complex(force @ (s[:3, :, piece] @ basis) - stem @ state + share * p["preload"])
 
