@@ -369,9 +369,9 @@ def _segments(
     def dwell(start: float, end: float) -> list[dict[str, Any]]:
         return [{"law": "dwell", "span": span(end - start, "dwells")}] if end > start else []
 
-    segments, angle = [], 0.0
+    segments, position = [], 0.0
     for event, spline in zip(events, splines, strict=True):
-        segments += dwell(angle, event.start)
-        angle = event.start + event.span
+        segments += dwell(position, event.start)
+        position = event.start + event.span
         segments.append({"law": "b_spline", "span": span(event.span, "events"), **spline})
-    return segments + dwell(angle, TURN)
+    return segments + dwell(position, TURN)
