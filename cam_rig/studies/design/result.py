@@ -362,8 +362,8 @@ def _segments(
     cam: CamConfig, events: list[LawEvent], splines: list[dict[str, Any]], free: tuple[str, ...]
 ) -> list[dict[str, Any]]:
     def span(angle: float, what: str) -> dict[str, Any]:
-        segments = ("identified", "found with the law"), ("assumed", f"that of {cam.name}")
-        kind, source = segments[what not in free]
+        origins = ("identified", "found with the law"), ("assumed", f"that of {cam.name}")
+        kind, source = origins[what not in free]
         return quantity(kind, round(math.degrees(angle), 10), "deg", source)
 
     def dwell(start: float, end: float) -> list[dict[str, Any]]:
