@@ -1,4 +1,4 @@
-"""The paper's five laws and the rig of its jump speeds; what commands show is free of faults."""
+"""Fixtures of the studies: laws, a table of lifts, checks of headings and figures."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
 @pytest.fixture(scope="session")
 def law(laws):
-    """The cam of studies that need one."""
+    """Law 3-4-5, for studies that need a cam."""
     return laws["poly345"]
 
 
 @pytest.fixture
 def lift_table(tmp_path):
-    """A table of 360 lifts as a spreadsheet in German writes it, with 2 µm and one outlier."""
+    """Table of 360 lifts in a German format, with 2 µm of noise and an outlier."""
     angles = np.arange(0, 360)
     u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
     up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)
@@ -34,5 +34,5 @@ def lift_table(tmp_path):
 
 @pytest.fixture(scope="session")
 def cam_set():
-    """The five laws of Table 2 on it."""
+    """The five laws of Table 2 on the rig of the paper's jump speeds."""
     return asked_cams(list(FIVE), "paper_table2")

@@ -1,4 +1,4 @@
-"""Mistakes on the command lines of the studies: one line on stderr, and no file is written."""
+"""Errors on the command lines of the studies: one line on stderr, and no file."""
 
 import pytest
 
@@ -78,8 +78,8 @@ REFUSED = [
 
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
 @pytest.mark.usefixtures("lift_table")
-def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, monkeypatch, line, code, words):
-    """It names the value and what is allowed, with the code of its kind of error."""
+def test_an_error_is_one_line_and_writes_no_file(tmp_path, monkeypatch, line, code, words):
+    """The line names the value and the allowed values, with the error's exit code."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "jumps.csv").write_text(TABLE, encoding="utf-8")
     result = call(*(argument.replace("&", " ") for argument in line.split()))

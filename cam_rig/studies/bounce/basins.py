@@ -1,4 +1,4 @@
-"""Which start ends in which motion: the basins of one speed, and what each motion looks like."""
+"""Basins of attraction at one speed: the motion in which each start ends."""
 
 from __future__ import annotations
 
@@ -24,45 +24,56 @@ from cam_rig.studies.bounce.motion import PERIODIC, TurnMotion, bouncing, motion
 from cam_rig.studies.bounce.result import EXPONENT
 from cam_rig.units import NS, RPM, FloatArray
 
-#: Turns after which a start is looked at, and turns that tell the motion.
-SETTLE, KEPT = 200, 40
-#: Starts along each side.
+#: Turns that each start runs before its motion is classified.
+SETTLE = 200
+#: Turns after these that classify the motion.
+KEPT = 40
+#: Default number of starts along each side of the grid.
 GRID = 40
-#: Starts reach so many times as far as the motion from the cam.
+#: Range of the starts, as a multiple of the range of the motion from the cam.
 REACH = 2.0
-#: Motions whose hardest landings differ by no more than this part are one.
-SAME = 1e-3
-#: Samples of a turn in a phase portrait; turns of one that does not repeat.
-POINTS, SHOWN = 1500, 8
+#: Relative tolerance of the fastest landing within which two motions are the same.
+LANDING_RTOL = 1e-3
+#: Samples per turn in a phase portrait.
+SAMPLES_PER_TURN = 1500
+#: Turns in the phase portrait of a motion that does not repeat.
+PORTRAIT_TURNS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class EndMotion(TurnMotion):
-    """A motion that some starts end in."""
+    """Motion in which some starts end."""
 
     landings_per_turn: float
     hardest: float  #: m/s, fastest landing of the last turns
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
-    name: str = ""  #: a letter, by which `Basins.ends` names it
-    share: float = 0.0  #: of the starts
+    name: str = ""  #: letter that identifies the motion
+    share: float = 0.0  #: fraction of the starts that end in it
 
     def same_as(self, other: EndMotion) -> bool:
-        """Whether both are one: irregular ones are, periodic ones by period and landings."""
+        """Return True if both motions are the same.
+
+        Irregular motions are all the same. Periodic motions are compared by period and landings.
+        """
         if (self.motion, self.period) != (other.motion, other.period):
             return False
         if self.motion != PERIODIC:
             return True
-        return abs(self.hardest - other.hardest) <= SAME * max(self.hardest, other.hardest)
+        return abs(self.hardest - other.hardest) <= LANDING_RTOL * max(self.hardest, other.hardest)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Basins(Result):
-    """Starts at cam angle 0 over gap and rate, and the motion that each ends in.
+    """Starts at cam angle 0 over gap and rate, and the motion in which each ends.
 
-    Parameters
+    Attributes
     ----------
-    gap, opening : ``(n,)`` m and m/s, of the starts
-    ends : ``(n, n)`` index of the motion, by opening and gap
+    gap, opening : FloatArray
+        ``(n,)`` gaps (m) and rates (m/s) of the starts.
+    ends : ndarray of int
+        ``(n, n)`` index into ``motions``, by opening and gap.
+    motions : tuple of EndMotion
+        Motions, the most frequent first.
     """
 
     schema = "cam_rig.bounce_basins.1"
@@ -78,12 +89,12 @@ class Basins(Result):
             Column("share", "%", ".1f", "starts"),
         ),
         "starts": (
-            Column("gap", "mm", of=lambda found: np.tile(found.gap, found.opening.size)),
-            Column("opening", "m/s", of=lambda found: np.repeat(found.opening, found.gap.size)),
+            Column("gap", "mm", of=lambda result: np.tile(result.gap, result.opening.size)),
+            Column("opening", "m/s", of=lambda result: np.repeat(result.opening, result.gap.size)),
             Column(
                 "name",
                 heading="motion",
-                of=lambda found: [found.motions[i].name for i in found.ends.ravel()],
+                of=lambda result: [result.motions[i].name for i in result.ends.ravel()],
             ),
         ),
     }
@@ -98,7 +109,7 @@ class Basins(Result):
     motions: tuple[EndMotion, ...]
 
     def tables(self) -> list[Records]:
-        """``motions``; in data where each start ends."""
+        """Return the tables ``motions`` and ``starts``, the latter as data only."""
         e = self.parameters.restitution
         caption = f"{self.law.name} on rig {self.rig.name} at {self.rpm:g} rpm, restitution {e:g}"
         return [
@@ -107,11 +118,12 @@ class Basins(Result):
         ]
 
     def portrait(self, motion: EndMotion) -> tuple[FloatArray, FloatArray]:
-        """``(n,)`` gap (m) and its rate (m/s) through the turns of a motion."""
+        """Return gap (m) and its rate (m/s), each ``(n,)``, through the turns of a motion."""
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
         state = turn_map.follower(motion.states[-1].tolist())
         stop = round(len(motion.states) * turn_map.duration * NS)
-        interval, rate = Interval(0, stop, 0.0, turn_map.speed), round(POINTS / turn_map.duration)
+        interval = Interval(0, stop, 0.0, turn_map.speed)
+        rate = round(SAMPLES_PER_TURN / turn_map.duration)
         _, block = MODELS["one_mass"].advance(self.law, self.parameters, state, interval, rate)
         cam = self.law.motion_at(turn_map.speed * block.time)
         return block.lift - cam[0], block.velocity - turn_map.speed * cam[1]
@@ -120,14 +132,14 @@ class Basins(Result):
 def _ends(
     law: Law, parameters: FollowerParameters, speed: float, starts: Sequence[tuple[float, float]]
 ) -> list[EndMotion]:
-    """The motion in which each gap (m) and rate (m/s) ends, at a speed (rad/s)."""
+    """Return the motion in which each gap (m) and rate (m/s) ends, at a speed (rad/s)."""
     turn_map, ends = StroboscopicMap(law, parameters, speed), []
     for start in starts:
         run = turn_map.run(SETTLE + KEPT, start)
-        found = motion_of(turn_map, run, KEPT)
-        turns = found.period or SHOWN
+        motion = motion_of(turn_map, run, KEPT)
+        turns = motion.period or PORTRAIT_TURNS
         end = EndMotion(
-            **vars(found),
+            **vars(motion),
             landings_per_turn=float(run.landings[-turns:].mean()),
             hardest=float(run.max_landing_speeds[-turns:].max()),
             states=run.states[-turns:],
@@ -147,66 +159,84 @@ def basins(
     executor: Executor | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> Basins:
-    """Which start ends in which motion at one speed, of one rigid mass.
+    """Find the motion in which each start ends at one speed, with one rigid mass.
 
     Parameters
     ----------
-    rpm : cam speed
-    restitution : of a landing, from 0 to below 1; None is the rig's
-    grid : starts along the gap, from 0, and along its rate, to either side; both twice as far as
-        the motion from the cam comes
-    executor : where they are computed; None is this process
-    progress : told how far it is
+    law : Law
+        Displacement law of the cam.
+    rig : RigConfig
+        Rig with the follower.
+    rpm : float
+        Cam speed, rpm.
+    restitution : float, optional
+        Coefficient of restitution of a landing, 0 to below 1 (default: the rig's value).
+    grid : int, optional
+        Number of starts along the gap, from 0, and along its rate, to either side of 0. Both
+        ranges are twice the range of the motion from the cam (default: 40).
+    executor : Executor, optional
+        Executor that computes the starts (default: this process).
+    progress : Progress, optional
+        Receiver of the progress.
+
+    Returns
+    -------
+    Basins
 
     Raises
     ------
-    ConfigError : a grid that is none, or the rig tells no restitution
-    DynamicsError : a restitution or a speed that is none, or a turn of more than 10 000 landings
+    ConfigError
+        If ``grid`` is below 2, or neither ``restitution`` nor the rig has a restitution.
+    DynamicsError
+        If restitution or speed is invalid, or a turn has more than 10 000 landings.
 
     Examples
     --------
     >>> import cam_rig
     >>> from cam_rig.studies.bounce.basins import basins
     >>> law = cam_rig.build_law(cam_rig.load_cam("tm21"))
-    >>> found = basins(law, cam_rig.load_rig("tm21"), rpm=500, restitution=0.7, grid=2)
-    >>> [(one.period, one.landings_per_turn, one.share) for one in found.motions]
+    >>> result = basins(law, cam_rig.load_rig("tm21"), rpm=500, restitution=0.7, grid=2)
+    >>> [(motion.period, motion.landings_per_turn, motion.share) for motion in result.motions]
     [(1, 3.0, 1.0)]
     """
     if grid < 2:
         raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
     p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
-    assert isinstance(p, FollowerParameters)  # starts over gap and rate are those of one mass
+    assert isinstance(p, FollowerParameters)  # gap and rate are the state of one mass
     expect_many()
     gap, opening = _axes(StroboscopicMap(law, p, speed), grid)
-    lines = [[(float(one), float(rate)) for one in gap] for rate in opening]
+    lines = [[(float(x), float(rate)) for x in gap] for rate in opening]
     progress.start(grid, law.name)
     ends, motions = list[int](), list[EndMotion]()
     for line in (map if executor is None else executor.map)(partial(_ends, law, p, speed), lines):
         for end in line:
-            at = next((i for i, one in enumerate(motions) if one.same_as(end)), len(motions))
-            if at == len(motions):
+            index = next((i for i, m in enumerate(motions) if m.same_as(end)), len(motions))
+            if index == len(motions):
                 motions.append(end)
-            ends.append(at)
+            ends.append(index)
         progress.advance()
     counts = np.bincount(ends, minlength=len(motions))
     order = np.argsort(-counts, kind="stable")
     named = tuple(
-        replace(motions[i], name=_letters(place), share=float(counts[i] / len(ends)))
-        for place, i in enumerate(order.tolist())
+        replace(motions[i], name=_letters(rank), share=float(counts[i] / len(ends)))
+        for rank, i in enumerate(order.tolist())
     )
-    places = np.argsort(order)[np.array(ends)].reshape(grid, grid)
-    return Basins(law, rig, p, rpm, gap, opening, places, named)
+    end_indices = np.argsort(order)[np.array(ends)].reshape(grid, grid)
+    return Basins(law, rig, p, rpm, gap, opening, end_indices, named)
 
 
 def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]:
-    """Gaps (m) and rates (m/s) of the starts, by how far the motion from the cam comes."""
+    """Return gaps (m) and rates (m/s) of the starts.
+
+    Both ranges are multiples of the range of the motion that starts on the cam.
+    """
     run = turn_map.run(SETTLE + KEPT)
-    least = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])  # on the cam at angle 0
-    far = REACH * np.maximum(np.abs(run.states[-KEPT:]).max(axis=0), least)
-    return np.linspace(0.0, far[0], grid), np.linspace(-far[1], far[1], grid)
+    min_range = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])  # if it stays on the cam
+    ranges = REACH * np.maximum(np.abs(run.states[-KEPT:]).max(axis=0), min_range)
+    return np.linspace(0.0, ranges[0], grid), np.linspace(-ranges[1], ranges[1], grid)
 
 
-def _letters(place: int) -> str:
-    """A to Z, then AA, AB and so on."""
-    head, last = divmod(place, 26)
+def _letters(index: int) -> str:
+    """Return the name of an index: A to Z, then AA, AB and so on."""
+    head, last = divmod(index, 26)
     return (_letters(head - 1) if head else "") + chr(ord("A") + last)

@@ -1,8 +1,9 @@
-"""Periodic bouncing, stable or not, followed over what is swept, and where it changes.
+"""Continuation of periodic motions, stable or unstable, and their bifurcations.
 
-A motion of period n is a root of Pⁿ(x) − x of the turn's map P, found by Newton's iteration with
-the exact derivative, whose eigenvalues are its multipliers. A branch is followed by its arc length
-(Keller 1977), so it goes round a fold; what happens on it is a root along it.
+A motion of period n is a root of Pⁿ(x) − x, where P is the map of one turn. Newton's iteration with
+the exact derivative finds it, and the eigenvalues of the derivative are its multipliers. A branch
+is followed by its arc length (Keller 1977), so it passes a fold. A bifurcation is a root of a test
+function along the branch.
 """
 
 from __future__ import annotations
@@ -24,184 +25,211 @@ from cam_rig.laws import Law
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import FloatArray
 
-#: A root is one where an iteration moves by no more than this part of lift and speed; what is not
-#: so after so many is none.
-CONVERGED, ITERATIONS = 1e-13, 20
-#: Rounding leaves a residual below this where a motion is strongly stretched.
-LEFT = 1e-10
-#: First, shortest and longest step along a branch, in parts of lift and speed; and most of them.
-FIRST, SHORTEST, LONGEST, MOST_STEPS = 1e-3, 1e-9, 5e-3, 20_000
-#: Relative step of what is swept for the derivative by it, which an iteration takes, and no result.
+#: Largest step of a converged Newton iteration, relative to lift and speed.
+CONVERGED = 1e-13
+#: Largest number of Newton iterations.
+ITERATIONS = 20
+#: Residual below this value is rounding, if a motion stretches small changes strongly.
+ROUNDING_RESIDUAL = 1e-10
+#: First step along a branch, relative to lift and speed.
+FIRST_STEP = 1e-3
+#: Step at which a branch ends, in the same units.
+MIN_STEP = 1e-9
+#: Longest step along a branch, in the same units.
+MAX_STEP = 5e-3
+#: Largest number of steps along a branch.
+MAX_STEPS = 20_000
+#: Relative step of the swept value for the derivative. It affects the iteration, not the result.
 NUDGE = 1e-7
-#: Halves of a period are alike to this part of the lift times the speed where it is born; and so
-#: far beyond an end of a branch another number of landings is looked for.
-ALIKE, BEYOND = 1e-3, (1e-8, 1e-7, 1e-6, 1e-5)
-#: To this part of itself the place of a bifurcation is told.
-TOLD = 1e-6
-#: Motions at one place whose hardest landings differ by no more than this part are one.
-SAME = 1e-3
-#: A derivative that changes by more than this part of itself so near to an end leaps there.
-LEAP = 1e-2
-#: A multiplier that is nearer to ±1 than this at a root passes it; else it jumps over it.
-PASSES = 1e-5
+#: Largest difference of equal halves of a period, as a fraction of lift times speed.
+HALF_PERIOD_RTOL = 1e-3
+#: Distances beyond the end of a branch at which another number of landings is searched for.
+BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
+#: Relative tolerance within which two bifurcations are the same.
+BIFURCATION_RTOL = 1e-6
+#: Relative tolerance of the fastest landing within which two motions at one value are the same.
+LANDING_RTOL = 1e-3
+#: A derivative that changes by more than this fraction just beyond an end is discontinuous.
+JUMP_RTOL = 1e-2
+#: Distance to ±1 below which a multiplier passes ±1 at a root. Above it the multiplier jumps.
+PASS_ATOL = 1e-5
+
+#: Kinds of bifurcation, as tables and JSON contain them.
 
 LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
 SPIRAL, GRAZE, CORNER, LOST = "Neimark-Sacker", "grazing", "corner", "not told"
-WORDS = {
+#: Explanation of each kind, a note below the table of bifurcations.
+DESCRIPTIONS = {
     LIFT_OFF: "on one side the follower stays on the cam; on the other it flies and bounces, and "
     "at first comes to rest in each turn",
-    FLIP: "a multiplier is −1: beyond, the motion of this period is unstable, and one of twice the "
-    "period begins or ends",
-    FOLD: "a multiplier is +1: a stable and an unstable motion meet here, and beyond there is "
-    "neither",
-    SPIRAL: "two conjugate multipliers have the size 1: beyond, the motion is unstable, and turns "
-    "go round it on a closed curve, which of two masses alone they can",
+    FLIP: "a multiplier is −1: beyond, the motion of this period is unstable, and a motion of "
+    "twice the period starts or ends",
+    FOLD: "a multiplier is +1: a stable and an unstable motion meet here, and neither exists "
+    "beyond",
+    SPIRAL: "two conjugate multipliers have the magnitude 1: beyond, the motion is unstable, and "
+    "the turns move around it on a closed curve; only two masses can do so",
     GRAZE: "a landing of zero velocity: beyond, a turn has another number of landings",
-    CORNER: "a landing is on a joint where the law's acceleration jumps: the multipliers jump with "
-    "it, and a motion may end or change its stability",
-    LOST: "the motion is not found beyond",
+    CORNER: "a landing is on a joint at which the law's acceleration jumps: the multipliers jump "
+    "with it, and a motion may end or change its stability",
+    LOST: "no motion is found beyond",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodicMotion:
-    """A periodic motion."""
+    """Periodic motion of the follower at one operating point."""
 
     point: OperatingPoint
-    states: FloatArray  #: at the end of each turn, as `TurnsRun.states` has them
+    states: FloatArray  #: at the end of each turn, as in `TurnsRun.states`
     derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
-    landings: int  #: in the period
-    hardest: float  #: m/s against the cam
-    softest: float  #: m/s
+    landings: int  #: number in the period
+    hardest: float  #: fastest landing against the cam, m/s
+    softest: float  #: slowest landing against the cam, m/s
 
     @property
     def period(self) -> int:
-        """In turns."""
+        """Period in turns."""
         return len(self.states)
 
     @property
     def state(self) -> State:
-        """Where a period begins and ends."""
+        """State at which a period starts and ends."""
         return tuple(self.states[-1].tolist())
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """``(n,)`` what a small change is multiplied by in a period."""
+        """Multipliers, ``(n,)``: factors of a small change over a period."""
         return np.linalg.eigvals(self.derivative).astype(np.complex128)
 
     @property
     def leading(self) -> complex:
-        """The multiplier that is largest."""
+        """Multiplier of the largest magnitude."""
         return complex(max(self.multipliers.tolist(), key=abs))
 
     @property
     def stable(self) -> bool:
-        """Whether small changes die out."""
+        """True if small changes decay."""
         return abs(self.leading) < 1.0
 
     @property
     def flip(self) -> float:
-        """Zero where a multiplier is −1."""
+        """Test function of a period doubling: zero if a multiplier is −1."""
         return float(np.linalg.det(np.eye(len(self.derivative)) + self.derivative))
 
     @property
     def fold(self) -> float:
-        """Zero where a multiplier is +1."""
+        """Test function of a fold: zero if a multiplier is +1."""
         return float(np.linalg.det(np.eye(len(self.derivative)) - self.derivative))
 
     @property
     def spiral(self) -> float:
-        """Zero where two multipliers have a product of 1: a conjugate pair's size is 1 there."""
+        """Test function of a Neimark-Sacker bifurcation.
+
+        It is zero if two multipliers have the product 1. A conjugate pair then has the magnitude 1.
+        """
         pairs = combinations(self.multipliers.tolist(), 2)
         return float(np.prod([1.0 - a * b for a, b in pairs]).real)
 
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """Where a periodic motion changes its kind."""
+    """Point at which a periodic motion changes its kind."""
 
     kind: str
     point: OperatingPoint
     period: int | None
-    landings: int  #: in the period, before it
+    landings: int  #: in the period, before the bifurcation
 
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
-        """Whether both are one, come upon twice."""
-        here, there = sweep.value(self.point), sweep.value(other.point)
-        alike = self.kind == other.kind and self.period == other.period
-        return alike and abs(here - there) < TOLD * sweep.size(here)
+        """Return True if both are the same bifurcation, found twice."""
+        value, other_value = sweep.value(self.point), sweep.value(other.point)
+        same_kind = self.kind == other.kind and self.period == other.period
+        return same_kind and abs(value - other_value) < BIFURCATION_RTOL * sweep.size(value)
 
 
-class UnfoundMotionError(DynamicsError):
-    """No periodic motion is near: the iteration does not come to rest."""
+class MotionNotFoundError(DynamicsError):
+    """The Newton iteration does not converge to a periodic motion."""
 
 
-#: The motion so far along a branch, and it scaled.
+#: Function that returns the motion at a length along a branch, and its scaled state and value.
 Ahead = Callable[[float], tuple[PeriodicMotion, FloatArray]]
 
 
 @dataclass
 class Family:
-    """The periodic motions of a period, at any value of what is swept."""
+    """Periodic motions of one period, at any value of the swept quantity."""
 
     law: Law
     sweep: Sweep
     period: int
-    _scale: FloatArray = field(init=False)  #: of the state's numbers and the value
+    _scale: FloatArray = field(init=False)  #: of the state and of the swept value
 
     def at(self, value: float, state: State) -> PeriodicMotion:
-        """The motion at a value (SI) near a state by Newton; an `UnfoundMotionError` for none."""
+        """Return the motion at a value (SI) near a state, by Newton's iteration.
+
+        Raises
+        ------
+        MotionNotFoundError
+            If the iteration does not converge.
+        """
         self._scale = self._scale_of(value, state)
         start = np.array([*state, value]) / self._scale
         along = np.eye(start.size)[-1]
         return self._corrected(start, along, np.zeros(len(state)))[0]
 
-    def followed(
-        self, begin: PeriodicMotion, low: float, high: float, up: bool
+    def follow(
+        self, start: PeriodicMotion, low: float, high: float, up: bool
     ) -> tuple[list[PeriodicMotion], list[Bifurcation]]:
-        """From a motion on, first up or down, to an end of the branch or of the values (SI)."""
-        value = self.sweep.value(begin.point)
-        self._scale = self._scale_of(value, begin.state)
-        motions, found = [begin], list[Bifurcation]()
-        here, length = np.array([*begin.state, value]) / self._scale, FIRST
-        by_value = self._by_value(here)
-        along = self._tangent(begin, by_value, np.eye(here.size)[-1] * (1.0 if up else -1.0))
-        for _ in range(MOST_STEPS):
-            ahead = partial(self._ahead, here, along, by_value)
+        """Follow a branch from a motion to its end, or to ``low`` or ``high`` (SI).
+
+        ``up`` selects the direction of the first step. The result is the motions in order along the
+        branch, ``start`` first, and the bifurcations.
+        """
+        value = self.sweep.value(start.point)
+        self._scale = self._scale_of(value, start.state)
+        motions, bifurcations = [start], list[Bifurcation]()
+        point, length = np.array([*start.state, value]) / self._scale, FIRST_STEP
+        by_value = self._by_value(point)
+        along = self._tangent(start, by_value, np.eye(point.size)[-1] * (1.0 if up else -1.0))
+        for _ in range(MAX_STEPS):
+            ahead = partial(self._ahead, point, along, by_value)
             try:
-                motion, there = ahead(length)
-                whole = motion.landings == motions[-1].landings
-                met = list(self._between(motions[-1], motion, ahead, length))
+                motion, next_point = ahead(length)
+                same_landings = motion.landings == motions[-1].landings
+                new = list(self._between(motions[-1], motion, ahead, length))
             except DynamicsError:
-                whole, met = False, []
-            if not whole:
+                same_landings, new = False, []
+            if not same_landings:
                 length *= 0.5
-                if length < SHORTEST:
-                    found += self._end(motions[-1], here, along)
+                if length < MIN_STEP:
+                    bifurcations += self._end(motions[-1], point, along)
                     break
                 continue
             motions.append(motion)
-            found += met
+            bifurcations += new
             if not low <= self.sweep.value(motion.point) <= high:
                 break
-            here = there
-            if length > 10.0 * NUDGE:  # else differences would reach over a corner
-                by_value = self._by_value(there)
+            point = next_point
+            if length > 10.0 * NUDGE:  # a difference over a shorter step would span a corner
+                by_value = self._by_value(next_point)
             along = self._tangent(motion, by_value, along)
-            length = min(1.5 * length, LONGEST)
-        else:  # nothing says how much further it goes
-            found += self._end(motions[-1], here, along)
-        return motions, found
+            length = min(1.5 * length, MAX_STEP)
+        else:  # the branch was not followed to its end
+            bifurcations += self._end(motions[-1], point, along)
+        return motions, bifurcations
 
     def _scale_of(self, value: float, state: State) -> FloatArray:
-        """``(n + 1,)`` the sizes of a state's numbers and of what is swept."""
+        """Return the scale of the state and of the swept value, ``(n + 1,)``."""
         point = self.sweep.at(value)
         usual = StroboscopicMap(self.law, point.parameters, point.speed).scale
         return np.append(np.maximum(usual, np.abs(state)), self.sweep.size(value))
 
-    def _run(self, at: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
-        """Where a scaled (state, value) comes to in a period, scaled, and as a motion."""
-        gap, *others, value = (at * self._scale).tolist()
+    def _run(self, vector: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
+        """Run one period from a scaled (state, value).
+
+        Returns the scaled state at its end, and the motion.
+        """
+        gap, *others, value = (vector * self._scale).tolist()
         point = self.sweep.at(value)
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
         run = turn_map.run(self.period, (max(gap, 0.0), *others))
@@ -215,99 +243,107 @@ class Family:
         )
         return run.states[-1] / self._scale[:-1], motion
 
-    def _by_value(self, at: FloatArray) -> FloatArray:
-        """``(n,)`` derivative of `_run` by the scaled value, by differences short of a graze."""
-        ahead = np.eye(at.size)[-1] * NUDGE
-        places = [at - ahead if at[-1] > NUDGE else at, at, at + ahead]
-        reached, motions = zip(*map(self._run, places), strict=True)
+    def _by_value(self, vector: FloatArray) -> FloatArray:
+        """Return the derivative of `_run` by the scaled value, ``(n,)``.
+
+        A difference does not extend beyond a graze, where the number of landings changes.
+        """
+        step = np.eye(vector.size)[-1] * NUDGE
+        vectors = [vector - step if vector[-1] > NUDGE else vector, vector, vector + step]
+        reached, motions = zip(*map(self._run, vectors), strict=True)
         first, last = (i if motions[i].landings == motions[1].landings else 1 for i in (0, 2))
-        apart = max(places[last][-1] - places[first][-1], NUDGE)
-        return np.asarray((reached[last] - reached[first]) / apart)
+        distance = max(vectors[last][-1] - vectors[first][-1], NUDGE)
+        return np.asarray((reached[last] - reached[first]) / distance)
 
     def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
-        """``(n, n + 1)`` derivative of Pⁿ(x) − x, scaled."""
-        size = self._scale[:-1]
-        own = motion.derivative * size / size[:, None] - np.eye(size.size)
-        return np.column_stack([own, by_value])
+        """Return the scaled derivative of Pⁿ(x) − x by state and value, ``(n, n + 1)``."""
+        scale = self._scale[:-1]
+        block = motion.derivative * scale / scale[:, None] - np.eye(scale.size)
+        return np.column_stack([block, by_value])
 
     def _tangent(
         self, motion: PeriodicMotion, by_value: FloatArray, along: FloatArray
     ) -> FloatArray:
-        """``(n + 1,)`` the branch's unit vector on the side of ``along``."""
-        found = np.linalg.svd(self._matrix(motion, by_value))[2][-1]
-        return np.asarray(found if found @ along >= 0.0 else -found)
+        """Return the unit vector along the branch, ``(n + 1,)``, on the side of ``along``."""
+        vector = np.linalg.svd(self._matrix(motion, by_value))[2][-1]
+        return np.asarray(vector if vector @ along >= 0.0 else -vector)
 
     def _corrected(
         self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """The motion on the plane through a start, normal to ``along``; and it scaled."""
-        at, last = start, math.inf
+        """Return the motion, and its vector, on the plane through a start.
+
+        The plane is normal to ``along``.
+        """
+        vector, last = start, math.inf
         for _ in range(ITERATIONS):
-            reached, motion = self._run(at)
-            residual = np.array([*(reached - at[:-1]), along @ (at - start)])
+            reached, motion = self._run(vector)
+            residual = np.array([*(reached - vector[:-1]), along @ (vector - start)])
             matrix = np.vstack([self._matrix(motion, by_value), along])
             try:
                 step = np.linalg.solve(matrix, -residual)
             except np.linalg.LinAlgError:
                 break
             size = float(np.abs(step).max())
-            if size <= CONVERGED or (size <= LEFT and size >= 0.5 * last):
-                return motion, at
+            if size <= CONVERGED or (size <= ROUNDING_RESIDUAL and size >= 0.5 * last):
+                return motion, vector
             if not size < 1.0:
                 break
-            at, last = at + step, size
-        near = self.sweep.words(float(start[-1] * self._scale[-1]))
-        raise UnfoundMotionError(
-            f"no motion of period {self.period} is found near {near}; allowed: a start nearer to "
-            "one"
+            vector, last = vector + step, size
+        position = self.sweep.words(float(start[-1] * self._scale[-1]))
+        raise MotionNotFoundError(
+            f"no motion of period {self.period} is found near {position}; allowed: a start nearer "
+            "to a motion"
         )
 
     def _ahead(
-        self, here: FloatArray, along: FloatArray, by_value: FloatArray, length: float
+        self, point: FloatArray, along: FloatArray, by_value: FloatArray, length: float
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """The motion so far along the branch; and it scaled."""
-        return self._corrected(here + length * along, along, by_value)
+        """Return the motion at a length along the branch, and its vector."""
+        return self._corrected(point + length * along, along, by_value)
 
     def _between(
         self, before: PeriodicMotion, after: PeriodicMotion, ahead: Ahead, length: float
     ) -> Iterator[Bifurcation]:
-        """What happens between two motions of a branch, a step apart."""
+        """Yield the bifurcations between two consecutive motions of a branch."""
         for kind, name in ((FLIP, "flip"), (FOLD, "fold"), (SPIRAL, "spiral")):
             test: Callable[[PeriodicMotion], float] = attrgetter(name)
             if test(before) * test(after) < 0.0:
-                at = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
-                motion, _ = ahead(at)
+                root = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
+                motion, _ = ahead(root)
                 if kind == SPIRAL and not motion.leading.imag:
-                    continue  # a real pair, of which one grows on either side
-                told = kind if abs(test(motion)) < PASSES else CORNER
-                yield Bifurcation(told, motion.point, self.period, motion.landings)
-                if told == CORNER:
-                    return  # both may leap there
+                    continue  # a real pair: one of the two is above 1 on either side
+                reported = kind if abs(test(motion)) < PASS_ATOL else CORNER
+                yield Bifurcation(reported, motion.point, self.period, motion.landings)
+                if reported == CORNER:
+                    return  # the other test functions may jump there too
 
     def _end(
-        self, last: PeriodicMotion, here: FloatArray, along: FloatArray
+        self, last: PeriodicMotion, point: FloatArray, along: FloatArray
     ) -> Iterator[Bifurcation]:
-        """Why a branch ends: its halves have become alike, or a landing is new or gone beyond.
+        """Yield the bifurcation at which a branch ends.
 
-        Nothing where what is swept has its own end, as a restitution of 0 or 1.
+        The halves of the period have become equal, or a landing appears or disappears beyond. The
+        result is empty if the swept quantity has reached its limit, such as a restitution of 0.
         """
-        kind, (one, half) = LOST, divmod(self.period, 2)
+        kind, (half_period, remainder) = LOST, divmod(self.period, 2)
         if (
-            half == 0
-            and np.abs(last.states[:one] - last.states[one:]).max() < ALIKE * self._scale[1]
+            remainder == 0
+            and np.abs(last.states[:half_period] - last.states[half_period:]).max()
+            < HALF_PERIOD_RTOL * self._scale[1]
         ):
-            yield Bifurcation(FLIP, last.point, one, last.landings // 2)
+            yield Bifurcation(FLIP, last.point, half_period, last.landings // 2)
             return
         for beyond in BEYOND:
             try:
-                motion = self._run(here + beyond * along)[1]
+                motion = self._run(point + beyond * along)[1]
             except DynamicsError:
                 return
             if motion.landings != last.landings:
                 kind = GRAZE
                 break
             change = np.abs(motion.derivative - last.derivative).max()
-            if change > LEAP * np.abs(last.derivative).max():
+            if change > JUMP_RTOL * np.abs(last.derivative).max():
                 kind = CORNER
                 break
         yield Bifurcation(kind, last.point, self.period, last.landings)
@@ -315,51 +351,54 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """The periodic motions that are one curve over what is swept, in order along it."""
+    """Periodic motions that form one curve over the swept quantity, in order along it."""
 
     motions: tuple[PeriodicMotion, ...]
     bifurcations: tuple[Bifurcation, ...]
     sweep: Sweep
 
-    def holds(self, motion: PeriodicMotion) -> bool:
-        """Whether a motion is on it: between two of its own, and as hard."""
+    def contains(self, motion: PeriodicMotion) -> bool:
+        """Return True if the branch contains a motion.
+
+        The motion must lie between two motions of the branch and land as fast as they do.
+        """
         if motion.period != self.motions[0].period:
             return False
-        at = self.sweep.value(motion.point)
+        value = self.sweep.value(motion.point)
         for a, b in pairwise(self.motions):
             low, high = self.sweep.value(a.point), self.sweep.value(b.point)
-            if (low - at) * (high - at) <= 0.0 and low != high:
-                part = (at - low) / (high - low)
-                hardest = a.hardest + part * (b.hardest - a.hardest)
-                if abs(hardest - motion.hardest) < SAME * hardest:
+            if (low - value) * (high - value) <= 0.0 and low != high:
+                fraction = (value - low) / (high - low)
+                hardest = a.hardest + fraction * (b.hardest - a.hardest)
+                if abs(hardest - motion.hardest) < LANDING_RTOL * hardest:
                     return True
         return False
 
 
 def branch_through(
-    law: Law, sweep: Sweep, begin: PeriodicMotion, low: float, high: float
+    law: Law, sweep: Sweep, start: PeriodicMotion, low: float, high: float
 ) -> Branch:
-    """The branch of a motion, both ways, as far as it is between two values (SI)."""
-    family = Family(law, sweep, begin.period)
-    down, found_below = family.followed(begin, low, high, up=False)
-    up, found_above = family.followed(begin, low, high, up=True)
-    return Branch((*down[:0:-1], *up), (*found_below[::-1], *found_above), sweep)
+    """Return the branch of a motion, followed both ways between two values (SI)."""
+    family = Family(law, sweep, start.period)
+    down, bifurcations_below = family.follow(start, low, high, up=False)
+    up, bifurcations_above = family.follow(start, low, high, up=True)
+    return Branch((*down[:0:-1], *up), (*bifurcations_below[::-1], *bifurcations_above), sweep)
 
 
 def branches(
     law: Law, sweep: Sweep, seen: Sequence[tuple[float, State, int]], low: float, high: float
 ) -> tuple[Branch, ...]:
-    """Every branch between two values (SI) that has one of some motions.
+    """Return all branches between two values (SI) that contain given motions.
 
-    Of each its value, a state and its period; those that an iteration does not find, and that are
-    on a branch already, begin none.
+    ``seen`` lists the value (SI), a state and the period of each motion. A motion starts no branch
+    if the iteration does not find it, or if it is already on a branch.
     """
-    found = list[Branch]()
+    result = list[Branch]()
     for value, state, period in seen:
         try:
             motion = Family(law, sweep, period).at(value, state)
-        except UnfoundMotionError:
+        except MotionNotFoundError:
             continue
-        if not any(branch.holds(motion) for branch in found):
-            found.append(branch_through(law, sweep, motion, low, high))
-    return tuple(found)
+        if not any(branch.contains(motion) for branch in result):
+            result.append(branch_through(law, sweep, motion, low, high))
+    return tuple(result)

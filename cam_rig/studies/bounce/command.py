@@ -1,4 +1,4 @@
-"""cam-rig bounce: how a follower bounces above its jump speed."""
+"""Command ``cam-rig bounce``: bouncing of a follower above its jump speed."""
 
 from __future__ import annotations
 
@@ -22,11 +22,15 @@ if TYPE_CHECKING:
 
     Place = AbstractContextManager[Workplace]
 
-#: By default so many speeds, from and to these parts of the jump speed.
-SPEEDS, FROM, TO = 121, 0.9, 1.8
+#: Default number of speeds.
+SPEEDS = 121
+#: Lowest default speed, as a multiple of the jump speed.
+FROM = 0.9
+#: Highest default speed, as a multiple of the jump speed.
+TO = 1.8
 
 
-#: What bounces, what is swept, and where each row begins.
+#: Choices of the options --model, --over and --from.
 Masses = Enum("Masses", {"ONE_MASS": "one_mass", "TWO_MASS": "two_mass"})
 Over = Enum(
     "Over", {"RPM": "rpm", "RESTITUTION": "restitution", "PRELOAD": "preload", "MASS": "mass"}
@@ -47,47 +51,51 @@ Speeds = Annotated[
     typer.Option(help="Speeds: 420, or 420,450, or 350:600:2; by default around the jump speed."),
 ]
 Restitution = Annotated[
-    float | None, typer.Option(help="Of a landing, from 0 to below 1; by default the rig's.")
+    float | None,
+    typer.Option(help="Restitution of a landing, 0 to below 1 (default: the rig's value)."),
 ]
 Follower = Annotated[
     Masses,
     typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
 ]
 Swept = Annotated[
-    Over, typer.Option("--over", help="What is swept; other than rpm at one speed, over --range.")
+    Over, typer.Option("--over", help="Swept quantity; all but rpm need one speed and --range.")
 ]
 Range = Annotated[
     str | None,
     typer.Option(
         "--range",
-        help="Values of what is swept at one speed: 0:0.9:0.01, of a preload in N, a mass in kg.",
+        help="Values of the swept quantity at one speed, such as 0:0.9:0.01; preload in N, "
+        "mass in kg.",
     ),
 ]
-Kept = Annotated[int, typer.Option(min=20, help="Turns that are kept.")]
-Settle = Annotated[int, typer.Option(min=0, help="Turns before these.")]
+Kept = Annotated[int, typer.Option(min=20, help="Number of kept turns.")]
+Settle = Annotated[int, typer.Option(min=0, help="Number of turns before the kept turns.")]
 From = Annotated[
     Start,
     typer.Option(
-        "--from", help="Each row begins on the cam (rest), or where the one below or above ended."
+        "--from",
+        help="Start of each row: on the cam (rest), or the end state of the row below or above.",
     ),
 ]
 Follow = Annotated[
     bool,
     typer.Option(
         "--follow",
-        help="Follow the periodic motions met in these rows, stable or not, and find where each "
-        "changes; more rows meet more.",
+        help="Follow the periodic motions of the rows, stable or unstable, and find their "
+        "bifurcations; more rows find more motions.",
     ),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(metavar="FOLDER", help="Keep rows in Parquet files there as they come."),
+    typer.Option(metavar="FOLDER", help="Store rows in Parquet files in this folder."),
 ]
 Resume = Annotated[
-    bool, typer.Option("--resume", help="Go on with the rows that the folder has not.")
+    bool, typer.Option("--resume", help="Compute only the rows that the folder does not contain.")
 ]
 BasinsToo = Annotated[
-    bool, typer.Option("--basins", help="At one speed: which start ends in which motion.")
+    bool,
+    typer.Option("--basins", help="Find the motion in which each start ends, at one speed."),
 ]
 
 
@@ -114,9 +122,9 @@ def bounce(
 ) -> Result:
     """Find how a follower bounces at each speed: at rest, periodic or irregular.
 
-    The Lyapunov exponent comes from the exact derivative of each turn, not from a time series. A
-    level beside it says what a meter shows, and how far it wanders from turn to turn. From below
-    and from above differ where two motions are possible. --over sweeps a number at one speed.
+    The Lyapunov exponent comes from the exact derivative of each turn, not from a time series. The
+    level is that of a sound-level meter, with its range from turn to turn. Starts from below and
+    from above differ if two motions are possible. --over sweeps another number at one speed.
 
     In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, over, values, turns, settle,
     start, follow, out, resume)
@@ -138,14 +146,14 @@ def bounce(
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(jobs, dask)
-    law, on = _law_and_rig(cam, rig)
-    speeds = _around_jump(law, on, model) if rpm is None else speeds_in(rpm)
+    law, config = _law_and_rig(cam, rig)
+    speeds = _around_jump(law, config, model) if rpm is None else speeds_in(rpm)
     if basins:
         if model != Masses.ONE_MASS or out is not None:
             raise ConfigError("--basins: are of one mass, and keep no rows; allowed: without both")
-        there = workplace(jobs, dask)
-        return _basins(law, on, speeds, there, restitution=restitution, progress=progress)
-    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, progress=progress)
+        pool = workplace(jobs, dask)
+        return _basins(law, config, speeds, pool, restitution=restitution, progress=progress)
+    find = partial(bounce_map, law, config, rpm=speeds, restitution=restitution, progress=progress)
     find = partial(find, model=model.value, over=over.value, values=_values(values), turns=turns)
     find = partial(find, settle=settle, start=start.value, follow=follow, out=out, resume=resume)
     if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
@@ -167,18 +175,18 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
 
 
 def _values(text: str | None) -> list[float] | None:
-    """What --range asks for."""
+    """Return the numbers of --range."""
     from cam_rig.simulation.asked import numbers_in
 
     if text is None:
         return None
-    if not (found := numbers_in(text)):
+    if not (values := numbers_in(text)):
         raise ConfigError(f"--range {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)")
-    return found
+    return values
 
 
 def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
-    """Speeds (rpm) from below the jump speed to where a follower bounces far."""
+    """Return speeds (rpm) from below the jump speed to far above it."""
     from cam_rig.studies.bounce.motion import bouncing
     from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
     from cam_rig.units import RPM
@@ -194,10 +202,10 @@ def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
     return [FROM * jump + i * step for i in range(SPEEDS)]
 
 
-def _basins(law: Law, rig: RigConfig, speeds: list[float], there: Place, **how: Any) -> Result:
+def _basins(law: Law, rig: RigConfig, speeds: list[float], pool: Place, **how: Any) -> Result:
     from cam_rig.studies.bounce.basins import basins
 
     if len(speeds) > 1:
         raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
-    with there as place:
+    with pool as place:
         return basins(law, rig, rpm=speeds[0], executor=place.executor, **how)

@@ -1,4 +1,7 @@
-"""What a run of many turns is: on the cam, periodic, irregular, or not told; and its exponent."""
+"""Motion and Lyapunov exponents of a run of many turns.
+
+A motion is in contact, periodic, irregular or undetermined ("not told").
+"""
 
 from __future__ import annotations
 
@@ -13,56 +16,64 @@ from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-#: What bounces: one rigid mass, or a roller and an end mass on an elastic stem.
+#: Followers that can bounce: one rigid mass, or a roller and an end mass on an elastic stem.
 Bouncing = FollowerParameters | TwoMassParameters
+#: Names of the two models.
 ONE_MASS, TWO_MASS = "one_mass", "two_mass"
+#: Kinds of motion, as tables and JSON contain them.
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
-#: The longest period is this part of the turns that are kept: it is seen so often.
-SEEN = 4
+#: Least number of times that a period must repeat in the kept turns.
+MIN_REPEATS = 4
 #: Relative rounding error of a state.
 ROUNDING = 1e-16
-#: Growth is averaged by so many blocks of turns; what Student's t of them is at 95 %.
-BLOCKS, STUDENT = 10, 2.262
+#: Number of blocks of turns over which the growth is averaged.
+BLOCKS = 10
+#: Student's t of `BLOCKS` means, two-sided, at 95 %.
+STUDENT = 2.262
 
 
 @dataclass(frozen=True, eq=False)
 class TurnMotion:
-    """What a follower does, turn after turn.
+    """Motion of a follower, observed once per turn.
 
-    An exponent is the mean logarithm by which a small change grows in a turn, the largest first.
-    What meets the cam and comes to rest there has no freedom: of one mass both are −∞, of two
-    masses the last two, and the others are of the end mass on its stem. NaN: nothing is told.
+    A Lyapunov exponent is the mean logarithm of the growth of a small change per turn. The largest
+    exponent is first. A mass that rests on the cam has no freedom there. One mass then has two
+    exponents of −∞. With two masses the last two are −∞, and the others describe the end mass on
+    its stem. An exponent is NaN if it is undetermined.
     """
 
     motion: str
-    period: int | None  #: turns after which it repeats
-    settled: int | None  #: the turn from which on it does
+    period: int | None  #: turns after which the motion repeats, None if it does not
+    settled: int | None  #: first turn from which on it repeats, None if it does not
     exponents: tuple[float, ...]  #: 1/turn
-    exponent_error: float  #: of the largest, 95 %, by its convergence over the turns
+    exponent_error: float  #: of the largest exponent, 1/turn, 95 %, from its convergence
 
     @property
     def exponent(self) -> float:
-        """The largest."""
+        """Largest Lyapunov exponent, 1/turn."""
         return self.exponents[0]
 
 
 def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -> Bouncing:
-    """A rig's follower, with another restitution than its own; None is its own, refused if none."""
+    """Return the follower of a rig with a coefficient of restitution.
+
+    ``restitution`` None selects the value of the rig. A rig without a value is refused.
+    """
     if restitution is None:
         rig.need("restitution", "bouncing", "give --restitution, in Python restitution")
     kind = TwoMassParameters if model == TWO_MASS else FollowerParameters
-    found = kind.from_rig(rig)
-    return found if restitution is None else replace(found, restitution=restitution)
+    follower = kind.from_rig(rig)
+    return follower if restitution is None else replace(follower, restitution=restitution)
 
 
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:
-    """The motion in the last ``kept`` turns of a run."""
-    landings, untold = run.landings[-kept:], (math.nan,) * run.size
+    """Return the motion in the last ``kept`` turns of a run."""
+    landings, undetermined = run.landings[-kept:], (math.nan,) * run.size
     if not landings.any() and not run.contact_times[-kept:].all():  # it flies, and did not land
-        return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
+        return TurnMotion(NOT_TOLD, None, None, undetermined, math.nan)
     states = run.states / turn_map.scale
     if _rounding_grows(run, turn_map.scale, kept):
-        return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
+        return TurnMotion(NOT_TOLD, None, None, undetermined, math.nan)
     period = _period(states[-kept:])
     if period is None:
         return _without_period(run.growth[-kept:])
@@ -78,10 +89,11 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion
 
 
 def _rounding_grows(run: TurnsRun, scale: FloatArray, kept: int) -> bool:
-    """Return True if rounding exceeds `PERIOD_RTOL` between two rests in the last turns.
+    """Return True if rounding exceeds `PERIOD_RTOL` between two rests.
 
-    A rest on the cam removes what came before, so that a motion with rests repeats exactly or not
-    at all. The growth of a change from one rest to the next decides if that is determined.
+    The last ``kept`` turns are evaluated. A rest on the cam removes all earlier differences, so a
+    motion with rests repeats exactly or not at all. The growth of a change from each rest to the
+    next decides if this is determined.
     """
     product = None
     derivatives = run.derivatives[-kept:] / scale[:, None] * scale
@@ -96,40 +108,47 @@ def _rounding_grows(run: TurnsRun, scale: FloatArray, kept: int) -> bool:
 
 
 def _period(states: FloatArray) -> int | None:
-    """The fewest turns after which states ``(turns, n)`` repeat in all the second half of them."""
+    """Return the least number of turns after which states repeat, or None.
+
+    The states ``(turns, n)`` must repeat in the whole second half of the turns.
+    """
     half = len(states) // 2
-    for turns in range(1, len(states) // SEEN + 1):
+    for turns in range(1, len(states) // MIN_REPEATS + 1):
         if np.abs(states[-half:] - states[-half - turns : -turns]).max() <= PERIOD_RTOL:
             return turns
     return None
 
 
 def _exponent(derivatives: FloatArray) -> float:
-    """Ln |μ| a turn, of the largest multiplier of a period."""
+    """Return ln |μ| per turn of the largest multiplier μ of a period, −∞ for 0."""
     product = np.eye(derivatives.shape[1])
-    for one in derivatives:
-        product = one @ product
+    for derivative in derivatives:
+        product = derivative @ product
     largest = float(np.abs(np.linalg.eigvals(product)).max())
     return math.log(largest) / len(derivatives) if largest > 0.0 else -math.inf
 
 
 def _with_others(largest: float, growth: FloatArray) -> tuple[float, ...]:
-    """The others by what directions grow by: two together as areas do, a pair of multipliers too.
+    """Return all exponents, 1/turn, from the largest and the growth of each direction.
 
-    The smallest multipliers of a long product are below its rounding.
+    Two directions together grow as areas do. The same applies to a pair of multipliers. The small
+    multipliers of a long product are below its rounding error, so they are not used.
     """
     if largest == -math.inf:
         return (largest,) * growth.size
-    first, second, *rest = growth.tolist()
-    return (largest, first + second - largest, *rest)
+    first, second, *others = growth.tolist()
+    return (largest, first + second - largest, *others)
 
 
 def _without_period(growth: FloatArray) -> TurnMotion:
-    """Irregular if the mean of the largest growth is above its error; else nothing is told."""
+    """Return an irregular motion if the mean of the largest growth exceeds its error.
+
+    Otherwise the motion is undetermined.
+    """
     largest = growth[:, 0]
-    if not np.isfinite(largest).all():  # a turn began on the cam, or rests there now and then
-        untold = (math.nan,) * growth.shape[1]
-        return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
+    if not np.isfinite(largest).all():  # a turn started on the cam, or some turns rest there
+        undetermined = (math.nan,) * growth.shape[1]
+        return TurnMotion(NOT_TOLD, None, None, undetermined, math.nan)
     means = np.array([block.mean() for block in np.array_split(largest, BLOCKS)])
     exponents = tuple(growth.mean(axis=0).tolist())
     error = STUDENT * float(means.std(ddof=1)) / math.sqrt(BLOCKS)

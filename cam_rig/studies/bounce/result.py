@@ -1,4 +1,4 @@
-"""What a bounce map has found: a row a value of what is swept, and how people read it."""
+"""Result of a bounce map: one row per swept value, and the column definitions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cam_rig.dynamics.turn_map import State
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import Column, Footnote, Records, Result
-from cam_rig.studies.bounce.branches import LIFT_OFF, WORDS, Bifurcation, Branch
+from cam_rig.studies.bounce.branches import DESCRIPTIONS, LIFT_OFF, Bifurcation, Branch
 from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, TurnMotion
 from cam_rig.studies.bounce.sweep import (
     RESTITUTION,
@@ -27,62 +27,64 @@ from cam_rig.studies.bounce.sweep import (
 )
 from cam_rig.units import RPM, FloatArray
 
-#: Where each row begins: on the cam, or where the row below, or above, has ended.
+#: Start of each row: on the cam, or in the end state of the row below or above.
 REST, BELOW, ABOVE = "rest", "below", "above"
 
 
 @dataclass(frozen=True, eq=False)
 class BounceRow(TurnMotion):
-    """What the follower does at one operating point."""
+    """Motion of the follower at one operating point."""
 
     point: OperatingPoint
     landings_per_turn: float
-    rests: bool  #: whether it comes to rest on the cam in the turns that are kept
+    rests: bool  #: True if it comes to rest on the cam in the kept turns
     level_db: float | None
-    level_spread_db: float | None  #: loudest less quietest turn
-    hardest: FloatArray  #: ``(n,)`` m/s of each turn's fastest landing: of a period, or all kept
-    states: FloatArray  #: at those turns' ends, as `TurnsRun.states` has them
+    level_spread_db: float | None  #: loudest turn less quietest turn
+    hardest: FloatArray  #: ``(n,)`` m/s, fastest landing of each turn: of a period, or all kept
+    states: FloatArray  #: at the ends of those turns, as in `TurnsRun.states`
 
     @property
     def rpm(self) -> float:
-        """The cam's speed, rpm."""
+        """Cam speed, rpm."""
         return self.point.rpm
 
     @property
     def end(self) -> State:
-        """The last state."""
+        """Last state of the run."""
         return tuple(self.states[-1].tolist())
 
 
+#: Note of rows that come to rest on the cam.
 RESTS = Footnote(
-    "It comes to rest on the cam, where what meets the cam has no freedom. Of one mass every "
-    "change dies out there, and the exponent is −∞; of two the end mass vibrates on. Landings "
-    "are those higher than rounding; in the limit they are without number.",
+    "It comes to rest on the cam, where the mass in contact has no freedom. Every change of one "
+    "mass decays there, and the exponent is −∞. Of two masses the end mass continues to vibrate. "
+    "Landings lower than rounding are not counted; in the limit their number is infinite.",
     lambda row: row.rests and row.motion == PERIODIC,
     "*",
 )
 
 
 def _exponent(number: int, row: BounceRow) -> float | None:
-    """One of its exponents, of which one mass has two and two masses four."""
+    """Return an exponent by its number from 1, None if the model has fewer."""
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
 
-#: Of a row, and of a motion that starts end in.
+#: Columns of the largest exponent, of a row and of a motion in which starts end.
 EXPONENT = (
     Column(
         "exponent",
         "1/turn",
         ".3f",
         cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-        doc="Lyapunov's, the largest; where it rests −∞, which is null",
+        doc="largest Lyapunov exponent, −∞ (null) if it rests",
     ),
     Column("exponent_error", "1/turn", ".1g", "error", doc="95 %"),
 )
 
-UNTOLD = Footnote(
-    "Not told: the turns have not come to repeat, and no exponent above its error says that they "
-    "never will; or none lands. More turns to settle may tell.",
+#: Note of rows whose motion is undetermined.
+UNDETERMINED = Footnote(
+    "Not told: the turns do not repeat yet, and no exponent above its error shows that they never "
+    "will; or the follower never lands. More turns to settle may decide.",
     lambda row: row.motion == NOT_TOLD,
     "?",
 )
@@ -90,7 +92,7 @@ UNTOLD = Footnote(
 
 @dataclass(frozen=True, repr=False)
 class BounceMap(Result):
-    """What a follower does turn after turn, over speed, restitution, preload or mass: ``rows``."""
+    """Motion of a follower per turn, over speed, restitution, preload or mass."""
 
     schema = "cam_rig.bounce.1"
     plot_function = "cam_rig.studies.bounce.figures:figure"
@@ -98,12 +100,12 @@ class BounceMap(Result):
         "speeds": (
             Column(
                 "motion",
-                doc="in contact, periodic, irregular in the turns that are kept, or not told",
+                doc="in contact, periodic, irregular or not told, in the kept turns",
             ),
             *point_columns(),
             Column("period", "", "d", doc="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
-            Column("rests", hidden=True, doc="whether it comes to rest on the cam"),
+            Column("rests", hidden=True, doc="true if it comes to rest on the cam"),
             *EXPONENT,
             *(
                 Column(
@@ -111,7 +113,7 @@ class BounceMap(Result):
                     "1/turn",
                     hidden=True,
                     of=partial(_exponent, i),
-                    doc=f"the {i}th, of {'either model' if i == 2 else 'two masses'}",
+                    doc=f"exponent number {i}, of {'either model' if i == 2 else 'two masses'}",
                 )
                 for i in (2, 3, 4)
             ),
@@ -138,15 +140,13 @@ class BounceMap(Result):
             Column("multiplier_imaginary", of="leading.imag"),
         ),
         "turns": (
-            Column("rpm", "rpm", of=lambda found: found.per_turn([r.rpm for r in found.rows])),
-            Column("row", doc="of speeds", of=lambda f: f.per_turn(range(len(f.rows)))),
-            Column("hardest", "m/s", of=lambda found: _joined(r.hardest for r in found.rows)),
-            Column("gap", "mm", of=lambda found: _joined(r.states[:, 0] for r in found.rows)),
-            Column("opening", "m/s", of=lambda found: _joined(r.states[:, 1] for r in found.rows)),
-            Column(
-                "stretch", "µm", of=lambda found: found.stem(2), doc="of the stem of two masses"
-            ),
-            Column("stretch_rate", "m/s", of=lambda found: found.stem(3)),
+            Column("rpm", "rpm", of=lambda m: m.per_turn([r.rpm for r in m.rows])),
+            Column("row", doc="of speeds", of=lambda m: m.per_turn(range(len(m.rows)))),
+            Column("hardest", "m/s", of=lambda m: _joined(r.hardest for r in m.rows)),
+            Column("gap", "mm", of=lambda m: _joined(r.states[:, 0] for r in m.rows)),
+            Column("opening", "m/s", of=lambda m: _joined(r.states[:, 1] for r in m.rows)),
+            Column("stretch", "µm", of=lambda m: m.stem(2), doc="of the stem of two masses"),
+            Column("stretch_rate", "m/s", of=lambda m: m.stem(3)),
         ),
     }
 
@@ -154,82 +154,95 @@ class BounceMap(Result):
     rig: RigConfig
     sweep: Sweep
     start: str  #: ``rest``, ``below`` or ``above``
-    lift_off: float  #: where contact is first lost, in SI: rad/s where the speed is swept
+    lift_off: float  #: value at which contact is first lost, SI: rad/s if the speed is swept
     rows: tuple[BounceRow, ...]
-    branches: tuple[Branch, ...] = ()  #: where they were asked for
+    branches: tuple[Branch, ...] = ()  #: empty unless branches were requested
 
     @property
     def jump_rpm(self) -> float:
-        """The speed of the first lift-off, rpm; NaN where it is not what is swept."""
+        """Speed of the first lift-off, rpm, or NaN if the speed is not swept."""
         return self.lift_off / RPM if self.sweep.over == SPEED else math.nan
 
     def swept(self, points: Iterable[Any]) -> FloatArray:
-        """What is swept, as it is shown, of rows, motions or bifurcations."""
-        return np.array([getattr(one.point, self.sweep.over) for one in points], dtype=float)
+        """Return the swept quantity of several points in its displayed unit.
+
+        ``points`` are rows, motions or bifurcations.
+        """
+        return np.array([getattr(item.point, self.sweep.over) for item in points], dtype=float)
 
     def stem(self, number: int) -> FloatArray:
-        """One of the stem's numbers at each turn's end; NaN of one mass, which has none."""
+        """Return a component of the stem's state at each turn's end, NaN for one mass."""
         states = np.concatenate([row.states for row in self.rows])
         return states[:, number] if number < states.shape[1] else np.full(len(states), math.nan)
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
-        """A number of each row, as often as the row has turns."""
+        """Return one number per turn from one number per row."""
         return np.repeat(list(numbers), [row.hardest.size for row in self.rows])
 
     def tables(self) -> list[Records]:
-        """``speeds``; in data ``turns`` too: of a period each once, else all that are kept."""
-        motions = [one for branch in self.branches for one in branch.motions]
-        found = self.bifurcations if self.branches else []
-        words = (f"{kind}: {WORDS[kind]}." for kind in dict.fromkeys(one.kind for one in found))
-        shown = _changes(self.rows) if len(self.rows) > MOST_SHOWN else self.rows
-        notes: list[Footnote | str] = [RESTS, UNTOLD]
+        """Return the tables ``speeds``, ``bifurcations``, ``orbits`` and ``turns``.
+
+        The last two are exported as data only. ``turns`` contains each turn of a period once, and
+        all kept turns of a motion without a period.
+        """
+        motions = [item for branch in self.branches for item in branch.motions]
+        bifurcations = self.bifurcations if self.branches else []
+        notes_of_kinds = (
+            f"{kind}: {DESCRIPTIONS[kind]}."
+            for kind in dict.fromkeys(item.kind for item in bifurcations)
+        )
+        shown = _changes(self.rows) if len(self.rows) > MAX_SHOWN_ROWS else self.rows
+        notes: list[Footnote | str] = [RESTS, UNDETERMINED]
         if len(shown) < len(self.rows):
-            many = f"{len(self.rows)} {'speeds' if self.sweep.over == SPEED else 'rows'}"
-            notes.append(f"{many}; here those at which the motion changes.")
+            count = f"{len(self.rows)} {'speeds' if self.sweep.over == SPEED else 'rows'}"
+            notes.append(f"{count}; here those at which the motion changes.")
         tables = [
             self.table(
                 "speeds", self.title, self.rows, *notes, row_filter=lambda row: row in shown
             ),
-            self.table("bifurcations", "Where a motion changes", found, *words),
+            self.table("bifurcations", "Where a motion changes", bifurcations, *notes_of_kinds),
             self.table("orbits", "", motions, hidden=True),
         ]
         turns = self.array_table("turns")
-        return [*(replace(one, columns=self._seen(one.columns)) for one in tables), turns]
+        return [*(replace(item, columns=self._show_swept(item.columns)) for item in tables), turns]
 
     @property
     def title(self) -> str:
-        """The cam on the rig, how many masses, and what is held."""
+        """Cam, rig, number of masses, and the fixed quantities, as text."""
         return f"{self.law.name} on rig {self.rig.name}, {self.held}"
 
     @property
     def held(self) -> str:
-        """What is not swept, and where each row begins."""
+        """Fixed quantities and the start of each row, as text."""
         base, over = self.sweep.base, self.sweep.over
         speed = [] if over == SPEED else [f"{base.rpm:g} rpm"]
         restitution = [] if over == RESTITUTION else [f"restitution {base.restitution:g}"]
-        two = ["two masses"] if isinstance(base.parameters, TwoMassParameters) else []
-        return ", ".join([*two, *speed, *restitution, BEGUN[self.start]])
+        masses = ["two masses"] if isinstance(base.parameters, TwoMassParameters) else []
+        return ", ".join([*masses, *speed, *restitution, START_TEXT[self.start]])
 
-    def _seen(self, columns: tuple[Column, ...]) -> tuple[Column, ...]:
-        """Columns of which people see what is swept."""
+    def _show_swept(self, columns: tuple[Column, ...]) -> tuple[Column, ...]:
+        """Return the columns with only the swept quantity displayed."""
         over = self.sweep.over
         return tuple(replace(c, hidden=c.key != over) if c.key in SWEPT else c for c in columns)
 
     @property
     def bifurcations(self) -> list[Bifurcation]:
-        """The first lift-off, and what happens on the branches, in order."""
-        sweep, found = self.sweep, list[Bifurcation]()
+        """First lift-off and bifurcations of the branches within the swept range.
+
+        They are in order of the swept value.
+        """
+        sweep, changes = self.sweep, list[Bifurcation]()
         if math.isfinite(self.lift_off):
-            found.append(Bifurcation(LIFT_OFF, sweep.at(self.lift_off), None, 0))
-        for one in (one for branch in self.branches for one in branch.bifurcations):
-            if not any(one.same_as(other, sweep) for other in found):
-                found.append(one)
+            changes.append(Bifurcation(LIFT_OFF, sweep.at(self.lift_off), None, 0))
+        for item in (item for branch in self.branches for item in branch.bifurcations):
+            if not any(item.same_as(other, sweep) for other in changes):
+                changes.append(item)
         low, high = (sweep.value(self.rows[i].point) for i in (0, -1))
-        within = [one for one in found if low <= sweep.value(one.point) <= high]
-        return sorted(within, key=lambda one: sweep.value(one.point))
+        within = [item for item in changes if low <= sweep.value(item.point) <= high]
+        return sorted(within, key=lambda item: sweep.value(item.point))
 
     def summary(self) -> list[str]:
-        """Where contact is first lost, and how many rows of each kind."""
+        """Return a line with the first loss of contact and the number of rows per kind."""
         kinds, over = [row.motion for row in self.rows], self.sweep.over
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in KINDS if kind in kinds)
         if over == SPEED:
@@ -244,7 +257,10 @@ class BounceMap(Result):
 
 
 def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
-    """The first and the last of those in a row that are of one kind, period and rest."""
+    """Return the first and the last row of each run of rows with equal motion.
+
+    Rows are equal in kind of motion, period and rest.
+    """
     kinds = [(row.motion, row.period, row.rests) for row in rows]
     last = len(rows) - 1
     return [
@@ -254,10 +270,12 @@ def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
     ]
 
 
-#: Speeds that a terminal shows all of.
-MOST_SHOWN = 40
+#: Number of rows up to which a terminal shows all rows.
+MAX_SHOWN_ROWS = 40
+#: Kinds of motion in the order of the summary.
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD)
-BEGUN = {REST: "each from the cam"} | {way: f"each from the one {way}" for way in (BELOW, ABOVE)}
+#: Start of each row as text.
+START_TEXT = {REST: "each from the cam"} | {x: f"each from the one {x}" for x in (BELOW, ABOVE)}
 
 
 def _joined(parts: Iterable[FloatArray]) -> FloatArray:

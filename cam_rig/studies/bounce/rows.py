@@ -1,6 +1,6 @@
-"""The rows of a bounce map: turned, one a value of what is swept, and kept in Parquet files.
+"""Rows of a bounce map: their computation, and storage in Parquet files.
 
-The files are a campaign's, with the columns of a bounce map.
+The files have the format of a campaign's files, with the columns of a bounce map.
 """
 
 from __future__ import annotations
@@ -34,59 +34,62 @@ from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import NS
 
-#: Turns of which the level is the mean, at most, after one that begins the sound.
+#: Largest number of turns in the mean of the level. One more turn starts the sound before them.
 LEVEL_TURNS = 16
 
 
 @dataclass(frozen=True)
 class BounceRuns:
-    """What is turned, at which values, how long, and how it is heard."""
+    """Law, swept values, numbers of turns and sound radiation of the runs."""
 
     law: Law
     sweep: Sweep
-    values: tuple[float, ...]  #: of what is swept, SI
-    radiation: RadiationParameters | None  #: None where the rig does not tell it
-    settle: int  #: turns before those that are kept
-    turns: int  #: kept
+    values: tuple[float, ...]  #: of the swept quantity, SI
+    radiation: RadiationParameters | None  #: None if the rig does not define it
+    settle: int  #: turns before the kept turns
+    turns: int  #: number of kept turns
 
     @classmethod
     def of(
         cls, law: Law, rig: RigConfig, sweep: Sweep, values: list[float], settle: int, turns: int
     ) -> BounceRuns:
-        """Those on a rig; it is heard where the rig tells how it sounds and what it lands with."""
-        heard = rig.radiation is not None and rig.follower.stem_stiffness is not None
-        sound = RadiationParameters.from_rig(rig) if heard else None
+        """Create the runs on a rig.
+
+        A level is computed if the rig has radiation data and a contact stiffness.
+        """
+        has_sound = rig.radiation is not None and rig.follower.stem_stiffness is not None
+        sound = RadiationParameters.from_rig(rig) if has_sound else None
         return cls(law, sweep, tuple(values), sound, settle, turns)
 
     @property
     def total(self) -> int:
-        """Rows in all."""
+        """Number of rows."""
         return len(self.values)
 
     @property
     def text(self) -> str:
-        """The law by its digest, and all other numbers."""
+        """Numbers on which rows depend, as JSON, with a digest of the law."""
         digest = hashlib.sha256()
         for part in (self.law.breaks, self.law.ordinates):
             digest.update(np.ascontiguousarray(part).tobytes())
         law = f"{self.law.name} {digest.hexdigest()[:16]}"
-        told: dict[str, Any] = {"law": law, "values": self.values}
-        told |= {"settle": self.settle, "turns": self.turns, "sweep": asdict(self.sweep)}
-        told["radiation"] = self.radiation and asdict(self.radiation)
-        return json.dumps(told, sort_keys=True)
+        numbers: dict[str, Any] = {"law": law, "values": self.values}
+        numbers |= {"settle": self.settle, "turns": self.turns, "sweep": asdict(self.sweep)}
+        numbers["radiation"] = self.radiation and asdict(self.radiation)
+        return json.dumps(numbers, sort_keys=True)
 
-    def row(self, value: float, begin: State = ON_THE_CAM) -> BounceRow:
-        """What the follower does at a value (SI), from a state as `TurnsRun` has it."""
+    def row(self, value: float, start: State = ON_THE_CAM) -> BounceRow:
+        """Return the row of a value (SI), started from a state as in `TurnsRun.states`."""
         point = self.sweep.at(value)
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
-        run = turn_map.run(self.settle + self.turns, begin)
-        found = motion_of(turn_map, run, self.turns)
-        shown = 1 if found.motion == IN_CONTACT else found.period or self.turns
+        run = turn_map.run(self.settle + self.turns, start)
+        motion = motion_of(turn_map, run, self.turns)
+        shown = 1 if motion.motion == IN_CONTACT else motion.period or self.turns
         level, spread = self._level(point, turn_map, run, min(shown, LEVEL_TURNS))
         return BounceRow(
-            **vars(found),
+            **vars(motion),
             point=point,
-            landings_per_turn=float(run.landings[-(found.period or self.turns) :].mean()),
+            landings_per_turn=float(run.landings[-(motion.period or self.turns) :].mean()),
             rests=bool(run.contact_times[-self.turns :].any()),
             level_db=level,
             level_spread_db=spread,
@@ -95,17 +98,17 @@ class BounceRuns:
         )
 
     def rows(self, values: Sequence[float]) -> list[BounceRow]:
-        """The same at each of some values, from the cam."""
-        return [self.row(one) for one in values]
+        """Return the rows of several values (SI), each started on the cam."""
+        return [self.row(value) for value in values]
 
     def _level(
         self, point: OperatingPoint, turn_map: StroboscopicMap, run: TurnsRun, turns: int
     ) -> tuple[float | None, float | None]:
-        """Level (dB) of the last turns, and the loudest of them less the quietest."""
+        """Return the level (dB) of the last turns and its range, None without sound."""
         if self.radiation is None:
             return None, None
-        after = turn_map.follower(run.states[-turns - 2].tolist())
-        # A landing lasts as the mass makes it: half a period on the stem.
+        state = turn_map.follower(run.states[-turns - 2].tolist())
+        # The mass sets the duration of a landing: half a period on the stem.
         pulse = math.pi * math.sqrt(
             point.mass / told("stem_stiffness", point.parameters.stem_stiffness)
         )
@@ -116,9 +119,9 @@ class BounceRuns:
         turn, pressures = round(NS * turn_map.duration), []
         for i in range(turns + 1):
             interval = Interval(i * turn, (i + 1) * turn, speed * i * turn / NS, speed)
-            after, block = advance(self.law, turn_map.parameters, after, interval, TURN_RATE_HZ)
-            heard = block.force, block.impulse, TURN_RATE_HZ, speed
-            sound, pressure = rms_pressure(radiation, sound, *heard)
+            state, block = advance(self.law, turn_map.parameters, state, interval, TURN_RATE_HZ)
+            signal = block.force, block.impulse, TURN_RATE_HZ, speed
+            sound, pressure = rms_pressure(radiation, sound, *signal)
             pressures.append(pressure)
         by_turn = np.array(pressures[1:])
         levels = level_db(by_turn)
@@ -127,34 +130,37 @@ class BounceRuns:
 
 # Rows in a folder of Parquet files.
 
-#: Columns that are no floating-point numbers.
+#: Arrow types of the columns that are not floating-point numbers.
 KINDS = {"motion": "string", "period": "int64", "settled": "int64", "rests": "bool_"}
-#: Columns that are fields of a row as they are.
+#: Columns that are fields of `BounceRow` with the same name.
 PLAIN = (
     *("motion", "period", "landings_per_turn", "rests", "settled"),
     *("level_db", "level_spread_db"),
 )
-#: What the figure and the next row need besides.
+#: Lists that the figure and the next row need in addition, with their units.
 LISTS = {"hardest": "m/s", "states": "SI"}
 
 
 @dataclass(frozen=True)
 class BounceBatch(Batch):
-    """The rows of some values."""
+    """Rows of consecutive values."""
 
     rows: list[BounceRow]
 
 
-def turned(runs: BounceRuns, first: int, last: int) -> BounceBatch:
-    """The rows of the values ``first`` to ``last`` (exclusive), each from the cam."""
-    begun = time.process_time()
+def compute_batch(runs: BounceRuns, first: int, last: int) -> BounceBatch:
+    """Compute the rows of the values ``first`` to ``last`` (exclusive) from the cam."""
+    start = time.process_time()
     rows = runs.rows(runs.values[first:last])
-    return BounceBatch(first, last, time.process_time() - begun, rows)
+    return BounceBatch(first, last, time.process_time() - start, rows)
 
 
 @dataclass(frozen=True, eq=False)
 class BounceFiles(PointFiles):
-    """Columns: ``point``, those of ``speeds`` with −∞ as it is, and `LISTS`."""
+    """Parquet files of rows: ``point``, the columns of ``speeds``, and `LISTS`.
+
+    An exponent of −∞ is stored as −∞.
+    """
 
     campaign: BounceRuns
 
@@ -162,11 +168,11 @@ class BounceFiles(PointFiles):
         import pyarrow as pa
 
         fields, columns = [pa.field("point", pa.int64())], [pa.array(range(rows.first, rows.last))]
-        for one in BounceMap.columns["speeds"]:
-            kind = getattr(pa, KINDS.get(one.key, "float64"))()
-            about = {"unit": one.si_unit, "meaning": one.doc}
-            fields.append(pa.field(one.key, kind, metadata=about))
-            columns.append(pa.array([one.value(row) for row in rows.rows], kind))
+        for column in BounceMap.columns["speeds"]:
+            kind = getattr(pa, KINDS.get(column.key, "float64"))()
+            about = {"unit": column.si_unit, "meaning": column.doc}
+            fields.append(pa.field(column.key, kind, metadata=about))
+            columns.append(pa.array([column.value(row) for row in rows.rows], kind))
         for key, unit in LISTS.items():
             kind = pa.list_(pa.float64())
             fields.append(pa.field(key, kind, metadata={"unit": unit}))
@@ -174,12 +180,12 @@ class BounceFiles(PointFiles):
         return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=self.own))
 
     def rows(self) -> Iterator[BounceRow]:
-        """All of them, in order."""
+        """Yield all rows, in order."""
         runs = self.campaign
         for table in self.tables():
             for row in table.to_pylist():
                 numbers = [row["exponent"], *(row[f"exponent_{i}"] for i in (2, 3, 4))]
-                exponents = tuple(one for one in numbers if one is not None)
+                exponents = tuple(number for number in numbers if number is not None)
                 yield BounceRow(
                     point=runs.sweep.at(runs.values[row["point"]]),
                     exponents=exponents,
@@ -190,10 +196,10 @@ class BounceFiles(PointFiles):
                 )
 
 
-def kept_rows(
+def stored_rows(
     files: BounceFiles, resume: bool, executor: Executor | None, workers: int, progress: Progress
 ) -> list[BounceRow]:
-    """The rows of all values; those that the folder has not are made, and kept there."""
+    """Return the rows of all values, computing and storing those that are missing."""
     require("pyarrow")
     with files.opened(resume) as damaged:
         if damaged:
@@ -201,5 +207,6 @@ def kept_rows(
         missing = sum(last - first for first, last in files.missing())
         progress.start(files.campaign.total, pluralize(missing, "row"))
         progress.advance(files.campaign.total - missing)
-        compute_missing(files, turned, executor or InThisProcess(), max(1, workers), progress)
+        executor = executor or InThisProcess()
+        compute_missing(files, compute_batch, executor, max(1, workers), progress)
     return list(files.rows())

@@ -1,4 +1,4 @@
-"""Bounce maps: what a follower does above its jump speed, turn after turn, over what is swept."""
+"""Bounce maps: motion of a follower per turn over a swept quantity."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from cam_rig.schema import RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.asked import MAX_SPEEDS, Speeds, speeds_within
 from cam_rig.studies.bounce.branches import Branch, branches
-from cam_rig.studies.bounce.motion import ONE_MASS, SEEN, TWO_MASS, bouncing
-from cam_rig.studies.bounce.result import ABOVE, BEGUN, REST, BounceMap, BounceRow
-from cam_rig.studies.bounce.rows import BounceFiles, BounceRuns, kept_rows
+from cam_rig.studies.bounce.motion import MIN_REPEATS, ONE_MASS, TWO_MASS, bouncing
+from cam_rig.studies.bounce.result import ABOVE, REST, START_TEXT, BounceMap, BounceRow
+from cam_rig.studies.bounce.rows import BounceFiles, BounceRuns, stored_rows
 from cam_rig.studies.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
 from cam_rig.units import RPM
 
 #: Rows that are sent to a process together.
-TOGETHER = 4
-#: Fewest turns that can be told to be periodic or not.
-LEAST_TURNS = 5 * SEEN
-#: Most turns of a row: some 40 s, 240 MB.
-MOST_TURNS = 2_000_000
+BATCH_ROWS = 4
+#: Least number of turns for which a motion can be classified as periodic or not.
+MIN_TURNS = 5 * MIN_REPEATS
+#: Largest number of turns of a row: about 40 s and 240 MB.
+MAX_TURNS = 2_000_000
 
 
 @checked
@@ -49,34 +49,70 @@ def bounce_map(
     workers: int = 1,
     progress: Progress = NULL_PROGRESS,
 ) -> BounceMap:
-    """``cam-rig bounce``: what a follower does turn after turn: at rest, periodic or irregular.
+    """Compute the motion of a follower per turn: at rest, periodic or irregular.
 
-    Impacts are roots and flights closed forms, so each turn's derivative is exact, and the Lyapunov
-    exponent is no estimate from a time series. Where its error hides zero, it is "not told".
+    The command is ``cam-rig bounce``. Impacts are roots and flights are closed forms, so the
+    derivative of each turn is exact, and the Lyapunov exponent is not estimated from a time series.
+    A motion whose exponent is zero within its error is "not told".
 
     Parameters
     ----------
-    rpm : cam speeds; one where something else is swept
-    restitution : of a landing, from 0 to below 1; None is the rig's
-    model : ``one_mass``, rigid; or ``two_mass``, a roller and an end mass on an elastic stem
-    over, values : at one speed what is swept, ``restitution``, ``preload`` (N) or ``mass`` (kg)
-    turns, settle : kept in each row, and before these
-    start : ``rest``: each row from the cam; ``below``, ``above``: where that row has ended
-    follow : follow each periodic motion that does not rest over all rows, and where it changes
-    out, resume : keep rows in a folder of Parquet files; go on with those that it has not
-    executor, workers : where rows from the cam are computed, and how many batches at a time
+    law : Law
+        Displacement law of the cam.
+    rig : RigConfig
+        Rig with the follower.
+    rpm : float or sequence of float
+        Cam speeds, rpm. A single speed is needed if another quantity is swept.
+    restitution : float, optional
+        Coefficient of restitution of a landing, 0 to below 1 (default: the rig's value).
+    model : str, optional
+        ``one_mass`` (rigid, default), or ``two_mass`` with a roller and an end mass on an elastic
+        stem.
+    over : str, optional
+        Swept quantity: ``rpm`` (default), ``restitution``, ``preload`` or ``mass``.
+    values : sequence of float, optional
+        Values of the swept quantity at one speed, preload in N, mass in kg.
+    turns : int, optional
+        Number of kept turns of each row, at least 20 (default: 200).
+    settle : int, optional
+        Number of turns before the kept turns (default: 300).
+    start : str, optional
+        ``rest`` (default): each row starts on the cam. ``below`` or ``above``: it starts in the end
+        state of that neighbouring row.
+    follow : bool, optional
+        Follow each periodic motion that does not rest over all rows, and find its bifurcations.
+    out : str or Path, optional
+        Folder of Parquet files in which rows are stored.
+    resume : bool, optional
+        Compute only the rows that the folder does not contain.
+    executor : Executor, optional
+        Executor that computes rows from the cam (default: this process).
+    workers : int, optional
+        Number of batches that the executor processes at a time.
+    progress : Progress, optional
+        Receiver of the progress.
+
+    Returns
+    -------
+    BounceMap
 
     Raises
     ------
-    ConfigError, DynamicsError : an argument out of range, a rig without a number, endless landings
-    OutputError, MissingLibraryError : of a folder, or pyarrow for it
+    ConfigError
+        If an argument is out of range, or a number is missing in the rig.
+    DynamicsError
+        If a swept value is invalid, or a turn has too many landings.
+    OutputError
+        If the folder cannot be written.
+    MissingLibraryError
+        If ``out`` is given and pyarrow is not installed.
 
     Examples
     --------
     >>> import cam_rig
     >>> law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
-    >>> found = cam_rig.bounce_map(law, rig, rpm=[420, 450], restitution=0.7, turns=40, settle=60)
-    >>> [row.motion for row in found.rows]
+    >>> result = cam_rig.bounce_map(law, rig, rpm=[420, 450], restitution=0.7, turns=40, settle=60)
+    >>> [row.motion for row in result.rows]
     ['irregular', 'periodic']
     """
     sweep, swept = _sweep(rig, model, speeds_within(rpm), restitution, over, values)
@@ -85,23 +121,23 @@ def bounce_map(
     runs = BounceRuns.of(law, rig, sweep, swept, settle, turns)
     expect_many()
     if out is not None:
-        found = kept_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
+        rows = stored_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
     else:
-        found = _found(runs, start, executor, progress)
-    lines = _followed(runs, found, progress) if follow else ()
-    return BounceMap(law, rig, sweep, start, sweep.lift_off(law, swept), tuple(found), lines)
+        rows = _compute_rows(runs, start, executor, progress)
+    followed = _follow_motions(runs, rows, progress) if follow else ()
+    return BounceMap(law, rig, sweep, start, sweep.lift_off(law, swept), tuple(rows), followed)
 
 
-def _found(
+def _compute_rows(
     runs: BounceRuns, start: str, executor: Executor | None, progress: Progress
 ) -> list[BounceRow]:
-    """A row a value, from the cam or one from another."""
+    """Return one row per value, each from the cam or from the row before it."""
     progress.start(runs.total, runs.law.name)
-    way, found = -1 if start == ABOVE else 1, []
-    for row in _from_rest(runs, executor) if start == REST else _continued(runs, way):
-        found.append(row)
+    step, rows = -1 if start == ABOVE else 1, []
+    for row in _from_rest(runs, executor) if start == REST else _continued(runs, step):
+        rows.append(row)
         progress.advance()
-    return found[::way]
+    return rows[::step]
 
 
 def _sweep(
@@ -112,7 +148,7 @@ def _sweep(
     over: str,
     values: Speeds | None,
 ) -> tuple[Sweep, list[float]]:
-    """What is swept, and its values, SI, that rise."""
+    """Return the swept quantity and its values in SI, in rising order."""
     if model not in (ONE_MASS, TWO_MASS):
         raise ConfigError(f"model: is {model!r}; allowed: {ONE_MASS}, {TWO_MASS}")
     if over not in SWEPT:
@@ -122,7 +158,7 @@ def _sweep(
             "--range: is given where the speed is swept; allowed: --over another number"
         )
     if over == SPEED:
-        swept = sorted(one * RPM for one in rpm)
+        swept = sorted(speed * RPM for speed in rpm)
         return Sweep(OperatingPoint(bouncing(rig, restitution, model), swept[0])), swept
     if len(rpm) > 1:
         raise ConfigError(f"rpm: are {len(rpm)} speeds over {over}; allowed: one speed")
@@ -134,36 +170,36 @@ def _sweep(
             raise ConfigError("--restitution: is what is swept; allowed: --range alone")
         restitution = swept[0]
     sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), over)
-    for one in swept:  # one that is none is refused before any is turned
-        sweep.at(one)
+    for value in swept:  # an invalid value is refused before any row is computed
+        sweep.at(value)
     return sweep, swept
 
 
-def _followed(
+def _follow_motions(
     runs: BounceRuns, rows: Sequence[BounceRow], progress: Progress
 ) -> tuple[Branch, ...]:
-    """The branches of the periodic motions of some rows, over all of them."""
+    """Follow the periodic motions of some rows over the range of all rows."""
     progress.describe("periodic motions")
     sweep = runs.sweep
-    free = [row for row in rows if row.period is not None and not row.rests]
-    seen = [(sweep.value(row.point), row.end, row.period or 1) for row in free]
+    flying = [row for row in rows if row.period is not None and not row.rests]
+    motions = [(sweep.value(row.point), row.end, row.period or 1) for row in flying]
     low, high = (sweep.value(rows[i].point) for i in (0, -1))
-    return branches(runs.law, sweep, seen, low, high)
+    return branches(runs.law, sweep, motions, low, high)
 
 
 def _check(rows: int, turns: int, settle: int, start: str, follow: bool) -> None:
-    """Refuse arguments out of range."""
-    if start not in BEGUN:
-        raise ConfigError(f"start: is {start!r}; allowed: {', '.join(BEGUN)}")
-    if turns < LEAST_TURNS:
-        raise ConfigError(f"turns: is {turns}; allowed: {LEAST_TURNS} or more")
+    """Raise a `ConfigError` if an argument is out of range."""
+    if start not in START_TEXT:
+        raise ConfigError(f"start: is {start!r}; allowed: {', '.join(START_TEXT)}")
+    if turns < MIN_TURNS:
+        raise ConfigError(f"turns: is {turns}; allowed: {MIN_TURNS} or more")
     if settle < 0:
         raise ConfigError(f"settle: is {settle}; allowed: 0 or more turns")
     if follow and rows < 2:
         raise ConfigError("follow: over one value; allowed: two or more, as 385:480:5")
-    if settle + turns > MOST_TURNS:
+    if settle + turns > MAX_TURNS:
         raise ConfigError(
-            f"turns: are {turns} after {settle} to settle; allowed: {MOST_TURNS} together"
+            f"turns: are {turns} after {settle} to settle; allowed: {MAX_TURNS} together"
         )
 
 
@@ -177,15 +213,15 @@ def _check_kept(out: str | Path | None, resume: bool, start: str) -> None:
 
 
 def _from_rest(runs: BounceRuns, executor: Executor | None) -> Iterator[BounceRow]:
-    together = 1 if executor is None else TOGETHER
-    parts = [runs.values[i : i + together] for i in range(0, runs.total, together)]
+    batch = 1 if executor is None else BATCH_ROWS
+    parts = [runs.values[i : i + batch] for i in range(0, runs.total, batch)]
     for rows in (map if executor is None else executor.map)(runs.rows, parts):
         yield from rows
 
 
-def _continued(runs: BounceRuns, way: int) -> Iterator[BounceRow]:
-    begin: State = ON_THE_CAM
-    for one in runs.values[::way]:
-        row = runs.row(one, begin)
-        begin = row.end
+def _continued(runs: BounceRuns, step: int) -> Iterator[BounceRow]:
+    state: State = ON_THE_CAM
+    for value in runs.values[::step]:
+        row = runs.row(value, state)
+        state = row.end
         yield row

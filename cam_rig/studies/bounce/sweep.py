@@ -1,4 +1,7 @@
-"""What a bounce map goes over: the cam's speed; or, at one speed, a number of the follower."""
+"""Swept quantity of a bounce map.
+
+It is the cam speed or, at one speed, a number of the follower.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,9 @@ from cam_rig.show.result import Column
 from cam_rig.studies.bounce.motion import Bouncing
 from cam_rig.units import RPM, to_rpm
 
-#: What is swept: heading, unit as shown, what one of it is in SI.
+#: Keys of the quantities that can be swept.
 SPEED, RESTITUTION, PRELOAD, MASS = "rpm", "restitution", "preload", "mass"
+#: Swept quantities: heading, displayed unit, and its value in SI.
 SWEPT = {
     SPEED: ("speed", "rpm", RPM),
     RESTITUTION: ("restitution", "", 1.0),
@@ -32,35 +36,38 @@ SWEPT = {
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """A follower, and the cam's speed (rad/s)."""
+    """Follower and cam speed (rad/s)."""
 
     parameters: Bouncing
     speed: float
 
     @property
     def rpm(self) -> float:
-        """The cam's speed, rpm: the number that was given, whose last digit rad/s round."""
+        """Cam speed, rpm.
+
+        It is rounded to the 15 digits that the conversion from rad/s preserves.
+        """
         return float(f"{to_rpm(self.speed):.15g}")
 
     @property
     def restitution(self) -> float | None:
-        """Of a landing."""
+        """Coefficient of restitution of a landing, None if the rig does not define it."""
         return self.parameters.restitution
 
     @property
     def preload(self) -> float:
-        """Of the return spring at zero lift, N."""
+        """Force (N) of the return spring at zero lift."""
         return self.parameters.preload
 
     @property
     def mass(self) -> float:
-        """Of the follower, kg; of two masses both."""
+        """Mass (kg) of the follower, the sum of both masses in the two-mass model."""
         p = self.parameters
         return p.roller_mass + p.end_mass if isinstance(p, TwoMassParameters) else p.mass
 
 
 def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
-    """A column for each that may be swept; people see the one that is, by default the speed."""
+    """Return a column for each sweepable quantity, all but the speed hidden."""
     return tuple(
         Column(key, unit, digits, heading, of=f"point.{key}", hidden=key != SPEED)
         for key, (heading, unit, _) in SWEPT.items()
@@ -69,41 +76,51 @@ def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is swept, from an operating point on; its values are in SI, speeds in rad/s."""
+    """Swept quantity, and the operating point that it varies.
+
+    Values are in SI, speeds in rad/s.
+    """
 
     base: OperatingPoint
     over: str = SPEED
 
     def at(self, value: float) -> OperatingPoint:
-        """Where what is swept has a value; a `DynamicsError` where it cannot."""
+        """Return the operating point at a value (SI).
+
+        Raises
+        ------
+        DynamicsError
+            If the value is invalid.
+        """
         if self.over == SPEED:
             return replace(self.base, speed=value)
         p = self.base.parameters
         numbers: dict[str, Any] = {self.over: value}
-        if self.over == MASS and isinstance(p, TwoMassParameters):  # split as it was
+        if self.over == MASS and isinstance(p, TwoMassParameters):  # keeps the ratio of the masses
             share = p.roller_mass / self.base.mass
             numbers = {"roller_mass": share * value, "end_mass": (1.0 - share) * value}
         return replace(self.base, parameters=replace(p, **numbers))
 
     def value(self, point: OperatingPoint) -> float:
-        """What an operating point has of it."""
+        """Return the value (SI) of the swept quantity at an operating point."""
         return float(getattr(point, self.over)) if self.over != SPEED else point.speed
 
     def words(self, value: float) -> str:
-        """A value as people read it: 418.803 rpm, or preload 12.75 N."""
-        heading, unit, one = SWEPT[self.over]
+        """Return a value as text, such as ``418.803 rpm`` or ``preload 12.75 N``."""
+        heading, unit, factor = SWEPT[self.over]
         name = "" if self.over == SPEED else f"{heading} "
-        return f"{name}{value / one:.6g} {unit}".strip()
+        return f"{name}{value / factor:.6g} {unit}".strip()
 
     def size(self, value: float) -> float:
-        """By which changes of it are measured."""
+        """Return the scale (SI) of changes of the swept quantity near a value."""
         return 1.0 if self.over == RESTITUTION else value or 1.0
 
     def lift_off(self, law: Law, values: Sequence[float]) -> float:
-        """The value at which settled contact is first lost; among some that rise, but for a speed.
+        """Return the value (SI) at which steady contact is first lost.
 
-        It is 0 where a velocity jump of the cam throws the follower at any, and NaN where contact
-        is lost, or kept, at all of them.
+        ``values`` (SI, rising) are searched unless the speed is swept. The result is 0 if a
+        velocity jump of the cam throws the follower at any speed. It is NaN if contact is lost, or
+        kept, at all values.
         """
         if law.velocity_jumps:
             return 0.0 if self.over == SPEED else math.nan
@@ -113,10 +130,10 @@ class Sweep:
                 return rigid_jump(law, p)[0]
             try:
                 return find_jump(law, p, None).speed
-            except NoJumpSpeedError as none:
-                return none.speed
-        found = [self._least_force(law, value) for value in values]
-        for i in np.flatnonzero(np.diff(np.sign(found))).tolist():
+            except NoJumpSpeedError as error:
+                return error.speed
+        forces = [self._least_force(law, value) for value in values]
+        for i in np.flatnonzero(np.diff(np.sign(forces))).tolist():
             ends = values[i], values[i + 1]
             return float(brentq(lambda value: self._least_force(law, value), *ends, xtol=1e-15))
         return math.nan

@@ -1,3 +1,3 @@
-"""Campaigns: many rigs that differ in some numbers, each measured alike, kept as rows."""
+"""Campaigns: many rigs that differ in some numbers, measured in the same way."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A study with its base read and everything checked, and its points: what fails is a row too."""
+"""Campaign with its base read and checked, and the measurement of its points."""
 
 from __future__ import annotations
 
@@ -40,72 +40,90 @@ from cam_rig.studies.campaign.inputs import (
 from cam_rig.studies.campaign.schema import MAX_POINTS, CampaignConfig
 from cam_rig.units import RPM, FloatArray
 
-#: Runs of a base without a scene: samples a second, turns and those left out.
-SAMPLE_RATE, TURNS, SETTLE_TURNS = 48_000, 4, 1
-#: A waviness has both.
-WAVE, WAVELENGTH = "profile.waviness.amplitude", "profile.waviness.wavelength"
-#: Any speed: each measure has its own.
+#: Sample rate of a base without a scene, Hz.
+SAMPLE_RATE = 48_000
+#: Number of turns of a base without a scene.
+TURNS = 4
+#: Number of first turns that are excluded.
+SETTLE_TURNS = 1
+#: Path of the amplitude of a waviness, which needs a wavelength.
+WAVE = "profile.waviness.amplitude"
+#: Path of the wavelength of a waviness.
+WAVELENGTH = "profile.waviness.wavelength"
+#: Speed of a base without a scene, rpm. It has no effect, because each measure has its speed.
 SPEED_RPM = 300.0
 
 
 @dataclass(frozen=True)
 class CampaignMeasure:
-    """One measure of a study, and where it stands in rows."""
+    """Measure of a campaign, with its column in the dataset."""
 
     term: Term
 
     @property
     def column(self) -> str:
-        """A plain name, ``lift_offs_at_450rpm``; with the unit where that is not SI."""
-        words = re.sub(r"\W+", "_", self.term.key.replace("@", "_at_"))
-        return words + {"rpm": "_rpm", "dB": "_db"}.get(self.unit, "")
+        """Column name, such as ``lift_offs_at_450rpm``, with the unit if it is not SI."""
+        name = re.sub(r"\W+", "_", self.term.key.replace("@", "_at_"))
+        return name + {"rpm": "_rpm", "dB": "_db"}.get(self.unit, "")
 
     @property
     def unit(self) -> str:
-        """Unit in rows: SI, but for speeds in rpm and levels in dB."""
+        """Unit in the dataset: SI, except for speeds in rpm and levels in dB."""
         quantity = self.term.quantity
         return quantity.unit if quantity.unit in ("rpm", "dB") else quantity.si
 
     @property
     def factor(self) -> float:
-        """One of that unit in SI."""
+        """Value of the unit in SI."""
         return self.term.quantity.units[self.unit]
 
-    def of(self, point: Subject) -> float:
-        """The measure of a point, in its unit in rows."""
+    def compute(self, point: Subject) -> float:
+        """Return the measure of a point, in the unit of the dataset."""
         return self.term.quantity.value(point, self.term, "<=") / self.factor
 
 
 def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, ...]:
-    """The measures of a study whose scene has a model."""
-    found: list[CampaignMeasure] = []
+    """Return the measures of a campaign whose scene has a given model.
+
+    Raises
+    ------
+    ConfigError
+        If a measure is unknown, repeated, or not possible at its speed.
+    """
+    measures: list[CampaignMeasure] = []
     for text in texts:
         term = parse_term(text, measured_in(model))
         quantity = term.quantity
         if term.low < term.high and not quantity.ranges:
-            over = ", ".join(name for name, one in QUANTITIES.items() if one.ranges)
+            range_quantities = ", ".join(name for name, q in QUANTITIES.items() if q.ranges)
             raise ConfigError(
                 f"{term.key}: is a range; allowed: one speed, a measure for each (a range for "
-                f"{over})"
+                f"{range_quantities})"
             )
         if quantity.where == "rpm" and not MIN_SPEED <= term.low <= term.high <= MAX_SPEED:
             raise ConfigError(
                 f"{term.key}: no model takes this speed; allowed: {MIN_SPEED / RPM:g} to "
                 f"{format_number(MAX_SPEED / RPM)} rpm"
             )
-        if CampaignMeasure(term) in found:
+        if CampaignMeasure(term) in measures:
             raise ConfigError(f"measures: {term.key} stands twice; allowed: each once")
-        found.append(CampaignMeasure(term))
-    return tuple(found)
+        measures.append(CampaignMeasure(term))
+    return tuple(measures)
 
 
 def parse_limits(
     texts: Iterable[str], measures: tuple[CampaignMeasure, ...], model: str
 ) -> tuple[Limit, ...]:
-    """The limits of a study, on its measures."""
-    terms = [one.term for one in measures]
-    found = tuple(parse_limit(text, measured_in(model)) for text in texts)
-    for limit in found:
+    """Return the limits of a campaign, each on one of its measures.
+
+    Raises
+    ------
+    ConfigError
+        If a limit is without a value, or its quantity is not measured.
+    """
+    terms = [measure.term for measure in measures]
+    limits = tuple(parse_limit(text, measured_in(model)) for text in texts)
+    for limit in limits:
         if limit.value is None:
             raise ConfigError(f"limit on {limit.term.key}: start; allowed: a number and its unit")
         if limit.term not in terms:
@@ -113,19 +131,22 @@ def parse_limits(
                 f"limit on {limit.term.key}: is not measured; allowed: a limit on "
                 f"{', '.join(term.key for term in terms)}"
             )
-    return found
+    return limits
 
 
-def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
-    """Which values of its measure, in its unit in rows, keep a limit; NaN does not."""
-    assert limit.value is not None  # checked as the study was opened
+def satisfies(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
+    """Return a mask of the values, in the unit of the dataset, that satisfy a limit.
+
+    NaN does not satisfy it.
+    """
+    assert limit.value is not None  # checked by `parse_limits`
     bound = limit.value / CampaignMeasure(limit.term).factor
     return values <= bound if limit.sense == "<=" else values >= bound
 
 
 @dataclass(eq=False)
 class Campaign:
-    """A study on its base: what varies, what is measured, and how points are run."""
+    """Campaign on its base: inputs, measures, limits, cam, rig and scene."""
 
     config: CampaignConfig
     cam: CamConfig
@@ -140,44 +161,44 @@ class Campaign:
         configs: dict[str, Any] = {"cam": self.cam, "rig": self.rig}
         if config.base.scene is not None:
             configs["scene"] = self.scene
-        known = paths_of(configs)
-        self.inputs = tuple(input_of(path, one, known) for path, one in config.vary.items())
+        paths = paths_of(configs)
+        self.inputs = tuple(input_of(path, v, paths) for path, v in config.vary.items())
         self.draws = InputDraws(config, self.inputs)
         self.total, self.seed = self.draws.total, config.plan.seed
 
     def __reduce__(self) -> tuple[type[Campaign], tuple[object, ...]]:
-        """What goes to a worker: the files; the rest is made of them there."""
+        """Pickle the files only, from which a worker computes the other attributes."""
         return Campaign, (self.config, self.cam, self.rig, self.scene)
 
     @cached_property
     def text(self) -> str:
-        """The study and its base as JSON: what a row depends on, beside its index."""
+        """All data on which a row depends, in addition to its index, as JSON."""
         parts = {key: getattr(self, key) for key in ("config", "cam", "rig", "scene")}
-        dumped = {key: one.model_dump(mode="json", exclude_none=True) for key, one in parts.items()}
+        dumped = {key: x.model_dump(mode="json", exclude_none=True) for key, x in parts.items()}
         return json.dumps(dumped, sort_keys=True, separators=(",", ":"))
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of `text`."""
+        """SHA-256 digest of `text`."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
-    def planned(self, points: int | None = None, seed: int | None = None) -> Campaign:
-        """The same with other points or another seed."""
+    def with_plan(self, points: int | None = None, seed: int | None = None) -> Campaign:
+        """Return the campaign with another number of points or another seed."""
         if points is None and seed is None:
             return self
-        given = {"points": points, "seed": seed}
+        changes = {"points": points, "seed": seed}
         data = self.config.model_dump(exclude_none=True)
-        data["plan"] |= {key: value for key, value in given.items() if value is not None}
-        return _checked(replace(self, config=validated(CampaignConfig, data)))
+        data["plan"] |= {key: value for key, value in changes.items() if value is not None}
+        return _check(replace(self, config=validated(CampaignConfig, data)))
 
 
 def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
-    """A study from plain data, as a file holds it."""
+    """Return a campaign from plain data with the structure of a campaign file."""
     return _campaign(validated(CampaignConfig, data), library)
 
 
 def open_campaign(path: Path) -> Campaign:
-    """Read a study and the files it names: of its own folders, or shipped ones."""
+    """Read a campaign file and the files it names, next to it or shipped."""
     config = load(path, CampaignConfig)
     try:
         return _campaign(config, Library.beside(path))
@@ -191,7 +212,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
     if base.scene is not None:
         scene_path = library.file("scenes", base.scene)
         scene = load_scene(scene_path)
-        if is_path(base.scene):  # then the names in it are of its own folders
+        if is_path(base.scene):  # the names in the scene refer to its folders
             library = Library.beside(scene_path)
         name, rig_name = base.cam or scene.cams[0], scene.rig
         if name not in scene.cams:
@@ -199,25 +220,25 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
                 f"base.cam: is {name!r}; allowed: a cam of scene {scene.name}: "
                 f"{', '.join(scene.cams)}"
             )
-    assert name is not None and rig_name is not None  # the schema's
+    assert name is not None and rig_name is not None  # ensured by the schema
     cam_path = library.file("cams", name)
     cam, rig = load_cam(cam_path), load_rig(library.file("rigs", rig_name))
     require_sprung(cam_path, cam)
     scene = (scene or _scene(cam, rig, base.model)).model_copy(update={"cams": [cam.name]})
-    return _checked(Campaign(config, cam, rig, scene))
+    return _check(Campaign(config, cam, rig, scene))
 
 
-def _checked(campaign: Campaign) -> Campaign:
-    """A study whose parts fit together."""
+def _check(campaign: Campaign) -> Campaign:
+    """Return a campaign, or raise a `ConfigError` if its parts do not fit together."""
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
         raise ConfigError(f"vary.{WAVE}: has no wavelength; needed beside it: {WAVELENGTH}")
-    for one in campaign.inputs:
-        if one.path == WAVELENGTH:
-            for wavelength in ends_of(one).tolist():
+    for item in campaign.inputs:
+        if item.path == WAVELENGTH:
+            for wavelength in ends_of(item).tolist():
                 require_wavelength(wavelength)
-    if not any(one.path.startswith("scene.") for one in campaign.inputs):
-        for term in (one.term for one in campaign.measures if one.term.quantity.of_run):
-            try:  # a speed at which the scene cannot turn, whatever the point
+    if not any(item.path.startswith("scene.") for item in campaign.inputs):
+        for term in (item.term for item in campaign.measures if item.term.quantity.of_run):
+            try:  # a speed that the scene cannot run, for any point
                 scene_at(campaign.scene, term.low)
             except ConfigError as error:
                 raise ConfigError(f"{term.key}: {error}") from None
@@ -231,7 +252,7 @@ def _checked(campaign: Campaign) -> Campaign:
 
 
 def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
-    """How points are run where the base is no scene."""
+    """Return the scene that runs the points of a base without a scene."""
     number = partial(quantity, "assumed", source="campaign")
     follower = rig.follower
     split = None not in (follower.roller_share, follower.stem_stiffness, follower.stem_damping)
@@ -241,20 +262,25 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
         "settle_turns": number(SETTLE_TURNS, "turns"),
     }
     head = {"name": "campaign", "title": cam.title, "cams": [cam.name], "rig": rig.name}
-    how = {"model": model or ("two_mass" if split else "one_mass"), "program": program}
-    rate = {"sample_rate": number(SAMPLE_RATE, "Hz")}
-    return SceneConfig.model_validate(head | how | rate)
+    run = {"model": model or ("two_mass" if split else "one_mass"), "program": program}
+    sampling = {"sample_rate": number(SAMPLE_RATE, "Hz")}
+    return SceneConfig.model_validate(head | run | sampling)
 
 
-#: Status of a point: all measures are there, or a reason says why not, or of which turns they are.
-OK, FAILED, UNSETTLED = "ok", "failed", "unsettled"
+#: Status of a point with all measures, each from a steady motion.
+OK = "ok"
+#: Status of a point without some measure; the reason states the error.
+FAILED = "failed"
+#: Status of a point whose motion is not steady; the reason states the measured turns.
+UNSETTLED = "unsettled"
 
 
 @dataclass(frozen=True, eq=False)
 class BatchRows(Batch):
-    """``inputs`` ``(n, d)`` SI and ``measures`` ``(n, k)`` in their columns' units, NaN for none.
+    """Rows of consecutive points.
 
-    A reason is empty where nothing failed and all has settled.
+    ``inputs`` are ``(n, d)`` in SI. ``measures`` are ``(n, k)`` in the units of their columns, NaN
+    if a measure failed. A reason is empty if all measures are steady.
     """
 
     inputs: FloatArray
@@ -263,16 +289,19 @@ class BatchRows(Batch):
 
     @property
     def status(self) -> list[str]:
-        """One a row."""
+        """Status of each row."""
         failed = np.asarray(np.isnan(self.measures).any(axis=1))
         return [
-            FAILED if bad else UNSETTLED if reason else OK
-            for bad, reason in zip(failed, self.reasons, strict=True)
+            FAILED if is_failed else UNSETTLED if reason else OK
+            for is_failed, reason in zip(failed, self.reasons, strict=True)
         ]
 
 
 def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
-    """The rows of points ``first`` to ``last`` (exclusive), each from its index and the study."""
+    """Return the rows of the points ``first`` to ``last`` (exclusive).
+
+    Each row depends only on its index and the campaign.
+    """
     start = time.process_time()
     inputs = campaign.draws.rows(first, last)
     rows = [measure_point(campaign, row) for row in inputs]
@@ -282,35 +311,38 @@ def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
 
 
 def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], str]:
-    """The measures of one point, and why some are missing."""
+    """Return the measures of one point, and a reason if any failed or is not steady."""
     try:
         point = make_point(campaign, inputs)
     except CamRigError as error:
         return [math.nan] * len(campaign.measures), str(error)
-    found, reasons = [], []
+    values, reasons = [], []
     for measure in campaign.measures:
         try:
-            found.append(measure.of(point))
+            values.append(measure.compute(point))
             if unsettled := point.unsettled(measure.term):
                 reasons.append(unsettled)
         except CamRigError as error:
-            found.append(math.nan)
+            values.append(math.nan)
             reasons.append(f"{measure.term.key}: {error}")
-    return found, "; ".join(dict.fromkeys(reasons))
+    return values, "; ".join(dict.fromkeys(reasons))
 
 
 def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
-    """The cam, the rig and the scene with a point's numbers ``(d,)``, SI."""
+    """Return the cam, the rig and the scene of a point.
+
+    ``inputs`` ``(d,)`` are its numbers in SI.
+    """
     numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}
-    for one, value in zip(campaign.inputs, inputs.tolist(), strict=True):
-        root, _, path = one.path.partition(".")
+    for item, value in zip(campaign.inputs, inputs.tolist(), strict=True):
+        root, _, path = item.path.partition(".")
         numbers[root][path] = value
     law, cam = campaign.law, with_numbers(campaign.cam, numbers["cam"])
     if numbers["cam"]:
         law = build_law(cam)
     nominal = law
     if numbers["profile"]:
-        law = ProfileErrors.of(numbers["profile"]).added_to(law)
+        law = ProfileErrors.of(numbers["profile"]).add_to(law)
     rig = with_numbers(campaign.rig, numbers["rig"])
     scene = with_numbers(campaign.scene, numbers["scene"])
     return Subject(law, rig, cam, scene=scene, nominal=nominal)

@@ -1,4 +1,4 @@
-"""cam-rig campaign: thousands of rigs that differ in some numbers, on this machine or a cluster."""
+"""Command ``cam-rig campaign``: many rigs that differ in some numbers."""
 
 from __future__ import annotations
 
@@ -26,76 +26,83 @@ if TYPE_CHECKING:
 
     Place = Callable[[], AbstractContextManager[Workplace]]
 
-#: Longest unit of a time in words that is still told in the one below, with its seconds.
+#: Units of times with their lengths in s, longest first.
 UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
+#: Units of sizes with their values in bytes, largest first.
 SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 
 
 class CampaignProgress(Progress):
-    """A bar, elsewhere a line now and then: time left and size, by the points of this run."""
+    """Progress bar, or periodic log lines, with rate, remaining time and size."""
 
     def __init__(self, dataset: CampaignDataset, bar: Progress) -> None:
         self._dataset, self._bar, self._name = dataset, bar, dataset.campaign.config.name
         self._total = dataset.campaign.total
         self._done = self._total - sum(last - first for first, last in dataset.missing())
-        self._begin: tuple[float, int] | None = None
-        self._told, self._size = time.monotonic(), ""
+        self._start: tuple[float, int] | None = None
+        self._last_log, self._size = time.monotonic(), ""
         bar.start(self._total, self._name)
         bar.advance(self._done)
 
     def advance(self, steps: int = 1) -> None:
-        """So many more were written."""
+        """Count written points and update the display."""
         self._done += steps
         self._bar.advance(steps)
         now = time.monotonic()
-        if self._begin is None:  # before it the workers started: no measure of what follows
-            self._begin = now, self._done
-        left, due = self._total - self._done, now - self._told >= LOG_PERIOD_S
-        if due:
-            self._told, self._size = now, sized(*self._dataset.size())
-        seconds, points, rate = now - self._begin[0], self._done - self._begin[1], ""
+        if self._start is None:  # excludes the start-up time of the workers
+            self._start = now, self._done
+        remaining, is_due = self._total - self._done, now - self._last_log >= LOG_PERIOD_S
+        if is_due:
+            self._last_log, self._size = now, format_size(*self._dataset.size())
+        seconds, points, rate = now - self._start[0], self._done - self._start[1], ""
         if points and seconds > 0.0:
-            rate = f"{points / seconds:.3g} points/s, {in_words(left * seconds / points)} left"
-        ahead = ", ".join(filter(None, (rate, self._size)))
-        self._bar.describe(f"{self._name} {ahead}")
-        if due and left and not console.is_terminal:
-            say(f"{self._name}: {self._done} of {self._total} points, {ahead}")
+            rate = (
+                f"{points / seconds:.3g} points/s, {format_time(remaining * seconds / points)} left"
+            )
+        status = ", ".join(filter(None, (rate, self._size)))
+        self._bar.describe(f"{self._name} {status}")
+        if is_due and remaining and not console.is_terminal:
+            say(f"{self._name}: {self._done} of {self._total} points, {status}")
 
 
-def in_words(seconds: float) -> str:
-    """A time in the largest unit of which there are two or more."""
-    unit, length = next((one for one in UNITS if seconds >= 2.0 * one[1]), UNITS[-1])
+def format_time(seconds: float) -> str:
+    """Return a time as text, in the largest unit of which it has two or more."""
+    unit, length = next((entry for entry in UNITS if seconds >= 2.0 * entry[1]), UNITS[-1])
     return f"{seconds / length:.2g} {unit}" if length > 1.0 else f"{seconds:.0f} s"
 
 
-def sized(now: float, in_all: float) -> str:
-    """Bytes on the disk and at the end."""
-    unit, length = next((one for one in SIZES if in_all >= one[1]), SIZES[-1])
-    return f"{now / length:.3g} of about {in_all / length:.3g} {unit}"
+def format_size(present: float, total: float) -> str:
+    """Return the present and the expected final size in bytes as text."""
+    unit, length = next((entry for entry in SIZES if total >= entry[1]), SIZES[-1])
+    return f"{present / length:.3g} of about {total / length:.3g} {unit}"
 
 
 @command("plot", "csv", "json")
 def campaign(
     study: Annotated[str, typer.Argument(help="Study file, or a name in config/campaigns.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Of the dataset; by default out/NAME.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the dataset (default: out/NAME)."),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the points that the folder has not.")
+        bool,
+        typer.Option("--resume", help="Compute only the points that the folder does not contain."),
     ] = False,
-    points: Annotated[int | None, typer.Option(help="Points, in place of the study's.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed, in place of the study's.")] = None,
+    points: Annotated[
+        int | None, typer.Option(help="Number of points, replaces the study's.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed, replaces the study's.")] = None,
     jobs: Jobs = None,
     dask: Dask = None,
     *,
     progress: Progress,
 ) -> Result:
-    """Measure thousands of rigs that differ in some numbers, and keep a row of each.
+    """Measure thousands of rigs that differ in some numbers, one row per rig.
 
-    The study says what varies, at which points, and what is measured: jump speeds, vibration,
-    forces, levels. Rows go into a folder of Parquet files, readable while it runs; tables of
-    quantiles, yields and shares follow. Rows are the same on any number of processes, and on a
-    Dask cluster. Ctrl-C keeps what is finished; --resume goes on.
+    The study defines the inputs that vary, the points, and the measures: jump speeds, vibration,
+    forces, levels. Rows are stored in a folder of Parquet files, which is readable during the run.
+    Tables of quantiles, yields and shares follow. Rows do not depend on the number of processes,
+    also on a Dask cluster. Ctrl-C keeps finished points, and --resume continues.
 
     In Python: cam_rig.campaign(study, out, points, seed, resume, executor)
 
@@ -110,50 +117,58 @@ def campaign(
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(jobs, dask)
-    asked = open_campaign(named_path("campaigns", study)).planned(points, seed)
-    there = partial(workplace, jobs, dask)
-    given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
-    options = [(key, str(value)) for key, value in given.items() if value is not None]
-    folder = out or Path("out") / asked.config.name
-    words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
-    again = shlex.join([*words, *chain.from_iterable(options)])
-    return _measured(folder, asked, resume, there, again, progress)
+    planned = open_campaign(named_path("campaigns", study)).with_plan(points, seed)
+    pool = partial(workplace, jobs, dask)
+    values = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
+    options = [(key, str(value)) for key, value in values.items() if value is not None]
+    folder = out or Path("out") / planned.config.name
+    arguments = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
+    resume_command = shlex.join([*arguments, *chain.from_iterable(options)])
+    return _run(folder, planned, resume, pool, resume_command, progress)
 
 
-def _measured(
-    folder: Path, asked: Campaign, resume: bool, there: Place, again: str, progress: Progress
+def _run(
+    folder: Path,
+    planned: Campaign,
+    resume: bool,
+    pool: Place,
+    resume_command: str,
+    progress: Progress,
 ) -> Result:
-    """Make the points that are missing; what ends it says how to go on."""
+    """Compute the missing points and return the result of the campaign.
+
+    An error or interrupt names the command that resumes it.
+    """
     from cam_rig.datasets.batches import compute_missing
     from cam_rig.extras import require
     from cam_rig.studies.campaign.dataset import CampaignDataset
     from cam_rig.studies.campaign.results import CampaignResult
 
     require("pyarrow")
-    dataset = CampaignDataset(folder, asked)
-    with dataset.opened(resume) as damaged, _going_on(again):
+    dataset = CampaignDataset(folder, planned)
+    with dataset.opened(resume) as damaged, _with_resume_command(resume_command):
         if damaged:
             say(damaged)
         if dataset.missing():
-            with there() as place:
-                told = CampaignProgress(dataset, progress)
-                compute_missing(dataset, measure_batch, place.executor, place.count, told)
-    found = CampaignResult(dataset)
-    if found.failed == found.points:
+            with pool() as place:
+                reporter = CampaignProgress(dataset, progress)
+                compute_missing(dataset, measure_batch, place.executor, place.count, reporter)
+    result = CampaignResult(dataset)
+    if result.failed == result.points:
         raise DynamicsError(
-            f"{asked.config.name}: {found.failures}; the rows in {folder} have the reason of each; "
-            "remedy: other numbers in the study's vary"
+            f"{planned.config.name}: {result.failures}; the rows in {folder} have the reason of "
+            "each; remedy: other numbers in the study's vary"
         )
-    return found
+    return result
 
 
 @contextmanager
-def _going_on(again: str) -> Iterator[None]:
-    """Ends of a run that leave something to go on with: the command that does is named."""
+def _with_resume_command(resume_command: str) -> Iterator[None]:
+    """Add the command that resumes the campaign to errors and interrupts."""
     try:
         yield
     except KeyboardInterrupt as interrupt:
-        interrupt.args = (f"{interrupt}; what is finished stays, go on with: {again}",)
+        interrupt.args = (f"{interrupt}; what is finished stays, go on with: {resume_command}",)
         raise
     except (OutputError, RunError) as error:
-        raise type(error)(f"{error}; go on with: {again}") from None
+        raise type(error)(f"{error}; go on with: {resume_command}") from None

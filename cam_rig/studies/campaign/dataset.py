@@ -1,10 +1,10 @@
-"""The dataset of a campaign: a folder of Parquet files, one a batch, whole at every moment.
+"""Dataset of a campaign: a folder of Parquet files, one per batch.
 
-A file has its name only when all of it is on the disk, so readers take ``folder/*.parquet`` while
-a campaign runs, and after whatever ended it. The one writer holds a lock on the folder.
+A file gets its name only after all of it is on the disk, so ``folder/*.parquet`` is valid during a
+campaign and after any interruption. The single writer holds a lock on the folder.
 
-The name ends in a digest of the points' range and the file's bytes: both come onto the disk in one
-step, and a flipped bit, a cut or another file's name is seen wherever rows are read.
+The name ends in a digest of the range of points and of the file's bytes. It reveals a changed bit,
+a truncated file and an exchanged file whenever rows are read.
 """
 
 from __future__ import annotations
@@ -22,46 +22,47 @@ from cam_rig.extras import libraries_named
 from cam_rig.studies.campaign.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.units import FloatArray
 
+#: Numbers in a reason, which do not distinguish kinds of reasons.
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignDataset(PointFiles):
-    """The rows of a study in a folder.
+    """Rows of a campaign in a folder.
 
-    Columns: ``point``, ``seed``, ``version`` of cam_rig, the inputs (SI), the measures (their
-    unit is in the schema; null where a point has none), ``status`` and ``reason``. The schema also
-    holds the study as JSON, its fingerprint, and the versions rows may depend on.
+    The columns are ``point``, ``seed``, ``version`` of cam_rig, the inputs (SI), the measures (unit
+    in the schema, null if a measure failed), ``status`` and ``reason``. The schema also contains
+    the campaign as JSON, its fingerprint, and the versions of the packages used.
     """
 
     campaign: Campaign
 
     @cached_property
     def schema(self) -> Any:
-        """Of every file, a `pyarrow.Schema`."""
+        """Schema of every file, a `pyarrow.Schema`."""
         with libraries_named():
             import pyarrow as pa
 
         def field(name: str, kind: Any, unit: str, meaning: str, nullable: bool = False) -> Any:
-            about = {"unit": unit, "meaning": meaning}
-            return pa.field(name, kind, nullable=nullable, metadata=about)
+            metadata = {"unit": unit, "meaning": meaning}
+            return pa.field(name, kind, nullable=nullable, metadata=metadata)
 
-        word = pa.dictionary(pa.int32(), pa.string())
+        text_type = pa.dictionary(pa.int32(), pa.string())
         fields = [
             field("point", pa.int64(), "1", "index in the plan"),
             field("seed", pa.int64(), "1", "of the plan"),
-            field("version", word, "", "of cam_rig"),
+            field("version", text_type, "", "of cam_rig"),
         ]
-        for one in self.campaign.inputs:
-            fields.append(field(one.column, pa.float64(), one.si_unit, one.path))
+        for item in self.campaign.inputs:
+            fields.append(field(item.column, pa.float64(), item.si_unit, item.path))
         for measure in self.campaign.measures:
-            words = measure.term.words
-            fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
-        why = "what failed and why, or did not settle"
-        fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
-        fields.append(field("reason", pa.string(), "", why, True))
-        about = {**self.own, "fingerprint": self.campaign.fingerprint}
-        return pa.schema(fields, metadata=about)
+            meaning = measure.term.words
+            fields.append(field(measure.column, pa.float64(), measure.unit, meaning, True))
+        reason_meaning = "what failed and why, or did not settle"
+        fields.append(field("status", text_type, "", f"{OK}, {UNSETTLED} or {FAILED}"))
+        fields.append(field("reason", pa.string(), "", reason_meaning, True))
+        metadata = {**self.own, "fingerprint": self.campaign.fingerprint}
+        return pa.schema(fields, metadata=metadata)
 
     def _table(self, rows: BatchRows) -> Any:
         import pyarrow as pa
@@ -79,20 +80,26 @@ class CampaignDataset(PointFiles):
         return pa.Table.from_arrays(columns, schema=self.schema)
 
     def column(self, name: str) -> FloatArray:
-        """One column in the order of the points, NaN for null; no other column is kept."""
+        """Return one column in the order of the points, NaN for null.
+
+        Other columns are not kept in memory.
+        """
         parts = [table.column(name).to_numpy() for table in self.tables([name])]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
-        """Why points have a status and how many, most frequent first; numbers alone part none."""
+        """Return the reasons of a status and their numbers of points, most frequent first.
+
+        Reasons that differ only in numbers are counted together.
+        """
         import pyarrow.compute as pc
 
         counts: Counter[str] = Counter()
-        words: dict[str, str] = {}
+        examples: dict[str, str] = {}
         for table in self.tables(["status", "reason"]):
-            given = table.filter(pc.equal(table.column("status"), status)).column("reason")
-            for one in pc.value_counts(given).to_pylist():
-                kind = _NUMBER.sub("#", one["values"])
-                words.setdefault(kind, one["values"])
-                counts[kind] += one["counts"]
-        return [(words[kind], count) for kind, count in counts.most_common()]
+            reasons = table.filter(pc.equal(table.column("status"), status)).column("reason")
+            for entry in pc.value_counts(reasons).to_pylist():
+                kind = _NUMBER.sub("#", entry["values"])
+                examples.setdefault(kind, entry["values"])
+                counts[kind] += entry["counts"]
+        return [(examples[kind], count) for kind, count in counts.most_common()]

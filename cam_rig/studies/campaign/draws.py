@@ -1,4 +1,4 @@
-"""The inputs of points: from the unit cube to numbers, correlated where the study says so."""
+"""Inputs of points: numbers from the unit cube, with correlations if required."""
 
 from __future__ import annotations
 
@@ -16,26 +16,27 @@ from cam_rig.studies.campaign.schema import CampaignConfig, PlanKind
 from cam_rig.units import FloatArray
 
 Indices = NDArray[np.uint64]
-#: Bits of Sobol's sequence; a coordinate is the middle of its smallest interval, never 0 or 1.
+#: Bits of the Sobol sequence. A coordinate is the middle of its smallest interval, never 0 or 1.
 SOBOL_BITS = 30
-#: Rounds of the network that permutes the strata of a Latin hypercube.
+#: Rounds of the Feistel network that permutes the strata of a Latin hypercube.
 ROUNDS = 8
-#: 2^64 over the golden ratio, odd: the step of SplitMix64.
+#: Increment of SplitMix64: 2^64 divided by the golden ratio, odd.
 GOLDEN = 0x9E3779B97F4A7C15
 
 
 def unit_points(
     kind: PlanKind, seed: int, total: int, dimensions: int, first: int, last: int
 ) -> FloatArray:
-    """Points ``first`` to ``last`` (exclusive) of so many in all, ``(last − first, dimensions)``.
+    """Return the points ``first`` to ``last`` (exclusive) in the unit cube.
 
-    Of ``latin_hypercube``, ``sobol`` (scrambled by the seed) or ``shares``: for each point (a, b)
-    of a Sobol sequence of 2d numbers the d + 2 rows a; a with one number of b, d times; b
-    (Saltelli's design, in SALib's order).
+    The shape is ``(last − first, dimensions)``, and ``total`` is the number of all points. ``kind``
+    is ``latin_hypercube``, ``sobol`` (scrambled by the seed) or ``shares``. For ``shares`` each
+    point (a, b) of a Sobol sequence of 2d numbers gives d + 2 rows: a, then a with one number of b,
+    d times, then b (Saltelli's design, in SALib's order).
     """
     if kind == "latin_hypercube":
         index = np.arange(first, last, dtype=np.uint64)
-        columns = [_stratified(index, total, seed, axis) for axis in range(dimensions)]
+        columns = [_latin_coordinate(index, total, seed, axis) for axis in range(dimensions)]
         return np.stack(columns, axis=1)
     if kind == "sobol":
         return _sobol(seed, dimensions, first, last)
@@ -52,7 +53,7 @@ def unit_points(
 def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
     sequence = qmc.Sobol(dimensions, scramble=True, bits=SOBOL_BITS, rng=seed)
     parts = [np.empty((0, dimensions))]
-    if first == 0 < last:  # apart: scipy warns of a first draw that is no power of 2
+    if first == 0 < last:  # separate, because scipy warns of a first draw that is not a power of 2
         parts.append(sequence.random(1))
         first = 1
     else:
@@ -62,20 +63,20 @@ def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
     return np.concatenate(parts) + 0.5 ** (SOBOL_BITS + 1)
 
 
-def _stratified(index: Indices, total: int, seed: int, axis: int) -> FloatArray:
-    """One coordinate of a Latin hypercube: each of ``total`` equal strata is met once."""
-    key = _hashed(np.array([seed, axis], dtype=np.uint64), 1).tolist()
-    stratum = _permuted(index, total, key[0] ^ _rotated(key[1]))
-    inside = (_hashed(index, key[1] ^ _rotated(key[0])) >> np.uint64(11)).astype(np.float64)
-    return np.asarray((stratum + (inside + 0.5) * 2.0**-53) / total)
+def _latin_coordinate(index: Indices, total: int, seed: int, axis: int) -> FloatArray:
+    """Return one coordinate of a Latin hypercube, one point in each stratum."""
+    key = _hash(np.array([seed, axis], dtype=np.uint64), 1).tolist()
+    stratum = _permute(index, total, key[0] ^ _rotate(key[1]))
+    position = (_hash(index, key[1] ^ _rotate(key[0])) >> np.uint64(11)).astype(np.float64)
+    return np.asarray((stratum + (position + 0.5) * 2.0**-53) / total)
 
 
-def _rotated(word: int) -> int:
+def _rotate(word: int) -> int:
     return (word << 32 | word >> 32) & 0xFFFFFFFFFFFFFFFF
 
 
-def _hashed(words: Indices, key: int) -> Indices:
-    """SplitMix64 of words under a key: as good as random, and the same wherever it is computed."""
+def _hash(words: Indices, key: int) -> Indices:
+    """Return SplitMix64 hashes of words under a key, equal on all platforms."""
     with np.errstate(over="ignore"):
         z = (words ^ np.uint64(key)) * np.uint64(GOLDEN) + np.uint64(GOLDEN)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -83,47 +84,53 @@ def _hashed(words: Indices, key: int) -> Indices:
     return np.asarray(z ^ (z >> np.uint64(31)))
 
 
-def _permuted(index: Indices, total: int, key: int) -> Indices:
-    """A permutation of 0 … total − 1 at any indices: a Feistel network, walked until inside."""
+def _permute(index: Indices, total: int, key: int) -> Indices:
+    """Return a permutation of 0 … total − 1 at given indices.
+
+    It is a Feistel network, repeated until the result is below ``total``.
+    """
     half = max(1, -(-(total - 1).bit_length() // 2))
     mask, shift = np.uint64((1 << half) - 1), np.uint64(half)
-    found = index.copy()
-    outside = np.ones(found.size, dtype=bool)
+    result = index.copy()
+    outside = np.ones(result.size, dtype=bool)
     while outside.any():
-        left, right = found[outside] >> shift, found[outside] & mask
+        left, right = result[outside] >> shift, result[outside] & mask
         for step in range(ROUNDS):
-            mixed = _hashed(right, (key + step * GOLDEN) & 0xFFFFFFFFFFFFFFFF)
+            mixed = _hash(right, (key + step * GOLDEN) & 0xFFFFFFFFFFFFFFFF)
             left, right = right, left ^ (mixed & mask)
-        found[outside] = left << shift | right
-        outside = found >= np.uint64(total)
-    return found
+        result[outside] = left << shift | right
+        outside = result >= np.uint64(total)
+    return result
 
 
-def grid_places(counts: list[int], first: int, last: int) -> NDArray[np.intp]:
-    """Which step of each input, the last input fastest, ``(last − first, len(counts))``."""
+def grid_indices(counts: list[int], first: int, last: int) -> NDArray[np.intp]:
+    """Return the step of each input on a grid, ``(last − first, len(counts))``.
+
+    The last input varies fastest.
+    """
     return np.stack(np.unravel_index(np.arange(first, last), counts), axis=1)
 
 
 def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
-    """How many rows a plan has; ``counts`` are the steps of a grid, one for each input."""
+    """Return the number of rows of a plan with grid steps ``counts`` per input."""
     if kind == "grid":
         return math.prod(counts)
-    assert points is not None  # the schema's
+    assert points is not None  # ensured by the schema
     return points * (len(counts) + 2) if kind == "shares" else points
 
 
 @dataclass(eq=False)
 class InputDraws:
-    """The inputs of all points, ``(n, d)`` SI, correlated by a Gaussian copula."""
+    """Inputs of all points, ``(n, d)`` in SI, correlated by a Gaussian copula."""
 
     config: CampaignConfig
     inputs: tuple[CampaignInput, ...]
 
     def __post_init__(self) -> None:
-        variations = [one.variation for one in self.inputs]
+        variations = [item.variation for item in self.inputs]
         self._counts = [len(v.values) if v.values else v.count or 1 for v in variations]
         self.total = rows_of(self.config.plan.kind, self.config.plan.points, self._counts)
-        order = [one.path for one in self.inputs]
+        order = [item.path for item in self.inputs]
         matrix = np.eye(len(order))
         for pair in self.config.correlated:
             i, j = (order.index(path) for path in pair.inputs)
@@ -137,68 +144,78 @@ class InputDraws:
             ) from None
 
     def rows(self, first: int, last: int) -> FloatArray:
-        """Points ``first`` to ``last`` (exclusive); a row depends on its index and the study."""
+        """Return the points ``first`` to ``last`` (exclusive).
+
+        Each row depends only on its index and the campaign.
+        """
         plan = self.config.plan
         if plan.kind == "grid":
-            places = grid_places(self._counts, first, last)
-            columns = [steps_of(one)[places[:, i]] for i, one in enumerate(self.inputs)]
+            indices = grid_indices(self._counts, first, last)
+            columns = [steps_of(item)[indices[:, i]] for i, item in enumerate(self.inputs)]
         else:
             dimensions = len(self.inputs)
             unit = unit_points(plan.kind, plan.seed, self.total, dimensions, first, last)
-            unit = self._correlated(unit)
-            columns = [drawn(one, unit[:, i]) for i, one in enumerate(self.inputs)]
+            unit = self._correlate(unit)
+            columns = [draw(item, unit[:, i]) for i, item in enumerate(self.inputs)]
         return np.stack(columns, axis=1)
 
     def middle(self) -> FloatArray:
-        """Each input in the middle of its distribution, ``(d,)``; a list's number there."""
+        """Return the median of each input, ``(d,)``, the middle number of a list."""
         half = np.array([0.5])
-        return np.concatenate([drawn(one, half) for one in self.inputs])
+        return np.concatenate([draw(item, half) for item in self.inputs])
 
-    def _correlated(self, unit: FloatArray) -> FloatArray:
-        """Term by term: a matrix product may round otherwise in a batch of another length."""
+    def _correlate(self, unit: FloatArray) -> FloatArray:
+        """Return correlated points of the unit cube.
+
+        The sum is computed term by term, because a matrix product may be rounded differently in a
+        batch of another length.
+        """
         if not self.config.correlated:
             return unit
-        normal, found = ndtri(unit), np.zeros_like(unit)
+        normal, correlated = ndtri(unit), np.zeros_like(unit)
         for i, row in enumerate(self._mixing):
             for k, weight in enumerate(row[: i + 1]):
-                found[:, i] += weight * normal[:, k]
-        return np.asarray(ndtr(found))
+                correlated[:, i] += weight * normal[:, k]
+        return np.asarray(ndtr(correlated))
 
 
-def steps_of(one: CampaignInput) -> FloatArray:
-    """The numbers that an input takes on a grid."""
-    variation = one.variation
+def steps_of(item: CampaignInput) -> FloatArray:
+    """Return the numbers that an input takes on a grid."""
+    variation = item.variation
     if variation.values is not None:
         steps = np.array(variation.values)
     else:
-        assert variation.range is not None and variation.count is not None  # the schema's
+        assert variation.range is not None and variation.count is not None  # ensured by the schema
         steps = np.linspace(*variation.range, variation.count)
-    return np.asarray(one.origin + one.factor * steps)
+    return np.asarray(item.origin + item.factor * steps)
 
 
-def ends_of(one: CampaignInput) -> FloatArray:
-    """The least and the largest that an input can be; the middle of what has no ends."""
-    if one.variation.values is not None:
-        steps = steps_of(one)
+def ends_of(item: CampaignInput) -> FloatArray:
+    """Return the smallest and the largest number of an input.
+
+    The result is its median if it is unbounded.
+    """
+    if item.variation.values is not None:
+        steps = steps_of(item)
         return np.array([steps.min(), steps.max()])
-    return drawn(one, np.array([0.5] if one.endless else [0.0, 1.0]))
+    return draw(item, np.array([0.5] if item.endless else [0.0, 1.0]))
 
 
-def drawn(one: CampaignInput, unit: FloatArray) -> FloatArray:
-    """What an input is at places of its distribution, each in (0, 1)."""
-    variation = one.variation
+def draw(item: CampaignInput, unit: FloatArray) -> FloatArray:
+    """Return the numbers of an input at positions of its distribution, each in (0, 1)."""
+    variation = item.variation
     if variation.values is not None:
-        steps = steps_of(one)
+        steps = steps_of(item)
         return np.asarray(steps[np.minimum(unit * steps.size, steps.size - 1).astype(int)])
     if variation.range is not None:
         low, high = variation.range
-        return np.asarray(one.origin + one.factor * (low + (high - low) * unit))
+        return np.asarray(item.origin + item.factor * (low + (high - low) * unit))
     if variation.uniform is not None:
-        return np.asarray(one.mean + one.factor * variation.uniform * (2.0 * unit - 1.0))
+        return np.asarray(item.mean + item.factor * variation.uniform * (2.0 * unit - 1.0))
     spread, within = variation.normal or 0.0, variation.within
     if spread == 0.0:
-        return np.full(unit.size, one.mean)
+        return np.full(unit.size, item.mean)
     if within is not None:
         below = ndtr(-within / spread)
         unit = below + (1.0 - 2.0 * below) * unit
-    return np.asarray(one.mean + one.factor * spread * ndtri(unit))
+    return np.asarray(item.mean + item.factor * spread * ndtri(unit))

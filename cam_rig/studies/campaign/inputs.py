@@ -1,7 +1,7 @@
-"""The numbers of a cam, a rig and a scene by their paths, and the configs with other numbers.
+"""Numbers of a cam, a rig and a scene by their paths, and copies with changes.
 
-Paths are as the files have them: ``rig.follower.mass``, ``cam.segments[1].span``,
-``scene.sample_rate``; and `PROFILE` for the errors of a manufactured cam.
+Paths have the names of the files: ``rig.follower.mass``, ``cam.segments[1].span``,
+``scene.sample_rate``. `PROFILE` has the paths of the errors of a manufactured cam.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from cam_rig.studies.campaign.schema import PERCENT, Variation
 from cam_rig.units import TURN, FloatArray
 
 Config = TypeVar("Config", bound=BaseModel)
-#: Errors of a manufactured cam, with the dimension of each: see `profile_errors`.
+#: Errors of a manufactured cam with their dimensions, see `ProfileErrors`.
 PROFILE = {
     "profile.size": "length",
     "profile.eccentricity.amplitude": "length",
@@ -34,8 +34,9 @@ PROFILE = {
     "profile.waviness.phase": "angle",
 }
 
+#: Token of a path: a name or an index.
 _TOKEN = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
-#: SI unit of a dimension: the one with the factor 1.
+#: SI unit of each dimension: the unit with the factor 1.
 _SI = {
     dimension: next(u for u, f in units.items() if f == 1.0) for dimension, units in UNITS.items()
 }
@@ -43,7 +44,7 @@ _SI = {
 
 @dataclass(frozen=True)
 class CampaignInput:
-    """One number that varies: its path, the base's number (SI) and its dimension."""
+    """Number that varies: path, value of the base (SI), dimension and variation."""
 
     path: str
     base: float
@@ -52,64 +53,73 @@ class CampaignInput:
 
     @property
     def si_unit(self) -> str:
-        """Unit of the number in rows."""
+        """Unit in the dataset."""
         return _SI[self.dimension]
 
     @property
     def column(self) -> str:
-        """Its column in a dataset, a plain name: ``rig_follower_mass``."""
+        """Column name in the dataset, such as ``rig_follower_mass``."""
         return re.sub(r"\W+", "_", self.path).strip("_")
 
     @property
     def factor(self) -> float:
-        """What one of the variation's unit is in SI: of the base's number where it is relative."""
+        """Value of the variation's unit in SI, of percents 1 % of the base's number."""
         if self.variation.unit == PERCENT:
             return 0.01 * abs(self.base)
         return UNITS[self.dimension][self.variation.unit]
 
     @property
     def origin(self) -> float:
-        """What the variation's numbers count from, SI: zero, or the base's number for percents."""
+        """Origin of the variation's numbers, SI: zero, or the base's number for percents."""
         return self.base if self.variation.unit == PERCENT else 0.0
 
     @property
     def mean(self) -> float:
-        """Of a distribution, SI."""
-        own = self.variation.mean
-        return self.base if own is None else own * self.factor
+        """Mean of the distribution, SI."""
+        mean = self.variation.mean
+        return self.base if mean is None else mean * self.factor
 
     @property
     def endless(self) -> bool:
-        """Whether its distribution has no ends."""
+        """True if the distribution is unbounded."""
         return self.variation.normal is not None and self.variation.within is None
 
 
 def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
-    """Every number that can vary, SI, with its dimension; a list's numbers one by one."""
-    found: dict[str, tuple[float, str]] = {path: (0.0, kind) for path, kind in PROFILE.items()}
+    """Return all numbers that can vary, SI, with their dimensions, by path.
+
+    The numbers of a list have separate paths.
+    """
+    numbers: dict[str, tuple[float, str]] = {path: (0.0, kind) for path, kind in PROFILE.items()}
     for name, config in configs.items():
         for path, number in quantities(config, f"{name}."):
             dimension = next(key for key, units in UNITS.items() if number.unit in units)
             if isinstance(number.raw, list):
                 for i, value in enumerate(number.si_list):
-                    found[f"{path}[{i}]"] = value, dimension
+                    numbers[f"{path}[{i}]"] = value, dimension
             else:
-                found[path] = number.si, dimension
-    return found
+                numbers[path] = number.si, dimension
+    return numbers
 
 
 def input_of(
-    path: str, variation: Variation, known: Mapping[str, tuple[float, str]]
+    path: str, variation: Variation, numbers: Mapping[str, tuple[float, str]]
 ) -> CampaignInput:
-    """One input, checked against the base."""
-    if path not in known:
-        roots = sorted({key.split(".")[0] for key in known})
-        hint = _hint(path, known)
+    """Return an input, checked against the base.
+
+    Raises
+    ------
+    ConfigError
+        If the base has no such number, or the unit does not match.
+    """
+    if path not in numbers:
+        roots = sorted({key.split(".")[0] for key in numbers})
+        hint = _hint(path, numbers)
         raise ConfigError(
             f"vary.{path}: the base has no such number{hint}; allowed: a number of "
             f"{', '.join(roots)} by its path, such as rig.follower.preload"
         )
-    base, dimension = known[path]
+    base, dimension = numbers[path]
     if variation.unit == PERCENT:
         if base == 0.0:
             raise ConfigError(f"vary.{path}: is 0 in the base; allowed: a unit, and no percents")
@@ -122,39 +132,39 @@ def input_of(
     return CampaignInput(path, base, dimension, variation)
 
 
-def _hint(path: str, known: Mapping[str, object]) -> str:
-    """The number that a path goes beyond, or those it stops short of; else the likeliest."""
-    beyond = [key for key in known if path.startswith(f"{key}.")]
-    short = [key for key in known if key.startswith(f"{path}.")]
-    if len(found := beyond or short) > 1:
-        return f" (did you mean one of {', '.join(found)}?)"
-    return did_you_mean(found[0] if found else path, known)
+def _hint(path: str, numbers: Mapping[str, object]) -> str:
+    """Return a hint to the numbers at a similar path, as text."""
+    shorter = [key for key in numbers if path.startswith(f"{key}.")]
+    longer = [key for key in numbers if key.startswith(f"{path}.")]
+    if len(matches := shorter or longer) > 1:
+        return f" (did you mean one of {', '.join(matches)}?)"
+    return did_you_mean(matches[0] if matches else path, numbers)
 
 
 def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
-    """A config with other numbers (SI) by their paths below it."""
+    """Return a config with other numbers (SI) at paths below it."""
     if not numbers:
         return config
-    data = _own(config)
+    data = _copy(config)
     for path, value in numbers.items():
-        _put(data, _TOKEN.findall(path), value)
+        _set(data, _TOKEN.findall(path), value)
     return validated(type(config), data)
 
 
-def _own(node: Any) -> Any:
-    """A list, or the fields of a model, to be changed; what they hold stays as it is."""
+def _copy(node: Any) -> Any:
+    """Return a copy of a list, or of the fields of a model, with the same content."""
     if isinstance(node, list):
         return list(node)
-    return {key: one for key, one in dict(node).items() if one is not None}
+    return {key: value for key, value in dict(node).items() if value is not None}
 
 
-def _put(node: Any, tokens: list[str], value: float) -> None:
-    """Put a number (SI) where a path leads; what is on the way becomes this config's own copy."""
+def _set(node: Any, tokens: list[str], value: float) -> None:
+    """Set a number (SI) at a path, and copy the containers along it."""
     for token in tokens:
         if isinstance(node, dict) and "unit" in node and token.startswith("["):
             break
         key = int(token[1:-1]) if token.startswith("[") else token
-        node[key] = node = _own(node[key])
+        node[key] = node = _copy(node[key])
     origin, factor = next(key for key in ORIGINS if key in node), FACTORS[node["unit"]]
     if isinstance(node[origin], list):
         node[origin] = list(node[origin])
@@ -165,20 +175,22 @@ def _put(node: Any, tokens: list[str], value: float) -> None:
 
 # Errors of a manufactured cam, added to its law as a piecewise polynomial.
 
-#: Pieces of a wave.
+#: Pieces per wavelength.
 PER_WAVE = 12
-#: A wave closes the turn over so many wavelengths, at the turn's end.
+#: Number of wavelengths at the end of the turn over which a wave is closed.
 CLOSING_WAVES = 2.0
-#: Shortest wavelength, rad (0.1°), and longest (a turn).
-SHORTEST, LONGEST = TURN / 3600.0, TURN
-#: Degree of the pieces that carry sines.
+#: Shortest wavelength: 0.1°, rad.
+SHORTEST = TURN / 3600.0
+#: Longest wavelength: one turn, rad.
+LONGEST = TURN
+#: Degree of the pieces that approximate sines.
 DEGREE = 5
-#: Ordinates of the step 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷ and of its slope and curvature.
+#: Coefficients of the blend 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷.
 _STEP = np.array([35.0, -84.0, 70.0, -20.0])
 
 
 def require_wavelength(wavelength: float) -> None:
-    """Refuse a wavelength (rad) that cannot be followed."""
+    """Raise a `ConfigError` if a wavelength (rad) is out of range."""
     if not SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9):
         raise ConfigError(
             f"profile.waviness.wavelength: is {math.degrees(wavelength):.6g} deg; allowed: "
@@ -188,7 +200,7 @@ def require_wavelength(wavelength: float) -> None:
 
 @dataclass(frozen=True)
 class ProfileErrors:
-    """Errors of one cam: lengths in m, angles in rad of cam angle; a phase is that at θ = 0."""
+    """Errors of one cam: lengths in m, angles in rad of cam angle, phases at θ = 0."""
 
     size: float = 0.0
     eccentricity: float = 0.0
@@ -199,11 +211,13 @@ class ProfileErrors:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> ProfileErrors:
-        """From numbers (SI) by their paths below ``profile``."""
-        own = {path.replace(".amplitude", "").replace(".", "_"): x for path, x in numbers.items()}
-        if (wavelength := own.pop("waviness_wavelength", None)) is not None:
+        """Create errors from numbers (SI) by their paths below ``profile``."""
+        fields = {
+            path.replace(".amplitude", "").replace(".", "_"): x for path, x in numbers.items()
+        }
+        if (wavelength := fields.pop("waviness_wavelength", None)) is not None:
             require_wavelength(wavelength)
-        return cls(**own, wavelength=wavelength)
+        return cls(**fields, wavelength=wavelength)
 
     @property
     def _step(self) -> float:
@@ -212,59 +226,60 @@ class ProfileErrors:
         waves += [self.wavelength] if self.waviness and self.wavelength else []
         return min(waves, default=math.inf) / PER_WAVE
 
-    def added_to(self, law: Law) -> Law:
-        """The law with the errors, of degree 5 at least.
+    def add_to(self, law: Law) -> Law:
+        """Return the law with the errors, of degree 5 or higher.
 
-        Its pieces are cut into equal parts, `PER_WAVE` of a wave at least, and each part takes the
-        quintic with the error's value, slope and curvature at both its ends: C2 at every joint, and
-        the error itself but for |Δs| ≤ h⁶ M/46080 and |Δs''| ≤ h⁴ M/1920, M its largest sixth
-        derivative (Birkhoff and Priver 1967). Of a wave a sin kθ that is 4.5e-7 a, and 3.9e-5 of
-        its a k²; in the closing up to five times as much. The law itself is kept exactly.
+        Its pieces are cut into equal parts, at least `PER_WAVE` per wavelength. The error of each
+        part is the quintic with the error's value, slope and curvature at both ends. It is C2 at
+        every joint. It differs from the exact error by |Δs| ≤ h⁶ M/46080 and |Δs''| ≤ h⁴ M/1920,
+        where M is the largest sixth derivative (Birkhoff and Priver 1967). For a wave a sin kθ
+        these are 4.5e-7 a, and 3.9e-5 of a k², and up to five times as much in the closing range.
+        The law itself is represented exactly.
         """
         if not (self.eccentricity or self.waviness):
             ordinates = law.ordinates + self.size if self.size else law.ordinates
             return Law(law.name, law.breaks, ordinates)
         counts = np.ceil(law.spans / self._step * (1.0 - 1e-12)).astype(int)
-        own, breaks = bernstein.cut(law.ordinates, law.breaks, counts)
+        cut_ordinates, breaks = bernstein.cut(law.ordinates, law.breaks, counts)
         degree = max(DEGREE, law.degree)
-        ordinates = bernstein.elevate(own, degree) + self.ordinates(breaks, degree)
+        ordinates = bernstein.elevate(cut_ordinates, degree) + self.ordinates(breaks, degree)
         return Law(law.name, breaks, ordinates)
 
     def at(self, angle: FloatArray) -> FloatArray:
-        """Value (m), slope (m/rad) and curvature (m/rad²) of the errors at cam angles, (3, n).
+        """Return value (m), slope (m/rad) and curvature (m/rad²), ``(3, n)``.
 
-        A wave that goes into the turn a whole number of times is a sine all around. Any other
-        would step at the turn's end: over the last two wavelengths it passes smoothly (C3) into
-        the sine that began a turn ahead, a blend no larger than either.
+        A wave with a whole number of wavelengths per turn is a sine. Any other wave would step at
+        the end of the turn. It is therefore blended over the last two wavelengths (C3) into the
+        sine that starts one turn later. The blend is not larger than either sine.
         """
-        found = np.zeros((3, angle.size))
+        errors = np.zeros((3, angle.size))
         if self.eccentricity:
-            found += _sine(self.eccentricity, TURN, self.eccentricity_phase, angle)
-        found[0] += self.size
+            errors += _sine(self.eccentricity, TURN, self.eccentricity_phase, angle)
+        errors[0] += self.size
         if self.waviness and self.wavelength:
-            found += self._wave(angle, self.wavelength)
-        return found
+            errors += self._wave(angle, self.wavelength)
+        return errors
 
     def _wave(self, angle: FloatArray, wavelength: float) -> FloatArray:
         closing = min(CLOSING_WAVES * wavelength, TURN)
-        found = _sine(self.waviness, wavelength, self.waviness_phase, angle)
+        wave = _sine(self.waviness, wavelength, self.waviness_phase, angle)
         blended = angle > TURN - closing
-        own, angle = found[:, blended], angle[blended]
-        ahead = _sine(self.waviness, wavelength, self.waviness_phase, angle - TURN)
+        blend, angle = wave[:, blended], angle[blended]
+        next_turn = _sine(self.waviness, wavelength, self.waviness_phase, angle - TURN)
         t = np.clip((angle - (TURN - closing)) / closing, 0.0, 1.0)
         powers = np.stack([t**k for k in range(2, 8)])
         step = _STEP @ powers[2:]
         slope = (_STEP * [4, 5, 6, 7]) @ powers[1:5] / closing
         curvature = (_STEP * [12, 20, 30, 42]) @ powers[:4] / closing**2
-        gap = ahead - own
-        own[0] += step * gap[0]
-        own[1] += step * gap[1] + slope * gap[0]
-        own[2] += step * gap[2] + 2.0 * slope * gap[1] + curvature * gap[0]
-        found[:, blended] = own
-        return found
+        gap = next_turn - blend
+        blend[0] += step * gap[0]
+        blend[1] += step * gap[1] + slope * gap[0]
+        blend[2] += step * gap[2] + 2.0 * slope * gap[1] + curvature * gap[0]
+        wave[:, blended] = blend
+        return wave
 
     def ordinates(self, ends: FloatArray, degree: int) -> FloatArray:
-        """Of the quintics between neighbouring angles ``(n + 1,)``, ``(degree + 1, n)``."""
+        """Return the quintics between angles ``(n + 1,)``, ``(degree + 1, n)``."""
         value, slope, curvature = self.at(ends)
         h = np.diff(ends)
         left = [value[:-1], value[:-1] + slope[:-1] * h / 5.0]
@@ -275,7 +290,7 @@ class ProfileErrors:
 
 
 def _sine(amplitude: float, wavelength: float, phase: float, angle: FloatArray) -> FloatArray:
-    """Value, slope and curvature of a sine, ``(3, n)``."""
+    """Return value, slope and curvature of a sine, ``(3, n)``."""
     k = TURN / wavelength
     sine, cosine = np.sin(k * angle + phase), np.cos(k * angle + phase)
     return np.asarray(amplitude * np.stack([sine, k * cosine, -(k**2) * sine]))

@@ -1,4 +1,4 @@
-"""A campaign: one cam on one rig, what varies about them, which points, and what is measured."""
+"""Schema of a campaign file: base, variations, plan, measures and limits."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cam_rig.schema.scene import Model, Name
 
 #: The unit of a variation that is relative to the base's number.
 PERCENT = "%"
-#: Points of a campaign, at most: its results take a column at a time, 0.8 GB of so many.
+#: Largest number of points. Results read one column at a time, 0.8 GB for this number.
 MAX_POINTS = 100_000_000
-#: Steps of a range on a grid, at most.
+#: Largest number of steps of a range on a grid.
 MAX_COUNT = 100_000
-#: Inputs of a campaign, at most.
+#: Largest number of inputs.
 MAX_INPUTS = 100
 
 
@@ -29,7 +29,7 @@ def _file(text: str) -> str:
     return text
 
 
-#: A file by its name, or by its path.
+#: Name of a shipped file, or path of a file.
 FileOrName = Annotated[str, AfterValidator(_file)]
 Finite = Annotated[FiniteFloat, Field(strict=True)]
 Spread = Annotated[FiniteFloat, Field(strict=True, ge=0.0)]
@@ -37,11 +37,12 @@ PlanKind = Literal["grid", "latin_hypercube", "sobol", "shares"]
 
 
 class Variation(Strict):
-    """What one number does: exactly one of ``values``, ``range``, ``normal``, ``uniform``.
+    """Variation of one number.
 
-    In ``unit``, or in percent of the base's number. ``normal`` is a standard deviation, cut off
-    ``within`` so much of the mean; ``uniform`` is half the width. The mean is the base's number
-    where none is given. On a grid a range has ``count`` steps.
+    It has exactly one of ``values``, ``range``, ``normal`` and ``uniform``. Numbers are in
+    ``unit``, or in percent of the base's number. ``normal`` is a standard deviation, truncated to
+    ``within`` on both sides of the mean. ``uniform`` is half of the width. The mean is the base's
+    number by default. On a grid a range has ``count`` steps.
     """
 
     values: list[Finite] | None = Field(default=None, min_length=1)
@@ -77,21 +78,21 @@ class Variation(Strict):
 
     @model_validator(mode="after")
     def _known_unit(self) -> Variation:
-        known = {unit for units in UNITS.values() for unit in units}
-        if self.unit not in known | {PERCENT}:
-            words = ", ".join(sorted(known - {"1"}))
-            raise ValueError(f"has unit {self.unit!r}; allowed: % or one of {words}")
+        known_units = {unit for units in UNITS.values() for unit in units}
+        if self.unit not in known_units | {PERCENT}:
+            allowed = ", ".join(sorted(known_units - {"1"}))
+            raise ValueError(f"has unit {self.unit!r}; allowed: % or one of {allowed}")
         if self.unit == PERCENT and self.mean is not None:
             raise ValueError("mean: is the base's number where the unit is %; allowed: no mean")
         return self
 
 
 class CampaignBase(Strict):
-    """What is varied: a scene's cam and rig, or a cam and a rig.
+    """Base of a campaign: the cam and the rig of a scene, or a cam and a rig.
 
-    Each by its name or by a path, relative to the study's folder. ``model`` runs the measures that
-    need a motion: by default the scene's, without a scene two masses where the rig splits its mass,
-    else one.
+    Each is a name, or a path relative to the campaign's folder. ``model`` runs the measures that
+    need a motion. It is that of the scene. Without a scene it is two masses if the rig defines
+    their split, otherwise one mass.
     """
 
     scene: FileOrName | None = None
@@ -109,14 +110,17 @@ class CampaignBase(Strict):
 
 
 class CorrelatedPair(Strict):
-    """Two inputs that vary together: the correlation of the normal numbers behind them."""
+    """Two inputs, and the correlation of the normal numbers that they are drawn from."""
 
     inputs: tuple[str, str]
     coefficient: Annotated[FiniteFloat, Field(strict=True, gt=-1.0, lt=1.0)]
 
 
 class CampaignPlan(Strict):
-    """Which points; ``points`` of ``shares`` are of its base sample, each of d + 2 rows."""
+    """Points of a campaign.
+
+    ``points`` of the kind ``shares`` is the size of the base sample, each of which has d + 2 rows.
+    """
 
     kind: PlanKind
     points: int | None = Field(default=None, strict=True, ge=1)
@@ -134,7 +138,7 @@ class CampaignPlan(Strict):
 
 
 class CampaignConfig(Strict):
-    """One file of ``config/campaigns/``; `cam_rig.campaign` says what paths there are."""
+    """Content of a campaign file in ``config/campaigns/``."""
 
     name: Name
     title: str
@@ -163,14 +167,14 @@ class CampaignConfig(Strict):
 
     @model_validator(mode="after")
     def _pairs(self) -> CampaignConfig:
-        seen = set()
+        pairs = set()
         for pair in self.correlated:
             unknown = [path for path in pair.inputs if path not in self.vary]
             if unknown or pair.inputs[0] == pair.inputs[1]:
                 raise ValueError(
                     f"correlated: {list(pair.inputs)}; allowed: two of {', '.join(self.vary)}"
                 )
-            if frozenset(pair.inputs) in seen:
+            if frozenset(pair.inputs) in pairs:
                 raise ValueError(f"correlated: {list(pair.inputs)} stands twice; allowed: once")
-            seen.add(frozenset(pair.inputs))
+            pairs.add(frozenset(pair.inputs))
         return self

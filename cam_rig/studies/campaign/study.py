@@ -1,4 +1,4 @@
-"""A campaign run: batches of points to an executor, their rows to the dataset as they come."""
+"""Run of a campaign: batches of points on an executor, stored in the dataset."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.results import CampaignResult
 
 
-def opened(study: str | Path | Mapping[str, Any]) -> Campaign:
-    """A study by its name in ``config/campaigns``, a path, or what such a file holds."""
+def load_study(study: str | Path | Mapping[str, Any]) -> Campaign:
+    """Return a campaign by its name in ``config/campaigns``, a path, or plain data."""
     if isinstance(study, Mapping):
         return campaign_from(study, Library((config_root(),)))
     return open_campaign(named_path("campaigns", study))
@@ -35,38 +35,54 @@ def campaign(
     executor: Executor | None = None,
     workers: int = 1,
 ) -> CampaignResult:
-    """Measure many rigs that differ in some numbers; rows go into a folder of Parquet files.
+    """Measure many rigs that differ in some numbers, and store one row per rig.
 
-    The command is ``cam-rig campaign``.
+    The command is ``cam-rig campaign``. Rows are stored in a folder of Parquet files.
 
     Parameters
     ----------
-    study : a name in ``config/campaigns``, a path, or what such a file holds
-    out : folder of the dataset
-    points, seed : in place of the study's
-    resume : go on with the points that the folder has not; a file that is not as it was written
-        is named in a warning, and its points are made again
-    executor : where points are measured: a `ProcessPoolExecutor`, Dask's
-        ``client.get_executor()``; None is this process. Rows are the same
-    workers : batches the executor takes at a time
+    study : str, Path or mapping
+        Name in ``config/campaigns``, path of a campaign file, or its content.
+    out : str or Path
+        Folder of the dataset.
+    points : int, optional
+        Number of points (default: that of the campaign).
+    seed : int, optional
+        Seed (default: that of the campaign).
+    resume : bool, optional
+        Compute only the points that the folder does not contain. A warning names damaged files,
+        whose points are computed again.
+    executor : Executor, optional
+        Executor that measures the points, such as a `ProcessPoolExecutor` or Dask's
+        ``client.get_executor()`` (default: this process). Rows do not depend on it.
+    workers : int, optional
+        Number of batches that the executor processes at a time.
+
+    Returns
+    -------
+    CampaignResult
 
     Raises
     ------
-    ConfigError : something wrong in the study, or a folder of other rows
-    OutputError : the folder cannot be written
-    RunError : the executor broke down; what is finished stays
-    MissingLibraryError : pyarrow is not installed
+    ConfigError
+        If the campaign is invalid, or the folder has other rows.
+    OutputError
+        If the folder cannot be written.
+    RunError
+        If the executor fails. Finished rows are kept.
+    MissingLibraryError
+        If pyarrow is not installed.
 
     Examples
     --------
     >>> import tempfile, cam_rig
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     found = cam_rig.campaign("tolerance_poly345", folder, points=8)
-    ...     found.to_pandas().jump_speed_rpm.round(1).tolist()[:3]
+    ...     result = cam_rig.campaign("tolerance_poly345", folder, points=8)
+    ...     result.to_pandas().jump_speed_rpm.round(1).tolist()[:3]
     [173.8, 416.3, 274.9]
     """
     require("pyarrow")
-    dataset = CampaignDataset(Path(out), opened(study).planned(points, seed))
+    dataset = CampaignDataset(Path(out), load_study(study).with_plan(points, seed))
     with dataset.opened(resume) as damaged:
         if damaged:
             warnings.warn(damaged, stacklevel=2)

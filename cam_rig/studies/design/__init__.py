@@ -1,3 +1,3 @@
-"""The best law of a class: convex programs in its ordinates, and the bounds that prove it."""
+"""Optimal laws of a class from convex programs, with proved bounds."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""cam-rig design: the best law of a class between a cam's dwells, and the bound that proves it."""
+"""Command ``cam-rig design``: the best law of a class and its bound."""
 
 from __future__ import annotations
 
@@ -22,15 +22,18 @@ if TYPE_CHECKING:
 
 Limits = Annotated[
     list[str] | None,
-    typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
+    typer.Option(help="Limit, such as 'peak_acceleration<=start'; can be repeated."),
 ]
 Keep = Annotated[
-    str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
+    str,
+    typer.Option(help="Parts of the start to keep: events,dwells,lift or dwells,lift or lift."),
 ]
-Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or spans, to begin from.")]
+Starts = Annotated[
+    int, typer.Option(help="Number of start laws or spans of a search that is not convex.")
+]
 Second = Annotated[
     str | None,
-    typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
+    typer.Option(metavar="QUANTITY", help="Compute a front: the best goal over this quantity."),
 ]
 
 
@@ -49,9 +52,11 @@ def design(
     keep: Keep = "events,dwells,lift",
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
-    degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
+    degree: Annotated[
+        int | None, typer.Option(help="Degree, up to 15 (default: joints + 2).")
+    ] = None,
     starts: Starts = 8,
-    seed: Annotated[int, typer.Option(help="Of the random ones among them.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 1,
     pareto: Second = None,
     points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
     rig: RigOfCam = None,
@@ -61,15 +66,15 @@ def design(
     *,
     progress: Progress,
 ) -> Result:
-    """Design the law that is best by a goal, and bound what any law of its class could reach.
+    """Design the law that is best by a goal, with a bound for all laws of its class.
 
-    The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
+    The law is a B-spline in each event of the start. Dwells, events and lift are kept. Goals:
     jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force_rigid@450rpm (maximise);
     residual_vibration@200-400rpm, sound_level_rigid@200-400rpm, peak_velocity, peak_acceleration,
-    peak_jerk, rms_acceleration, peak_contact_force_rigid@450rpm (minimise). Without a bound, as
-    the best of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm,
-    pressure_angle (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg,
-    velocity@90deg, acceleration@80-100deg, event_angle@1. Ctrl-C keeps the best.
+    peak_jerk, rms_acceleration, peak_contact_force_rigid@450rpm (minimise). Goals without a bound,
+    by several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm, pressure_angle
+    (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg, velocity@90deg,
+    acceleration@80-100deg, event_angle@1. Ctrl-C keeps the best law so far.
 
     In Python: cam_rig.design(cam, rig, minimise, maximise, limits, …, pareto, points)
 
@@ -84,16 +89,19 @@ def design(
     if out is not None and pareto is not None:
         raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
     new_yaml(out)
-    asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
+    goals = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
     others = {"starts": starts, "seed": seed, "keep": keep.split(",")}
-    class_ = {"pieces": pieces, "joints": joints, "degree": degree}
+    law_class = {"pieces": pieces, "joints": joints, "degree": degree}
     return _found(
-        _config(start, asked, rig=rig, class_=class_, **others), pareto, points, out, progress
+        _config(start, goals, rig=rig, class_=law_class, **others), pareto, points, out, progress
     )
 
 
-def _config(start: str, asked: dict[str, Any], **others: Any) -> DesignConfig:
-    """What the command line asks for, or a design file, whose files are beside it or shipped."""
+def _config(start: str, goals: dict[str, Any], **others: Any) -> DesignConfig:
+    """Return the design of the command line, or of a design file.
+
+    The files that a design file names are next to it, or shipped.
+    """
     from cam_rig.schema.load import cam_path, load
     from cam_rig.simulation.asked import own_rig
     from cam_rig.studies.design.request import ClassConfig, DesignConfig, is_design
@@ -102,15 +110,15 @@ def _config(start: str, asked: dict[str, Any], **others: Any) -> DesignConfig:
     if not is_design(path):
         others["rig"] = str(own_rig([path])) if others["rig"] is None else others["rig"]
         others["class_"] = ClassConfig(**others["class_"])
-        return DesignConfig.model_construct(start=start, **asked, **others)
-    if any(asked.values()):
+        return DesignConfig.model_construct(start=start, **goals, **others)
+    if any(goals.values()):
         raise ConfigError(
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
             "--maximise, --limit"
         )
     file = load(path, DesignConfig)
     beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
-    return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
+    return file.model_copy(update={key: str(p) for key, p in beside.items() if p.is_file()})
 
 
 def _found(
@@ -127,31 +135,34 @@ def _found(
     if second is not None:
         return front(cam, rig, request, second, points, progress)
     name = config.name or (None if out is None else out.stem)
-    found = _best(cam, rig, request, name, progress)
+    result = _best(cam, rig, request, name, progress)
     if out is not None:
         with writing(out) as part:
-            part.write_text(found.text, encoding="utf-8")
+            part.write_text(result.text, encoding="utf-8")
         say(f"cam: {out}")
-    return found
+    return result
 
 
 def _best(
     cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
 ) -> LawDesign:
-    """Solve it and tell the best so far, which Ctrl-C keeps."""
+    """Search for the best law and report progress.
+
+    Ctrl-C returns the best law so far.
+    """
     from cam_rig.studies.design import study
 
     quantity = request.goal.quantity
     best: list[Callable[[], LawDesign]] = []
 
-    def told(better: Callable[[], LawDesign], value: float) -> None:
+    def on_better(better: Callable[[], LawDesign], value: float) -> None:
         best[:] = [better]
         value /= quantity.factor
         progress.describe(f"{request.words}: {value:.5g} {quantity.unit} so far")
 
     progress.start(None, request.words)
     try:
-        return study.search_design(cam, rig, request, name, told)
+        return study.search_design(cam, rig, request, name, on_better)
     except KeyboardInterrupt:
         if not best:
             raise

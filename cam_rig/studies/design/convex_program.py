@@ -1,8 +1,8 @@
-"""A convex program in a design's unknowns and one level t, solved, and bounded by its multipliers.
+"""Convex program in the unknowns of a design and a level t, and its bound.
 
-The bound does not rest on the solver: any multipliers of the right signs give one (weak duality),
-and these are put right and the bound computed here, in a few sums. Numbers in brackets are the
-inequalities of docs/proofs.md, part 2.
+The bound comes from the multipliers and does not rely on the solver. Any multipliers of the right
+signs give a bound (weak duality). The multipliers are corrected and the bound is computed here, in
+a few sums. Numbers in brackets are the inequalities of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
@@ -21,34 +21,39 @@ from cam_rig.errors import DesignError
 from cam_rig.extras import libraries_named
 from cam_rig.units import FloatArray
 
-#: An ordinate of a law is at most so many lifts.
-BOX, LARGEST = 10.0, "ordinates"
-#: How the solver is set, one after the other until it ends well. Left to itself it takes another
-#: factorisation for larger programs, three times as slow on these.
-ALWAYS = {"verbose": False, "max_iter": 400, "direct_solve_method": "qdldl"}
-TUNINGS = (
+#: Largest ordinate of a law, in lifts.
+MAX_ORDINATE = 10.0
+#: Name of the limit on the ordinates in messages.
+ORDINATE_LIMIT = "ordinates"
+#: Options of every solver run. The default factorisation is three times slower on these programs.
+SOLVER_OPTIONS = {"verbose": False, "max_iter": 400, "direct_solve_method": "qdldl"}
+#: Further options, tried in turn until the solver converges.
+SOLVER_TUNINGS = (
     {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
     {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
     {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
 )
 
-#: Where it does not, a solution is used that breaks no row, and is as near to its bound.
-USABLE = 1e-5
-#: Limits are proved to contradict each other for levels of no more than this size.
-LEVELS = 1e4
-#: A limit counts as active where it is met to this part of its scale.
-ACTIVE = 1e-5
+#: Tolerance of rows and of the relative gap within which an unconverged solution is used.
+USABLE_ATOL = 1e-5
+#: Largest |t| for which a contradiction of limits is proved.
+MAX_LEVEL = 1e4
+#: Largest distance of the row of an active limit, in its scale.
+ACTIVE_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``; A is sparse or dense, any of it complex."""
+    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``.
+
+    A is sparse or dense. Both may be complex.
+    """
 
     constant: NDArray[Any]
     matrix: Any
 
     def __call__(self, unknowns: FloatArray) -> NDArray[Any]:
-        """The values at unknowns ``(m,)``."""
+        """Return the values at unknowns ``(m,)``."""
         return np.asarray(self.constant + self.matrix @ unknowns)
 
     def __add__(self, other: Affine) -> Affine:
@@ -58,29 +63,29 @@ class Affine:
         return Affine(self.constant * factor, self.matrix * factor)
 
     def plus(self, number: float | FloatArray) -> Affine:
-        """The values and a number more."""
+        """Return the values plus a number."""
         return Affine(self.constant + number, self.matrix)
 
     def mapped(self, matrix: Any) -> Affine:
-        """``matrix`` times the values."""
+        """Return ``matrix`` times the values."""
         return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
     def rows(self, chosen: Any) -> Affine:
-        """Some of the values, by indices, a mask or a slice."""
+        """Return some of the values, by indices, a mask or a slice."""
         return Affine(self.constant[chosen], self.matrix[chosen])
 
     def dense(self) -> Affine:
-        """The same of a sparse matrix."""
+        """Return the same values with a dense matrix."""
         return Affine(self.constant, self.matrix.toarray())
 
     @staticmethod
     def number(value: float, unknowns: int) -> Affine:
-        """One value, whatever the unknowns."""
+        """Return one value that does not depend on the unknowns."""
         return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
 
     @staticmethod
     def stacked(parts: list[Affine]) -> Affine:
-        """The values of all, one after the other."""
+        """Return the values of all parts, in order."""
         matrices = [part.matrix for part in parts]
         is_sparse = sparse.issparse(matrices[0])
         matrix = sparse.vstack(matrices, "csr") if is_sparse else np.vstack(matrices)
@@ -89,9 +94,10 @@ class Affine:
 
 @dataclass(frozen=True)
 class RowBlock:
-    """Rows c + A x + w t: ≥ 0, = 0, or in cones of ``cone`` rows, the first one the radius.
+    """Rows c + A x + w t that are ≥ 0, = 0, or in cones.
 
-    ``necessary`` rows are broken by no law that keeps its limits; others only prove that it does.
+    A cone has ``cone`` rows, the first of which is the radius. Rows are ``necessary`` if every law
+    that satisfies the limits satisfies them. Other rows are only sufficient.
     """
 
     name: str
@@ -104,9 +110,10 @@ class RowBlock:
 
 @dataclass(frozen=True)
 class ProgramSolution:
-    """Unknowns ``(m,)``, the level t, what no law of the class exceeds, and the active limits.
+    """Unknowns ``(m,)``, level t, its bound, and the active limits.
 
-    ``blocks`` and ``multipliers`` (one a row, the weights' sum −1) are what proves the bound.
+    No law of the class exceeds the bound. It is proved by ``blocks`` and ``multipliers``, one per
+    row, scaled to Σ w y = −1.
     """
 
     unknowns: FloatArray
@@ -118,19 +125,23 @@ class ProgramSolution:
 
 
 class InfeasibleError(DesignError):
-    """No law of the class keeps the limits; ``fighting`` are those that contradict each other."""
+    """No law of the class satisfies the limits.
 
-    def __init__(self, fighting: tuple[str, ...], proved: bool = True) -> None:
-        self.together = " and ".join(fighting[:2]) + (" at once" if len(fighting) > 1 else "")
-        self.fighting, self.proved = fighting, proved
+    ``conflicting`` names the limits that contradict each other. ``proved`` is True if the
+    contradiction is proved for the class.
+    """
+
+    def __init__(self, conflicting: tuple[str, ...], proved: bool = True) -> None:
+        self.conflict = " and ".join(conflicting[:2]) + (" at once" if len(conflicting) > 1 else "")
+        self.conflicting, self.proved = conflicting, proved
         super().__init__(
-            f"no law of the class keeps {self.together}; allowed: looser limits, or more pieces"
+            f"no law of the class keeps {self.conflict}; allowed: looser limits, or more pieces"
         )
 
 
 @dataclass
 class ConvexProgram:
-    """Limits on unknowns ``(unknowns,)``, and t, which is made as large as they allow."""
+    """Limits on the unknowns ``(unknowns,)`` and on t, which is maximised."""
 
     unknowns: int
     link: Affine
@@ -139,111 +150,123 @@ class ConvexProgram:
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
-        """Rows + weight · t ≥ 0."""
+        """Add the limit rows + weight · t ≥ 0."""
         weights = np.full(rows.constant.size, weight)
         self.blocks.append(RowBlock(name, rows, weights, "nonneg", necessary=necessary))
 
     def equal(self, name: str, rows: Affine) -> None:
-        """Rows = 0."""
+        """Add the limit rows = 0."""
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
 
     def within(self, name: str, parts: Affine, radius: float = 0.0, weight: float = 0.0) -> None:
-        """Root of the parts' squares ≤ radius + weight · t."""
+        """Add the limit √(sum of the squared parts) ≤ radius + weight · t."""
         cone = Affine.stacked([Affine.number(radius, self.unknowns), parts])
         weights = np.zeros(cone.constant.size)
         weights[0] = weight
         self.blocks.append(RowBlock(name, cone, weights, "cone", weights.size))
 
     def solve(self) -> ProgramSolution:
-        """The largest t."""
+        """Return the solution with the largest t.
+
+        Raises
+        ------
+        InfeasibleError
+            If the limits contradict each other.
+        DesignError
+            If the solver does not converge.
+        """
         with libraries_named():
             import clarabel
         blocks = self.all_blocks()
-        rows, weights = _joined(blocks)
-        matrix = sparse.csc_matrix(-_beside(rows.matrix, weights))
-        halves = {"zero": clarabel.ZeroConeT, "nonneg": clarabel.NonnegativeConeT}
+        rows, weights = _join_rows(blocks)
+        matrix = sparse.csc_matrix(-_append_column(rows.matrix, weights))
+        cone_types = {"zero": clarabel.ZeroConeT, "nonneg": clarabel.NonnegativeConeT}
         cones: list[object] = []
         for block in blocks:
             size = block.weight.size
             if block.kind == "cone":
                 cones += [clarabel.SecondOrderConeT(block.cone)] * (size // block.cone)
             else:
-                cones.append(halves[block.kind](size))
+                cones.append(cone_types[block.kind](size))
         cost = np.zeros(self.unknowns + 1)
         cost[-1] = -1.0
-        none = sparse.csc_matrix((cost.size, cost.size))
-        best, fault = None, np.inf
-        for tuning in TUNINGS:
+        no_cost = sparse.csc_matrix((cost.size, cost.size))
+        best, violation = None, np.inf
+        for tuning in SOLVER_TUNINGS:
             settings = clarabel.DefaultSettings()
-            for key, value in {**ALWAYS, **tuning}.items():
+            for key, value in {**SOLVER_OPTIONS, **tuning}.items():
                 setattr(settings, key, value)
-            solver = clarabel.DefaultSolver(none, cost, matrix, rows.constant, cones, settings)
-            found = solver.solve()
-            status, x, dual = str(found.status), np.array(found.x), np.array(found.z)
+            solver = clarabel.DefaultSolver(no_cost, cost, matrix, rows.constant, cones, settings)
+            result = solver.solve()
+            status, x, dual = str(result.status), np.array(result.x), np.array(result.z)
             if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
                 raise _infeasible(blocks, dual)
             if status in ("Solved", "AlmostSolved"):
                 return solution_of(blocks, x, dual)
-            broken = max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
-            if broken < min(fault, USABLE):
-                best, fault = solution_of(blocks, x, dual), broken
-        if best is None or not best.bound - best.level <= USABLE * max(1.0, abs(best.level)):
+            row_violation = max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
+            if row_violation < min(violation, USABLE_ATOL):
+                best, violation = solution_of(blocks, x, dual), row_violation
+        if best is None or not best.bound - best.level <= USABLE_ATOL * max(1.0, abs(best.level)):
             raise DesignError(f"design: the solver ended with {status}; allowed: fewer pieces")
         return best
 
     def all_blocks(self) -> list[RowBlock]:
-        """The link first, then equations, limits and (last) the largest ordinates."""
+        """Return all blocks: the link, equations, limits, and the limits of the ordinates."""
         linked = self.link.constant.size
         link = RowBlock("", self.link, np.zeros(linked), "zero")
         ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
         eye = sparse.eye_array(self.unknowns - linked, self.unknowns)
         matrix = sparse.vstack([eye, -eye], "csr")
-        most = Affine(np.full(matrix.shape[0], BOX), matrix)
-        return [link, *ranked, RowBlock(LARGEST, most, np.zeros(most.constant.size), "nonneg")]
+        box = Affine(np.full(matrix.shape[0], MAX_ORDINATE), matrix)
+        return [link, *ranked, RowBlock(ORDINATE_LIMIT, box, np.zeros(box.constant.size), "nonneg")]
 
 
 def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
-    share: dict[str, float] = {}
-    for block, part in zip(blocks, _parts(blocks, dual), strict=True):
+    shares: dict[str, float] = {}
+    for block, row_part in zip(blocks, _split_rows(blocks, dual), strict=True):
         if block.name:
             terms = abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant)
-            share[block.name] = share.get(block.name, 0.0) + float(np.abs(part * terms).sum())
-    most = max(share.values(), default=0.0)
-    ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
-    names = tuple(name for name, part in ranked if part > 1e-6 * most)
-    # (40): no unknowns keep the rows for any |t| up to `LEVELS`
+            shares[block.name] = shares.get(block.name, 0.0) + float(np.abs(row_part * terms).sum())
+    max_share = max(shares.values(), default=0.0)
+    ranked = sorted(shares.items(), key=lambda item: (item[0] == ORDINATE_LIMIT, -item[1]))
+    names = tuple(name for name, row_part in ranked if row_part > 1e-6 * max_share)
+    # (40): no unknowns satisfy the rows for any |t| up to `MAX_LEVEL`
     y, weight = _in_cones(blocks, dual)
-    refuted = bound_of(blocks, y) + abs(weight) * LEVELS < 0.0
+    refuted = bound_of(blocks, y) + abs(weight) * MAX_LEVEL < 0.0
     proved = all(block.necessary for block in blocks) and refuted
     return InfeasibleError(names or ("its limits",), proved)
 
 
-def _joined(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
-    """All rows, one after the other, and their weights of t."""
+def _join_rows(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
+    """Return all rows in order, and their weights of t."""
     rows = Affine.stacked([block.rows for block in blocks])
     return rows, np.concatenate([block.weight for block in blocks])
 
 
-def _beside(matrix: Any, weights: FloatArray) -> Any:
+def _append_column(matrix: Any, weights: FloatArray) -> Any:
+    """Return the matrix with the weights as an additional last column."""
     return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 
-def _parts(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
-    """What stands for all rows, block by block: views."""
+def _split_rows(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
+    """Return the values of each block as views of the values of all rows."""
     return np.split(of_rows, np.cumsum([block.weight.size for block in blocks])[:-1])
 
 
 def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
-    """Of unknowns with t as the last, and multipliers of all rows, as yet not scaled to t."""
+    """Return the solution of unknowns with t last, and of unscaled multipliers."""
     y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
-    met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
+    met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE_TOLERANCE)
     active, bound = tuple(dict.fromkeys(met)), bound_of(blocks, multipliers)
     return ProgramSolution(x[:-1], float(x[-1]), bound, active, blocks, multipliers)
 
 
 def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
-    """How far each row, or each cone, is from being broken; of an equation how far it is off."""
+    """Return the distance of each row or cone from violation, negative if violated.
+
+    The distance of an equation is minus its absolute residual.
+    """
     values = np.asarray(block.rows(x[:-1]) + block.weight * x[-1])
     if block.kind == "cone":
         cones = values.reshape(-1, block.cone)
@@ -252,14 +275,14 @@ def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
 
 
 def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, float]:
-    """The solver's multipliers, put into the cones, and what they weigh t with.
+    """Return the multipliers projected into the cones, and their weight of t.
 
-    The first block links the last unknowns to the others, with −1 each: its multipliers are made
-    such that those unknowns drop out (39).
+    The first block links the last unknowns to the others, with coefficients −1. Its multipliers are
+    set to eliminate these unknowns (39).
     """
     y = dual.copy()
-    rows, weights = _joined(blocks)
-    for block, part in zip(blocks, _parts(blocks, y), strict=True):
+    rows, weights = _join_rows(blocks)
+    for block, part in zip(blocks, _split_rows(blocks, y), strict=True):
         if block.kind == "nonneg":
             np.maximum(part, 0.0, out=part)
         elif block.kind == "cone":
@@ -271,124 +294,135 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
 
 def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """Return yᵀc + β Σ|(Aᵀy)ⱼ|, which t cannot exceed if yᵀw = −1 (39); β is `BOX`."""
+    """Return yᵀc + β Σ|(Aᵀy)ⱼ|, an upper bound of t if yᵀw = −1 (39).
+
+    β is `MAX_ORDINATE`. The bound is infinite if a multiplier is NaN.
+    """
     if np.isnan(multipliers).any():
         return np.inf
-    rows, _ = _joined(blocks)
-    rest = (rows.matrix.T @ multipliers)[: -blocks[0].weight.size]
-    return float(rows.constant @ multipliers) + float(np.abs(rest).sum()) * BOX
+    rows, _ = _join_rows(blocks)
+    remainder = (rows.matrix.T @ multipliers)[: -blocks[0].weight.size]
+    return float(rows.constant @ multipliers) + float(np.abs(remainder).sum()) * MAX_ORDINATE
 
 
-# Linear programs that differ by a few rows, each solved from where the last one ended.
+# Linear programs that differ by a few rows, each solved from the solution of the previous program.
 
-#: What rows and multipliers may be broken by; of a limit's scale.
-TOLERANCE = 1e-9
-#: How the solver is set. Left to itself it simplifies each program anew, and looks for a method.
-OPTIONS: dict[str, bool | int | str | float] = {
+#: Tolerance of rows and multipliers, relative to the scale of a limit.
+SIMPLEX_TOLERANCE = 1e-9
+#: Options of the simplex solver. By default it presolves every program and selects a method.
+SIMPLEX_OPTIONS: dict[str, bool | int | str | float] = {
     "output_flag": False,
     "threads": 1,
     "presolve": "off",
     "solver": "simplex",
     "simplex_scale_strategy": 2,
-    "primal_feasibility_tolerance": TOLERANCE,
-    "dual_feasibility_tolerance": TOLERANCE,
+    "primal_feasibility_tolerance": SIMPLEX_TOLERANCE,
+    "dual_feasibility_tolerance": SIMPLEX_TOLERANCE,
 }
 
-#: Least and largest of a row.
+#: Lower and upper bound of a row.
 Bounds = tuple[float, float]
 
 
 class GrowingProgram:
-    """Programs of the same unknowns, one after the other."""
+    """Sequence of linear programs with the same unknowns, solved incrementally."""
 
     def __init__(self) -> None:
         self._solver: Any = None
-        #: The solver's row of each that it has, and the bounds of those in use.
+        #: Solver's row of each row it contains, and the bounds of the rows in use.
         self._index: dict[bytes, int] = {}
         self._bounds: dict[int, Bounds] = {}
 
     def solve(self, program: ConvexProgram) -> ProgramSolution:
-        """The largest t, as `ConvexProgram.solve`, which takes one with cones or without law."""
+        """Return the solution with the largest t, as `ConvexProgram.solve` does.
+
+        Programs with cones, and infeasible programs, are passed to `ConvexProgram.solve`.
+        """
         blocks = program.all_blocks()
         if any(block.kind == "cone" for block in blocks):
             return program.solve()
         with libraries_named():
             import highspy
         if self._solver is None:
-            self._begin(program, highspy)
+            self._start(program, highspy)
         self._drop(highspy.HighsBasisStatus.kBasic)
-        rows = self._take(blocks[:-1])  # columns have the largest ordinates
+        rows = self._use_rows(blocks[:-1])  # columns have the limits of the ordinates
         self._solver.run()
         if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             self._solver = None
             return program.solve()
-        found = self._solver.getSolution()
+        result = self._solver.getSolution()
         dual = np.zeros(sum(block.weight.size for block in blocks))
-        dual[list(rows.values())] = np.array(found.row_dual)[list(rows)]
-        return solution_of(blocks, np.array(found.col_value), dual)
+        dual[list(rows.values())] = np.array(result.row_dual)[list(rows)]
+        return solution_of(blocks, np.array(result.col_value), dual)
 
-    def _begin(self, program: ConvexProgram, highspy: Any) -> None:
+    def _start(self, program: ConvexProgram, highspy: Any) -> None:
+        """Create the solver with the columns of a program and no rows."""
         solver = self._solver = highspy.Highs()
         self._index, self._bounds = {}, {}
-        for name, value in OPTIONS.items():
+        for name, value in SIMPLEX_OPTIONS.items():
             solver.setOptionValue(name, value)
         size = program.unknowns + 1
-        most = np.full(size, np.inf)
-        most[: program.unknowns - program.link.constant.size] = BOX
-        solver.addVars(size, -most, most)
+        limits = np.full(size, np.inf)
+        limits[: program.unknowns - program.link.constant.size] = MAX_ORDINATE
+        solver.addVars(size, -limits, limits)
         solver.changeColCost(size - 1, -1.0)
 
     def _drop(self, basic: Any) -> None:
-        """Drop the rows that are free, but for those that the basis needs."""
+        """Delete the free rows that the basis does not need."""
         status = self._solver.getBasis().row_status
-        dropped = {at for at, of in enumerate(status) if of == basic and at not in self._bounds}
+        dropped = {row for row, s in enumerate(status) if s == basic and row not in self._bounds}
         if dropped:
             self._solver.deleteRows(len(dropped), np.array(sorted(dropped), dtype=np.int32))
-            kept = [(key, at) for key, at in self._index.items() if at not in dropped]
-            self._index = {key: place for place, (key, _) in enumerate(kept)}
-            place_of = {at: place for place, (_, at) in enumerate(kept)}
-            self._bounds = {place_of[at]: bounds for at, bounds in self._bounds.items()}
+            kept = [(key, row) for key, row in self._index.items() if row not in dropped]
+            self._index = {key: index for index, (key, _) in enumerate(kept)}
+            new_row = {row: index for index, (_, row) in enumerate(kept)}
+            self._bounds = {new_row[row]: bounds for row, bounds in self._bounds.items()}
 
-    def _take(self, blocks: list[RowBlock]) -> dict[int, int]:
-        """Make these the rows in use; where each of the solver's rows stands among them."""
+    def _use_rows(self, blocks: list[RowBlock]) -> dict[int, int]:
+        """Put these rows in use, and return the index among them by the solver's row."""
         in_use: dict[int, Bounds] = {}
-        places: dict[int, int] = {}
+        indices: dict[int, int] = {}
         first = 0
         for block in blocks:
-            new = []
+            new_rows = []
             for row, (key, bounds) in enumerate(_keys(block)):
                 if key not in self._index:
                     self._index[key] = len(self._index)
-                    new.append(row)
-                at = self._index[key]
-                if at not in in_use or bounds > in_use[at]:  # of equal rows the tightest
-                    in_use[at], places[at] = bounds, first + row
-            if new:
-                self._add(block, new)
+                    new_rows.append(row)
+                solver_row = self._index[key]
+                if solver_row not in in_use or bounds > in_use[solver_row]:  # the tightest of equal
+                    in_use[solver_row], indices[solver_row] = bounds, first + row
+            if new_rows:
+                self._add(block, new_rows)
             first += block.weight.size
-        for at, bounds in in_use.items():
-            if self._bounds.get(at) != bounds:
-                self._solver.changeRowBounds(at, *bounds)
-        for at in self._bounds.keys() - in_use.keys():
-            self._solver.changeRowBounds(at, -np.inf, np.inf)
+        for solver_row, bounds in in_use.items():
+            if self._bounds.get(solver_row) != bounds:
+                self._solver.changeRowBounds(solver_row, *bounds)
+        for solver_row in self._bounds.keys() - in_use.keys():
+            self._solver.changeRowBounds(solver_row, -np.inf, np.inf)
         self._bounds = in_use
-        return places
+        return indices
 
-    def _add(self, block: RowBlock, new: list[int]) -> None:
-        """Give the solver some rows of a block, as yet free."""
-        matrix = _beside(block.rows.matrix[new], block.weight[new])
-        free = np.full(len(new), np.inf)
-        starts, columns = (part.astype(np.int32) for part in (matrix.indptr[:-1], matrix.indices))
-        self._solver.addRows(len(new), -free, free, matrix.nnz, starts, columns, matrix.data)
+    def _add(self, block: RowBlock, new_rows: list[int]) -> None:
+        """Add some rows of a block to the solver, still free."""
+        matrix = _append_column(block.rows.matrix[new_rows], block.weight[new_rows])
+        free = np.full(len(new_rows), np.inf)
+        row_starts, columns = (
+            part.astype(np.int32) for part in (matrix.indptr[:-1], matrix.indices)
+        )
+        self._solver.addRows(
+            len(new_rows), -free, free, matrix.nnz, row_starts, columns, matrix.data
+        )
 
 
 def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
-    """What tells each row from others, constants apart, and its bounds."""
+    """Yield a key of each row, independent of its constant, and its bounds."""
     matrix, kind = block.rows.matrix, block.kind.encode()
-    columns, values, wide = matrix.indices.tobytes(), matrix.data.tobytes(), matrix.indices.itemsize
+    columns, values, size = matrix.indices.tobytes(), matrix.data.tobytes(), matrix.indices.itemsize
     ends = pairwise(matrix.indptr.tolist())
     numbers = zip(block.weight.tolist(), (-block.rows.constant).tolist(), strict=True)
-    for (begin, end), (weight, least) in zip(ends, numbers, strict=True):
-        own = columns[wide * begin : wide * end], values[8 * begin : 8 * end]
-        key = b"".join((kind, struct.pack("d", weight), *own))
-        yield key, (least, least if block.kind == "zero" else np.inf)
+    for (start, end), (weight, lower) in zip(ends, numbers, strict=True):
+        entries = columns[size * start : size * end], values[8 * start : 8 * end]
+        key = b"".join((kind, struct.pack("d", weight), *entries))
+        yield key, (lower, lower if block.kind == "zero" else np.inf)

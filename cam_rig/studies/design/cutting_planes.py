@@ -1,4 +1,4 @@
-"""The best law of a class: programs solved in rounds, and speeds by the roots of their levels."""
+"""Best law of a class with a bound, by convex programs with cutting planes."""
 
 from __future__ import annotations
 
@@ -25,69 +25,75 @@ from cam_rig.studies.design.convex_program import (
 )
 from cam_rig.studies.design.request import Multistart
 from cam_rig.studies.design.rows import add, force_parts, keep_lift, rows_of
-from cam_rig.studies.design.space import Asked, DesignProblem
+from cam_rig.studies.design.space import DesignProblem, ScaledLimit
 from cam_rig.studies.design.two_mass_contact import MARGIN, ContactKept, Residual
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Of a program's thousands of rows every so many-th is taken at first; one is broken where it is
-#: below zero by so much.
-FIRST_ROWS, BROKEN = 24, 1e-9
-#: With them those are taken that are no farther above it than this.
-NEARLY = 1e-3
-#: Rounds of cuts, at most; of a search of the jump speed of two masses.
-MAX_ROUNDS, MAX_SEARCHED = 80, 120
-#: A jump speed is found to this part.
-SPEED = 2e-5
+#: Every n-th of a program's thousands of inequalities is in its first round.
+ROW_STRIDE = 24
+#: A row is violated if it is below minus this value.
+VIOLATION = 1e-9
+#: Rows within this distance above zero are added together with the violated rows.
+NEARLY_VIOLATED = 1e-3
+#: Largest number of rounds of cuts.
+MAX_ROUNDS = 80
+#: Largest number of programs in a search for the jump speed of two masses.
+MAX_SPEED_ROUNDS = 120
+#: Relative tolerance of a jump speed.
+SPEED_RTOL = 2e-5
 
 
 @dataclass(eq=False)
 class FewRows:
-    """Rows of a program, of which those are taken that a solution breaks or nearly meets.
+    """Rows of a program, of which only the violated and nearly violated rows are used.
 
-    Every ``every``-th inequality is taken from the beginning, and all others.
+    At the start every ``stride``-th inequality and all other rows are used.
     """
 
     all_rows: list[RowBlock]
-    every: int = FIRST_ROWS
+    stride: int = ROW_STRIDE
     taken: list[NDArray[np.bool_]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         for block in self.all_rows:
             taken = np.zeros(block.weight.size, dtype=bool)
-            taken[:: 1 if block.kind != "nonneg" else self.every] = True
+            taken[:: 1 if block.kind != "nonneg" else self.stride] = True
             self.taken.append(taken)
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """Those taken so far."""
+        """Blocks with the rows in use."""
         return [
             replace(block, rows=block.rows.rows(taken), weight=block.weight[taken])
             for block, taken in zip(self.all_rows, self.taken, strict=True)
         ]
 
     def cut(self, solution: ProgramSolution) -> bool:
-        """Take what a solution breaks, and what is near it; whether it breaks anything."""
-        broken = False
+        """Use the rows that a solution violates or nearly violates.
+
+        Returns True if it violates any row that was not in use.
+        """
+        violated = False
         for block, taken in zip(self.all_rows, self.taken, strict=True):
             values = block.rows(solution.unknowns) + block.weight * solution.level
-            broken |= bool((~taken & (values < -BROKEN)).any())
-            np.logical_or(taken, values < NEARLY, out=taken)
-        return broken
+            violated |= bool((~taken & (values < -VIOLATION)).any())
+            np.logical_or(taken, values < NEARLY_VIOLATED, out=taken)
+        return violated
 
 
-#: Told a law's unknowns and its goal's value (SI).
-Told = Callable[[FloatArray, float], None]
-#: Rows that are added where a law is seen to need them.
+#: Function that is called with the unknowns of a better law and its goal (SI).
+OnBetterLaw = Callable[[FloatArray, float], None]
+#: Sources of rows that are added if a law requires them.
 Cuts = FewRows | ContactKept | Residual
 
 
 @dataclass(frozen=True)
 class Best:
-    """The best law of a class by a goal: unknowns, its value and the bound on it (SI).
+    """Best law of a class by a goal: unknowns, value and bound (SI).
 
-    ``active`` names the limits that hold it; ``rounds`` is how many programs were solved, none of
-    a law that a search has found on its way. One of several descents has ``multistart`` and no
-    bound: nothing says how much better another may be.
+    ``active`` names the active limits. ``rounds`` is the number of solved programs, 0 for an
+    intermediate law of an interrupted search. The best of several descents has ``multistart`` and
+    no bound.
     """
 
     unknowns: FloatArray
@@ -100,17 +106,28 @@ class Best:
 
 @dataclass(eq=False)
 class Solver:
-    """One goal over one class, under limits; ``on_best`` is told better laws and values (SI)."""
+    """Solver of one goal over one class, under limits.
+
+    ``on_best`` is called with better laws and their values (SI).
+    """
 
     problem: DesignProblem
-    goal: Asked
-    limits: list[Asked]
-    on_best: Told = lambda _x, _v: None
+    goal: ScaledLimit
+    limits: list[ScaledLimit]
+    on_best: OnBetterLaw = lambda _x, _v: None
     rounds: int = 0
     _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
     def best(self) -> Best:
-        """Solve it; where the sufficient program has no law, one may still be: it is said."""
+        """Return the best law and its bound.
+
+        Raises
+        ------
+        InfeasibleError
+            If it is proved that no law of the class satisfies the limits.
+        DesignError
+            If the search found no law, without a proof that the class has no such law.
+        """
         run = rows_of(self.goal.term).run
         try:
             if run is None:
@@ -128,139 +145,146 @@ class Solver:
             if error.proved:
                 raise
             raise DesignError(
-                f"a law of the class may keep {error.together}, but none was found whose "
+                f"a law of the class may keep {error.conflict}, but none was found whose "
                 "ordinates prove it; allowed: limits looser by 0.1 %, or more pieces"
             ) from None
 
-    def static(self, hull: bool) -> ConvexProgram:
-        """The rows of lift and limits that need no rounds."""
-        if hull not in self._static:
+    def static_program(self, sufficient: bool) -> ConvexProgram:
+        """Return the program of lift and limits that needs no rounds.
+
+        Its rows are sufficient or necessary.
+        """
+        if sufficient not in self._static:
             program = ConvexProgram(self.problem.space.unknowns, self.problem.space.link)
-            keep_lift(program, self.problem, hull)
+            keep_lift(program, self.problem, sufficient)
             for limit in self.limits:
                 rows = rows_of(limit.term)
                 if rows.run is not None and rows.run.rigid:
                     assert limit.value is not None
-                    pressed = force_parts(self.problem, limit.value, hull)
-                    program.at_least(limit.name, pressed, necessary=not hull)
+                    force = force_parts(self.problem, limit.value, sufficient)
+                    program.at_least(limit.name, force, necessary=not sufficient)
                 elif rows.run is None and not rows.in_rounds:
-                    add(program, self.problem, limit, hull)
-            self._static[hull] = program
-        return replace(self._static[hull], blocks=list(self._static[hull].blocks))
+                    add(program, self.problem, limit, sufficient)
+            self._static[sufficient] = program
+        return replace(self._static[sufficient], blocks=list(self._static[sufficient].blocks))
 
-    def cuts(self, hull: bool) -> list[Cuts]:
-        """The limits that need rounds; with something to spare where they are to be kept."""
-        found: list[Cuts] = []
+    def cuts(self, sufficient: bool) -> list[Cuts]:
+        """Return the limits that need rounds, with a margin if they must be satisfied."""
+        cuts: list[Cuts] = []
         for limit in self.limits:
             rows = rows_of(limit.term)
             if rows.in_rounds:
-                found.append(Residual(self.problem, limit, hull))
+                cuts.append(Residual(self.problem, limit, sufficient))
             elif rows.run is not None and not rows.run.rigid:
                 assert limit.value is not None
-                duration, margin = rows.run.duration, MARGIN if hull else 0.0
+                duration, margin = rows.run.duration, MARGIN if sufficient else 0.0
                 kept = ContactKept(
                     self.problem, duration, limit.value, limit.name, limit=True, margin=margin
                 )
-                # first rows of a force: where the best law without vibration would be lowest
-                program = self.static(True)
+                # first rows of a force: at the minima of the best law without vibration
+                program = self.static_program(True)
                 program.at_least("rigid", force_parts(self.problem, kept.fastest, True), -1.0)
-                kept.look(self.settled(program, []).unknowns, 0.5)
-                found.append(kept)
-        return found
+                kept.add_rows_below(self.solve_in_rounds(program, []).unknowns, 0.5)
+                cuts.append(kept)
+        return cuts
 
-    def solved(self, cuts: list[Cuts], growing: GrowingProgram | None = None) -> ProgramSolution:
-        """One program of what was cut."""
+    def solve_cuts(
+        self, cuts: list[Cuts], growing: GrowingProgram | None = None
+    ) -> ProgramSolution:
+        """Solve one program with the present cuts."""
         self.rounds += 1
         blocks = [block for cut in cuts for block in cut.blocks]
         space = self.problem.space
         program = ConvexProgram(space.unknowns, space.link, blocks)
         return program.solve() if growing is None else growing.solve(program)
 
-    def settled(self, program: ConvexProgram, cuts: list[Cuts]) -> ProgramSolution:
-        """Solve, cut and solve again until nothing is cut; the program's rows are cuts too."""
+    def solve_in_rounds(self, program: ConvexProgram, cuts: list[Cuts]) -> ProgramSolution:
+        """Solve and add cuts until no cut is added, the program's own rows included."""
         rounds = [FewRows(program.blocks), *cuts]
         for _ in range(MAX_ROUNDS):
-            found = self.solved(rounds)
-            if not any([cut.cut(found) for cut in rounds]) and self._confirmed(cuts, found):
-                return found
+            solution = self.solve_cuts(rounds)
+            if not any([cut.cut(solution) for cut in rounds]) and self._confirm(cuts, solution):
+                return solution
         raise DesignError(
             f"design: {MAX_ROUNDS} rounds of cuts did not settle; allowed: fewer pieces, or a "
             "narrower range of speeds"
         )
 
-    def _confirmed(self, cuts: list[Cuts], found: ProgramSolution) -> bool:
-        """Whether the exact search finds that limits on a jump speed are kept; else look closer."""
+    def _confirm(self, cuts: list[Cuts], solution: ProgramSolution) -> bool:
+        """Return True if the exact search confirms the jump speeds, else refine a cut."""
         kept = [cut for cut in cuts if isinstance(cut, ContactKept) and cut.margin > 0.0]
-        law = self.problem.space.law(found.unknowns, "design")
+        law = self.problem.space.law(solution.unknowns, "design")
         for cut in kept:
             jump = find_jump(law, self.problem.follower, cut.duration)
             if jump.speed < cut.fastest:
-                cut.refine(jump, found)
+                cut.refine(jump, solution)
                 return False
         return True
 
     def _level(self) -> Best:
-        """A goal that is the program's own level."""
+        """Return the best law of a goal that is the level of the program."""
         scale = -sign_of(self.goal.sense) * self.goal.scale
-        found = {}
-        for hull in (False, True):  # points first: where they have no law there is none
-            program, cuts = self.static(hull), self.cuts(hull)
+        solutions = {}
+        for sufficient in (False, True):  # the necessary rows prove that a class has no law
+            program, cuts = self.static_program(sufficient), self.cuts(sufficient)
             if rows_of(self.goal.term).in_rounds:
-                cuts.append(Residual(self.problem, self.goal, hull))
+                cuts.append(Residual(self.problem, self.goal, sufficient))
             else:
-                add(program, self.problem, self.goal, hull)
-            found[hull] = self.settled(program, cuts)
-        best, bound = found[True], found[False].bound * scale
-        self.on_best(best.unknowns, best.level * scale)
-        active = self.other_than_goal(best.active)
-        return Best(best.unknowns, best.level * scale, bound, active, self.rounds)
+                add(program, self.problem, self.goal, sufficient)
+            solutions[sufficient] = self.solve_in_rounds(program, cuts)
+        solution, bound = solutions[True], solutions[False].bound * scale
+        self.on_best(solution.unknowns, solution.level * scale)
+        active = self.other_than_goal(solution.active)
+        return Best(solution.unknowns, solution.level * scale, bound, active, self.rounds)
 
     def other_than_goal(self, active: tuple[str, ...], *more: str) -> tuple[str, ...]:
-        """Names of active limits, without the goal's."""
+        """Return the names of active limits without the goal and ``more``."""
         return tuple(name for name in active if name not in (self.goal.name, *more))
 
     def rigid(self) -> Best:
-        """The highest speed at which the least force of one rigid mass can be above zero."""
-        found: dict[float, ProgramSolution] = {}
-        possible = self.static(False)  # limits that no law keeps at points: proved for the class
-        one = Affine.number(1.0, possible.unknowns)
-        possible.at_least("level", one, -1.0)  # no goal: t is at most 1
-        self.settled(possible, [])
+        """Return the highest speed with a positive least force of one rigid mass."""
+        solutions: dict[float, ProgramSolution] = {}
+        # limits violated at points are violated by the whole class
+        possible = self.static_program(False)
+        level_one = Affine.number(1.0, possible.unknowns)
+        possible.at_least("level", level_one, -1.0)  # without a goal: t ≤ 1
+        self.solve_in_rounds(possible, [])
 
-        def level(speed: float, hull: bool) -> float:
-            program = self.static(hull)
-            rows = force_parts(self.problem, speed, hull)
-            program.at_least(self.goal.name, rows, -1.0, not hull)
-            found[speed] = self.settled(program, self.cuts(hull))
-            if hull and found[speed].level > 0.0:
-                self.on_best(found[speed].unknowns, speed)
-            return found[speed].level if hull else found[speed].bound
+        def level(speed: float, sufficient: bool) -> float:
+            program = self.static_program(sufficient)
+            rows = force_parts(self.problem, speed, sufficient)
+            program.at_least(self.goal.name, rows, -1.0, not sufficient)
+            solutions[speed] = self.solve_in_rounds(program, self.cuts(sufficient))
+            if sufficient and solutions[speed].level > 0.0:
+                self.on_best(solutions[speed].unknowns, speed)
+            return solutions[speed].level if sufficient else solutions[speed].bound
 
-        first = rigid_jump_speed(self.problem.start, self.problem.rigid)
-        top = self._root(lambda speed: level(speed, True), min(first, FASTEST * RPM))
-        held = max(speed for speed, solution in found.items() if solution.level >= 0.0)
-        law = found[held]
-        bound = self._root(lambda speed: level(speed, False), top)
-        for _ in range(MAX_ROUNDS):  # (41) of docs/proofs.md, at the speed that is returned
+        start_speed = rigid_jump_speed(self.problem.start, self.problem.rigid)
+        highest = self._root(lambda speed: level(speed, True), min(start_speed, FASTEST * RPM))
+        kept_speed = max(speed for speed, best in solutions.items() if best.level >= 0.0)
+        best = solutions[kept_speed]
+        bound = self._root(lambda speed: level(speed, False), highest)
+        for _ in range(MAX_ROUNDS):  # (41) of docs/proofs.md at the returned speed
             if level(bound, False) <= 0.0:
                 break
-            bound *= 1.0 + SPEED
+            bound *= 1.0 + SPEED_RTOL
         else:
             raise DesignError(f"no bound was proved up to {to_rpm(bound):.6g} rpm")
-        value = rigid_jump_speed(self.problem.space.law(law.unknowns, "design"), self.problem.rigid)
-        return Best(law.unknowns, value, bound, self.other_than_goal(law.active), self.rounds)
+        law = self.problem.space.law(best.unknowns, "design")
+        value = rigid_jump_speed(law, self.problem.rigid)
+        return Best(best.unknowns, value, bound, self.other_than_goal(best.active), self.rounds)
 
-    def _root(self, level: Callable[[float], float], first: float) -> float:
-        """Where a level that falls with speed is zero."""
-        low = high = first
+    def _root(self, level: Callable[[float], float], start: float) -> float:
+        """Return the speed (rad/s) at which a level that falls with speed is zero."""
+        low = high = start
         ratio = 1.02
-        if level(first) > 0.0:
+        if level(start) > 0.0:
             while level(high := high * ratio) > 0.0:
                 low, ratio = high, ratio**1.7
                 if high > FASTEST * RPM:
                     raise DynamicsError(
                         f"the class has laws that keep contact beyond {FASTEST:g} rpm; allowed: "
-                        "a limit on what lets it, such as peak_acceleration<=start"
+                        "a limit such as peak_acceleration<=start"
                     )
         else:
             while level(low := low / ratio) <= 0.0:
@@ -270,37 +294,43 @@ class Solver:
                         "no law of the class keeps contact at 1 rpm; on a dwell the force is the "
                         "preload: a rig without one needs a small one here"
                     )
-        return float(brentq(level, low, high, xtol=1e-12, rtol=SPEED))
+        return float(brentq(level, low, high, xtol=1e-12, rtol=SPEED_RTOL))
 
 
-# Two masses: cuts and the speed itself in one search.
+# Two masses: one search for cuts and for the speed.
 
-#: Laws that the exact search may refuse.
-MAX_REFUSED = 24
-#: A speed is settled where the level is no farther from the margin; a law holds a speed where the
-#: exact search finds its jump no lower by more than this part.
-NEAR, HELD = 4e-3, 5e-4
-#: Searches, until a law is no farther from its bound than this part.
-SEARCHES, NEAR_BOUND = 6, 2e-3
-#: A law is searched exactly where the level is no farther above the margin: else it goes faster.
-FAR = 0.1
-#: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
-SLOPE, MAX_STEP = -11.0, 0.06
-#: A search that ends with a law that holds less than this part of its speed has found the bound's
-#: place alone.
-HALF_WAY = 0.95
-#: Speeds over the best law's at which a bound is sought.
-ABOVE = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
+#: Largest number of laws that the exact search may reject.
+MAX_REJECTED = 24
+#: A speed has converged if the level is within this distance of the margin.
+LEVEL_ATOL = 4e-3
+#: Relative tolerance within which the jump speed of a law reaches a speed.
+JUMP_RTOL = 5e-4
+#: Largest number of searches.
+MAX_SEARCHES = 6
+#: Relative gap between law and bound at which the search ends.
+GAP_RTOL = 2e-3
+#: Distance of the level above the margin up to which a law is searched exactly. Above it the speed
+#: is raised without an exact search.
+EXACT_DISTANCE = 0.1
+#: First estimate of the change of the level per relative change of the speed.
+FIRST_SLOPE = -11.0
+#: Largest relative step of the speed.
+MAX_STEP = 0.06
+#: Fraction of its speed that a law must reach. A search below it has located only the bound.
+MIN_SPEED_FRACTION = 0.95
+#: Multiples of the best law's jump speed at which a bound is searched for.
+BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
 
 @dataclass(eq=False)
 class TwoMassSearch:
-    """The highest jump speed of two masses: cuts and the speed itself are found in one search.
+    """Search for the highest jump speed of two masses.
 
-    The level of a program at a speed only falls as rows are added. Where it is below the margin
-    the speed is too high, at once; where the law that it gives holds on the grid, the exact search
-    looks at that law, and the speed goes up. Both move by the slope of the level, which is nearly
-    straight. ``duration`` (s) is that of a run from rest; None is the steady state.
+    Cuts and the speed are found together. The level of a program at a fixed speed decreases as rows
+    are added. A level below the margin shows that the speed is too high. If the law of a program
+    keeps contact on the grid, the exact search evaluates it, and the speed is raised. The slope of
+    the level, which is nearly constant, gives the step of the speed. ``duration`` (s) is that of a
+    run from rest, None for the steady state.
     """
 
     solver: Solver
@@ -309,73 +339,73 @@ class TwoMassSearch:
     def __post_init__(self) -> None:
         self.problem = self.solver.problem
         self.law: tuple[float, FloatArray, tuple[str, ...]] = (0.0, np.zeros(0), ())
-        self.refused = 0
+        self.rejected = 0
 
     def best(self) -> Best:
-        """The best law found, and a speed that no law of the class reaches."""
+        """Return the best law found, and a speed that no law of the class reaches."""
         rigid = Solver(self.problem, self.solver.goal, self.solver.limits).rigid()
         assert rigid.bound is not None
         self.solver.rounds += rigid.rounds
         kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
-        cuts = [FewRows(self.solver.static(True).blocks), *self.solver.cuts(True)]
-        kept.look(rigid.unknowns, 0.5)
-        self._take(rigid.unknowns, rigid.active)
+        cuts = [FewRows(self.solver.static_program(True).blocks), *self.solver.cuts(True)]
+        kept.add_rows_below(rigid.unknowns, 0.5)
+        self._evaluate(rigid.unknowns, rigid.active)
         bound = np.inf
-        for _ in range(SEARCHES):
-            far = bound < np.inf and bound > self.law[0] / HALF_WAY
-            most = kept.fastest if far else np.inf
-            self._search(kept, cuts, most)
-            if self.law[0] < most * (1.0 - HELD):  # else it only says that more may be had
-                held = self.law[0] > HALF_WAY * kept.fastest
-                bound = min(bound, self._bound(kept, self.law[0] if held else kept.fastest))
-            if bound <= self.law[0] * (1.0 + NEAR_BOUND):
+        for _ in range(MAX_SEARCHES):
+            far_bound = bound < np.inf and bound > self.law[0] / MIN_SPEED_FRACTION
+            limit = kept.fastest if far_bound else np.inf
+            self._search(kept, cuts, limit)
+            if self.law[0] < limit * (1.0 - JUMP_RTOL):  # else higher speeds remain possible
+                near = self.law[0] > MIN_SPEED_FRACTION * kept.fastest
+                bound = min(bound, self._bound(kept, self.law[0] if near else kept.fastest))
+            if bound <= self.law[0] * (1.0 + GAP_RTOL):
                 break
-            # the grid has grown by what was refused: what lies between its speeds is less now
-            kept.margin, self.refused, kept.fastest = MARGIN, 0, 0.5 * (bound + self.law[0])
+            # the rejected laws refined the grid, so a smaller margin between its speeds suffices
+            kept.margin, self.rejected, kept.fastest = MARGIN, 0, 0.5 * (bound + self.law[0])
         speed, unknowns, active = self.law
         return Best(unknowns, speed, bound, active, self.solver.rounds)
 
-    def _search(self, kept: ContactKept, cuts: list[Cuts], most: float) -> None:
-        """The highest speed that a law is found for, or one that keeps contact up to ``most``."""
-        slope, settled, found = SLOPE, None, None
+    def _search(self, kept: ContactKept, cuts: list[Cuts], limit: float) -> None:
+        """Search for the highest speed of a law, at most ``limit`` (rad/s)."""
+        slope, converged, solution = FIRST_SLOPE, None, None
         program = GrowingProgram()
-        for _ in range(MAX_SEARCHED):
+        for _ in range(MAX_SPEED_ROUNDS):
             try:
-                found = self.solver.solved([*cuts, kept], program)
-            except InfeasibleError:  # at this speed the dwells alone leave no law
+                solution = self.solver.solve_cuts([*cuts, kept], program)
+            except InfeasibleError:  # the dwells alone admit no law at this speed
                 kept.move(1.0 - MAX_STEP)
                 continue
-            room = found.level - kept.margin
-            if room > -NEAR:
-                if any([cut.cut(found) for cut in [*cuts, kept]]):
+            excess = solution.level - kept.margin
+            if excess > -LEVEL_ATOL:
+                if any([cut.cut(solution) for cut in [*cuts, kept]]):
                     continue
-                there = kept.fastest >= most
-                exact = room < FAR or there
-                if exact and not self._held(kept, found) and self.refused <= MAX_REFUSED:
+                at_limit = kept.fastest >= limit
+                exact = excess < EXACT_DISTANCE or at_limit
+                if exact and not self._reaches(kept, solution) and self.rejected <= MAX_REJECTED:
                     continue
-                if settled is not None and settled[0] != kept.fastest:
-                    measured = (room - settled[1]) / (kept.fastest / settled[0] - 1.0)
-                    slope = float(np.clip(measured, 4.0 * SLOPE, 0.4 * SLOPE))
-                settled = (kept.fastest, room)
-                if room <= NEAR or there or self.refused > MAX_REFUSED:
+                if converged is not None and converged[0] != kept.fastest:
+                    measured = (excess - converged[1]) / (kept.fastest / converged[0] - 1.0)
+                    slope = float(np.clip(measured, 4.0 * FIRST_SLOPE, 0.4 * FIRST_SLOPE))
+                converged = (kept.fastest, excess)
+                if excess <= LEVEL_ATOL or at_limit or self.rejected > MAX_REJECTED:
                     return
-            step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
-            kept.move(min(1.0 + step, most / kept.fastest))
-        if found is not None:  # out of rounds, or resonances narrower than the grid
-            self._held(kept, found)
+            step = float(np.clip(-excess / slope, -MAX_STEP, MAX_STEP))
+            kept.move(min(1.0 + step, limit / kept.fastest))
+        if solution is not None:  # out of rounds, or resonances narrower than the grid
+            self._reaches(kept, solution)
 
-    def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
-        """Whether the exact search finds that a law holds the speed; else its own is looked at."""
-        active = self.solver.other_than_goal(found.active, kept.name)
-        jump = self._take(found.unknowns, active)
-        if jump.speed >= kept.fastest * (1.0 - HELD):
+    def _reaches(self, kept: ContactKept, solution: ProgramSolution) -> bool:
+        """Return True if the exact search confirms the speed, else refine the grid."""
+        active = self.solver.other_than_goal(solution.active, kept.name)
+        jump = self._evaluate(solution.unknowns, active)
+        if jump.speed >= kept.fastest * (1.0 - JUMP_RTOL):
             return True
-        self.refused += 1
-        kept.refine(jump, found)
+        self.rejected += 1
+        kept.refine(jump, solution)
         return False
 
-    def _take(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
-        """Where the exact search finds that a law loses contact; it is kept if it is the best."""
+    def _evaluate(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
+        """Return the exact jump of a law, and store the law if it is the best so far."""
         law = self.problem.space.law(unknowns, "design")
         jump = find_jump(law, self.problem.follower, self.duration)
         if jump.speed > self.law[0]:
@@ -386,22 +416,22 @@ class TwoMassSearch:
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """Return a speed above all jump speeds of the class, by (41) of docs/proofs.md.
 
-        The rows are some of those that each law with a higher jump speed satisfies.
+        The rows are some of those that every law with a higher jump speed satisfies.
         """
-        cuts = [FewRows(self.solver.static(False).blocks), *self.solver.cuts(False)]
-        kept.margin = 0.0  # contact is kept above zero: more than that no law has to
+        cuts = [FewRows(self.solver.static_program(False).blocks), *self.solver.cuts(False)]
+        kept.margin = 0.0  # necessary rows: contact is kept, without a margin
         program = GrowingProgram()
-        for above in ABOVE:
-            kept.fastest = speed * above
-            for _ in range(MAX_SEARCHED):
+        for factor in BOUND_FACTORS:
+            kept.fastest = speed * factor
+            for _ in range(MAX_SPEED_ROUNDS):
                 try:
-                    found = self.solver.solved([*cuts, kept], program)
+                    solution = self.solver.solve_cuts([*cuts, kept], program)
                 except InfeasibleError as error:
                     if error.proved:
                         return kept.fastest
                     break
-                if found.bound <= 0.0:
+                if solution.bound <= 0.0:
                     return kept.fastest
-                if not any([cut.cut(found) for cut in [*cuts, kept]]):
+                if not any([cut.cut(solution) for cut in [*cuts, kept]]):
                     break
         raise DesignError(f"no bound was found up to {to_rpm(kept.fastest):.4g} rpm")

@@ -1,7 +1,8 @@
-"""From one law downhill: programs in which what is not convex is linear, each near the last law.
+"""Descent from one law by programs that are linear near the present law.
 
-The convex limits stay as they are, so every law on the way keeps them. A step is taken only where
-the exact quantities of the new law keep the other limits too, and the goal is better.
+Convex limits are kept exactly, so every law of the descent satisfies them. Other goals and limits
+are linearised. A step is accepted only if the exact values of the new law satisfy the other limits
+and its goal is better.
 """
 
 from __future__ import annotations
@@ -23,37 +24,54 @@ from cam_rig.quantities.values import SAMPLES, Branches, maxima
 from cam_rig.studies.design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.studies.design.cutting_planes import Cuts, FewRows, Solver
 from cam_rig.studies.design.rows import add, force_parts, rows_of
-from cam_rig.studies.design.space import Asked, DesignProblem, dwells, measured
+from cam_rig.studies.design.space import DesignProblem, ScaledLimit, dwells, measured
 from cam_rig.studies.design.two_mass_contact import Residual
 from cam_rig.units import FloatArray
 
-#: Steps of one descent, at most, and how often the rows of a step are corrected.
-STEPS, CORRECTED = 60, 2
-#: How far the ordinates (in lifts) may go in a step: at first, at most, and where it ends.
-FIRST_REACH, MOST_REACH, LEAST_REACH = 0.1, 2.0, 1e-5
-#: A step of less than this part of the goal ends it, the second time.
-LITTLE = 2e-5
-#: So does the promise of less than this part of the goal within the first reach.
-PROMISED = 1e-5
-#: A step that gains less than the first part of what its program promised is too long; one that
-#: gains more than the second may be longer.
-POOR, GOOD = 0.25, 0.7
-#: Limits are met with so much of their scale to spare; a law keeps those that it is no more over.
-SPARE, MOST_SPARE, KEPT = 1e-7, 1e-3, 1e-9
-#: That is no more than this part of the room that the last law has.
-ROOM = 0.5
-#: Slopes of branches are central differences over this part of the largest s, s' or s'', those of
-#: a value over this part of the lift: flights begin and end within it.
-STEP, VALUE_STEP = 1e-5, 1e-3
-#: A joint is looked at so much of a piece before and behind it; so much (dB) measures a level.
-BESIDE, LEVEL_SCALE = 1e-6, 10.0
-#: While limits are broken, a law is sought that keeps them with this to spare, no more.
-INSIDE = 0.02
+#: Largest number of steps of one descent.
+MAX_STEPS = 60
+#: Largest number of corrections of the rows of one step.
+MAX_CORRECTIONS = 2
+#: First trust region: largest change of an ordinate in one step, in lifts.
+FIRST_REACH = 0.1
+#: Largest trust region, in lifts.
+MAX_REACH = 2.0
+#: Trust region at which the descent ends, in lifts.
+MIN_REACH = 1e-5
+#: Relative gain of the goal below which a step is idle. Two idle steps in a row end the descent.
+GAIN_RTOL = 2e-5
+#: Relative gain promised within `FIRST_REACH` below which the descent ends.
+PROMISE_RTOL = 1e-5
+#: Fraction of the promised gain below which the trust region is halved.
+POOR_GAIN = 0.25
+#: Fraction of the promised gain above which the trust region may be doubled.
+GOOD_GAIN = 0.7
+#: Margin of the limits in a program, in their scales.
+MARGIN = 1e-7
+#: Largest addition to the margin per correction, in scales.
+MAX_MARGIN_STEP = 1e-3
+#: Largest violation of a limit by a feasible law, in its scale.
+FEASIBLE_RTOL = 1e-9
+#: Largest margin, as a fraction of the last law's distance from the limit.
+MARGIN_FRACTION = 0.5
+#: Step of the central differences of branches, as a fraction of the largest s, s' or s''.
+BRANCH_STEP = 1e-5
+#: Step of the central differences of a value, in lifts. Flights start and end within it.
+VALUE_STEP = 1e-3
+#: Distance of the points before and after a joint, in pieces.
+JOINT_OFFSET = 1e-6
+#: Scale of a sound level, dB.
+LEVEL_SCALE = 10.0
+#: Margin of all limits that the search for a feasible law aims at, in scales.
+FEASIBILITY_MARGIN = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class PointwiseTerm:
-    """A goal (``allowed`` NaN) or a limit on the greatest of branches, of s, s' and s''."""
+    """Goal (``allowed`` NaN) or limit on the maximum of branches.
+
+    The branches are functions of s, s' and s''.
+    """
 
     problem: DesignProblem
     name: str
@@ -62,18 +80,18 @@ class PointwiseTerm:
 
     @cached_property
     def scale(self) -> float:
-        """What its rows are measured by: the largest size of a branch on the start."""
+        """Scale of the rows: largest absolute value of a branch on the start law."""
         u = np.linspace(0.0, 1.0, SAMPLES)
         values = np.abs(self.branches(Motion.on_pieces(self.problem.start, u)))
         return float(values[np.isfinite(values)].max(initial=0.0)) or 1.0
 
-    def worst(self, law: Law) -> float:
-        """The greatest value."""
+    def max_value(self, law: Law) -> float:
+        """Return the maximum of the branches of a law."""
         return max(value for value, _ in maxima(law, self.branches))
 
     @property
-    def at_rest(self) -> float:
-        """Its value in the dwells, which no law of the class changes; −∞ without one."""
+    def dwell_value(self) -> float:
+        """Maximum in the dwells, which no law of the class changes, −∞ without a dwell."""
         levels = [self.problem.start.at(start)[0] for start, _ in dwells(self.problem.start)]
         if not levels:
             return -np.inf
@@ -82,82 +100,91 @@ class PointwiseTerm:
 
     @cached_property
     def _grid(self) -> FloatArray:
-        """Angles in all pieces of the events, on both sides of the joints between them."""
+        """Angles (rad) in all pieces of the events, and on both sides of their joints."""
         space = self.problem.space
-        inner = space.law_class.pieces
-        parts = (np.arange(inner)[:, None] + (np.arange(space.parts) + 0.5) / space.parts).ravel()
-        joints = (np.arange(1, inner)[:, None] + np.array([-BESIDE, BESIDE])).ravel()
-        places = np.concatenate([parts, joints])
-        return np.concatenate([one.start + one.span / inner * places for one in space.events])
+        pieces = space.law_class.pieces
+        inner = (np.arange(pieces)[:, None] + (np.arange(space.parts) + 0.5) / space.parts).ravel()
+        joints = (np.arange(1, pieces)[:, None] + np.array([-JOINT_OFFSET, JOINT_OFFSET])).ravel()
+        positions = np.concatenate([inner, joints])
+        return np.concatenate([e.start + e.span / pieces * positions for e in space.events])
 
     def _inside(self, angles: FloatArray) -> FloatArray:
-        """Those of the angles that are in events and not at their ends, where nothing is free."""
+        """Return the angles inside events, except near their ends.
+
+        No ordinate is free at the ends.
+        """
         space = self.problem.space
-        least = 0.25 / (space.law_class.pieces * space.parts)
-        place = np.array([(angles - event.start) / event.span for event in space.events])
-        return np.asarray(angles[((least < place) & (place < 1.0 - least)).any(axis=0)])
+        edge = 0.25 / (space.law_class.pieces * space.parts)
+        position = np.array([(angles - event.start) / event.span for event in space.events])
+        return np.asarray(angles[((edge < position) & (position < 1.0 - edge)).any(axis=0)])
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """The branches near a law as functions of the unknowns, over the events and at its maxima.
+        """Return the branches linearised at a law, over the grid and at its maxima.
 
-        Where laws were ``tried`` from there their maxima are among them, and the rows give the
-        exact values of the last one.
+        The maxima of the laws that were ``tried`` from there are included. The rows then have the
+        exact values of the last of these laws.
         """
         space = self.problem.space
         laws = [space.law(x, "design") for x in (unknowns, *tried)]
-        tops = np.array([angle for law in laws for _, angle in maxima(law, self.branches)])
-        at = np.concatenate([self._grid, self._inside(tops)])
-        parts = [space.at(order, at) for order in range(3)]
-        motion = Motion(at, *(part(unknowns) for part in parts))
+        maxima_angles = np.array([angle for law in laws for _, angle in maxima(law, self.branches)])
+        angles = np.concatenate([self._grid, self._inside(maxima_angles)])
+        parts = [space.at(order, angles) for order in range(3)]
+        motion = Motion(angles, *(part(unknowns) for part in parts))
         slopes = [self._slope(motion, order) for order in range(3)]
-        found = []
+        branch_rows = []
         for branch, value in enumerate(self.branches(motion)):
             total = Affine(value, sparse.csr_array(parts[0].matrix.shape))
             for part, slope in zip(parts, slopes, strict=True):
                 total += part.plus(-part(unknowns)).mapped(sparse.diags_array(slope[branch]))
-            found.append(total)
-        rows = Affine.stacked(found)
+            branch_rows.append(total)
+        rows = Affine.stacked(branch_rows)
         if tried:
-            exact = self.branches(Motion(at, *(part(tried[-1]) for part in parts)))
+            exact = self.branches(Motion(angles, *(part(tried[-1]) for part in parts)))
             rows = rows.plus(exact.ravel() - rows(tried[-1]))
         return rows
 
     def _slope(self, motion: Motion, order: int) -> FloatArray:
-        """By how much the branches grow with s, s' or s''."""
+        """Return the derivatives of the branches by s, s' or s''."""
         name = ("s", "slope", "curvature")[order]
-        own = getattr(motion, name)
-        step = STEP * float(np.abs(own).max())
-        high, low = (self.branches(replace(motion, **{name: own + x})) for x in (step, -step))
+        values = getattr(motion, name)
+        step = BRANCH_STEP * float(np.abs(values).max())
+        high, low = (self.branches(replace(motion, **{name: values + x})) for x in (step, -step))
         return np.asarray((high - low) / (2.0 * step))
 
 
 @dataclass(eq=False)
 class ValueTerm:
-    """A goal or a limit that has nothing but a value: its slopes are differences of it."""
+    """Goal or limit that has only a value, with derivatives from differences."""
 
     problem: DesignProblem
-    asked: Asked
+    target: ScaledLimit
 
     def __post_init__(self) -> None:
-        asked = self.asked
-        self.name, self._sign = asked.name, sign_of(asked.sense)
-        self.allowed = math.nan if asked.value is None else self._sign * asked.value
-        # the start's own level is no measure of what it changes by
-        self.scale = LEVEL_SCALE if asked.term.quantity.unit == "dB" else asked.scale
+        target = self.target
+        self.name, self._sign = target.name, sign_of(target.sense)
+        self.allowed = math.nan if target.value is None else self._sign * target.value
+        # the level of the start would not measure its changes
+        self.scale = LEVEL_SCALE if target.term.quantity.unit == "dB" else target.scale
 
-    def worst(self, law: Law) -> float:
-        """What is to be small."""
-        return self._sign * measured(self.problem, law, self.asked.term, self.asked.sense)
+    def max_value(self, law: Law) -> float:
+        """Return the value of a law, signed to be minimised."""
+        return self._sign * measured(self.problem, law, self.target.term, self.target.sense)
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """The value near a law; the exact one of the last law that was tried from there."""
-        at, slope = tried[-1] if tried else unknowns, self._slope(unknowns.tobytes())
-        constant = self._value(at) - slope @ at
+        """Return the value linearised at a law.
+
+        It is exact at the last law that was ``tried`` from there.
+        """
+        point, slope = tried[-1] if tried else unknowns, self._slope(unknowns.tobytes())
+        constant = self._value(point) - slope @ point
         return Affine(constant, sparse.csr_array(slope))
 
     @lru_cache(maxsize=1)  # noqa: B019 - a term lives as long as its search
     def _slope(self, unknowns: bytes) -> FloatArray:
-        """By how much the value grows with each unknown, ``(1, m)``; a step is tried more often."""
+        """Return the derivatives of the value by the unknowns, ``(1, m)``.
+
+        They are cached, because a step is tried more than once.
+        """
         space = self.problem.space
         steps = VALUE_STEP * np.eye(space.free)
         free, slope = np.frombuffer(unknowns)[: space.free], np.zeros((1, space.unknowns))
@@ -167,18 +194,18 @@ class ValueTerm:
         return slope
 
     def _value(self, unknowns: FloatArray) -> float:
-        return self.worst(self.problem.space.law(unknowns, "design"))
+        return self.max_value(self.problem.space.law(unknowns, "design"))
 
 
-class Place(NamedTuple):
-    """A law on the way: ``over`` is by how much it breaks its limits, in parts of their scales.
+class Iterate(NamedTuple):
+    """Law of a descent with its exact values.
 
-    ``goal`` is what is to be small, in parts of its scale; ``active`` names the limits that held it
-    in the program that it comes from.
+    ``violation`` is the largest violation of a limit, in scales. ``goal`` is to be minimised, in
+    its scale. ``active`` names the active limits of the program that gave the law.
     """
 
     unknowns: FloatArray
-    over: float
+    violation: float
     goal: float
     active: tuple[str, ...] = ()
 
@@ -188,141 +215,156 @@ LocalTerm = PointwiseTerm | ValueTerm
 
 @dataclass(eq=False)
 class Descent:
-    """The search of one goal, local or convex, under limits of both kinds.
+    """Search of one goal, local or convex, under limits of both kinds.
 
-    ``solver`` has the convex limits, of which ``cuts`` are those whose rows are found in rounds,
-    and kept; ``on_place`` is told each law that keeps all limits.
+    ``solver`` has the convex limits. ``cuts`` are those whose rows are found in rounds, and are
+    kept. ``on_feasible`` is called with each law that satisfies all limits.
     """
 
     solver: Solver
-    goal: LocalTerm | Asked
+    goal: LocalTerm | ScaledLimit
     limits: list[LocalTerm]
     cuts: list[Cuts]
-    on_place: Callable[[Place], None] = lambda _: None
+    on_feasible: Callable[[Iterate], None] = lambda _: None
     reach: float = field(default=FIRST_REACH, init=False)
     _residual: list[Cuts] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.problem, self._free = self.solver.problem, self.solver.problem.space.free
         assert not any(math.isnan(limit.allowed) for limit in self.limits)
-        own = self.goal
-        #: Whether the goal is the rigid jump speed.
-        self._speed = isinstance(own, Asked) and rows_of(own.term).run is not None
+        goal = self.goal
+        #: True if the goal is the rigid jump speed.
+        self._speed = isinstance(goal, ScaledLimit) and rows_of(goal.term).run is not None
 
-    def place(self, unknowns: FloatArray) -> Place:
-        """A law's exact values."""
+    def evaluate(self, unknowns: FloatArray) -> Iterate:
+        """Return a law with its exact values."""
         law = self.problem.space.law(unknowns, "design")
-        each = ((limit.worst(law) - limit.allowed) / limit.scale for limit in self.limits)
-        over = max(each, default=-np.inf)
-        if isinstance(self.goal, Asked):
+        violations = ((limit.max_value(law) - limit.allowed) / limit.scale for limit in self.limits)
+        violation = max(violations, default=-np.inf)
+        if isinstance(self.goal, ScaledLimit):
             sign = sign_of(self.goal.sense)
             value = sign * measured(self.problem, law, self.goal.term, self.goal.sense)
         else:
-            value = self.goal.worst(law)
-        return Place(unknowns, over, value / self.goal.scale)
+            value = self.goal.max_value(law)
+        return Iterate(unknowns, violation, value / self.goal.scale)
 
-    def run(self, unknowns: FloatArray) -> Place:
-        """Downhill from a law that keeps the convex limits, to where no step is better."""
-        here, self.reach, idle = self.place(unknowns), FIRST_REACH, 0
-        for _ in range(STEPS):
-            if here.over <= KEPT:
-                self.on_place(here)
-            better = self._step(here)
+    def run(self, unknowns: FloatArray) -> Iterate:
+        """Return the last law of a descent.
+
+        The first law, ``unknowns``, satisfies the convex limits.
+        """
+        current, self.reach, idle = self.evaluate(unknowns), FIRST_REACH, 0
+        for _ in range(MAX_STEPS):
+            if current.violation <= FEASIBLE_RTOL:
+                self.on_feasible(current)
+            better = self._step(current)
             if better is None:
                 self.reach *= 0.25
-                if self.reach < LEAST_REACH:
+                if self.reach < MIN_REACH:
                     break
                 continue
-            gain = here.goal - better.goal
-            if here.over > KEPT:
-                gain = max(gain, here.over - better.over)
-            idle = idle + 1 if gain < LITTLE * max(abs(better.goal), LITTLE) else 0
-            here = better
+            gain = current.goal - better.goal
+            if current.violation > FEASIBLE_RTOL:
+                gain = max(gain, current.violation - better.violation)
+            idle = idle + 1 if gain < GAIN_RTOL * max(abs(better.goal), GAIN_RTOL) else 0
+            current = better
             if idle == 2:
                 break
-        if here.over <= KEPT:
-            self.on_place(here)
-        return here
+        if current.violation <= FEASIBLE_RTOL:
+            self.on_feasible(current)
+        return current
 
-    def _step(self, here: Place) -> Place | None:
-        """A better law within reach.
+    def _step(self, current: Iterate) -> Iterate | None:
+        """Return a better law in the trust region, or None.
 
-        Where a law that a program gives is not better, or breaks its limits, the rows of the next
-        one are put right by what that law exactly comes to, and tighter by what it is over.
+        If the law of a program is not better or violates its limits, the rows of the next program
+        are corrected by the exact values of that law, and tightened by its violation.
         """
         tried: list[FloatArray] = []
-        spare = SPARE
-        for _ in range(1 + CORRECTED):
+        margin = MARGIN
+        for _ in range(1 + MAX_CORRECTIONS):
             try:
-                found = self._solved(here, tried, spare)
-            except DesignError:  # nothing within reach, or the solver fails
+                solution = self._solve_linearised(current, tried, margin)
+            except DesignError:  # the trust region has no law, or the solver fails
                 return None
-            if not tried and self._settled(here, found):
+            if not tried and self._has_converged(current, solution):
                 self.reach = 0.0
                 return None
-            there = self.place(found.unknowns)._replace(active=found.active)
-            if here.over > KEPT:
-                if there.over < max(0.9 * here.over, KEPT):
-                    return there
-            elif there.over <= KEPT and there.goal < here.goal:
-                self._adapt(here, there, found.level)
-                return there
-            tried.append(found.unknowns)
-            spare += max(0.0, min(there.over, MOST_SPARE))
+            candidate = self.evaluate(solution.unknowns)._replace(active=solution.active)
+            if current.violation > FEASIBLE_RTOL:
+                if candidate.violation < max(0.9 * current.violation, FEASIBLE_RTOL):
+                    return candidate
+            elif candidate.violation <= FEASIBLE_RTOL and candidate.goal < current.goal:
+                self._adapt(current, candidate, solution.level)
+                return candidate
+            tried.append(solution.unknowns)
+            margin += max(0.0, min(candidate.violation, MAX_MARGIN_STEP))
         return None
 
-    def _settled(self, here: Place, found: ProgramSolution) -> bool:
-        """Whether a law keeps its limits and a program promises next to nothing for its reach."""
-        promised, part = here.goal + found.level, PROMISED * min(1.0, self.reach / FIRST_REACH)
-        return here.over <= KEPT and not self._speed and promised < part * abs(here.goal)
+    def _has_converged(self, current: Iterate, solution: ProgramSolution) -> bool:
+        """Return True if a law is feasible and its program promises almost no gain."""
+        promised, tolerance = (
+            current.goal + solution.level,
+            PROMISE_RTOL * min(1.0, self.reach / FIRST_REACH),
+        )
+        return (
+            current.violation <= FEASIBLE_RTOL
+            and not self._speed
+            and promised < tolerance * abs(current.goal)
+        )
 
-    def _adapt(self, here: Place, there: Place, level: float) -> None:
-        """How far to go in the next step, by what this one gained of what was promised."""
-        gain, promised = here.goal - there.goal, here.goal + level
+    def _adapt(self, current: Iterate, candidate: Iterate, level: float) -> None:
+        """Adapt the trust region to the ratio of actual and promised gain."""
+        gain, promised = current.goal - candidate.goal, current.goal + level
         if self._speed:  # its level is a force
             promised = gain
-        moved = np.abs(there.unknowns - here.unknowns)[: self._free].max()
-        if gain < POOR * promised:
+        change = np.abs(candidate.unknowns - current.unknowns)[: self._free].max()
+        if gain < POOR_GAIN * promised:
             self.reach *= 0.5
-        elif gain > GOOD * promised and moved > 0.9 * self.reach:
-            self.reach = min(2.0 * self.reach, MOST_REACH)
+        elif gain > GOOD_GAIN * promised and change > 0.9 * self.reach:
+            self.reach = min(2.0 * self.reach, MAX_REACH)
 
-    def _solved(self, here: Place, tried: list[FloatArray], spare: float) -> ProgramSolution:
-        """The best law of the program near a law; while it breaks limits, the goal waits."""
-        program = self.solver.static(True)
-        cuts: list[Cuts] = [FewRows([self._within(here)], every=1), *self.cuts]
+    def _solve_linearised(
+        self, current: Iterate, tried: list[FloatArray], margin: float
+    ) -> ProgramSolution:
+        """Return the solution of the linearised program.
+
+        The goal is included only if the current law is feasible.
+        """
+        program = self.solver.static_program(True)
+        cuts: list[Cuts] = [FewRows([self._trust_region(current)], stride=1), *self.cuts]
         for limit in self.limits:
-            room = limit.rows(here.unknowns, tried) * (-1.0 / limit.scale)
-            room = room.plus(limit.allowed / limit.scale)
-            # beside a dwell that is at the limit there is next to no room, and always
-            room = room.plus(-np.clip(ROOM * room(here.unknowns), 0.0, spare))
-            program.at_least(limit.name, room, -1.0 if here.over > KEPT else 0.0)
-        if here.over > KEPT:
-            program.at_least("inside", Affine.number(INSIDE, program.unknowns), -1.0)
-        elif not isinstance(self.goal, Asked):
-            rows = self.goal.rows(here.unknowns, tried) * (-1.0 / self.goal.scale)
+            slack = limit.rows(current.unknowns, tried) * (-1.0 / limit.scale)
+            slack = slack.plus(limit.allowed / limit.scale)
+            # next to a dwell at the limit the distance is always nearly zero
+            slack = slack.plus(-np.clip(MARGIN_FRACTION * slack(current.unknowns), 0.0, margin))
+            program.at_least(limit.name, slack, -1.0 if current.violation > FEASIBLE_RTOL else 0.0)
+        if current.violation > FEASIBLE_RTOL:
+            program.at_least("inside", Affine.number(FEASIBILITY_MARGIN, program.unknowns), -1.0)
+        elif not isinstance(self.goal, ScaledLimit):
+            rows = self.goal.rows(current.unknowns, tried) * (-1.0 / self.goal.scale)
             program.at_least(self.goal.name, rows, -1.0)
         elif self._speed:
-            if not np.isfinite(here.goal):
+            if not np.isfinite(current.goal):
                 raise DynamicsError(
-                    "the class has laws that keep contact at every speed; allowed: a limit on what "
-                    "lets it, such as peak_acceleration<=start"
+                    "the class has laws that keep contact at every speed; allowed: a limit such "
+                    "as peak_acceleration<=start"
                 )
-            # where the level is zero at a law's jump speed, what is above it jumps later
-            rows = force_parts(self.problem, -here.goal * self.goal.scale, True)
+            # rows with a positive least force at this jump speed give a higher jump speed
+            rows = force_parts(self.problem, -current.goal * self.goal.scale, True)
             program.at_least(self.goal.name, rows, -1.0)
         elif rows_of(self.goal.term).in_rounds:
             self._residual = self._residual or [Residual(self.problem, self.goal, True)]
             cuts += self._residual
         else:
             add(program, self.problem, self.goal, True)
-        return self.solver.settled(program, cuts)
+        return self.solver.solve_in_rounds(program, cuts)
 
-    def _within(self, here: Place) -> RowBlock:
-        """The ordinates are within reach."""
+    def _trust_region(self, current: Iterate) -> RowBlock:
+        """Return the rows of the trust region."""
         free = self._free
         eye = sparse.eye_array(free, self.problem.space.unknowns)
-        at = here.unknowns[:free]
-        constant = np.concatenate([self.reach - at, self.reach + at])
+        point = current.unknowns[:free]
+        constant = np.concatenate([self.reach - point, self.reach + point])
         rows = Affine(constant, sparse.vstack([eye, -eye], "csr"))
         return RowBlock("reach", rows, np.zeros(2 * free), "nonneg")

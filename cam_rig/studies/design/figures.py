@@ -1,4 +1,4 @@
-"""A designed law beside its start: derivatives, contact force, contour; a front of designs."""
+"""Figures of a designed law next to its start, and of a front of designs."""
 
 from __future__ import annotations
 
@@ -19,20 +19,24 @@ from cam_rig.show.looks import DERIVATIVE_NAMES, MM, PER_RADIAN, short
 from cam_rig.studies.design.result import Front, LawDesign
 from cam_rig.units import TURN, to_rpm
 
-#: Of the figure in inches, and points of a turn.
-HEIGHT, POINTS = 8.6, 1441
+#: Height of the figure, inches.
+HEIGHT = 8.6
+#: Number of points per turn.
+SAMPLES = 1441
+#: Line style of the start, and of bounds.
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
+#: Line style of the designed law.
 DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
 
 
 @styled
 def figure(design: LawDesign) -> Figure:
-    """Both laws: four derivatives and the force over the turn, and the contours below."""
+    """Draw derivatives, contact force and contour of both laws."""
     out = empty(HEIGHT)
     names = [[f"order {k}"] * 2 for k in range(4)] + [["force", "contour"]] * 2
     panels = out.subplot_mosaic(names, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.9, 0.9])  # type: ignore[arg-type]
-    both = ((design.start, "start", START), (design.law, "designed", DESIGNED))
-    for law, label, style in both:
+    laws = ((design.start, "start", START), (design.law, "designed", DESIGNED))
+    for law, label, style in laws:
         curves = cam_curves(label, law)
         for order in range(4):
             axes = panels[f"order {order}"]
@@ -40,8 +44,8 @@ def figure(design: LawDesign) -> Figure:
             axes.set_ylabel(f"{DERIVATIVE_NAMES[order]}\n[mm{PER_RADIAN[order]}]")
             turn_axis(axes, 30)
             axes.tick_params(labelbottom=order == 3)
-    _force(panels["force"], design, both)
-    _contour(panels["contour"], design, both)
+    _force(panels["force"], design, laws)
+    _contour(panels["contour"], design, laws)
     panels["order 0"].legend(loc="upper left", frameon=False)
     panels["order 0"].set_title(f"{short(design.cam.title)}: {design.request.words}", wrap=True)
     panels["order 3"].set_xlabel(CAM_ANGLE)
@@ -50,14 +54,14 @@ def figure(design: LawDesign) -> Figure:
 
 @styled
 def front_figure(front: Front) -> Figure:
-    """The goal over the other quantity, with the start and what no law of the class passes."""
+    """Draw the goal over the other quantity, and the bound of the class."""
     out = empty(4.0)
     axes = out.subplots()
     goal, other = front.designs[0].goal, front.other
     x = np.array(front.allowed) / other.quantity.factor
-    values = [(found.goal.result, found.goal.bound) for found in front.designs]
+    values = [(design.goal.result, design.goal.bound) for design in front.designs]
     result, bound = np.array(values, dtype=np.float64).T / goal.term.quantity.factor
-    if not np.isnan(bound).all():  # what is not convex has none
+    if not np.isnan(bound).all():  # only a convex goal has bounds
         axes.plot(x, bound, label="bound of the class", **START)
     axes.plot(x, result, "o", ms=3.5, label="designed", **DESIGNED)
     axes.set_xlabel(f"{other.words} [{other.quantity.typeset}]")
@@ -66,14 +70,14 @@ def front_figure(front: Front) -> Figure:
     return out
 
 
-def _force(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
-    """The contact force of a rigid follower where the designed law is about to lose contact."""
+def _force(axes: Axes, design: LawDesign, laws: tuple[tuple[Law, str, Any], ...]) -> None:
+    """Draw the rigid follower's contact force at the designed law's jump speed."""
     follower = FollowerParameters.from_rig(design.rig)
     speed = rigid_jump_speed(design.law, follower)
     if not np.isfinite(speed):
         speed = rigid_jump_speed(design.start, follower)
-    angle = np.linspace(0.0, TURN, POINTS)
-    for law, _, style in both:
+    angle = np.linspace(0.0, TURN, SAMPLES)
+    for law, _, style in laws:
         force = force_weights(follower, speed) @ law.motion_at(angle) + follower.preload
         axes.plot(np.degrees(angle), force, **style)
     axes.axhline(0.0, color="0.3", lw=0.8)
@@ -83,9 +87,9 @@ def _force(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]
     turn_axis(axes, 90)
 
 
-def _contour(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
-    for law, _, style in both:
-        for contour in contours(design.cam.follower, law, POINTS - 1):
+def _contour(axes: Axes, design: LawDesign, laws: tuple[tuple[Law, str, Any], ...]) -> None:
+    for law, _, style in laws:
+        for contour in contours(design.cam.follower, law, SAMPLES - 1):
             x, y = contour.points * MM
             axes.plot(np.append(x, x[0]), np.append(y, y[0]), **style)
     axes.plot(0.0, 0.0, "+", color="0.3")

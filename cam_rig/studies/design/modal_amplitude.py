@@ -1,8 +1,8 @@
-"""The follower's vibration as a linear function of a design's unknowns, at one speed.
+"""Vibration of the follower at one speed, linear in the unknowns of a design.
 
-One complex amplitude a with (η, η̇) = 2 Re a (1, λ) grows by
-∫ e^{λ(t − τ)} (d₁ ṡ + d₂ s̈)/(λ − λ̄) dτ, which is linear in the law; Gauss points in cells of
-little phase give it to rounding.
+The complex amplitude a, with (η, η̇) = 2 Re a (1, λ), grows by
+∫ e^{λ(t − τ)} (d₁ ṡ + d₂ s̈)/(λ − λ̄) dτ. This is linear in the law. Gauss points in cells of small
+phase give it to rounding.
 """
 
 from __future__ import annotations
@@ -24,20 +24,24 @@ from cam_rig.studies.design.convex_program import Affine
 from cam_rig.studies.design.space import Space
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
-#: Gauss points of a cell, and the phase (rad) of the vibration in it at most.
-GAUSS, CELL_PHASE = 5, 0.3
-#: Cells of an event, at most.
+#: Gauss points per cell.
+GAUSS = 5
+#: Largest phase (rad) of the vibration in a cell.
+CELL_PHASE = 0.3
+#: Largest number of cells per event.
 MAX_CELLS = 8000
-#: Places a period at which the force in a dwell is looked at, and for how many periods.
-PER_PERIOD, PERIODS = 32, 1.25
+#: Points per period at which the force in a dwell is evaluated.
+PER_PERIOD = 32
+#: Number of periods from the start of a dwell in which the force is evaluated.
+PERIODS = 1.25
 
 
 @dataclass(eq=False)
 class Cells:
-    """The events of a space in cells, fine enough for speeds down to the ``slowest`` (rad/s).
+    """Division of the events of a space into cells of small vibration phase.
 
-    The phase in each is small; an event has ``count`` cells. ``gauss`` are Gauss points of [0, 1]
-    and their weights.
+    The phase is small at all speeds from ``slowest`` (rad/s) on. An event has ``count`` cells.
+    ``gauss`` are the Gauss points of [0, 1] and their weights.
     """
 
     space: Space
@@ -60,30 +64,30 @@ class Cells:
         self.gauss = 0.5 * (points + 1.0), 0.5 * weights
 
     def width(self, event: int) -> float:
-        """Of the cells of an event, rad."""
+        """Return the width of the cells of an event, rad."""
         return self.space.events[event].span / self.count
 
     @cached_property
     def driving(self) -> list[tuple[Affine, Affine, NDArray[np.intp]]]:
-        """Of each event s' and s'' at its Gauss points, and the unknowns that they depend on."""
+        """Functions s' and s'' at the Gauss points of each event, and their unknowns."""
         u = ((np.arange(self.per_piece)[:, None] + self.gauss[0]) / self.per_piece).ravel()
-        found = []
+        driving = []
         for index in range(len(self.space.events)):
-            one, two = (self._in(index, order, u) for order in (1, 2))
-            columns = np.flatnonzero(one.matrix.any(axis=0) | two.matrix.any(axis=0))
-            few = [Affine(part.constant, part.matrix[:, columns]) for part in (one, two)]
-            found.append((few[0], few[1], columns))
-        return found
+            slope, curvature = (self._derivative_at(index, order, u) for order in (1, 2))
+            columns = np.flatnonzero(slope.matrix.any(axis=0) | curvature.matrix.any(axis=0))
+            reduced = [Affine(x.constant, x.matrix[:, columns]) for x in (slope, curvature)]
+            driving.append((reduced[0], reduced[1], columns))
+        return driving
 
     @cached_property
     def motion(self) -> list[list[Affine]]:
-        """Of each event s, s', s'' at the end of each of its cells, on the left of joints."""
+        """Functions s, s' and s'' of each event at the ends of its cells, left of joints."""
         u = np.arange(1, self.per_piece + 1) / self.per_piece
         events = range(len(self.space.events))
-        return [[self._in(index, order, u) for order in range(3)] for index in events]
+        return [[self._derivative_at(index, order, u) for order in range(3)] for index in events]
 
-    def _in(self, event: int, order: int, u: FloatArray) -> Affine:
-        """A derivative at u of every piece of an event."""
+    def _derivative_at(self, event: int, order: int, u: FloatArray) -> Affine:
+        """Return a derivative of s at u of every piece of an event."""
         degree, count = self.space.degree - order, self.space.law_class.pieces
         first = int(np.searchsorted(self.space.breaks, self.space.events[event].start))
         rows = slice(first * (degree + 1), (first + count) * (degree + 1))
@@ -91,17 +95,20 @@ class Cells:
         return self.space.derivative(order).rows(rows).mapped(table).dense()
 
     def stretches(self) -> Iterator[tuple[float, float, int | None]]:
-        """Dwells and (with their number) events of a turn in turn, each from and to (rad)."""
-        at = 0.0
+        """Yield start, end (rad) and index of each event, with index None for dwells."""
+        angle = 0.0
         for index, event in enumerate(self.space.events):
-            yield at, event.start, None
-            at = event.start + event.span
-            yield event.start, at, index
-        yield at, TURN, None
+            yield angle, event.start, None
+            angle = event.start + event.span
+            yield event.start, angle, index
+        yield angle, TURN, None
 
 
 class FirstTurn(NamedTuple):
-    """From rest: angles ``(n,)``, which are in events, force there, amplitude at the end."""
+    """First turn from rest: angles ``(n,)``, contact force and final amplitude.
+
+    ``moving`` is True at the angles within events.
+    """
 
     angles: FloatArray
     moving: NDArray[np.bool_]
@@ -111,10 +118,11 @@ class FirstTurn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ForceAtSpeed:
-    """The contact force (N) at one speed (rad/s), at the ends of cells and early in each dwell.
+    """Contact force (N) at one speed (rad/s).
 
-    Later in a dwell the vibration has only faded. Turn k of a run from rest has what the turns
-    before have left; the infinite one is the steady state.
+    It is evaluated at the ends of cells and early in each dwell. Later in a dwell the vibration
+    only decays. Turn k of a run from rest contains the remainder of the vibration of all earlier
+    turns. Turn ∞ is the steady state.
     """
 
     cells: Cells
@@ -122,60 +130,60 @@ class ForceAtSpeed:
 
     @cached_property
     def rate(self) -> complex:
-        """λ/Ω, of the cam angle."""
+        """Rate λ/Ω of the amplitude per cam angle."""
         return self.cells.mode.rate / self.speed
 
     @cached_property
     def first(self) -> FirstTurn:
-        """The turn from rest."""
+        """First turn of a run from rest."""
         cells, mode = self.cells, self.cells.mode
         weights = (np.array(mode.motion) * self.speed ** np.arange(3.0)).tolist()
         size, edge = cells.space.unknowns, 0.0
         last = Affine(np.zeros(1, complex), np.zeros((1, size), complex))
         angles, moving, force = [], [], []
         for start, stop, event in cells.stretches():
-            here = self._places(start, stop, event)
-            if here.size == 0:
+            theta = self._angles_of(start, stop, event)
+            if theta.size == 0:
                 continue
-            amplitude = _carried(last, np.exp(self.rate * (here - edge)))
+            amplitude = _scale_last(last, np.exp(self.rate * (theta - edge)))
             if event is None:
                 level = weights[0] * cells.space.start.at(start)[0]
-                still = Affine(np.full(here.size, level), np.zeros((here.size, size)))
+                static = Affine(np.full(theta.size, level), np.zeros((theta.size, size)))
             else:
-                amplitude += self._excited(event)
+                amplitude += self._amplitude_of_event(event)
                 lift, slope, curvature = cells.motion[event]
-                still = lift * weights[0] + slope * weights[1] + curvature * weights[2]
-                last, edge = amplitude, float(here[-1])
-            angles.append(here)
-            moving.append(np.full(here.size, event is not None))
+                static = lift * weights[0] + slope * weights[1] + curvature * weights[2]
+                last, edge = amplitude, float(theta[-1])
+            angles.append(theta)
+            moving.append(np.full(theta.size, event is not None))
             constant = 2.0 * (mode.shown * amplitude.constant).real
             matrix = 2.0 * (mode.shown * amplitude.matrix).real
-            force.append(still.plus(mode.constant) + Affine(constant, matrix))
-        end = _carried(last, np.exp(self.rate * np.array([TURN - edge])))
+            force.append(static.plus(mode.constant) + Affine(constant, matrix))
+        end = _scale_last(last, np.exp(self.rate * np.array([TURN - edge])))
         return FirstTurn(np.concatenate(angles), np.concatenate(moving), Affine.stacked(force), end)
 
-    def _excited(self, event: int) -> Affine:
-        """The amplitude that an event alone excites, at the end of each of its cells."""
+    def _amplitude_of_event(self, event: int) -> Affine:
+        """Return the amplitude that an event alone excites, at the ends of its cells."""
         cells, mode = self.cells, self.cells.mode
         points, weights = cells.gauss
         width, count = cells.width(event), cells.count
-        reached = np.exp(self.rate * width * (1.0 - points)) * weights * width
-        reached /= mode.rate - mode.rate.conjugate()
-        both = np.stack([reached.real, reached.imag])
+        response = np.exp(self.rate * width * (1.0 - points)) * weights * width
+        response /= mode.rate - mode.rate.conjugate()
+        parts = np.stack([response.real, response.imag])
         slope, curvature, columns = cells.driving[event]
         drive = slope * mode.drive[0] + curvature * (mode.drive[1] * self.speed)
-        real, imag = np.moveaxis(both @ drive.matrix.reshape(count, points.size, -1), 1, 0)
+        real, imag = np.moveaxis(parts @ drive.matrix.reshape(count, points.size, -1), 1, 0)
         added = np.zeros((count, cells.space.unknowns), complex)
         added[:, columns] = real + 1j * imag
         fading = np.exp(self.rate * width * np.arange(1, count + 1))
-        alone = drive.constant.reshape(count, -1) @ reached
+        constant = drive.constant.reshape(count, -1) @ response
         return Affine(
-            fading * np.cumsum(alone / fading),
+            fading * np.cumsum(constant / fading),
             fading[:, None] * np.cumsum(added / fading[:, None], axis=0),
         )
 
-    def _places(self, start: float, stop: float, event: int | None) -> FloatArray:
-        """Angles of an event's cells, or in a dwell as long as the first periods take."""
+    def _angles_of(self, start: float, stop: float, event: int | None) -> FloatArray:
+        """Return the angles of an event's cells, or of the first periods of a dwell."""
         if event is not None:
             width = self.cells.width(event)
             return np.asarray(start + width * np.arange(1.0, self.cells.count + 1.0))
@@ -185,29 +193,31 @@ class ForceAtSpeed:
 
     @cached_property
     def _before(self) -> ComplexArray:
-        """The force of one amplitude that is there where a turn begins, ``(n,)``."""
+        """Force of a unit amplitude at the start of a turn, ``(n,)``."""
         return np.asarray(2.0 * self.cells.mode.shown * np.exp(self.rate * self.first.angles))
 
     def _turns_before(self, turns: FloatArray) -> ComplexArray:
-        """How many of the amplitudes that one turn leaves are there where each turn begins."""
+        """Return the initial amplitude of each turn per final amplitude of the first."""
         flow = np.exp(self.rate * TURN)
-        left = np.where(np.isinf(turns), 0.0, flow ** np.where(np.isinf(turns), 0.0, turns - 1.0))
-        return np.asarray((1.0 - left) / (1.0 - flow))
+        decay = np.where(np.isinf(turns), 0.0, flow ** np.where(np.isinf(turns), 0.0, turns - 1.0))
+        return np.asarray((1.0 - decay) / (1.0 - flow))
 
     def values(self, unknowns: FloatArray, turns: FloatArray) -> FloatArray:
-        """The force in each of some turns, ``(len(turns), n)``."""
-        left = self.first.end(unknowns)[0] * self._turns_before(turns)
-        more = np.outer(left.real, self._before.real) - np.outer(left.imag, self._before.imag)
-        return np.asarray(self.first.force(unknowns) + more)
+        """Return the force in each of several turns, ``(len(turns), n)``."""
+        amplitude = self.first.end(unknowns)[0] * self._turns_before(turns)
+        vibration = np.outer(amplitude.real, self._before.real) - np.outer(
+            amplitude.imag, self._before.imag
+        )
+        return np.asarray(self.first.force(unknowns) + vibration)
 
     def rows(self, chosen: NDArray[np.intp], turn: float) -> Affine:
-        """The same as a function of the unknowns, at some of the places of one turn."""
+        """Return the force as a function of the unknowns, at some angles of one turn."""
         before = self._before[chosen] * self._turns_before(np.array([turn]))[0]
         end, force = self.first.end, self.first.force.rows(chosen)
         matrix = (before[:, None] * end.matrix[0]).real
         return force + Affine((before * end.constant[0]).real, matrix)
 
 
-def _carried(last: Affine, factor: ComplexArray) -> Affine:
-    """The one (last) value times factors ``(n,)``."""
+def _scale_last(last: Affine, factor: ComplexArray) -> Affine:
+    """Return the last value times factors ``(n,)``."""
     return Affine(factor * last.constant[-1], factor[:, None] * last.matrix[-1])

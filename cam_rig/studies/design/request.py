@@ -1,4 +1,4 @@
-"""What a design is asked for: a goal, limits, a class of laws, and how it is searched for."""
+"""Request of a design: goal, limits, class of laws, and options of the search."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cam_rig.units import FloatArray
 
 
 class ClassConfig(Strict):
-    """B-splines of a degree in equal pieces of each event; ``joints`` such as C3."""
+    """Class of B-splines in equal pieces of each event, with ``joints`` such as C3."""
 
     pieces: int = Field(default=16, strict=True)
     joints: str = "C3"
@@ -26,7 +26,10 @@ class ClassConfig(Strict):
 
 
 class DesignConfig(Strict):
-    """One design file; ``start`` and ``rig`` are files (from where one is), or shipped names."""
+    """Content of a design file.
+
+    ``start`` and ``rig`` are files, relative to the folder of the design file, or shipped names.
+    """
 
     start: str
     rig: str = "paper_table2"
@@ -47,22 +50,41 @@ class DesignConfig(Strict):
 
 
 def is_design(path: Path) -> bool:
-    """Whether a file is a design and not a cam."""
+    """Return True if a file is a design file and not a cam file."""
     if not path.is_file():
         return False
     data = read_yaml(path)
     return isinstance(data, dict) and "start" in data
 
 
-#: Pieces and degree of a class, and how smooth its joints may be.
-MAX_PIECES, MAX_DEGREE, MAX_JOINTS = 200, 15, 6
-#: An event of more ordinates than this is not written to a cam file.
+#: Largest number of pieces per event.
+MAX_PIECES = 200
+#: Largest degree.
+MAX_DEGREE = 15
+#: Largest order of continuity at joints.
+MAX_JOINTS = 6
+#: Largest number of ordinates per event in a cam file.
 MAX_ORDINATES = 500
 
 
 @dataclass(frozen=True)
 class LawClass:
-    """B-splines in equal pieces of each event, Cᵏ by ``joints`` k; of degree k + 2 by default."""
+    """Class of B-splines in equal pieces of each event.
+
+    Parameters
+    ----------
+    pieces : int, optional
+        Number of pieces per event, 1 to 200 (default: 16).
+    joints : int, optional
+        Order k of continuity Cᵏ at the joints, 1 to 6 (default: 3).
+    degree : int, optional
+        Degree, up to 15 (default: ``joints`` + 2).
+
+    Raises
+    ------
+    ConfigError
+        If a value is out of range, or the number of free ordinates is zero or too large.
+    """
 
     pieces: int = 16
     joints: int = 3
@@ -70,10 +92,10 @@ class LawClass:
 
     def __post_init__(self) -> None:
         limits = {"pieces": (1, MAX_PIECES), "joints": (1, MAX_JOINTS), "degree": (2, MAX_DEGREE)}
-        for name, (least, most) in limits.items():
+        for name, (lower, upper) in limits.items():
             value = self.power if name == "degree" else getattr(self, name)
-            if not isinstance(value, int) or not least <= value <= most:
-                raise ConfigError(f"class: {name} is {value}; allowed: {least} to {most}")
+            if not isinstance(value, int) or not lower <= value <= upper:
+                raise ConfigError(f"class: {name} is {value}; allowed: {lower} to {upper}")
         if self.power <= self.joints:
             raise ConfigError(
                 f"class: degree is {self.power} with joints C{self.joints}; allowed: a degree "
@@ -92,78 +114,89 @@ class LawClass:
 
     @property
     def power(self) -> int:
-        """The degree."""
+        """Degree of the splines."""
         return self.joints + 2 if self.degree is None else self.degree
 
     @property
     def knots(self) -> FloatArray:
-        """Of one event of unit length, the ends ``degree + 1`` times."""
+        """Knots of one event of unit length, with ``degree + 1`` equal knots at both ends."""
         inner = np.repeat(np.arange(1.0, self.pieces) / self.pieces, self.power - self.joints)
         ends = self.power + 1
         return np.concatenate([np.zeros(ends), inner, np.ones(ends)])
 
     @property
     def count(self) -> int:
-        """Ordinates of one event."""
+        """Number of ordinates of one event."""
         return (self.pieces - 1) * (self.power - self.joints) + self.power + 1
 
     @property
     def free(self) -> int:
-        """Those that the ends do not take."""
+        """Number of ordinates that the conditions at the ends leave free."""
         return self.count - 2 * (self.joints + 1)
 
     @property
     def words(self) -> str:
-        """The class as a table says it."""
+        """Description of the class for tables."""
         if self.pieces == 1:
             return f"Bézier curves of degree {self.power}"
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
 
 
-#: Starts, at most, and by default.
-MOST_STARTS, STARTS = 1000, 8
-#: Descents that end within this part of the best came to the same.
-SAME = 1e-3
+#: Largest number of starts.
+MAX_STARTS = 1000
+#: Default number of starts.
+DEFAULT_STARTS = 8
+#: Relative tolerance of the goal within which two descents have the same result.
+MULTISTART_RTOL = 1e-3
 
 
 @dataclass(frozen=True)
 class Multistart:
-    """A search from several laws, of which so many (``near``) ended within 0.1 % of the best."""
+    """Search from several laws.
 
-    starts: int = STARTS
+    ``near`` is the number of descents that ended within 0.1 % of the best.
+    """
+
+    starts: int = DEFAULT_STARTS
     seed: int = 1
     near: int = 0
 
     def __post_init__(self) -> None:
-        if not 1 <= self.starts <= MOST_STARTS:
-            raise ConfigError(f"starts: is {self.starts}; allowed: 1 to {MOST_STARTS}")
+        if not 1 <= self.starts <= MAX_STARTS:
+            raise ConfigError(f"starts: is {self.starts}; allowed: 1 to {MAX_STARTS}")
         if self.seed < 0:
             raise ConfigError(f"seed: is {self.seed}; allowed: 0 and above")
 
     @property
     def words(self) -> str:
-        """As a table says it."""
+        """Description of the search for tables."""
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         return f"local ({starts}, {self.near} ended within 0.1 % of the best)"
 
 
-#: What of the start may stay: all of it, or its events have other spans, or its dwells too.
+#: Parts of the start that can be kept: all, all but the spans of events, or the lift only.
 KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 
-def _kept(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
-    """What stays, in order."""
-    found = [own for own in KEEP if set(own) == {word.strip() for word in keep}]
-    if not found:
-        allowed = " or ".join(",".join(own) for own in KEEP)
+def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
+    """Return the kept parts in order."""
+    matches = [parts for parts in KEEP if set(parts) == {word.strip() for word in keep}]
+    if not matches:
+        allowed = " or ".join(",".join(parts) for parts in KEEP)
         raise ConfigError(f"keep: is {','.join(keep)!r}; allowed: {allowed}")
-    if "events" in found[0] and any(x.term.quantity.where == "event" for x in limits):
+    if "events" in matches[0] and any(x.term.quantity.where == "event" for x in limits):
         raise ConfigError("limit event_angle: events stay; allowed: with keep dwells,lift or lift")
-    return found[0]
+    return matches[0]
 
 
 def parse_goal(text: str) -> Term:
-    """A goal: a quantity that may be one."""
+    """Return the goal of a text.
+
+    Raises
+    ------
+    ConfigError
+        If the quantity is unknown, or only allowed as a limit.
+    """
     term = parse_term(text, DESIGNED)
     if not term.quantity.goal:
         goals = [name for name, quantity in DESIGNED.items() if quantity.goal]
@@ -172,14 +205,14 @@ def parse_goal(text: str) -> Term:
 
 
 def parse_second(text: str) -> Term:
-    """The other quantity of a front: what may be a goal, or an event's span."""
+    """Return the other quantity of a front: a possible goal, or the span of an event."""
     term = parse_term(text, DESIGNED)
     return term if term.quantity.where == "event" else parse_goal(text)
 
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """What is asked: a goal with its sense, limits, the class of laws, and how it is searched."""
+    """Request of a design: goal, sense, limits, class of laws, and search options."""
 
     goal: Term
     sense: Sense
@@ -199,7 +232,26 @@ class DesignRequest:
         multistart: Multistart | None = None,
         keep: Sequence[str] = KEEP[0],
     ) -> DesignRequest:
-        """From words."""
+        """Create a request from texts.
+
+        Parameters
+        ----------
+        minimise, maximise : str, optional
+            Goal; exactly one of them is needed.
+        limits : sequence of str, optional
+            Limits such as ``"peak_acceleration<=start"``.
+        law_class : LawClass, optional
+            Class of laws.
+        multistart : Multistart, optional
+            Options of a local search.
+        keep : sequence of str, optional
+            Parts of the start to keep (default: all).
+
+        Raises
+        ------
+        ConfigError
+            If a text is invalid, or goal or limit is not possible in that sense or class.
+        """
         if (minimise is None) == (maximise is None):
             raise ConfigError("goal: needed: one, to minimise or to maximise")
         goal = parse_goal(minimise or maximise or "")
@@ -207,34 +259,34 @@ class DesignRequest:
         if sense not in goal.quantity.senses:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
-        asked = tuple(parse_limit(text, DESIGNED) for text in limits)
-        own, kept = law_class or LawClass(), _kept(keep, asked)
-        for term in (goal, *(limit.term for limit in asked)):
+        limits_parsed = tuple(parse_limit(text, DESIGNED) for text in limits)
+        own_class, kept = law_class or LawClass(), _parse_keep(keep, limits_parsed)
+        for term in (goal, *(limit.term for limit in limits_parsed)):
             order = term.quantity.order
-            if own.joints < order - 1:
+            if own_class.joints < order - 1:
                 raise ConfigError(
-                    f"{term.key}: has no bound with joints C{own.joints}, where a lower "
+                    f"{term.key}: has no bound with joints C{own_class.joints}, where a lower "
                     f"derivative may step; allowed: C{order - 1} and above"
                 )
-        return cls(goal, sense, asked, own, multistart or Multistart(), kept)
+        return cls(goal, sense, limits_parsed, own_class, multistart or Multistart(), kept)
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:
-        """From a design file."""
-        own = config.class_
-        if not (own.joints[:1] in ("C", "c") and own.joints[1:].isdecimal()):
-            raise ConfigError(f"joints: are {own.joints!r}; allowed: C1 to C{MAX_JOINTS}")
-        law_class = LawClass(own.pieces, int(own.joints[1:]), own.degree)
+        """Create a request from a design file."""
+        config_class = config.class_
+        if not (config_class.joints[:1] in ("C", "c") and config_class.joints[1:].isdecimal()):
+            raise ConfigError(f"joints: are {config_class.joints!r}; allowed: C1 to C{MAX_JOINTS}")
+        law_class = LawClass(config_class.pieces, int(config_class.joints[1:]), config_class.degree)
         search = Multistart(config.starts, config.seed)
-        asked = config.model_dump(include={"minimise", "maximise", "limits", "keep"})
-        return cls.of(law_class=law_class, multistart=search, **asked)
+        fields = config.model_dump(include={"minimise", "maximise", "limits", "keep"})
+        return cls.of(law_class=law_class, multistart=search, **fields)
 
     @property
     def verb(self) -> str:
-        """Minimise or maximise."""
+        """Verb of the goal: ``minimise`` or ``maximise``."""
         return "minimise" if self.sense == "<=" else "maximise"
 
     @property
     def words(self) -> str:
-        """As a title says it."""
+        """Description of the goal for titles."""
         return f"{self.verb} {self.goal.words}"

@@ -1,4 +1,4 @@
-"""What a design gives: the law beside its start, its bound and its cam file; a front of designs."""
+"""Results of designs: a law with its bound and cam file, and a front."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from cam_rig.quantities.terms import Sense, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import file_data, quantity, to_yaml, valid_cam
 from cam_rig.show.result import Column, Records, Result
-from cam_rig.studies.design.convex_program import BOX
+from cam_rig.studies.design.convex_program import MAX_ORDINATE
 from cam_rig.studies.design.request import DesignRequest, Multistart
-from cam_rig.studies.design.space import Asked, DesignProblem, LawEvent
+from cam_rig.studies.design.space import DesignProblem, LawEvent, ScaledLimit
 from cam_rig.units import TURN, FloatArray
 
-#: A result within this part of its bound is called certified.
-CERTIFIED = 2e-3
-#: A start breaks a limit that it is over by more than this part of.
-OVER = 1e-6
+#: Largest relative gap between result and bound of a certified design.
+CERTIFIED_RTOL = 2e-3
+#: Relative excess above which the start is reported to break a limit.
+EXCESS_RTOL = 1e-6
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A goal, with what no law of the class passes, or a limit of a design, SI (dB for levels)."""
+    """Goal with its bound, or limit, of a design, in SI (levels in dB)."""
 
     term: Term
     sense: Sense
@@ -37,12 +37,12 @@ class Measure:
     active: bool = False
 
     def shown(self, value: float | None) -> float | None:
-        """A value in the unit of tables."""
+        """Return a value in the unit of tables."""
         return None if value is None else value / self.term.quantity.factor
 
     @property
-    def kept(self) -> str:
-        """The limit as a table says it; empty for a goal."""
+    def limit_text(self) -> str:
+        """Limit as text for tables, empty for a goal."""
         sign = "≤" if self.sense == "<=" else "≥"
         return "" if self.limit is None else f"{sign} {self.shown(self.limit):.5g}"
 
@@ -56,25 +56,43 @@ def _shown(key: str, **how: str) -> Column:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawDesign(Result):
-    """The best law found: ``law``, ``cam``, the ``text`` of its file, and ``measures``, goal first.
+    """Best law found, with its cam and the text of its cam file.
 
-    ``tops`` are the cam angles (rad) within events where start and law reach their lift;
-    ``rounds`` is how many programs were solved; ``multistart`` is of a design that is not convex,
-    which has no bound, and ``spans_bound`` of one whose events have other spans: what no law with
-    just these spans passes.
+    Attributes
+    ----------
+    request : DesignRequest
+        Goal, limits, class and options.
+    start, law : Law
+        Law of the start, and the designed law.
+    cam, text : CamConfig, str
+        Designed cam, and the content of its file.
+    events : tuple of LawEvent
+        Events of the law, rad.
+    tops : tuple of float
+        Cam angles (rad) within events at which start and law reach their lift.
+    measures : tuple of Measure
+        Goal first, then the limits.
+    rounds : int
+        Number of solved programs.
+    multistart : Multistart or None
+        Search of a design that is not convex, which is without a bound.
+    spans_bound : float or None
+        Bound for laws with the spans of this law, if the spans were searched.
+    interrupted : bool
+        True if the search was interrupted. The law is then without a bound.
     """
 
     schema = "cam_rig.design.1"
     plot_function = "cam_rig.studies.design.figures:figure"
     columns: ClassVar = {
         "measures": (
-            Column("quantity", of="term.key", cell=lambda one: one.term.words),
-            Column("unit", of="term.quantity.si", cell=lambda one: one.term.quantity.typeset),
+            Column("quantity", of="term.key", cell=lambda m: m.term.words),
+            Column("unit", of="term.quantity.si", cell=lambda m: m.term.quantity.typeset),
             _shown("start"),
             _shown("result"),
             _shown("bound", missing="–"),
-            Column("limit", cell=lambda one: one.kept or None, missing="–"),
-            Column("active", cell=lambda one: "yes" if one.active else ""),
+            Column("limit", cell=lambda m: m.limit_text or None, missing="–"),
+            Column("active", cell=lambda m: "yes" if m.active else ""),
         ),
         "events": (Column("start", "°", ".6g"), Column("span", "°", ".6g")),
         "design": (
@@ -87,11 +105,11 @@ class LawDesign(Result):
             Column("joints", of="request.law_class.joints", doc="continuous derivatives"),
             Column("degree", of="request.law_class.power"),
             Column("interrupted"),
-            Column("certified", doc="whether the gap is at most 0.2 %"),
-            Column("gap", doc="to the bound, in parts of it"),
+            Column("certified", doc="true if the gap is at most 0.2 %"),
+            Column("gap", doc="relative distance to the bound"),
             Column("starts", of="multistart.starts"),
             Column("seed", of="multistart.seed"),
-            Column("near", of="multistart.near", doc="how many starts came to the same"),
+            Column("near", of="multistart.near", doc="number of starts with the same result"),
             Column("bound_at_these_events", of="spans_bound"),
             Column("programs", of="rounds", doc="solved"),
         ),
@@ -113,12 +131,15 @@ class LawDesign(Result):
 
     @property
     def goal(self) -> Measure:
-        """The goal's."""
+        """Measure of the goal."""
         return self.measures[0]
 
     @property
     def gap(self) -> float:
-        """How far the result is from its bound, in parts of it; of a level in pressure; else ∞."""
+        """Relative distance between result and bound, ∞ without a bound.
+
+        The distance of a sound level is that of the sound pressure.
+        """
         goal = self.goal
         if goal.bound is None:
             return math.inf
@@ -128,19 +149,19 @@ class LawDesign(Result):
 
     @property
     def certified(self) -> bool:
-        """Whether the bound proves that little could be better."""
-        return self.gap <= CERTIFIED
+        """True if the bound proves that no law is better by more than 0.2 %."""
+        return self.gap <= CERTIFIED_RTOL
 
     def tables(self) -> list[Records]:
-        """``measures``, a row for the goal and for each limit, ``events``, and ``design``."""
+        """Return the tables ``measures`` (goal first), ``events`` and ``design``."""
         angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in self.tops)
         kept = " and ".join(what for what in self.request.keep if what != "events")
         kept += f", reached at {angles}," if angles else ""
         notes = (
             f"start: {self.start.name}; class: {self.request.law_class.words}, with {kept} of the "
-            f"start; no ordinate beyond {BOX:g} lifts",
+            f"start; no ordinate beyond {MAX_ORDINATE:g} lifts",
             self._bound_line(),
-            *self._start_beside(),
+            *self._compare_start(),
         )
         caption = f"Design on rig {self.rig.name}: {self.request.words}"
         return [
@@ -149,12 +170,16 @@ class LawDesign(Result):
             self.table("design", "Design", [self], single=True, hidden=True),
         ]
 
-    def _start_beside(self) -> list[str]:
-        """Lines where the start, which need not be of the class, breaks limits, or is better."""
+    def _compare_start(self) -> list[str]:
+        """Return a note if the start breaks limits or is better than the law.
+
+        The start need not be of the class.
+        """
         broken = [
-            f"{x.term.words} {x.kept} {x.term.quantity.typeset}"
+            f"{x.term.words} {x.limit_text} {x.term.quantity.typeset}"
             for x in self.measures[1:]
-            if x.limit is not None and (x.start - x.limit) * sign_of(x.sense) > OVER * abs(x.limit)
+            if x.limit is not None
+            and (x.start - x.limit) * sign_of(x.sense) > EXCESS_RTOL * abs(x.limit)
         ]
         if broken:
             return [f"the start breaks {' and '.join(broken)}"]
@@ -167,32 +192,35 @@ class LawDesign(Result):
         return [f"the start is better than the law found: {more} may have more"]
 
     def _bound_line(self) -> str:
-        """What the bound proves, in a line."""
-        goal, several = self.goal, self.multistart
+        """Return a line that states the bound."""
+        goal, search = self.goal, self.multistart
         if self.interrupted:
             return "interrupted: the best law so far, without a bound"
         bound = self.spans_bound if goal.bound is None else goal.bound
         if bound is None:
-            assert several is not None  # what is local has one
-            return f"{several.words}; no bound: another law may be better"
-        passed = f"{'below' if goal.sense == '<=' else 'above'} {goal.shown(bound):.5g}"
-        passed += f" {goal.term.quantity.typeset}"
+            assert search is not None  # what is local has one
+            return f"{search.words}; no bound: another law may be better"
+        limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.shown(bound):.5g}"
+        limit_text += f" {goal.term.quantity.typeset}"
         if goal.bound is None:
-            assert several is not None
-            return f"{several.words}; at these events no law is {passed}, at others one may be"
+            assert search is not None
+            return f"{search.words}; at these events no law is {limit_text}, at others one may be"
         proof = "certified" if self.certified else "not certified"
-        return f"no law of the class is {passed}; {proof}: {100.0 * self.gap:.2g} % from it"
+        return f"no law of the class is {limit_text}; {proof}: {100.0 * self.gap:.2g} % from it"
 
 
-def _certified(found: LawDesign) -> str:
-    if found.goal.bound is None:
+def _certified_text(design: LawDesign) -> str:
+    if design.goal.bound is None:
         return "local"
-    return "yes" if found.certified else "no"
+    return "yes" if design.certified else "no"
 
 
 @dataclass(frozen=True, repr=False)
 class Front(Result):
-    """Designs by rising values of the other quantity: ``allowed`` ``(n,)``, SI (dB for levels)."""
+    """Designs in rising order of the other quantity.
+
+    ``allowed`` ``(n,)`` are the values of that quantity in SI (levels in dB).
+    """
 
     schema = "cam_rig.front.1"
     plot_function = "cam_rig.studies.design.figures:front_figure"
@@ -201,7 +229,7 @@ class Front(Result):
             Column("allowed", "", ".5g", doc="of the other quantity, SI", of="0"),
             Column("result", "", ".5g", doc="of the goal, SI", of="1.goal.result"),
             Column("bound", "", ".5g", of="1.goal.bound", missing="–"),
-            Column("certified", of="1.certified", cell=lambda row: _certified(row[1])),
+            Column("certified", of="1.certified", cell=lambda row: _certified_text(row[1])),
         ),
         "quantities": (
             Column("goal", of="designs.0.goal.term.key"),
@@ -214,11 +242,11 @@ class Front(Result):
     other: Term
     allowed: tuple[float, ...]
     designs: tuple[LawDesign, ...]
-    asked: int
+    requested_points: int
     interrupted: bool = False
 
     def tables(self) -> list[Records]:
-        """``front``, a row a point, and what its columns are."""
+        """Return ``front`` (one row per point) and ``quantities`` (keys and units)."""
         goal = self.designs[0].goal.term
 
         def named(column: Column, words: str, term: Term) -> Column:
@@ -237,15 +265,15 @@ class Front(Result):
         return [front, self.table("quantities", "Quantities", [self], single=True, hidden=True)]
 
     def summary(self) -> list[str]:
-        """How far it came where it was interrupted."""
-        words = f"interrupted: {len(self.designs)} of {self.asked} points"
-        return [words] if self.interrupted else []
+        """Return the number of computed points if the front was interrupted."""
+        text = f"interrupted: {len(self.designs)} of {self.requested_points} points"
+        return [text] if self.interrupted else []
 
 
-# The designed law as a cam file: B-splines between the dwells of its start.
+# Cam file of the designed law: B-splines between the dwells of its start.
 
-#: A law's lift is its file's where they differ by no more than this part.
-SAME = 1e-12
+#: Relative tolerance within which the lift of a law equals that of its file.
+LIFT_RTOL = 1e-12
 
 
 def designed_cam(
@@ -253,30 +281,33 @@ def designed_cam(
     unknowns: FloatArray,
     name: str,
     request: DesignRequest,
-    limits: list[Asked],
+    limits: list[ScaledLimit],
     search: Multistart | None = None,
 ) -> tuple[CamConfig, str]:
-    """The cam of some unknowns, and its file; ``search`` is of what is local."""
+    """Return the cam of some unknowns and the text of its file.
+
+    ``search`` is that of a local search, None for a convex program.
+    """
     cam, space = problem.cam, problem.space
-    own, goal = space.law_class, f"{request.verb} {request.goal.key}"
-    knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
+    law_class, goal = space.law_class, f"{request.verb} {request.goal.key}"
+    knots = np.rint(law_class.knots[1:-1] * law_class.pieces).astype(int).tolist()
     source = f"designed to {goal} on rig {problem.rig.name}"
     splines = []
     for index in range(len(space.events)):
         ordinates = (space.coefficients(index)(unknowns) / space.start.lift).tolist()
         spline = {
-            "degree": own.power,
-            "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
+            "degree": law_class.power,
+            "knots": quantity("assumed", knots, "1", f"{law_class.pieces} equal pieces"),
             "ordinates": quantity("identified", ordinates, "1", source),
         }
         splines.append(spline)
-    found = "The law of its class that is best"
+    heading = "The law of its class that is best"
     if search is not None:
-        found = f"The best law found, seed {search.seed}, {search.words}, without a bound,"
+        heading = f"The best law found, seed {search.seed}, {search.words}, without a bound,"
     kept = " and ".join(what for what in ("dwells", "events") if what not in problem.free)
     header = [
-        f"# {found} by this goal: {goal}.",
-        f"# Start: {cam.name}; rig: {problem.rig.name}; {own.words}.",
+        f"# {heading} by this goal: {goal}.",
+        f"# Start: {cam.name}; rig: {problem.rig.name}; {law_class.words}.",
         *(f"# Limit: {limit.name}." for limit in limits),
         f"# Made by cam-rig design; {kept + ' are' if kept else 'the lift is'} the start's.",
     ]
@@ -294,37 +325,53 @@ def spline_cam_data(
     title: str,
     free: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """The content of the file of a B-spline in each event, with dwells between them.
+    """Return the content of the file of a cam with a B-spline in each event.
 
-    ``cam`` and its law ``start`` give follower and lift; ``splines`` of each event degree, knots
-    and ordinates in lifts, as a file has them; ``free`` is what of dwells and events is elsewhere.
+    Parameters
+    ----------
+    cam : CamConfig
+        Cam with the follower and the lift.
+    start : Law
+        Law of ``cam``.
+    events : list of LawEvent
+        Events, between which there are dwells.
+    splines : list of dict
+        Degree, knots and ordinates (in lifts) of each event, as in a cam file.
+    name, title : str
+        Name and title of the new cam.
+    free : tuple of str, optional
+        Those of ``dwells`` and ``events`` whose spans differ from ``cam``.
     """
     data = file_data(cam)
-    parts = {key: data[key] for key in ("follower", "contact") if key in data}
-    own = cam.lift
+    sections = {key: data[key] for key in ("follower", "contact") if key in data}
+    file_lift = cam.lift
     lift = quantity(
-        own.origin, own.numbers[0], own.unit, f"as {cam.name}: {own.source}", own.residual
+        file_lift.origin,
+        file_lift.numbers[0],
+        file_lift.unit,
+        f"as {cam.name}: {file_lift.source}",
+        file_lift.residual,
     )
-    if abs(own.si - start.lift) > SAME * start.lift:  # a law may have another than its file's
+    if abs(file_lift.si - start.lift) > LIFT_RTOL * start.lift:  # a law may differ from its file
         lift = quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
     head = {"name": name, "title": title, "lift": lift}
-    return head | parts | {"segments": _segments(cam, events, splines, free)}
+    return head | sections | {"segments": _segments(cam, events, splines, free)}
 
 
 def _segments(
     cam: CamConfig, events: list[LawEvent], splines: list[dict[str, Any]], free: tuple[str, ...]
 ) -> list[dict[str, Any]]:
     def span(angle: float, what: str) -> dict[str, Any]:
-        found = ("identified", "found with the law"), ("assumed", f"that of {cam.name}")
-        kind, source = found[what not in free]
+        origins = ("identified", "found with the law"), ("assumed", f"that of {cam.name}")
+        kind, source = origins[what not in free]
         return quantity(kind, round(math.degrees(angle), 10), "deg", source)
 
     def dwell(start: float, end: float) -> list[dict[str, Any]]:
         return [{"law": "dwell", "span": span(end - start, "dwells")}] if end > start else []
 
-    found, at = [], 0.0
+    segments, position = [], 0.0
     for event, spline in zip(events, splines, strict=True):
-        found += dwell(at, event.start)
-        at = event.start + event.span
-        found.append({"law": "b_spline", "span": span(event.span, "events"), **spline})
-    return found + dwell(at, TURN)
+        segments += dwell(position, event.start)
+        position = event.start + event.span
+        segments.append({"law": "b_spline", "span": span(event.span, "events"), **spline})
+    return segments + dwell(position, TURN)

@@ -1,9 +1,10 @@
-"""The laws of a class: B-splines in each event of a start law, with its dwells and its lift.
+"""Laws of a class: B-splines in each event of a start law, with its dwells.
 
-Every law of the class is s₀ + Σ xⱼ bⱼ, and so are its derivatives and all that is linear in them:
-`Space` gives their Bernstein ordinates as functions of the unknowns. These are the ordinates of
-each event, in lifts, and beside them those of its s'': what depends on accelerations would cancel
-to a few digits in the former. `Space.link` says that they are of one law.
+Every law of the class is s₀ + Σ xⱼ bⱼ. Its derivatives, and all quantities that are linear in them,
+have the same form. `Space` gives their Bernstein ordinates as functions of the unknowns. The
+unknowns are the ordinates of each event, in lifts, and the ordinates of its s'' in addition,
+because accelerations computed from the former would lose most digits by cancellation. `Space.link`
+is the condition that both belong to one law.
 """
 
 from __future__ import annotations
@@ -32,15 +33,18 @@ from cam_rig.studies.design.convex_program import Affine
 from cam_rig.studies.design.request import LawClass
 from cam_rig.units import TURN, FloatArray
 
-#: A piece of a law whose ordinates differ by no more than this part of the lift is a dwell.
-FLAT = 1e-12
-#: A turn's end meets its start where they differ by no more than this part of a derivative.
-MEETS = 1e-9
+#: Largest difference of the ordinates of a dwell, as a fraction of the lift.
+FLAT_RTOL = 1e-12
+#: Largest difference between a derivative at the end and at the start of a turn, relative.
+CLOSURE_RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class LawEvent:
-    """A stretch of the turn to change; s and its derivatives stay at its ``first`` and ``last``."""
+    """Event of the turn to design: start and span, rad.
+
+    ``first`` and ``last`` are s and its derivatives at both ends, which are kept.
+    """
 
     start: float
     span: float
@@ -49,42 +53,48 @@ class LawEvent:
 
 
 def dwells(law: Law) -> list[tuple[float, float]]:
-    """Where a law rests, from and to (rad), joined where pieces meet at one level."""
-    flat = np.ptp(law.ordinates, axis=0) <= FLAT * law.lift
-    found: list[tuple[float, float]] = []
+    """Return start and end (rad) of each dwell of a law.
+
+    Flat pieces that meet at one level are one dwell.
+    """
+    flat = np.ptp(law.ordinates, axis=0) <= FLAT_RTOL * law.lift
+    result: list[tuple[float, float]] = []
     for i in np.flatnonzero(flat):
-        begin, end = float(law.breaks[i]), float(law.breaks[i + 1])
-        if found and found[-1][1] == begin:
-            begin = found.pop()[0]
-        found.append((begin, end))
-    return found
+        start, end = float(law.breaks[i]), float(law.breaks[i + 1])
+        if result and result[-1][1] == start:
+            start = result.pop()[0]
+        result.append((start, end))
+    return result
 
 
 def events(law: Law, joints: int) -> list[LawEvent]:
-    """What lies between the dwells of a law; their ends are those of their neighbours."""
+    """Return the events between the dwells of a law.
 
-    def ends(piece: int, place: int) -> tuple[float, ...]:
+    Their first and last derivatives are those of the neighbouring pieces.
+    """
+
+    def ends(piece: int, row: int) -> tuple[float, ...]:
         piece %= law.spans.size
-        return tuple(float(law.derivative_ordinates(k)[place, piece]) for k in range(joints + 1))
+        return tuple(float(law.derivative_ordinates(k)[row, piece]) for k in range(joints + 1))
 
     edges = [0.0, *(angle for dwell in dwells(law) for angle in dwell), TURN]
-    found = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end > begin:
-            first, after = np.searchsorted(law.breaks, [begin, end]).tolist()
-            found.append(LawEvent(begin, end - begin, ends(first - 1, -1), ends(after, 0)))
-    if not found:
+    result = []
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        if end > start:
+            first, next_piece = np.searchsorted(law.breaks, [start, end]).tolist()
+            result.append(LawEvent(start, end - start, ends(first - 1, -1), ends(next_piece, 0)))
+    if not result:
         raise ConfigError(f"cam {law.name!r}: it rests all around; allowed: a cam with a lift")
     if len(edges) == 2:
         _require_joined(law, joints)
-    return found
+    return result
 
 
 def _require_joined(law: Law, joints: int) -> None:
-    """Refuse a turn without a dwell whose end and start differ in a derivative that stays."""
+    """Raise a `ConfigError` if a turn without dwells has a step in a kept derivative."""
     for order in range(joints + 1):
         ordinates = law.derivative_ordinates(order)
-        if abs(ordinates[0, 0] - ordinates[-1, -1]) > MEETS * np.abs(ordinates).max():
+        if abs(ordinates[0, 0] - ordinates[-1, -1]) > CLOSURE_RTOL * np.abs(ordinates).max():
             raise ConfigError(
                 f"cam {law.name!r}: it has no dwell, and derivative {order} at the turn's end is "
                 f"not that at its start; allowed: joints up to C{order - 1}"
@@ -93,7 +103,7 @@ def _require_joined(law: Law, joints: int) -> None:
 
 @lru_cache(maxsize=16)
 def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
-    """Ordinates of a derivative over one event to those of its Bézier pieces."""
+    """Return the matrix from a derivative's ordinates over an event to Bézier pieces."""
     knots, degree = law_class.knots, law_class.power - order
     knots = knots[order : knots.size - order]
     _, columns = bezier_pieces(BSpline(knots, np.eye(knots.size - degree - 1), degree))
@@ -102,198 +112,208 @@ def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
 
 @lru_cache(maxsize=8)
 def _second_derivative(law_class: LawClass) -> Any:
-    """Ordinates over one event of unit length to those of the second derivative."""
+    """Return the matrix from ordinates over one event of unit length to those of s''."""
     knots, degree = law_class.knots, law_class.power
-    found = np.eye(law_class.count)
+    matrix = np.eye(law_class.count)
     for _ in range(2):
-        apart = (knots[degree + 1 : -1] - knots[1 : -degree - 1]) / degree
-        found = np.diff(found, axis=0) / apart[:, None]
+        differences = (knots[degree + 1 : -1] - knots[1 : -degree - 1]) / degree
+        matrix = np.diff(matrix, axis=0) / differences[:, None]
         knots, degree = knots[1:-1], degree - 1
-    return sparse.csr_array(found)
+    return sparse.csr_array(matrix)
 
 
-#: Parts of a piece for the polygon's bound, at least, at most, of a turn, and for each piece of an
-#: event: its ordinates are then near the polynomial. More pieces press harder on their limits.
-PARTS, MOST_PARTS, PARTS_OF_TURN, PARTS_A_PIECE = 24, 48, 256, 1.5
+#: Least number of parts per piece in the hull of a polynomial.
+MIN_PARTS = 24
+#: Largest number of parts per piece.
+MAX_PARTS = 48
+#: Number of parts per turn.
+PARTS_PER_TURN = 256
+#: Number of parts per piece of an event and piece: more pieces are closer to their limits.
+PARTS_PER_PIECE = 1.5
 
 
 @dataclass(eq=False)
 class Space:
-    """All laws of a class that rest where a start law does, and have its ends of events.
+    """Laws of a class with the dwells and the ends of events of a start law.
 
-    The ``unknowns`` are the ``free`` ordinates of each event in turn, in lifts, then all of each
-    one's s''. Pieces have joints at ``breaks`` ``(n + 1,)`` and ``spans`` ``(n,)``, rad.
+    The ``unknowns`` are the ``free`` ordinates of each event in order, in lifts, then all ordinates
+    of each event's s''. Pieces have joints at ``breaks`` ``(n + 1,)`` and ``spans`` ``(n,)``, rad.
     """
 
     start: Law
     law_class: LawClass
 
     def __post_init__(self) -> None:
-        own = self.law_class
-        self.events, self.degree = events(self.start, own.joints), own.power
-        self.free = own.free * len(self.events)
-        self.unknowns = self._second(len(self.events))
-        inner = np.arange(own.pieces) / own.pieces
+        law_class = self.law_class
+        self.events, self.degree = events(self.start, law_class.joints), law_class.power
+        self.free = law_class.free * len(self.events)
+        self.unknowns = self._offset(len(self.events))
+        inner = np.arange(law_class.pieces) / law_class.pieces
         joints = [np.append(x.start + x.span * inner, x.start + x.span) for x in self.events]
         self.breaks = np.unique(np.concatenate([[0.0], *joints, [TURN]]))
         self.spans = np.diff(self.breaks)
 
-    def _second(self, index: int) -> int:
-        """Where the ordinates of s'' of an event begin among the unknowns."""
+    def _offset(self, index: int) -> int:
+        """Return the index of the first ordinate of an event's s'' among the unknowns."""
         return self.free + (self.law_class.count - 2) * index
 
     @cached_property
     def link(self) -> Affine:
-        """What is zero where ordinates of s and of s'' are of one law."""
+        """Values that are zero if the ordinates of s and of s'' belong to one law."""
         rows = []
         for index in range(len(self.events)):
-            of_lift = self.coefficients(index).mapped(_second_derivative(self.law_class))
-            rows.append((of_lift * (1.0 / self.start.lift)) + self._curvature(index) * -1.0)
+            from_lift = self.coefficients(index).mapped(_second_derivative(self.law_class))
+            rows.append((from_lift * (1.0 / self.start.lift)) + self._curvature(index) * -1.0)
         return Affine.stacked(rows)
 
     def _curvature(self, index: int) -> Affine:
-        """The ordinates of s'' of one event, in lifts over its span squared."""
+        """Return the ordinates of s'' of one event, in lifts over its squared span."""
         count = self.law_class.count - 2
-        matrix = sparse.eye_array(count, self.unknowns, k=self._second(index), format="csr")
+        matrix = sparse.eye_array(count, self.unknowns, k=self._offset(index), format="csr")
         return Affine(np.zeros(count), matrix)
 
     @property
     def turning_points(self) -> list[tuple[float, float]]:
-        """Highest and lowest lift (m) and where (rad), those that no end of an event has."""
+        """Extreme lifts (m) and their angles (rad) that are not at an end of an event."""
         ends = {level for event in self.events for level in (event.first[0], event.last[0])}
-        near = FLAT * self.start.lift
+        tolerance = FLAT_RTOL * self.start.lift
         return [
-            (found.value, found.angle)
-            for found in extremes(self.start, 0)
-            if all(abs(found.value - level) > near for level in ends)
+            (extreme.value, extreme.angle)
+            for extreme in extremes(self.start, 0)
+            if all(abs(extreme.value - level) > tolerance for level in ends)
         ]
 
     def coefficients(self, index: int) -> Affine:
-        """The ordinates (m) of one event, fixed ones too, ``(count,)``."""
-        event, own = self.events[index], self.law_class
-        fixed = own.joints + 1
-        constant = np.zeros(own.count)
-        constant[:fixed] = self._clamped(event, event.first, 0)
-        constant[own.count - fixed :] = self._clamped(event, event.last, -1)[::-1]
-        rows = np.arange(fixed, own.count - fixed)
-        columns = np.arange(own.free) + own.free * index
-        scale = np.full(own.free, self.start.lift)
-        shape = (own.count, self.unknowns)
+        """Return the ordinates (m) of one event, with the fixed ordinates, ``(count,)``."""
+        event, law_class = self.events[index], self.law_class
+        fixed = law_class.joints + 1
+        constant = np.zeros(law_class.count)
+        constant[:fixed] = self._end_ordinates(event, event.first, 0)
+        constant[law_class.count - fixed :] = self._end_ordinates(event, event.last, -1)[::-1]
+        rows = np.arange(fixed, law_class.count - fixed)
+        columns = np.arange(law_class.free) + law_class.free * index
+        scale = np.full(law_class.free, self.start.lift)
+        shape = (law_class.count, self.unknowns)
         return Affine(constant, sparse.csr_array((scale, (rows, columns)), shape=shape))
 
-    def _clamped(self, event: LawEvent, derivatives: tuple[float, ...], end: int) -> FloatArray:
-        """The ordinates at one end, from it inwards, that give it its derivatives."""
-        own = self.law_class
+    def _end_ordinates(
+        self, event: LawEvent, derivatives: tuple[float, ...], end: int
+    ) -> FloatArray:
+        """Return the ordinates at one end, from the end inwards, for given derivatives."""
+        law_class = self.law_class
         if not any(derivatives[1:]):
-            return np.full(own.joints + 1, derivatives[0])  # at rest, to the last digit
-        table = _to_bezier(own)[: own.power + 1, : own.joints + 1].toarray()
-        span = event.span / own.pieces * (1.0 if end == 0 else -1.0)
-        matrix = np.empty((own.joints + 1, own.joints + 1))
+            return np.full(law_class.joints + 1, derivatives[0])  # at rest, to the last digit
+        table = _to_bezier(law_class)[: law_class.power + 1, : law_class.joints + 1].toarray()
+        span = event.span / law_class.pieces * (1.0 if end == 0 else -1.0)
+        matrix = np.empty((law_class.joints + 1, law_class.joints + 1))
         rows, scale = table, 1.0
-        for order in range(own.joints + 1):
+        for order in range(law_class.joints + 1):
             matrix[order] = rows[0] * scale
             rows, scale = bernstein.derivative(rows), scale / span
         return np.asarray(np.linalg.solve(matrix, np.array(derivatives)))
 
-    def _around(self, order: int) -> Affine:
-        """Ordinates of s or of s'' of every piece, dwells among them."""
+    def _all_ordinates(self, order: int) -> Affine:
+        """Return the ordinates of s or of s'' of every piece, dwells included."""
         parts: list[Affine] = []
-        at = 0
+        position = 0
         for index, event in enumerate(self.events):
             first = int(np.searchsorted(self.breaks, event.start))
-            parts += [self._rest(order, angle) for angle in self.breaks[at:first].tolist()]
+            parts += [self._dwell(order, angle) for angle in self.breaks[position:first].tolist()]
             if order == 0:
-                own = self.coefficients(index)
+                ordinates = self.coefficients(index)
             else:
-                own = self._curvature(index) * (self.start.lift / event.span**2)
-            parts.append(own.mapped(_to_bezier(self.law_class, order)))
-            at = first + self.law_class.pieces
-        parts += [self._rest(order, angle) for angle in self.breaks[at:-1].tolist()]
+                ordinates = self._curvature(index) * (self.start.lift / event.span**2)
+            parts.append(ordinates.mapped(_to_bezier(self.law_class, order)))
+            position = first + self.law_class.pieces
+        parts += [self._dwell(order, angle) for angle in self.breaks[position:-1].tolist()]
         return Affine.stacked(parts)
 
-    def _rest(self, order: int, angle: float) -> Affine:
+    def _dwell(self, order: int, angle: float) -> Affine:
         level = self.start.at(angle)[0] if order == 0 else 0.0
         count = self.degree + 1 - order
         return Affine(np.full(count, level), sparse.csr_array((count, self.unknowns)))
 
     @lru_cache(maxsize=16)  # noqa: B019 - a space lives as long as its design
     def derivative(self, order: int) -> Affine:
-        """Ordinates of dᵏs/dθᵏ (m/radᵏ), of degree p − k, piece by piece, ``(n (p + 1 − k),)``."""
+        """Return the ordinates of dᵏs/dθᵏ (m/radᵏ), of degree p − k, ``(n (p + 1 − k),)``."""
         if order in (0, 2):
-            return self._around(order)
+            return self._all_ordinates(order)
         below, degree = self.derivative(order - 1), self.degree - order + 1
         step = bernstein.derivative(np.eye(degree + 1))
         blocks = sparse.csr_array(sparse.block_diag([step / span for span in self.spans]))
         return below.mapped(blocks)
 
     def joined(self, free: FloatArray) -> FloatArray:
-        """All unknowns where the free ordinates of the events (in lifts) are these."""
+        """Return all unknowns of given free ordinates of the events (in lifts)."""
         unknowns = np.zeros(self.unknowns)
         unknowns[: free.size] = free
         unknowns[free.size :] = self.link(unknowns)
         return unknowns
 
     def law(self, unknowns: FloatArray, name: str) -> Law:
-        """The law of some unknowns."""
+        """Return the law of some unknowns."""
         ordinates = self.derivative(0)(unknowns).reshape(-1, self.degree + 1).T
         return Law(name, self.breaks, ordinates)
 
     def weighted(self, *weights: float) -> Affine:
-        """Ordinates of Σ wₖ s⁽ᵏ⁾, of degree p."""
+        """Return the ordinates of Σ wₖ s⁽ᵏ⁾, of degree p."""
         terms = [self._elevated(order) * weight for order, weight in enumerate(weights)]
         return sum(terms[1:], terms[0])
 
     @lru_cache(maxsize=16)  # noqa: B019
     def _elevated(self, order: int) -> Affine:
-        """A derivative's ordinates written with degree p."""
-        up = bernstein.elevation_matrix(self.degree - order, self.degree)
-        return self.derivative(order).mapped(self.blocks(up))
+        """Return the ordinates of a derivative, elevated to degree p."""
+        elevation = bernstein.elevation_matrix(self.degree - order, self.degree)
+        return self.derivative(order).mapped(self.blocks(elevation))
 
     def blocks(self, matrix: FloatArray) -> Any:
-        """One matrix for the ordinates of every piece."""
+        """Return the block matrix that applies a matrix to the ordinates of every piece."""
         return sparse.kron(sparse.eye_array(self.spans.size), matrix, "csr")
 
-    def bounds(self, ordinates: Affine, hull: bool) -> Affine:
-        """What bounds a polynomial of these ordinates from both sides: its hull, or its points."""
-        return self.hull(ordinates) if hull else self.points(ordinates)
+    def bounds(self, ordinates: Affine, sufficient: bool) -> Affine:
+        """Return bounds of a polynomial: its hull (sufficient) or its points (necessary)."""
+        return self.hull(ordinates) if sufficient else self.points(ordinates)
 
     @property
     def parts(self) -> int:
-        """Of a piece, for its bounds."""
-        own = min(MOST_PARTS, round(PARTS_A_PIECE * self.law_class.pieces))
-        return max(PARTS, own, round(PARTS_OF_TURN / self.spans.size))
+        """Number of parts per piece for bounds."""
+        parts = min(MAX_PARTS, round(PARTS_PER_PIECE * self.law_class.pieces))
+        return max(MIN_PARTS, parts, round(PARTS_PER_TURN / self.spans.size))
 
     def hull(self, ordinates: Affine, parts: int | None = None) -> Affine:
-        """Ordinates of all pieces cut in parts: the polynomial lies in their convex hull."""
+        """Return the ordinates of all pieces cut in parts.
+
+        The polynomial lies in their convex hull.
+        """
         parts = parts or self.parts
         degree = ordinates.constant.size // self.spans.size - 1
         return ordinates.mapped(self.blocks(np.concatenate(bernstein.parts(degree, parts))))
 
     def hull_over(self, order: int, low: float, high: float, parts: int) -> Affine:
-        """Return ordinates of a derivative on the parts of all pieces within `low` to `high` (rad).
+        """Return the hull of a derivative over the range ``low`` to ``high`` (rad).
 
-        The range ends at its own angles, not at the ends of the parts around it.
+        The ordinates are those of the parts of all pieces, cut at the ends of the range.
         """
         count = self.degree - order + 1
         blocks = []
-        for begin, span in zip(self.breaks[:-1], self.spans, strict=True):
-            first, last = np.clip((np.array([low, high]) - begin) / span, 0.0, 1.0)
+        for start, span in zip(self.breaks[:-1], self.spans, strict=True):
+            first, last = np.clip((np.array([low, high]) - start) / span, 0.0, 1.0)
             steps = np.arange(parts + 1) / parts
             inside = steps[(steps > first) & (steps < last)]
             edges = [first, *inside, last] if first < last else []
-            cut = [bernstein.restrict(np.eye(count), a, b) for a, b in pairwise(edges)]
-            blocks.append(np.concatenate(cut) if cut else np.empty((0, count)))
+            restrictions = [bernstein.restrict(np.eye(count), a, b) for a, b in pairwise(edges)]
+            blocks.append(np.concatenate(restrictions) if restrictions else np.empty((0, count)))
         matrix = sparse.csr_array(sparse.block_diag(blocks, "csr"))
         return self.derivative(order).mapped(matrix)
 
     def points(self, ordinates: Affine) -> Affine:
-        """Values at the ends of the parts of all pieces, at joints on both sides."""
+        """Return the values at the ends of all parts, on both sides of joints."""
         degree = ordinates.constant.size // self.spans.size - 1
         table = bernstein.basis(degree, np.linspace(0.0, 1.0, self.parts + 1))
         return ordinates.mapped(self.blocks(table))
 
     def at(self, order: int, angle: FloatArray) -> Affine:
-        """A derivative at angles (rad); at a joint the right limit."""
+        """Return a derivative at angles (rad), the right limit at a joint."""
         ordinates, degree = self.derivative(order), self.degree - order
         inside = np.mod(angle, TURN)
         piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
@@ -304,18 +324,19 @@ class Space:
         return ordinates.mapped(sparse.csr_array((table.ravel(), (rows, columns)), shape=shape))
 
 
-# A design's problem: the space of laws, the rig and the follower; a goal or a limit of it.
+# Problem of a design: the space of laws, the rig and the follower. Goals and limits.
 
-#: Limits are kept with so much of their scale to spare: rounding of the solver and of the file.
+#: Margin of limits, in their scales, for rounding of the solver and of the file.
 SPARE = 2e-8
 
 
 @dataclass(eq=False)
 class DesignProblem:
-    """What rows of a program are made of; ``free`` is what the start's cam has elsewhere.
+    """Data from which the rows of a program are computed.
 
-    The ``follower`` is of two masses where the rig says how they split, ``rigid`` of one;
-    ``force_scale`` (N) measures forces: the preload, or the spring at half the lift.
+    ``free`` names the parts of the start's cam (dwells, events) whose angles differ. The
+    ``follower`` has two masses if the rig defines their split. ``rigid`` has one mass.
+    ``force_scale`` (N) is the preload, or the force of the spring at half the lift.
     """
 
     cam: CamConfig
@@ -332,12 +353,12 @@ class DesignProblem:
 
     @cached_property
     def mode(self) -> VibrationMode:
-        """Of that follower on its stem."""
+        """Vibration mode of the follower on its stem."""
         return mode_of(self.rig)
 
     @cached_property
     def element(self) -> Element | None:
-        """The contact of a cam of one disc whose follower has no inclined face."""
+        """Contact of a cam with one disc and without an inclined face, else None."""
         plates = discs(self.cam.follower, self.start)
         element = plates[0].element
         inclined = getattr(element, "inclination", 0.0) != 0.0
@@ -346,29 +367,29 @@ class DesignProblem:
 
 @lru_cache(maxsize=64)
 def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> float:
-    """A quantity of a law, SI; the level in dB."""
+    """Return a quantity of a law, SI (levels in dB)."""
     events = [(event.start, event.span) for event in problem.space.events]
     return term.quantity.value(Subject(law, problem.rig, problem.cam, events), term, sense)
 
 
 @dataclass(frozen=True)
-class Asked(Limit):
-    """A goal (``value`` None) or a limit, with what its rows are measured by (SI)."""
+class ScaledLimit(Limit):
+    """Goal (``value`` None) or limit, with the scale (SI) of its rows."""
 
     scale: float
 
     @property
     def name(self) -> str:
-        """As the request says it, for the table of active limits."""
+        """Name in the table of active limits."""
         return f"goal {self.term.key}" if self.value is None else self.words
 
     @property
     def weight(self) -> float:
-        """Of the level t in the rows."""
+        """Weight of the level t in the rows."""
         return -1.0 if self.value is None else 0.0
 
     def room(self, quantity: Affine, spare: float) -> Affine:
-        """Rows that are ≥ 0 where the limit is kept."""
+        """Return rows that are ≥ 0 if the limit is satisfied."""
         rows = quantity * (-sign_of(self.sense) / self.scale)
         if self.value is None:
             return rows

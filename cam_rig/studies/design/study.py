@@ -1,7 +1,4 @@
-"""A design: the best law of a class by a goal, beside its start and the bound that proves it.
-
-A front of two quantities: the best of one for every value of the other, each with its bound.
-"""
+"""Designs: the best law of a class by a goal, and fronts of two quantities."""
 
 from __future__ import annotations
 
@@ -20,33 +17,33 @@ from cam_rig.laws import Law, build_law
 from cam_rig.quantities.terms import Limit, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
-from cam_rig.studies.design.cutting_planes import Best, Solver, Told
+from cam_rig.studies.design.cutting_planes import Best, OnBetterLaw, Solver
 from cam_rig.studies.design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.studies.design.request import (
+    DEFAULT_STARTS,
     KEEP,
-    STARTS,
     DesignRequest,
     LawClass,
     Multistart,
     parse_second,
 )
 from cam_rig.studies.design.result import Front, LawDesign, Measure, designed_cam
-from cam_rig.studies.design.rows import asked_of, rows_of
-from cam_rig.studies.design.space import Asked, DesignProblem, Space, measured
+from cam_rig.studies.design.rows import rows_of, scale_limit
+from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import FloatArray
 
-#: A goal below this part of the start's is solved again, measured by itself.
-SMALL = 0.05
-#: Of a goal far below the start's, whose integrals cancel, so much of the start's is rounding: a
-#: bound is no better than the law that is found.
-ROUNDING = 1e-6
-#: A limit is broken where the written law exceeds it by this part of its scale.
-BROKEN = 1e-6
-#: Followers between two faces or rollers of one disc, which bind the fall to the rise.
-CLOSED = ("constant_breadth", "constant_diameter")
-#: A limit on an event's span is met within this part of it.
-SPAN_MET = 1e-3
-#: Told what makes a design of a law that is better than those before, and its goal's value (SI).
+#: Goal, as a fraction of the start's, below which it is solved again with a finer scale.
+SMALL_FRACTION = 0.05
+#: Rounding error of a goal far below the start's, as a fraction of the start's, from cancellation
+#: in its integrals. Within it the bound is set to the law's value at best.
+ROUNDING_RTOL = 1e-6
+#: Excess of the written law, as a fraction of the scale, above which a limit is broken.
+BROKEN_RTOL = 1e-6
+#: Followers between two faces or rollers of one disc, whose fall depends on the rise.
+CLOSED_TYPES = ("constant_breadth", "constant_diameter")
+#: Relative tolerance within which a limit on a span is active.
+SPAN_RTOL = 1e-3
+#: Callback with a function that creates the design of a better law, and its goal's value (SI).
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 
 
@@ -57,8 +54,20 @@ def search_design(
     name: str | None = None,
     on_best: OnBest = lambda _design, _value: None,
 ) -> LawDesign:
-    """The best law of a class between the dwells of a cam; ``on_best`` is told each better one."""
-    if cam.follower.type in CLOSED:
+    """Search for the best law of a class between the dwells of a cam.
+
+    ``name`` is that of the designed cam, by default the name of the cam with ``_designed``.
+    ``on_best`` is called with each better law: a function that creates its design, and its goal's
+    value (SI).
+
+    Raises
+    ------
+    ConfigError
+        If the request does not apply to the cam or the rig.
+    DesignError
+        If the class has no law that satisfies the limits, or the search found no law.
+    """
+    if cam.follower.type in CLOSED_TYPES:
         raise ConfigError(
             f"cam {cam.name!r}: its follower is {cam.follower.type}, whose fall must be its rise "
             "turned by 180°, which a design does not keep; allowed: other followers"
@@ -76,7 +85,10 @@ def _problem(cam: CamConfig, rig: RigConfig, request: DesignRequest) -> DesignPr
 
 @dataclass(frozen=True, eq=False)
 class DesignSearch:
-    """A search for the best law; ``on_best`` is told better ones, ``spans`` found the events."""
+    """Search for the best law.
+
+    ``on_best`` is called with better laws. ``spans`` is the search that found the events.
+    """
 
     problem: DesignProblem
     request: DesignRequest
@@ -85,91 +97,92 @@ class DesignSearch:
     spans: Multistart | None = None
 
     def best_of_spans(self) -> LawDesign:
-        """The best law whose events have the best spans, by a search of these."""
-        asked = self.with_values().limits
-        spans = [limit for limit in asked if limit.term.quantity.where == "event"]
-        others = replace(self.request, limits=tuple(x for x in asked if x not in spans))
+        """Return the best law over all spans of the events."""
+        limits = self.with_values().limits
+        spans = [limit for limit in limits if limit.term.quantity.where == "event"]
+        others = replace(self.request, limits=tuple(x for x in limits if x not in spans))
         quick = replace(others, multistart=replace(others.multistart, starts=1))
-        sign, least = sign_of(self.request.sense), math.inf
+        sign, best_value = sign_of(self.request.sense), math.inf
 
-        def told(moved: DesignProblem, made: Callable[[], LawDesign], value: float) -> None:
-            nonlocal least
-            if sign * value < least:
-                least = sign * value
-                self.on_best(lambda: self._beside_start(asked, moved, made()), value)
+        def report(moved: DesignProblem, create: Callable[[], LawDesign], value: float) -> None:
+            nonlocal best_value
+            if sign * value < best_value:
+                best_value = sign * value
+                self.on_best(lambda: self._compare_with_start(limits, moved, create()), value)
 
-        def at(moved: DesignProblem, request: DesignRequest) -> DesignSearch:
-            return replace(self, problem=moved, request=request, on_best=partial(told, moved))
+        def search_at(moved: DesignProblem, request: DesignRequest) -> DesignSearch:
+            return replace(self, problem=moved, request=request, on_best=partial(report, moved))
 
         def value(moved: DesignProblem) -> float:
-            return sign * at(moved, quick).best().goal.result
+            return sign * search_at(moved, quick).best().goal.result
 
         search = EventSpans(self.problem, "dwells" in self.request.keep, spans, value)
         moved, multistart = search.best(self.request.multistart)
-        return self._beside_start(asked, moved, replace(at(moved, others), spans=multistart).best())
+        best = replace(search_at(moved, others), spans=multistart).best()
+        return self._compare_with_start(limits, moved, best)
 
-    def _beside_start(
-        self, asked: Sequence[Limit], moved: DesignProblem, found: LawDesign
+    def _compare_with_start(
+        self, limits: Sequence[Limit], moved: DesignProblem, design: LawDesign
     ) -> LawDesign:
-        """A design of moved events beside the start that was asked for."""
-        goal, *rest = found.measures
-        limited, measures = iter(rest), [replace(goal, bound=None)]
-        for limit in asked:
+        """Return a design of moved events, compared with the original start."""
+        goal, *others = design.measures
+        other_limits, measures = iter(others), [replace(goal, bound=None)]
+        for limit in limits:
             if limit.term.quantity.where != "event":
-                measures.append(next(limited))
+                measures.append(next(other_limits))
                 continue
             assert limit.value is not None
             span = measured(moved, moved.start, limit.term, limit.sense)
-            met = math.isclose(span, limit.value, rel_tol=SPAN_MET)
-            measures.append(Measure(limit.term, limit.sense, span, span, None, limit.value, met))
+            active = math.isclose(span, limit.value, rel_tol=SPAN_RTOL)
+            measures.append(Measure(limit.term, limit.sense, span, span, None, limit.value, active))
         start = self.problem.start
-        beside = tuple(
+        compared = tuple(
             replace(x, start=measured(self.problem, start, x.term, x.sense)) for x in measures
         )
         return replace(
-            found, request=self.request, start=start, measures=beside, spans_bound=goal.bound
+            design, request=self.request, start=start, measures=compared, spans_bound=goal.bound
         )
 
     def with_values(self) -> DesignRequest:
-        """The request whose limits have the start's values, which stay where its events move."""
+        """Return the request with explicit values of limits that refer to the start."""
         limits = (replace(limit, value=self._allowed(limit)) for limit in self.request.limits)
         return replace(self.request, limits=tuple(limits))
 
     def _allowed(self, limit: Limit) -> float:
-        """What a limit allows, SI; the level in dB."""
+        """Return the value of a limit, SI (levels in dB)."""
         if limit.value is not None:
             return limit.value
         return measured(self.problem, self.problem.start, limit.term, limit.sense)
 
     def best(self) -> LawDesign:
-        """The best law with the events that the problem has."""
+        """Return the best law with the events of the problem."""
         problem, request = self.problem, self.request
-        limits = [asked_of(problem, x.term, x.sense, self._allowed(x)) for x in request.limits]
-        goal = asked_of(problem, request.goal, request.sense, None)
+        limits = [scale_limit(problem, x.term, x.sense, self._allowed(x)) for x in request.limits]
+        goal = scale_limit(problem, request.goal, request.sense, None)
 
-        def told(unknowns: FloatArray, value: float) -> None:
+        def report(unknowns: FloatArray, value: float) -> None:
             self.on_best(lambda: self._law_design(limits, Best(unknowns)), value)
 
         local = any(rows_of(x.term).is_local(problem) for x in limits)
         if local or rows_of(goal.term).is_local(problem, True):
-            best = local_best(problem, goal, limits, request.multistart, told)
+            best = local_best(problem, goal, limits, request.multistart, report)
         else:
-            best = _solve(problem, goal, limits, told)
+            best = _solve(problem, goal, limits, report)
         return self._law_design(limits, best)
 
-    def _law_design(self, limits: list[Asked], best: Best) -> LawDesign:
+    def _law_design(self, limits: list[ScaledLimit], best: Best) -> LawDesign:
         problem, request = self.problem, self.request
         start, space, term, sense = problem.start, problem.space, request.goal, request.sense
         search = self.spans or best.multistart
         cam, text = designed_cam(problem, best.unknowns, self.name, request, limits, search)
         law = build_law(cam)
-        first, result = (measured(problem, x, term, sense) for x in (start, law))
+        start_value, result = (measured(problem, x, term, sense) for x in (start, law))
         bound = None if best.bound is None else rows_of(term).from_rows(problem, term, best.bound)
-        if bound is not None and abs(bound - result) <= ROUNDING * abs(first) < math.inf:
-            side = sign_of(sense)
-            bound = side * min(side * bound, side * result)
+        if bound is not None and abs(bound - result) <= ROUNDING_RTOL * abs(start_value) < math.inf:
+            sign = sign_of(sense)
+            bound = sign * min(sign * bound, sign * result)
         pairs = zip(limits, request.limits, strict=True)
-        others = (self._limit(law, asked, limit, best) for asked, limit in pairs)
+        others = (self._limit(law, target, limit, best) for target, limit in pairs)
         return LawDesign(
             request=request,
             start=start,
@@ -179,36 +192,38 @@ class DesignSearch:
             rig=problem.rig,
             events=tuple(space.events),
             tops=tuple(angle for _, angle in space.turning_points),
-            measures=(Measure(term, sense, first, result, bound), *others),
+            measures=(Measure(term, sense, start_value, result, bound), *others),
             rounds=best.rounds,
             multistart=search,
             interrupted=not best.rounds,
         )
 
-    def _limit(self, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
+    def _limit(self, law: Law, target: ScaledLimit, limit: Limit, best: Best) -> Measure:
         quantity, allowed = limit.term.quantity, self._allowed(limit)
         laws = self.problem.start, law
         start, result = (measured(self.problem, x, limit.term, limit.sense) for x in laws)
-        over = (result - allowed) * sign_of(limit.sense)
-        if over > BROKEN * max(abs(allowed), abs(start)) and best.rounds:
+        excess = (result - allowed) * sign_of(limit.sense)
+        if excess > BROKEN_RTOL * max(abs(allowed), abs(start)) and best.rounds:
             raise DesignError(
                 f"the law found breaks {limit.words}: it has {result / quantity.factor:.6g} "
                 f"{quantity.unit}; allowed: a narrower range, or more pieces"
             )
-        active = asked.name in best.active
+        active = target.name in best.active
         return Measure(limit.term, limit.sense, start, result, limit=allowed, active=active)
 
 
-def _solve(problem: DesignProblem, goal: Asked, limits: list[Asked], told: Told) -> Best:
-    def shown(unknowns: FloatArray, value: float) -> None:
-        told(unknowns, rows_of(goal.term).from_rows(problem, goal.term, value))
+def _solve(
+    problem: DesignProblem, goal: ScaledLimit, limits: list[ScaledLimit], on_better: OnBetterLaw
+) -> Best:
+    def report(unknowns: FloatArray, value: float) -> None:
+        on_better(unknowns, rows_of(goal.term).from_rows(problem, goal.term, value))
 
-    best = Solver(problem, goal, limits, shown).best()
-    if goal.sense == "<=" and 0.0 < best.value < SMALL * goal.scale:
-        fine = replace(goal, scale=best.value / SMALL)  # for more digits
-        with suppress(DesignError):  # then the first stands alone
-            again = Solver(problem, fine, limits, shown).best()
-            law = min(best, again, key=lambda found: found.value)
+    best = Solver(problem, goal, limits, report).best()
+    if goal.sense == "<=" and 0.0 < best.value < SMALL_FRACTION * goal.scale:
+        finer_goal = replace(goal, scale=best.value / SMALL_FRACTION)  # for more digits
+        with suppress(DesignError):  # the first result is used alone
+            again = Solver(problem, finer_goal, limits, report).best()
+            law = min(best, again, key=lambda result: result.value)
             assert best.bound is not None and again.bound is not None  # of programs
             bound = max(best.bound, again.bound)
             best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
@@ -216,7 +231,7 @@ def _solve(problem: DesignProblem, goal: Asked, limits: list[Asked], told: Told)
 
 
 class DesignOptions(TypedDict, total=False):
-    """Options of `design` but the front's, which says what it gives."""
+    """Options of `design` except ``pareto``, which selects the type of the result."""
 
     minimise: str | None
     maximise: str | None
@@ -232,11 +247,11 @@ class DesignOptions(TypedDict, total=False):
 
 @overload
 def design(
-    cam: CamConfig, rig: RigConfig, *, pareto: None = ..., **asked: Unpack[DesignOptions]
+    cam: CamConfig, rig: RigConfig, *, pareto: None = ..., **options: Unpack[DesignOptions]
 ) -> LawDesign: ...
 @overload
 def design(
-    cam: CamConfig, rig: RigConfig, *, pareto: str, **asked: Unpack[DesignOptions]
+    cam: CamConfig, rig: RigConfig, *, pareto: str, **options: Unpack[DesignOptions]
 ) -> Front: ...
 @checked
 def design(
@@ -249,39 +264,65 @@ def design(
     pieces: int = 16,
     joints: int = 3,
     degree: int | None = None,
-    starts: int = STARTS,
+    starts: int = DEFAULT_STARTS,
     seed: int = 1,
     keep: Sequence[str] = KEEP[0],
     pareto: str | None = None,
     points: int = 25,
 ) -> LawDesign | Front:
-    """The law that is best by a goal, of B-splines in each event of a cam.
+    """Design the law that is best by a goal, with B-splines in each event of a cam.
 
-    Dwells, events and lift stay. The bound holds for the whole class: it comes from a convex
-    program's multipliers. What is not convex is searched for from several starts, without a bound:
-    ``multistart`` says how many of them came to the same.
+    The command is ``cam-rig design``. Dwells, events and lift are kept. The bound is valid for the
+    whole class and comes from the multipliers of a convex program. A goal or limit that is not
+    convex is searched for from several starts, without a bound.
 
     Parameters
     ----------
-    minimise, maximise : one of them: a quantity as `cam-rig design` takes it
-    limits : such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``
-    pieces, joints, degree : of the splines; joints k means Cᵏ, a degree is by default k + 2
-    keep : what stays: all of it, ``("dwells", "lift")`` or ``("lift",)``; then spans are searched
-    starts, seed : of a local search; the same seed gives the same law
-    pareto, points : another quantity: the goal's best for so many of its values, 3 to 200, a front
+    cam : CamConfig
+        Cam with the start law.
+    rig : RigConfig
+        Rig with the follower.
+    minimise, maximise : str, optional
+        Goal, as in `cam-rig design`. Exactly one of them is needed.
+    limits : sequence of str, optional
+        Limits such as ``"peak_acceleration<=start"`` or ``"lift@90deg>=30mm"``.
+    pieces : int, optional
+        Number of pieces per event, 1 to 200 (default: 16).
+    joints : int, optional
+        Order k of continuity Cᵏ at the joints, 1 to 6 (default: 3).
+    degree : int, optional
+        Degree, up to 15 (default: ``joints`` + 2).
+    starts : int, optional
+        Number of starts of a local search (default: 8).
+    seed : int, optional
+        Seed of its random starts. The same seed gives the same law.
+    keep : sequence of str, optional
+        Parts of the start to keep: all (default), ``("dwells", "lift")`` or ``("lift",)``. The
+        spans of the events are then searched for.
+    pareto : str, optional
+        Other quantity of a front. The result is then a `Front`.
+    points : int, optional
+        Number of points of the front, 3 to 200 (default: 25).
+
+    Returns
+    -------
+    LawDesign or Front
 
     Raises
     ------
-    ConfigError : an unknown quantity or unit, a goal or limit that is not convex that way
-    DesignError : no law of the class keeps the limits
-    MissingLibraryError : clarabel or highspy is not installed
+    ConfigError
+        If a quantity or unit is unknown, or a goal or limit is not convex in this sense.
+    DesignError
+        If the class has no law that satisfies the limits, or the search found no law.
+    MissingLibraryError
+        If clarabel or highspy is not installed.
 
     Examples
     --------
     >>> import cam_rig
     >>> cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
-    >>> found = cam_rig.design(cam, rig, minimise="peak_acceleration", joints=1)
-    >>> print(f"{found.goal.start:.4f} {found.goal.result:.4f} m/rad^2")
+    >>> result = cam_rig.design(cam, rig, minimise="peak_acceleration", joints=1)
+    >>> print(f"{result.goal.start:.4f} {result.goal.result:.4f} m/rad^2")
     0.0686 0.0476 m/rad^2
     """
     request = DesignRequest.of(
@@ -297,10 +338,12 @@ def design(
     return search_design(cam, rig, request)
 
 
-#: Points of a front, at least and at most.
-FEWEST, MOST = 3, 200
-#: The shortest and longest spans of a front are found to this part of the start's.
-NEAR_EDGE = 2e-3
+#: Least number of points of a front.
+MIN_POINTS = 3
+#: Largest number of points of a front.
+MAX_POINTS = 200
+#: Tolerance of the shortest and the longest span of a front, in spans of the start.
+EDGE_TOLERANCE = 2e-3
 
 
 def front(
@@ -311,9 +354,13 @@ def front(
     points: int,
     progress: Progress = NULL_PROGRESS,
 ) -> Front:
-    """The goal's best between the other's best and where it no longer binds, or over all spans."""
-    if not FEWEST <= points <= MOST:
-        raise ConfigError(f"--points: is {points}; allowed: {FEWEST} to {MOST}")
+    """Compute a front: the best goal for values of another quantity.
+
+    The values range from the best of the other quantity to the value from which on it does not
+    limit the goal, or over all possible spans of an event. ``points`` is their number, 3 to 200.
+    """
+    if not MIN_POINTS <= points <= MAX_POINTS:
+        raise ConfigError(f"--points: is {points}; allowed: {MIN_POINTS} to {MAX_POINTS}")
     progress.start(points + 2, request.words)
     problem = _problem(cam, rig, request)
     if other.quantity.where == "event":
@@ -321,33 +368,33 @@ def front(
     if other == request.goal:
         raise ConfigError(f"--pareto: is the goal, {other.key}; allowed: another quantity")
     sense = other.quantity.senses[0]
-    own = search_design(cam, rig, replace(request, goal=other, sense=sense))
+    best_other = search_design(cam, rig, replace(request, goal=other, sense=sense))
     progress.advance()
-    free = search_design(cam, rig, request)
+    unlimited = search_design(cam, rig, request)
     progress.advance()
-    best, loosest = own.goal.result, measured(problem, free.law, other, sense)
-    if (loosest - best) * sign_of(sense) <= 1e-9 * abs(best):
+    best, last = best_other.goal.result, measured(problem, unlimited.law, other, sense)
+    if (last - best) * sign_of(sense) <= 1e-9 * abs(best):
         raise ConfigError(
             f"--pareto: {other.key} is best where {request.goal.key} is; allowed: two quantities "
             "of which one costs the other"
         )
 
-    def found(value: float) -> LawDesign:
+    def design_at(value: float) -> LawDesign:
         limits = (*request.limits, Limit(other, sense, value))
         return search_design(cam, rig, replace(request, limits=limits))
 
-    # the end itself has no room for any other law
-    return _along(other, np.linspace(best, loosest, points + 1)[1:], found, progress)
+    # at the first value only one law is possible
+    return _compute_front(other, np.linspace(best, last, points + 1)[1:], design_at, progress)
 
 
-def _along(
-    other: Term, allowed: FloatArray, found: Callable[[float], LawDesign], progress: Progress
+def _compute_front(
+    other: Term, allowed: FloatArray, design_at: Callable[[float], LawDesign], progress: Progress
 ) -> Front:
-    """A design for each value; where it is interrupted those that there are."""
+    """Return a front with one design per value, up to an interruption."""
     designs: list[LawDesign] = []
     try:
         for value in allowed.tolist():
-            designs.append(found(value))
+            designs.append(design_at(value))
             progress.advance()
     except KeyboardInterrupt:
         if not designs:
@@ -359,40 +406,40 @@ def _along(
 def _over_spans(
     problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
-    """The best for each span of an event about its middle, from the shortest to the longest."""
+    """Return a front over the spans of an event that keeps its middle."""
     if "events" not in request.keep:
         raise ConfigError(
             f"--pareto: over {other.key} the events and the dwells have their spans from it; "
             "allowed: without --keep"
         )
     search = DesignSearch(problem, request, f"{problem.cam.name}_designed")
-    own, spans = search.with_values(), EventSpans(problem, False, [], lambda _: 0.0)
+    fixed, spans = search.with_values(), EventSpans(problem, False, [], lambda _: 0.0)
     span = measured(problem, problem.start, other, "<=")
 
-    def found(factor: float) -> LawDesign:
-        return replace(search, problem=spans.moved(factor * spans.start), request=own).best()
+    def design_at(factor: float) -> LawDesign:
+        return replace(search, problem=spans.moved(factor * spans.start), request=fixed).best()
 
     def has_law(factor: float) -> bool:
         with suppress(DesignError):
-            found(factor)
+            design_at(factor)
             return True
         return False
 
-    longest = _edge(lambda factor: spans.possible(factor * spans.start), 1.0, LONGEST)
+    longest = _last_factor(lambda factor: spans.possible(factor * spans.start), 1.0, LONGEST)
     if not has_law(longest):
-        found(longest)  # it says why
+        design_at(longest)  # raises the error with its reason
     progress.advance()
-    shortest = _edge(has_law, longest, SHORTEST)
+    shortest = _last_factor(has_law, longest, SHORTEST)
     progress.advance()
     allowed = np.linspace(shortest, longest, points) * span
-    return _along(other, allowed, lambda value: found(value / span), progress)
+    return _compute_front(other, allowed, lambda value: design_at(value / span), progress)
 
 
-def _edge(holds: Callable[[float], bool], inside: float, outside: float) -> float:
-    """The factor nearest to the outer one at which something still holds."""
-    if holds(outside):
+def _last_factor(condition: Callable[[float], bool], inside: float, outside: float) -> float:
+    """Return the factor nearest to ``outside`` at which a condition is satisfied."""
+    if condition(outside):
         return outside
-    while abs(outside - inside) > NEAR_EDGE:
+    while abs(outside - inside) > EDGE_TOLERANCE:
         middle = 0.5 * (inside + outside)
-        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+        inside, outside = (middle, outside) if condition(middle) else (inside, middle)
     return inside

@@ -1,8 +1,9 @@
-"""The contact force of two masses at every speed up to one, in every turn, as rows of a program.
+"""Contact force of two masses as rows of a program, at all speeds up to a limit.
 
-Resonances are narrower than any grid of speeds one could afford as rows: a program is given what
-is lowest, the law is looked at over the grid, and what it falls below becomes rows, until nothing
-does. What the grid misses, the exact jump search finds: its speed joins the grid.
+A grid of rows that resolves the resonances would be too large. A program therefore contains only
+the minima of the force. Its law is evaluated over the grid, and new minima below the level become
+rows, until no force is below it. A loss of contact between the grid's speeds is found by the exact
+jump search, and its speed is added to the grid.
 """
 
 from __future__ import annotations
@@ -19,43 +20,50 @@ from cam_rig.errors import DynamicsError
 from cam_rig.quantities.values import MISSED, minima, peaks, speeds_of
 from cam_rig.studies.design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.studies.design.modal_amplitude import Cells, ForceAtSpeed
-from cam_rig.studies.design.space import SPARE, Asked, DesignProblem
+from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
-#: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
-#: over the time in which vibration decays; and has no more speeds than that.
-DOWN_TO, PHASE_STEP, MAX_SPEEDS = 0.45, 0.5, 400
-#: Where contact is lost below the grid, it goes down to this part of that speed; never below one.
-FARTHER_DOWN, LEAST_SPEED = 0.7, 10.0 * RPM
-#: Every so many-th speed of the grid is taken in any case, the fastest among them.
-EVERY = 6
-#: Rows of a turn at one speed that a law makes, at most: where it is lowest.
-LOWEST = 4
-#: Speeds with no more room than this part of the scale are looked at in every round.
+#: Lowest speed of the grid, as a fraction of the fastest speed.
+MIN_SPEED_RATIO = 0.45
+#: Phase (rad) between neighbouring speeds over the time in which vibration decays.
+PHASE_STEP = 0.5
+#: Largest number of speeds of the grid.
+MAX_SPEEDS = 400
+#: Lowest speed of an extended grid, as a fraction of the speed of a loss of contact below the grid.
+EXTENSION_RATIO = 0.7
+#: Lowest speed of any grid, rad/s.
+MIN_SPEED = 10.0 * RPM
+#: Every n-th speed of the grid always has rows, the fastest included.
+SPEED_STRIDE = 6
+#: Largest number of rows per turn and speed that one law adds: the lowest minima.
+MAX_ROWS = 4
+#: Speeds with less distance than this are evaluated in every round, in scales.
 CLOSE = 0.1
-#: Rows that a solution is farther above than this part of the scale are left.
-NEAR = 0.15
-#: A law is below what the program allowed by more than this part of the scale.
+#: Rows are removed if the solution is farther above them, in scales.
+REMOVE_ABOVE = 0.15
+#: A row is added if the force is below the level by more than half of this value, in scales.
 BELOW = 6e-3
-#: Rows of speeds above this part of the fastest are never left: the fastest may fall.
+#: Fraction of the fastest speed above which rows are not removed, because that speed may fall.
 KEEP_ABOVE = 0.95
-#: The level is at most so many times the scale.
-TOP = 100.0
-#: Rows are left where the level has fallen by this much since they last were.
+#: Largest level, in scales.
+MAX_LEVEL = 100.0
+#: Rows are removed again if the level has fallen by this value since the last removal.
 FALLEN = 1e-3
-#: Least force, in parts of its scale, that is kept at first: what lies between the places that are
-#: looked at is lower. Where the exact search finds that it is lower by more, so many times more.
-MARGIN, WIDER = 0.01, 1.6
-#: Turns of a run from rest that are looked at, as far as it goes, beside the settled one.
+#: First margin of the least force, in scales. The force between the evaluated angles is lower.
+MARGIN = 0.01
+#: Factor of the margin if the exact search finds a lower force.
+MARGIN_FACTOR = 1.6
+#: Evaluated turns of a run from rest, as far as it lasts, in addition to its last turn.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
 @dataclass(eq=False)
 class ContactKept:
-    """Rows F ≥ t (in parts of the problem's scale of force) at speeds up to one.
+    """Rows F ≥ t, in the problem's force scale, at speeds up to ``fastest`` (rad/s).
 
-    ``duration`` is that of the run from rest, s; None is the steady state. ``margin`` is the least
-    force, in parts of the scale, where no goal asks for more.
+    ``duration`` (s) is that of the run from rest, None for the steady state. ``margin`` is the
+    least force, in the scale, where no goal requires more. ``more`` maps additional speeds to the
+    turns of their loss of contact.
     """
 
     problem: DesignProblem
@@ -69,10 +77,10 @@ class ContactKept:
     _lowest: float = np.inf
 
     def __post_init__(self) -> None:
-        self._look_down_to(DOWN_TO * self.fastest)
+        self._start_grid(MIN_SPEED_RATIO * self.fastest)
         rate = self.problem.mode.rate
         decay = min(1.0 / max(-rate.real, 1e-300), self.duration or np.inf)
-        fine = PHASE_STEP / (abs(rate) * decay)
+        phase_ratio = PHASE_STEP / (abs(rate) * decay)
         if self.duration is not None and self.fastest * self.duration < 2.0 * TURN:
             turns = self.fastest * self.duration / TURN
             raise DynamicsError(
@@ -80,113 +88,122 @@ class ContactKept:
                 f"{to_rpm(self.fastest):.4g} rpm; allowed for a design: 2 and more, or the goal "
                 "jump_speed_steady"
             )
-        self.step = max(min(0.02, fine), math.log(1.0 / DOWN_TO) / MAX_SPEEDS)
+        self.step = max(min(0.02, phase_ratio), math.log(1.0 / MIN_SPEED_RATIO) / MAX_SPEEDS)
         self.anchor = self.fastest
 
-    def _look_down_to(self, slowest: float) -> None:
-        """Begin the grid at a speed (rad/s)."""
+    def _start_grid(self, slowest: float) -> None:
+        """Start the grid at a speed (rad/s)."""
         self.slowest = slowest
         self.cells = Cells(self.problem.space, self.problem.mode, slowest)
-        self._known: dict[float, ForceAtSpeed] = {}
+        self._forces: dict[float, ForceAtSpeed] = {}
         self._room: dict[float, float] = {}
 
     def _speeds(self) -> list[float]:
-        """The grid up to the fastest, that itself, and what the exact search has found."""
+        """Return the speeds of the grid up to the fastest, with those of the exact search."""
         ratio = 1.0 + self.step
-        top = math.floor(self._place + 1e-9)
+        top_index = math.floor(self._grid_position + 1e-9)
         count = math.ceil(math.log(self.fastest / self.slowest) / math.log(ratio))
-        grid = [self.anchor * ratio**k for k in range(top, top - count, -1)]
+        grid = [self.anchor * ratio**k for k in range(top_index, top_index - count, -1)]
         extra = [speed for speed in self.more if speed < self.fastest]
-        found = sorted({self.fastest, *grid, *extra})
-        return [speed for speed in found if self._turns(speed)[-1] > 0.0]
+        speeds = sorted({self.fastest, *grid, *extra})
+        return [speed for speed in speeds if self._turns(speed)[-1] > 0.0]
 
     @property
-    def _place(self) -> float:
-        """Where the fastest stands in the grid."""
+    def _grid_position(self) -> float:
+        """Position of the fastest speed in the grid, in steps."""
         return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
 
     def move(self, factor: float) -> None:
-        """Change the fastest by a factor, to a speed of the grid where that is a step or more."""
+        """Multiply the fastest speed by a factor.
+
+        It is rounded to the grid if the change is a step or more.
+        """
         before, self.fastest = self.fastest, self.fastest * factor
         if abs(factor - 1.0) > 0.7 * self.step:
-            on_grid = self.anchor * (1.0 + self.step) ** round(self._place)
+            on_grid = self.anchor * (1.0 + self.step) ** round(self._grid_position)
             self.fastest = on_grid if on_grid != before else self.fastest
         self._lowest = np.inf  # a level may be higher than the lowest so far
 
     def _turns(self, speed: float) -> list[float]:
-        """Which turns are looked at, at a speed: whole ones, the run's end may cut the last."""
+        """Return the evaluated turns at a speed: whole turns that the run completes."""
         if self.duration is None:
             return [math.inf]
         last = math.floor(speed * self.duration / TURN)
-        seen = self.more.get(speed, 1.0)
-        return sorted({seen, *(turn for turn in TURNS if turn < last), float(last)})
+        extra_turn = self.more.get(speed, 1.0)
+        return sorted({extra_turn, *(turn for turn in TURNS if turn < last), float(last)})
 
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
-        """Look closer where and when the exact model loses contact; else widen the margin."""
+        """Refine the grid at an exact loss of contact, or else increase the margin."""
         if jump.speed < self.slowest:
-            self._look_down_to(max(FARTHER_DOWN * jump.speed, LEAST_SPEED))
+            self._start_grid(max(EXTENSION_RATIO * jump.speed, MIN_SPEED))
         turn = 1.0 + math.floor(jump.speed * jump.time / TURN)
         self.more |= {jump.speed * (1.0 + self.step * k): turn for k in (-0.25, 1e-4, 0.25)}
         if not self.cut(solution):
-            self.margin *= WIDER
+            self.margin *= MARGIN_FACTOR
             self._lowest = np.inf
 
-    def _at(self, speed: float) -> ForceAtSpeed:
-        if speed not in self._known:
-            self._known[speed] = ForceAtSpeed(self.cells, speed)
-        return self._known[speed]
+    def _force_at(self, speed: float) -> ForceAtSpeed:
+        if speed not in self._forces:
+            self._forces[speed] = ForceAtSpeed(self.cells, speed)
+        return self._forces[speed]
 
-    def look(self, unknowns: FloatArray, level: float) -> int:
-        """Make rows of where the force is below a level; how many there are.
+    def add_rows_below(self, unknowns: FloatArray, level: float) -> int:
+        """Add rows at which the force is below a level, and return their number.
 
-        In dwells, where only vibration lowers it, below the margin. Of neighbouring speeds the
-        worst is taken, and of its turns the worst. Speeds at which it was close when last looked
-        at come first: all are looked at where these make no row.
+        In dwells, where only vibration lowers the force, the margin replaces the level. Of
+        neighbouring speeds the worst is used, and of its turns the worst. Speeds that were close in
+        the last evaluation come first. All speeds are evaluated if these add no row.
         """
         speeds = self._speeds()
         close = [speed for speed in speeds if self._room.get(speed, 0.0) < CLOSE]
         return self._rows_below(close, unknowns, level) or self._rows_below(speeds, unknowns, level)
 
     def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
-        found = [self._below(speed, unknowns, level) for speed in speeds]
-        dip = minima(np.array([values.min() for _, values in found]))
-        dip[::-EVERY] = True
-        made = 0
-        for place in np.flatnonzero(dip):
-            speed, (turn, values) = speeds[place], found[place]
-            lowest = np.flatnonzero(minima(values) & (values < -0.5 * BELOW))
-            chosen = lowest[np.argsort(values[lowest])[:LOWEST]]
+        minima_of_speeds = [self._below(speed, unknowns, level) for speed in speeds]
+        dip = minima(np.array([values.min() for _, values in minima_of_speeds]))
+        dip[::-SPEED_STRIDE] = True
+        count = 0
+        for index in np.flatnonzero(dip):
+            speed, (turn, values) = speeds[index], minima_of_speeds[index]
+            minima_indices = np.flatnonzero(minima(values) & (values < -0.5 * BELOW))
+            chosen = minima_indices[np.argsort(values[minima_indices])[:MAX_ROWS]]
             if chosen.size:
-                force = self._at(speed)
+                force = self._force_at(speed)
                 goal = force.first.moving[chosen] & (not self.limit)
                 self._rows.append((speed, force.rows(chosen, turn), np.where(goal, -1.0, 0.0)))
-                made += chosen.size
-        return made
+                count += chosen.size
+        return count
 
     def _below(self, speed: float, unknowns: FloatArray, level: float) -> tuple[float, FloatArray]:
-        """The worst turn at a speed, and the force less what is wanted, in parts of the scale."""
-        here, turns = self._at(speed), np.array(self._turns(speed))
-        wanted = np.where(here.first.moving, level, self.margin)
-        above = here.values(unknowns, turns) / self.problem.force_scale - wanted
+        """Return the worst turn at a speed, and its force above the required force.
+
+        The force is in scales.
+        """
+        force, turns = self._force_at(speed), np.array(self._turns(speed))
+        required = np.where(force.first.moving, level, self.margin)
+        above = force.values(unknowns, turns) / self.problem.force_scale - required
         worst = int(np.argmin(above.min(axis=1)))
         self._room[speed] = float(above[worst].min())
         return float(turns[worst]), above[worst]
 
     def cut(self, solution: ProgramSolution) -> bool:
-        """Leave the rows far above, add those below; whether there are any."""
+        """Remove rows far above the level and add rows below it.
+
+        Returns True if any row was added.
+        """
         level = self.margin if self.limit else solution.level
-        if level < self._lowest - FALLEN:  # else rows would come and go for ever
+        if level < self._lowest - FALLEN:  # else rows could be removed and added endlessly
             self._lowest = level
-            self._thin(solution)
-        return self.look(solution.unknowns, level) > 0
+            self._remove_rows(solution)
+        return self.add_rows_below(solution.unknowns, level) > 0
 
     @property
     def blocks(self) -> list[RowBlock]:
-        """The rows so far, of speeds up to the fastest."""
+        """Blocks of the present rows at speeds up to the fastest."""
         scale = self.problem.force_scale
         chosen = [row for row in self._rows if row[0] <= self.fastest]
-        if not self.limit:  # a level is finite before the first rows
-            top = Affine.number(TOP * scale, self.problem.space.unknowns).dense()
+        if not self.limit:  # keeps the level finite before the first rows
+            top = Affine.number(MAX_LEVEL * scale, self.problem.space.unknowns).dense()
             chosen.append((self.fastest, top, np.full(1, -1.0)))
         if not chosen:
             return []
@@ -197,31 +214,31 @@ class ContactKept:
         necessary = self.margin == 0.0
         return [RowBlock(self.name, affine, weight, "nonneg", necessary=necessary)]
 
-    def _thin(self, solution: ProgramSolution) -> None:
-        """Leave the rows that the solution is far above."""
-        kept = []
+    def _remove_rows(self, solution: ProgramSolution) -> None:
+        """Remove the rows that the solution is far above."""
+        remaining = []
         for speed, rows, weight in self._rows:
             force = rows(solution.unknowns) / self.problem.force_scale
-            near = force < np.where(weight < 0.0, solution.level, self.margin) + NEAR
+            near = force < np.where(weight < 0.0, solution.level, self.margin) + REMOVE_ABOVE
             near |= speed > KEEP_ABOVE * self.fastest
             if near.any():
-                kept.append((speed, rows.rows(near), weight[near]))
-        self._rows = kept
+                remaining.append((speed, rows.rows(near), weight[near]))
+        self._rows = remaining
 
 
-# Residual vibration: the amplitude that an event alone leaves, at every speed of a range.
+# Residual vibration: the amplitude after each event, at all speeds of a range.
 
-#: Every so many-th speed is in the first program.
-FIRST_EVERY = 8
-#: A cut is made where the law exceeds what the program allowed by so much.
-WORSE = 1e-4
-#: Numbers of a table of phases that is made at once.
+#: Every n-th speed is in the first program.
+FIRST_STRIDE = 8
+#: A cut is added if the law exceeds the allowed amplitude by this fraction.
+CUT_RTOL = 1e-4
+#: Largest number of elements of a table of phases.
 MAX_TABLE = 2_000_000
 
 
 @lru_cache(maxsize=4)
-def _left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Affine]]:
-    """Speeds (rad/s) of a range, and what each event leaves at them."""
+def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Affine]]:
+    """Return the speeds (rad/s) of a range, and the amplitudes after each event."""
     events = problem.space.events
     cells = Cells(problem.space, problem.mode, low)
     speeds = speeds_of(problem.mode, max(event.span for event in events), low, high)
@@ -229,7 +246,10 @@ def _left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, 
 
 
 def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Affine:
-    """What an event leaves at its end, in the unknowns, at speeds (rad/s), by Gauss points."""
+    """Return the amplitude at the end of an event, in the unknowns, at speeds (rad/s).
+
+    Gauss points in the cells give it to rounding.
+    """
     mode, (slope, curvature, columns) = cells.mode, cells.driving[event]
     points, weights = cells.gauss
     width = cells.width(event)
@@ -239,12 +259,12 @@ def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Affine:
     matrix = np.zeros((speeds.size, cells.space.unknowns), complex)
     step = max(1, MAX_TABLE // angles.size)
     for first in range(0, speeds.size, step):
-        some = slice(first, first + step)
-        rate = mode.rate / speeds[some, None]
+        part = slice(first, first + step)
+        rate = mode.rate / speeds[part, None]
         fading = np.exp(rate * (cells.space.events[event].span - angles)) * share
         drive = slope.mapped(fading * mode.drive[0])
-        drive += curvature.mapped(fading * (mode.drive[1] * speeds[some, None]))
-        constant[some], matrix[some, columns] = drive.constant, drive.matrix
+        drive += curvature.mapped(fading * (mode.drive[1] * speeds[part, None]))
+        constant[part], matrix[part, columns] = drive.constant, drive.matrix
     return Affine(constant, matrix)
 
 
@@ -253,45 +273,46 @@ class Residual:
     """Cones |2a| ≤ limit (or t) of every event at speeds of a range."""
 
     problem: DesignProblem
-    asked: Asked
-    hull: bool
+    target: ScaledLimit
+    sufficient: bool
     blocks: list[RowBlock] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        term = self.asked.term
+        term = self.target.term
         self.cells = Cells(self.problem.space, self.problem.mode, term.low)
-        self.speeds, self.left = _left(self.problem, term.low, term.high)
+        self.speeds, self.left = _amplitudes(self.problem, term.low, term.high)
         for affine in self.left:
-            self._add(affine.rows(slice(None, None, FIRST_EVERY)))
+            self._add(affine.rows(slice(None, None, FIRST_STRIDE)))
 
     def cut(self, solution: ProgramSolution) -> bool:
-        """Add the speeds at which the law is worst, if worse than allowed; whether there are."""
-        allowed = self.asked.value
+        """Add the speeds at which the law is worst, and return True if any was added."""
+        allowed = self.target.value
         if allowed is None:
-            allowed = -solution.level * self.asked.scale
-        elif self.hull:
-            allowed *= 1.0 - WORSE
+            allowed = -solution.level * self.target.scale
+        elif self.sufficient:
+            allowed *= 1.0 - CUT_RTOL
         cut = False
         for event, affine in enumerate(self.left):
-            found = 2.0 * np.abs(affine(solution.unknowns))
-            high = peaks(self.speeds, found, allowed * (1.0 - MISSED))
-            highest = left_by_event(self.cells, event, high)
-            worse = 2.0 * np.abs(highest(solution.unknowns)) > allowed * (1.0 + WORSE)
+            amplitudes = 2.0 * np.abs(affine(solution.unknowns))
+            peak_speeds = peaks(self.speeds, amplitudes, allowed * (1.0 - MISSED))
+            at_peaks = left_by_event(self.cells, event, peak_speeds)
+            worse = 2.0 * np.abs(at_peaks(solution.unknowns)) > allowed * (1.0 + CUT_RTOL)
             if worse.any():
-                self._add(highest.rows(worse))
+                self._add(at_peaks.rows(worse))
                 cut = True
         return cut
 
-    def _add(self, at: Affine) -> None:
-        count, size, scale = at.constant.size, self.problem.space.unknowns, self.asked.scale
+    def _add(self, amplitudes: Affine) -> None:
+        count, size = amplitudes.constant.size, self.problem.space.unknowns
+        scale = self.target.scale
         constant, matrix = np.zeros((count, 3)), np.zeros((count, 3, size))
-        for place, part in ((1, np.real), (2, np.imag)):
-            constant[:, place] = 2.0 * part(at.constant) / scale
-            matrix[:, place] = 2.0 * part(at.matrix) / scale
+        for component, part in ((1, np.real), (2, np.imag)):
+            constant[:, component] = 2.0 * part(amplitudes.constant) / scale
+            matrix[:, component] = 2.0 * part(amplitudes.matrix) / scale
         weight = np.zeros((count, 3))
-        weight[:, 0] = self.asked.weight
-        if self.asked.value is not None:
-            kept, spare = (1.0 - WORSE, SPARE) if self.hull else (1.0, 0.0)
-            constant[:, 0] = self.asked.value / scale * kept - spare
+        weight[:, 0] = self.target.weight
+        if self.target.value is not None:
+            factor, spare = (1.0 - CUT_RTOL, SPARE) if self.sufficient else (1.0, 0.0)
+            constant[:, 0] = self.target.value / scale * factor - spare
         rows = Affine(constant.ravel(), sparse.csr_array(matrix.reshape(-1, size)))
-        self.blocks.append(RowBlock(self.asked.name, rows, weight.ravel(), "cone", 3))
+        self.blocks.append(RowBlock(self.target.name, rows, weight.ravel(), "cone", 3))

@@ -1,4 +1,4 @@
-"""cam-rig bounce: tables, files, refusals in a line."""
+"""cam-rig bounce: tables, files and errors of one line."""
 
 import csv
 import io
@@ -18,20 +18,20 @@ SHORT = ("--turns", "20", "--settle", "60", "--restitution", "0.7")
 
 
 def rows_of(*words):
-    """The rows of the table as CSV."""
+    """Return the rows of the table, read from CSV."""
     return list(csv.DictReader(io.StringIO(done(*words, *SHORT, "--csv", "-").stdout)))
 
 
 def test_rows_by_speed():
-    """CSV has what the table shows."""
+    """The CSV file contains the rows of the table."""
     rows = rows_of("tm21", "--rpm", "310,390,450", "--jobs", "1")
     assert [row["motion"] for row in rows] == ["in contact", "periodic", "periodic"]
     assert [row["exponent"] == "" for row in rows] == [True, True, False]
     assert float(rows[2]["exponent"]) == pytest.approx(-0.32, abs=0.01)
 
 
-def test_from_above_and_followed():
-    """Speeds from the fastest down, the branches they are on, and where these change."""
+def test_rows_from_above_with_branches():
+    """--from above with --follow reports rows, branches and bifurcations."""
     found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--follow", *SHORT)
     assert [row["rpm"] for row in found["speeds"]] == list(range(414, 451, 4))
     folds = [one["rpm"] for one in found["bifurcations"] if one["kind"] == "fold"]
@@ -39,8 +39,8 @@ def test_from_above_and_followed():
     assert any(not one["stable"] for one in found["orbits"])
 
 
-def test_over_another_number_and_kept(tmp_path):
-    """A row a mass, in the folder too; and of two masses."""
+def test_a_sweep_over_mass_is_stored(tmp_path):
+    """A sweep over the mass has one row per value, in the folder too."""
     words = ("--rpm", "450", "--over", "mass", "--range", "1:1.4:0.2", "--out", str(tmp_path))
     rows = rows_of("tm21", *words, "--jobs", "1")
     assert [float(row["mass"]) for row in rows] == pytest.approx([1.0, 1.2, 1.4])
@@ -50,15 +50,15 @@ def test_over_another_number_and_kept(tmp_path):
     assert float(row["exponent"]) == pytest.approx(float(row["exponent_2"]), rel=1e-6)
 
 
-def test_many_speeds_are_shown_where_they_change():
-    """Of fifty on the cam the first and the last; all are in the data."""
+def test_a_long_table_shows_only_changes():
+    """A table of fifty speeds in contact shows only the first and the last."""
     result = done("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
     shown = result.stdout + result.stderr
     assert shown.count("in contact ") == 2
     assert "50 speeds; here those at which the motion changes." in " ".join(shown.split())
 
 
-# -- a bounce map whose rows are kept: the same, whatever ends it; other rows are refused
+# -- stored rows: equal to computed rows, also after an interruption; other rows are refused
 
 
 pq = pytest.importorskip("pyarrow.parquet")
@@ -72,8 +72,11 @@ def tm21(laws, rig):
     return laws["tm21"], rig
 
 
-def test_rows_are_those_that_are_not_kept(tm21, tmp_path):
-    """Kept rows are equal to the last digit, resumed too, under the table's names and units."""
+def test_stored_rows_equal_computed_rows(tm21, tmp_path):
+    """Stored rows are equal to computed rows in all digits, also after a resume.
+
+    The files have the names and units of the table.
+    """
     rows = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, **HOW)
     assert rows.data() == cam_rig.bounce_map(*tm21, rpm=RPM, **HOW).data()
     again = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, resume=True, **HOW)
@@ -84,34 +87,34 @@ def test_rows_are_those_that_are_not_kept(tm21, tmp_path):
     assert {key: table.schema.field(key).metadata[b"unit"].decode() for key in units} == units
 
 
-def test_two_masses_are_kept(law, paper_rig, tmp_path):
-    """Four exponents and four numbers per turn."""
+def test_rows_of_two_masses_are_stored(law, paper_rig, tmp_path):
+    """Rows of two masses have four exponents and four state numbers per turn."""
     how = {"model": "two_mass", "restitution": 0.5, "turns": 20, "settle": 40, "rpm": [400, 580]}
     rows = cam_rig.bounce_map(law, paper_rig, out=tmp_path, **how)
     assert rows.data() == cam_rig.bounce_map(law, paper_rig, **how).data()
     assert rows.rows[1].states.shape == (20, 4)
 
 
-def test_it_goes_on_where_it_was_ended(tm21, tmp_path, monkeypatch):
-    """Rows that are there are not turned again, and all others are."""
-    turned, made, speeds = module.turned, list[int](), np.linspace(310.0, 460.0, 9)
+def test_resume_computes_only_missing_rows(tm21, tmp_path, monkeypatch):
+    """A resumed map computes only the missing rows."""
+    compute, computed, speeds = module.compute_batch, list[int](), np.linspace(310.0, 460.0, 9)
 
     def counted(study, first, last):
-        if len(made) >= most:
+        if len(computed) >= limit:
             raise KeyboardInterrupt
-        made.extend(range(first, last))
-        return turned(study, first, last)
+        computed.extend(range(first, last))
+        return compute(study, first, last)
 
-    most = 6
-    monkeypatch.setattr(module, "turned", counted)
+    limit = 6
+    monkeypatch.setattr(module, "compute_batch", counted)
     with pytest.raises(KeyboardInterrupt):
         cam_rig.bounce_map(*tm21, rpm=speeds, out=tmp_path, **HOW)
-    there = pq.read_table(tmp_path).column("point").to_pylist()
-    assert 1 <= len(there) < 9
-    made.clear()
-    most = 9
+    stored = pq.read_table(tmp_path).column("point").to_pylist()
+    assert 1 <= len(stored) < 9
+    computed.clear()
+    limit = 9
     found = cam_rig.bounce_map(*tm21, rpm=speeds, out=tmp_path, resume=True, **HOW)
-    assert sorted(there + made) == list(range(9))
+    assert sorted(stored + computed) == list(range(9))
     assert found.data() == cam_rig.bounce_map(*tm21, rpm=speeds, **HOW).data()
 
 
@@ -125,8 +128,8 @@ def test_it_goes_on_where_it_was_ended(tm21, tmp_path, monkeypatch):
         ({"resume": True, "out": None}, "resume: without a folder"),
     ],
 )
-def test_what_is_refused(laws, rig, tmp_path, how, words):
-    """A folder with other rows, by what differs; rows that are a chain; nothing to resume."""
+def test_invalid_stored_maps_are_refused(laws, rig, tmp_path, how, words):
+    """Other rows in a folder, dependent rows, and resume without a folder are refused."""
     how = {"law": "tm21", "rpm": RPM[:2], "out": tmp_path} | HOW | how
     cam_rig.bounce_map(laws["tm21"], rig, rpm=RPM[:2], out=tmp_path, **HOW)
     with pytest.raises(ConfigError, match=words):

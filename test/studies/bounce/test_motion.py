@@ -1,4 +1,4 @@
-"""What a run is called holds for any law, follower and speed."""
+"""Classification of runs, and basins of attraction."""
 
 from dataclasses import replace
 
@@ -24,28 +24,28 @@ from ...dynamics.test_turn_map import random_map
 
 @pytest.mark.variants(12)
 @pytest.mark.parametrize("seed", range(120))
-def test_a_name_is_kept(laws, seed):
-    """Periodic: turns later it is where it was. Irregular: more growth than error."""
+def test_each_kind_of_motion_has_its_property(laws, seed):
+    """A periodic motion repeats, and irregular growth is above its error."""
     turn_map, _ = random_map(laws, seed)
     run = turn_map.run(160)
-    found = motion_of(turn_map, run, 60)
+    motion = motion_of(turn_map, run, 60)
     last, scale = run.states[-1], turn_map.law.lift * np.array([1.0, turn_map.speed])
-    if found.motion == IN_CONTACT:
+    if motion.motion == IN_CONTACT:
         assert not run.landings[-60:].any()
         assert (last == 0.0).all()
-    elif found.motion == PERIODIC:
-        assert found.settled <= 160 - 2 * found.period
-        again = turn_map.run(found.period, tuple(last)).states[-1]
+    elif motion.motion == PERIODIC:
+        assert motion.settled <= 160 - 2 * motion.period
+        state_later = turn_map.run(motion.period, tuple(last)).states[-1]
         if turn_map.law.spans.size < 1000:  # hundreds of bounces on a noisy one enlarge a rounding
-            grows = max(1.0, np.abs(run.derivatives[-found.period :]).max())
-            assert np.abs((again - last) / scale).max() < 1e-8 * grows
-        assert found.exponent < 1e-6
-    elif found.motion == IRREGULAR:
-        assert found.exponent > found.exponent_error > 0.0
+            grows = max(1.0, np.abs(run.derivatives[-motion.period :]).max())
+            assert np.abs((state_later - last) / scale).max() < 1e-8 * grows
+        assert motion.exponent < 1e-6
+    elif motion.motion == IRREGULAR:
+        assert motion.exponent > motion.exponent_error > 0.0
         assert (run.contact_times[-60:] == 0.0).all()
     else:
-        assert found.motion == NOT_TOLD
-        assert found.period is None
+        assert motion.motion == NOT_TOLD
+        assert motion.period is None
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_name_is_kept(laws, seed):
     ],
 )
 def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitution, speed):
-    """One ulp of the spring changes the period, because rounding grows from rest to rest."""
+    """A period that changes with one ulp of the spring is undetermined."""
     follower = bouncing(rig, restitution)
     periods, motions = [], []
     for stiffness in (follower.spring_stiffness, np.nextafter(follower.spring_stiffness, np.inf)):
@@ -71,46 +71,46 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
     assert motions == [NOT_TOLD, NOT_TOLD]
 
 
-def test_a_restitution_is_the_rigs_or_the_callers(rig):
-    """A rig without one takes the caller's, and else says that it lacks one."""
+def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
+    """The caller's restitution replaces the rig's, and one of them is required."""
     assert bouncing(rig, None).restitution == 0.0
     assert bouncing(rig, 0.4).restitution == 0.4
     data = rig.model_dump(exclude_none=True)
     del data["follower"]["restitution"]
-    silent = type(rig).model_validate(data)
-    assert bouncing(silent, 0.4).restitution == 0.4
+    incomplete = type(rig).model_validate(data)
+    assert bouncing(incomplete, 0.4).restitution == 0.4
     with pytest.raises(ConfigError, match=r"by bouncing; .* or give --restitution"):
-        bouncing(silent, None)
+        bouncing(incomplete, None)
 
 
-# -- basins: every start ends in the motion that is said, and one motion alone has every start
+# -- basins: every start ends in the reported motion
 
 
 @pytest.fixture(scope="module")
 def two(laws, rig):
-    """At 420 rpm there are two motions."""
+    """Basins at 420 rpm, where two motions exist."""
     return basins(laws["tm21"], rig, rpm=420, restitution=0.7, grid=8)
 
 
 def test_two_motions_at_one_speed(two):
-    """One irregular, one of four landings a turn; together they have all starts."""
-    assert {one.motion for one in two.motions} == {IRREGULAR, PERIODIC}
-    assert [one.name for one in two.motions] == ["A", "B"]
-    assert sum(one.share for one in two.motions) == pytest.approx(1.0)
-    for one in two.motions:
-        assert one.exponent_error > 0.0 or one.motion == PERIODIC
-        assert np.isfinite(one.exponent_error)
+    """One motion is irregular, one is periodic, and all starts end in them."""
+    assert {motion.motion for motion in two.motions} == {IRREGULAR, PERIODIC}
+    assert [motion.name for motion in two.motions] == ["A", "B"]
+    assert sum(motion.share for motion in two.motions) == pytest.approx(1.0)
+    for motion in two.motions:
+        assert motion.exponent_error > 0.0 or motion.motion == PERIODIC
+        assert np.isfinite(motion.exponent_error)
     shares = np.bincount(two.ends.ravel()) / two.ends.size
-    np.testing.assert_allclose(shares, [one.share for one in two.motions])
+    np.testing.assert_allclose(shares, [motion.share for motion in two.motions])
     assert shares[0] >= shares[1]
 
 
-@pytest.mark.parametrize("place", [(0, 0), (3, 5), (7, 2), (4, 4)])
-def test_a_start_ends_as_said(two, place):
-    """Turned from there, the last turns are those of the motion."""
-    start = float(two.gap[place[1]]), float(two.opening[place[0]])
+@pytest.mark.parametrize("position", [(0, 0), (3, 5), (7, 2), (4, 4)])
+def test_a_start_ends_in_the_reported_motion(two, position):
+    """A run from a start of the grid ends in the reported motion."""
+    start = float(two.gap[position[1]]), float(two.opening[position[0]])
     run = StroboscopicMap(two.law, two.parameters, two.rpm * RPM).run(240, start)
-    motion = two.motions[two.ends[place]]
+    motion = two.motions[two.ends[position]]
     if motion.motion == PERIODIC:
         assert run.landings[-1] == motion.landings_per_turn
         np.testing.assert_allclose(run.states[-1], motion.states[-1], rtol=1e-6)
@@ -118,17 +118,17 @@ def test_a_start_ends_as_said(two, place):
         assert np.ptp(run.max_landing_speeds[-40:]) > 1e-3
 
 
-def test_a_portrait_is_the_motion(two):
-    """Its gap is never below zero, begins at the section, and is back there after the period."""
-    motion = next(one for one in two.motions if one.motion == PERIODIC)
+def test_a_portrait_shows_one_period(two):
+    """The gap is never negative, and the portrait starts at the section."""
+    motion = next(candidate for candidate in two.motions if candidate.motion == PERIODIC)
     gap, rate = two.portrait(motion)
     assert gap.min() > -1e-12
     assert gap[0] == pytest.approx(motion.states[-1, 0], abs=1e-5)
     assert (np.diff(np.sign(rate)) > 0).sum() >= motion.landings_per_turn - 1
 
 
-def test_its_data(two):
-    """A row a start, with the name of what it ends in."""
+def test_data_has_one_row_per_start(two):
+    """The data have one row per start with the name of its motion."""
     data = two.data()
     assert len(data["starts"]) == two.ends.size
     assert data["starts"][1]["gap"] == pytest.approx(two.gap[1])
@@ -137,6 +137,6 @@ def test_its_data(two):
     assert [row["name"] for row in data["starts"]] == names
 
 
-def test_a_grid_that_is_none(two):
+def test_a_grid_below_two_is_refused(two):
     with pytest.raises(ConfigError, match="grid: is 1; allowed: 2 or more"):
         basins(two.law, two.rig, rpm=420, grid=1)

@@ -1,4 +1,4 @@
-"""A bounce map: what each speed is, how loud, and from where it is reached."""
+"""Bounce maps: motion, exponent and level of each speed, and start of each row."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -17,13 +17,13 @@ from cam_rig.units import RPM
 
 @pytest.fixture(scope="module")
 def tm21(laws, rig):
-    """The paper's cam and follower, restitution 0.7, from rest."""
+    """The paper's cam and follower with restitution 0.7, each row from rest."""
     speeds = [310, 380, 390, 400, 420, 450, 500, 550]
     return cam_rig.bounce_map(laws["tm21"], rig, rpm=speeds, restitution=0.7, turns=60, settle=300)
 
 
 def test_exponents(tm21):
-    """−∞ where it rests; above its error where irregular; else that of the periodic motion."""
+    """An exponent is −∞ at rest, positive if irregular, else that of the multipliers."""
     for row in tm21.rows:
         if row.rests:
             assert row.exponent == -math.inf
@@ -31,13 +31,13 @@ def test_exponents(tm21):
             assert row.exponent > row.exponent_error > 0.0
         else:
             motion = Family(tm21.law, tm21.sweep, row.period).at(row.rpm * RPM, row.end)
-            wanted = math.log(np.abs(motion.multipliers).max()) / row.period
-            assert row.exponent == pytest.approx(wanted, abs=1e-7)
+            expected = math.log(np.abs(motion.multipliers).max()) / row.period
+            assert row.exponent == pytest.approx(expected, abs=1e-7)
             assert motion.stable
 
 
-def test_no_two_turns_are_alike_where_it_is_irregular(tm21):
-    """The nearest of 60 turns differ by more than what is alike; of a period one is shown."""
+def test_turns_of_an_irregular_motion_all_differ(tm21):
+    """All 60 landings of an irregular motion differ, and a period is stored once."""
     for row in tm21.rows:
         if row.motion == IRREGULAR:
             assert len(row.hardest) == 60
@@ -47,33 +47,33 @@ def test_no_two_turns_are_alike_where_it_is_irregular(tm21):
 
 
 def test_the_level_is_that_of_a_simulation(tm21, rig):
-    """Where it rests every turn begins alike, and a scene's microphone hears the same."""
+    """A motion that rests has the level of a simulated scene's microphone."""
     row = tm21.rows[1]
     bouncing = rig.with_follower(restitution=0.7)
     motion = cam_rig.simulate(tm21.law, bouncing, rpm=row.rpm, turns=20, sample_rate=12_000)
-    heard = cam_rig.sound_level(motion, settle_turns=4)
-    assert row.level_db == pytest.approx(heard.level_db, abs=0.02)
+    measured = cam_rig.sound_level(motion, settle_turns=4)
+    assert row.level_db == pytest.approx(measured.level_db, abs=0.02)
     assert row.level_spread_db < 0.05
 
 
-def test_a_meter_wanders_where_it_is_irregular(tm21):
-    """The spread from turn to turn: a dB and more at 420 rpm, none at 500."""
+def test_the_level_of_an_irregular_motion_varies(tm21):
+    """The level varies from turn to turn at 420 rpm, and not at 500 rpm."""
     spread = {row.rpm: row.level_spread_db for row in tm21.rows}
     assert spread[420] > 0.5
     assert spread[500] < 0.02
 
 
-def test_an_executor_gives_the_same(tm21, rig):
-    """Row for row; and it is one cam on one rig, whoever computes."""
+def test_an_executor_gives_the_same_rows(tm21, rig):
+    """Rows computed by an executor are equal to rows of this process."""
     rpm, how = np.array([390.0, 450.0, 310.0]), {"restitution": 0.7, "turns": 60, "settle": 300}
     with ThreadPoolExecutor(2) as pool:
-        found = cam_rig.bounce_map(tm21.law, rig, rpm=rpm, executor=pool, **how)
-    rows = found.data()["speeds"]
+        result = cam_rig.bounce_map(tm21.law, rig, rpm=rpm, executor=pool, **how)
+    rows = result.data()["speeds"]
     assert rows == [tm21.data()["speeds"][i] for i in (0, 2, 5)]
 
 
-def test_its_data(tm21):
-    """Rows by speed with the keys of the table, −∞ as nothing; a turn a dot of the figure."""
+def test_data_of_a_map(tm21):
+    """JSON has the keys of the table, null for −∞, and one entry per turn."""
     data = tm21.data()
     assert data["schema"] == "cam_rig.bounce.1"
     assert data["speeds"][1]["exponent"] is None
@@ -85,24 +85,24 @@ def test_its_data(tm21):
 
 
 def test_the_first_lift_off_is_the_jump_speed(tm21, rig):
-    """Of one rigid mass."""
-    wanted = cam_rig.jump_speed(tm21.law, rig).rpm
-    assert tm21.jump_rpm == pytest.approx(wanted, rel=1e-12)
+    """The first lift-off of one rigid mass is at the rigid jump speed."""
+    expected = cam_rig.jump_speed(tm21.law, rig).rpm
+    assert tm21.jump_rpm == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.99])
 def test_at_the_ends_of_restitution(tm21, rig, restitution):
-    """Plastic: one landing and at rest. Nearly elastic: hundreds of landings, and no crash."""
+    """Restitution 0 gives one landing per turn, and 0.99 gives many."""
     how = {"restitution": restitution, "turns": 20, "settle": 20}
     rows = cam_rig.bounce_map(tm21.law, rig, rpm=[340, 480], **how).rows
     assert all(row.landings_per_turn > 0.0 for row in rows)
     if restitution == 0.0:
-        found = [(row.motion, row.period, row.landings_per_turn) for row in rows]
-        assert found == [(PERIODIC, 1, 1.0)] * 2
+        motions = [(row.motion, row.period, row.landings_per_turn) for row in rows]
+        assert motions == [(PERIODIC, 1, 1.0)] * 2
 
 
-def test_one_that_never_lands_is_not_told(tm21, rig):
-    """A spring that is none and no preload: at a speed that throws it, it does not come back."""
+def test_a_follower_that_never_lands_is_undetermined(tm21, rig):
+    """A follower without spring and preload never lands, and its exponent is NaN."""
     loose = rig.with_follower(spring_stiffness=1e-9, preload=0.0, damping=0.0)
     how = {"restitution": 0.5, "turns": 20, "settle": 20}
     (row,) = cam_rig.bounce_map(tm21.law, loose, rpm=[400], **how).rows
@@ -110,12 +110,12 @@ def test_one_that_never_lands_is_not_told(tm21, rig):
     assert math.isnan(row.exponent)
 
 
-def test_in_the_middle_of_a_fold(tm21, rig):
-    """At the very speed where two motions meet there is an answer, and nothing breaks."""
+def test_a_map_at_the_speed_of_a_fold(tm21, rig):
+    """The map has a result at the very speed of a fold."""
     how = {"restitution": 0.7, "turns": 40, "settle": 100, "start": ABOVE}
-    found = cam_rig.bounce_map(tm21.law, rig, rpm=[418.8029066, 430], **how)
-    assert found.rows[0].motion in (PERIODIC, NOT_TOLD, IRREGULAR)
-    assert found.rows[1].motion == PERIODIC
+    result = cam_rig.bounce_map(tm21.law, rig, rpm=[418.8029066, 430], **how)
+    assert result.rows[0].motion in (PERIODIC, NOT_TOLD, IRREGULAR)
+    assert result.rows[1].motion == PERIODIC
 
 
 OVER = {"over": RESTITUTION}
@@ -144,7 +144,7 @@ OVER = {"over": RESTITUTION}
     ],
 )
 def test_refusals(tm21, rig, how, error, words):
-    """By the argument's name, its value and what is allowed, before a turn is run."""
+    """Each error names the argument, its value and the allowed values."""
     given = {"rpm": 400.0, "turns": 20, "restitution": 0.7} | how
     with pytest.raises(error, match=words):
         cam_rig.bounce_map(tm21.law, rig, **given)

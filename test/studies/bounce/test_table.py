@@ -1,4 +1,4 @@
-"""A ball on a table that moves up and down, whose windows have closed forms (Holmes 1982)."""
+"""A ball on a moving table, whose bouncing has closed forms (Holmes 1982)."""
 
 import math
 from dataclasses import replace
@@ -27,61 +27,65 @@ LAW = table_law()
 
 @pytest.mark.parametrize("restitution", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_the_period_doubles_at_its_closed_form(restitution):
-    """One landing a turn loses its stability at s̈/g = −2 (1 + r²)/(1 + r)², to 1e-10."""
+    """One landing per turn becomes unstable at s̈/g = −2 (1 + r²)/(1 + r)², to 1e-10."""
     _, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.99 * doubling)
     family = Family(LAW, by_speed(ball(restitution)), 1)
-    begin = family.at(speed, state)
-    assert begin.stable
-    motions, found = family.followed(begin, speed, speed_at(1.02 * doubling), up=True)
-    assert [one.kind for one in found] == [FLIP]
+    start = family.at(speed, state)
+    assert start.stable
+    motions, found = family.follow(start, speed, speed_at(1.02 * doubling), up=True)
+    assert [bifurcation.kind for bifurcation in found] == [FLIP]
     assert found[0].point.rpm == pytest.approx(speed_at(doubling) / RPM, rel=1e-10)
     assert not motions[-1].stable
 
 
 @pytest.mark.parametrize("restitution", [0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
-def test_the_window_begins_at_its_closed_form(restitution):
-    """One landing a turn is there from A ω²/g = π (1 − r)/(1 + r) on: a fold, to 1e-10."""
-    least, _ = window(restitution)
-    speed, state = one_landing(restitution, 1.05 * least)
+def test_the_window_starts_at_its_closed_form(restitution):
+    """One landing per turn exists above A ω²/g = π (1 − r)/(1 + r), to 1e-10."""
+    fold_ratio, _ = window(restitution)
+    speed, state = one_landing(restitution, 1.05 * fold_ratio)
     family = Family(LAW, by_speed(ball(restitution)), 1)
-    motions, found = family.followed(family.at(speed, state), 0.9 * speed_at(least), speed, False)
-    assert [one.kind for one in found] == [FOLD]
-    assert found[0].point.rpm == pytest.approx(speed_at(least) / RPM, rel=1e-10)
+    motions, found = family.follow(
+        family.at(speed, state), 0.9 * speed_at(fold_ratio), speed, False
+    )
+    assert [bifurcation.kind for bifurcation in found] == [FOLD]
+    assert found[0].point.rpm == pytest.approx(speed_at(fold_ratio) / RPM, rel=1e-10)
     assert motions[0].stable
-    assert motions[-1].multipliers.real.max() > 1.0  # it has gone round, and back up
+    assert motions[-1].multipliers.real.max() > 1.0  # beyond the fold, on the unstable side
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
 def test_multipliers_are_those_of_the_closed_form(restitution):
     """The trace is (1 + r)² (1 + s̈/g) − 2 r and the determinant r², to 1e-10."""
-    least, doubling = window(restitution)
-    ratio = least + 0.6 * (doubling - least)
+    fold_ratio, doubling = window(restitution)
+    ratio = fold_ratio + 0.6 * (doubling - fold_ratio)
     speed, state = one_landing(restitution, ratio)
     motion = Family(LAW, by_speed(ball(restitution)), 1).at(speed, state)
     np.testing.assert_allclose(motion.state, state, rtol=1e-10)
-    bend = -math.sqrt(ratio**2 - least**2)
-    trace = (1.0 + restitution) ** 2 * (1.0 + bend) - 2.0 * restitution
+    acceleration = -math.sqrt(ratio**2 - fold_ratio**2)
+    trace = (1.0 + restitution) ** 2 * (1.0 + acceleration) - 2.0 * restitution
     assert np.trace(motion.derivative) == pytest.approx(trace, abs=1e-10)
     assert np.linalg.det(motion.derivative) == pytest.approx(restitution**2, rel=1e-11)
 
 
-# -- over restitution, preload or mass at one speed: the rows of such rigs, and known places
+# -- over restitution, preload or mass at one speed: rows of such rigs, and known bifurcations
 
 
 @pytest.mark.parametrize(
     ("over", "values"),
     [(RESTITUTION, [0.3, 0.62, 0.9]), (PRELOAD, [6.0, 20.0, 50.0]), (MASS, [0.8, 1.0, 1.7])],
 )
-def test_a_row_is_that_of_such_a_rig(laws, rig, over, values):
-    """What is swept is the follower's number, and nothing else changes; its column says which."""
-    given = {} if over == RESTITUTION else {"restitution": 0.7}
+def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, over, values):
+    """A swept row equals the row of a rig with that number."""
+    fixed = {} if over == RESTITUTION else {"restitution": 0.7}
     how = {"turns": 20, "settle": 80}
-    found = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=over, values=values, **given, **how)
-    rows = found.data()["speeds"]
+    result = cam_rig.bounce_map(
+        laws["tm21"], rig, rpm=450, over=over, values=values, **fixed, **how
+    )
+    rows = result.data()["speeds"]
     assert [row[over] for row in rows] == values
     assert [row["rpm"] for row in rows] == [450.0] * 3
-    shown = [c.key for c in found.tables()[0].columns if c.key in (SPEED, over) and not c.hidden]
+    shown = [c.key for c in result.tables()[0].columns if c.key in (SPEED, over) and not c.hidden]
     assert shown == [over]
     for row, value in zip(rows, values, strict=True):
         alone = rig.with_follower(**({"restitution": 0.7} | {over: value}))
@@ -94,23 +98,26 @@ def test_a_row_is_that_of_such_a_rig(laws, rig, over, values):
     "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
 )
 def test_windows_over_preload_and_mass(over, restitution):
-    """A ω² m/P is what a ball knows of both: its fold and its doubling are at the closed forms."""
-    least, doubling = window(restitution)
-    speed, state = one_landing(restitution, 0.5 * (least + doubling))
+    """Fold and doubling over preload and mass are at the closed forms of A ω² m/P."""
+    fold_ratio, doubling = window(restitution)
+    speed, state = one_landing(restitution, 0.5 * (fold_ratio + doubling))
     base = OperatingPoint(ball(restitution), speed)
     sweep = Sweep(base, over)
-    begin = Family(LAW, sweep, 1).at(getattr(base, over), state)
-    places = {}
+    start = Family(LAW, sweep, 1).at(getattr(base, over), state)
+    ratios = {}
     for up in (False, True):
         ends = 0.1 * getattr(base, over), 10.0 * getattr(base, over)
-        for one in Family(LAW, sweep, 1).followed(begin, *ends, up)[1]:
-            places.setdefault(one.kind, AMPLITUDE * speed**2 * one.point.mass / one.point.preload)
-    assert places[FOLD] == pytest.approx(least, rel=1e-10)
-    assert places[FLIP] == pytest.approx(doubling, rel=1e-10)
+        for bifurcation in Family(LAW, sweep, 1).follow(start, *ends, up)[1]:
+            ratios.setdefault(
+                bifurcation.kind,
+                AMPLITUDE * speed**2 * bifurcation.point.mass / bifurcation.point.preload,
+            )
+    assert ratios[FOLD] == pytest.approx(fold_ratio, rel=1e-10)
+    assert ratios[FLIP] == pytest.approx(doubling, rel=1e-10)
 
 
-def test_where_contact_is_lost():
-    """At P = m A ω², whichever of both is swept; a restitution loses none."""
+def test_contact_is_lost_at_the_closed_form():
+    """Contact is lost at P = m A ω² over preload or mass, never over restitution."""
     base = OperatingPoint(ball(0.5), 30.0)
     values = np.linspace(0.5, 20.0, 40).tolist()
     assert Sweep(base, PRELOAD).lift_off(LAW, values) == pytest.approx(9.0, rel=1e-10)
@@ -121,23 +128,23 @@ def test_where_contact_is_lost():
 
 
 def test_bifurcations_of_a_map_over_preload(laws, rig):
-    """In order, the first lift-off among them; the figure's axis is the preload's."""
+    """Bifurcations are in order and include the first lift-off."""
     how = {"restitution": 0.7, "turns": 20, "settle": 100, "follow": True}
     values = np.arange(14.0, 34.0, 2.0)
-    found = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=PRELOAD, values=values, **how)
-    places = [one["preload"] for one in found.data()["bifurcations"]]
-    assert places == sorted(places)
-    assert found.lift_off in places
-    assert "contact is first lost at preload 31.66" in found.summary()[0]
-    assert found.plot().axes[-1].get_xlabel() == "preload [N]"
+    result = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=PRELOAD, values=values, **how)
+    preloads = [row["preload"] for row in result.data()["bifurcations"]]
+    assert preloads == sorted(preloads)
+    assert result.lift_off in preloads
+    assert "contact is first lost at preload 31.66" in result.summary()[0]
+    assert result.plot().axes[-1].get_xlabel() == "preload [N]"
 
 
-def test_a_branch_ends_where_its_number_does():
-    """Down to no restitution at all, at which multipliers are zero: an end, and no bifurcation."""
+def test_a_branch_ends_at_the_limit_of_the_swept_number():
+    """A branch that reaches restitution 0 ends without a bifurcation."""
     restitution = 0.05
-    least, _ = window(0.0)
-    speed, state = one_landing(restitution, 1.05 * least)
+    fold_ratio, _ = window(0.0)
+    speed, state = one_landing(restitution, 1.05 * fold_ratio)
     family = Family(LAW, Sweep(OperatingPoint(ball(restitution), speed), RESTITUTION), 1)
-    motions, found = family.followed(family.at(restitution, state), 0.0, 0.1, up=False)
+    motions, found = family.follow(family.at(restitution, state), 0.0, 0.1, up=False)
     assert found == []
     assert 0.0 <= motions[-1].point.restitution < 1e-6

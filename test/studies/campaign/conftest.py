@@ -1,4 +1,4 @@
-"""Studies made on the spot, and what comes of them."""
+"""Small campaigns and their results."""
 
 import pytest
 
@@ -20,25 +20,24 @@ SMALL = {
 
 @pytest.fixture(scope="session")
 def study():
-    """A campaign of 3-4-5 on the paper's rig, with other parts where they are given."""
-
+    """Function that creates a campaign of 3-4-5 with changed parts."""
     return lambda **parts: campaign_from(SMALL | parts, Library((config_root(),)))
 
 
 @pytest.fixture(scope="session")
 def measured(study):
-    """All points of a grid, by default of one: the campaign and its rows."""
+    """Function that measures all points of a grid, by default of one point."""
 
-    def made(*measures, vary=None, **parts):
+    def measure(*measures, vary=None, **parts):
         vary = vary or {"rig.follower.preload": {"values": [30.6], "unit": "N"}}
         campaign = study(vary=vary, measures=list(measures), plan={"kind": "grid"}, **parts)
         return campaign, measure_batch(campaign, 0, campaign.total)
 
-    return made
+    return measure
 
 
 def run(dataset, resume=False):
-    """Make what is missing in this process; what is said of damaged files."""
+    """Compute the missing points, and return the message on damaged files."""
     with dataset.opened(resume) as damaged:
         compute_missing(dataset, measure_batch, InThisProcess(), 1)
     return damaged
@@ -46,11 +45,11 @@ def run(dataset, resume=False):
 
 @pytest.fixture(scope="session")
 def results(study):
-    """The result of a campaign, made in this process."""
+    """Function that returns the result of a campaign, computed in this process."""
 
-    def made(folder, **parts):
+    def compute(folder, **parts):
         dataset = CampaignDataset(folder, study(**parts))
         run(dataset)
         return CampaignResult(dataset)
 
-    return made
+    return compute

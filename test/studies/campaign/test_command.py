@@ -1,4 +1,4 @@
-"""cam-rig campaign: tables, files, pictures, progress; refusals; ended anyhow, it goes on."""
+"""cam-rig campaign: tables, files, figures, progress, errors and resumption."""
 
 import json
 import signal
@@ -28,7 +28,7 @@ shipped = partial(cli.load, "campaigns")
 
 @pytest.fixture
 def study(tmp_path):
-    """A study file: a shipped one with other parts."""
+    """Function that writes a study file: a shipped study with changed parts."""
 
     def write(name="tolerance_poly345", **parts):
         path = tmp_path / "campaigns" / "study.yaml"
@@ -43,22 +43,22 @@ def study(tmp_path):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("name", ["jump_map", "tolerance_poly345", "noise_map"])
 def test_shipped_studies_run_and_draw(study, tmp_path, name):
-    """Smaller, with one process: tables, JSON, CSV, a picture, rows that DuckDB reads."""
+    """A small version of each shipped study gives tables, JSON, CSV and a figure."""
     data, out = shipped(name), tmp_path / "rows"
-    for one in data["vary"].values():
-        if "count" in one:
-            one["count"] = 2
-    more = ["--points", 8] if data["plan"]["kind"] == "sobol" else []
+    for variation in data["vary"].values():
+        if "count" in variation:
+            variation["count"] = 2
+    arguments = ["--points", 8] if data["plan"]["kind"] == "sobol" else []
     plot, csv = tmp_path / "a.png", tmp_path / "a.csv"
     written = ["--out", out, "--plot", plot, "--csv", csv, "--json", "-"]
-    result = done(study(name, vary=data["vary"]), "--jobs", 1, *more, *written)
-    found = json.loads(result.stdout)
+    result = done(study(name, vary=data["vary"]), "--jobs", 1, *arguments, *written)
+    data_written = json.loads(result.stdout)
     counted = duckdb.sql(f"select count(*), min(status) from '{out}/*.parquet'").fetchall()
-    assert counted == [(found["campaign"]["points"], "ok")]
-    assert found["campaign"]["failed"] == 0
+    assert counted == [(data_written["campaign"]["points"], "ok")]
+    assert data_written["campaign"]["failed"] == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
-    first = "quantiles" if more else "extremes"
-    assert csv.read_text(encoding="utf-8").split("\n")[0] == ",".join(found[first][0])
+    first = "quantiles" if arguments else "extremes"
+    assert csv.read_text(encoding="utf-8").split("\n")[0] == ",".join(data_written[first][0])
     assert data["title"] in result.stderr
 
 
@@ -67,7 +67,7 @@ CAMPAIGN = [sys.executable, "-m", "cam_rig.cli.main", "campaign"]
 
 @contextmanager
 def started(command, **options):
-    """A process that is ended when it is no longer needed."""
+    """Run a process, and kill it at the end of the context."""
     with subprocess.Popen(command, **options) as process:
         try:
             yield process
@@ -79,7 +79,7 @@ SPREAD = {"uniform": 1, "unit": "um"}
 
 
 def wavy(wavelength):
-    """A waviness whose wavelength, in degrees, is so."""
+    """Return the variation of a waviness with a given wavelength in degrees."""
     return {
         "vary": {
             "profile.waviness.amplitude": {"values": [2], "unit": "um"},
@@ -117,7 +117,7 @@ BAD = (
 
 
 def test_bad_studies_are_refused_in_one_line(study, tmp_path):
-    """With the key, before anything is written."""
+    """Each message names the key, and is given before any file is written."""
     for parts, words in BAD:
         result = call(study(**parts), "--out", tmp_path / "rows")
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1), words
@@ -126,8 +126,8 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path):
 
 
 @pytest.mark.long
-def test_where_all_points_fail_the_reason_is_the_error(study, tmp_path):
-    """Code 1 and how many have it; where some fail, the line is a note and the code 0."""
+def test_a_campaign_without_a_valid_point_fails_with_the_reason(study, tmp_path):
+    """A campaign without any valid point fails with the reason of its points."""
     mass, out = {"range": [-3, -1], "unit": "kg"}, tmp_path / "rows"
     parts = {"plan": {"kind": "sobol", "points": 8}, "measures": ["jump_speed_rigid"], "limits": []}
     path = study(vary={"rig.follower.mass": mass}, **parts)
@@ -145,21 +145,21 @@ def test_where_all_points_fail_the_reason_is_the_error(study, tmp_path):
 
 @pytest.mark.long
 def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
-    """Relative to the study's folder; the same rows as by name."""
-    place = tmp_path / "campaigns" / "mine"
-    place.mkdir(parents=True)
+    """Paths relative to the study's folder give the same rows as names."""
+    folder_of_study = tmp_path / "campaigns" / "mine"
+    folder_of_study.mkdir(parents=True)
     for folder, name in (("cams", "poly345"), ("rigs", "paper_table2")):
         text = (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
-        (place / f"{name}.yaml").write_text(text, encoding="utf-8")
+        (folder_of_study / f"{name}.yaml").write_text(text, encoding="utf-8")
     parts = {"plan": {"kind": "sobol", "points": 4}, "measures": ["jump_speed_rigid"], "limits": []}
-    own = {"cam": "mine/poly345.yaml", "rig": str(place / "paper_table2.yaml")}
-    found = []
-    for name, base in (("own", own), ("shipped", shipped("tolerance_poly345")["base"])):
+    paths = {"cam": "mine/poly345.yaml", "rig": str(folder_of_study / "paper_table2.yaml")}
+    columns = []
+    for name, base in (("own", paths), ("shipped", shipped("tolerance_poly345")["base"])):
         path = study(base=base, **parts)
         done(path, "--out", tmp_path / name, "--jobs", 1)
         dataset = CampaignDataset(tmp_path / name, open_campaign(path))
-        found.append(dataset.column("jump_speed_rigid_rpm").tolist())
-    assert found[0] == found[1]
+        columns.append(dataset.column("jump_speed_rigid_rpm").tolist())
+    assert columns[0] == columns[1]
     missing = call(study(base={"cam": "mine", "rig": "tm21"}, **parts))
     assert f"{tmp_path}/cams/mine.yaml, {config_root()}/cams/mine.yaml: no such" in missing.stderr
 
@@ -167,11 +167,11 @@ def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
 @pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
-    """Ctrl-C in the middle, SIGTERM or a kill: the same rows as of a run that nothing ended."""
+def test_resume_completes_an_interrupted_campaign(study, tmp_path, number):
+    """After a signal, --resume gives the rows of an uninterrupted run."""
     path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
-    given = [str(path), "--jobs", "1", "--out", str(out)]
-    with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
+    arguments = [str(path), "--jobs", "1", "--out", str(out)]
+    with started([*CAMPAIGN, *arguments], stderr=subprocess.PIPE, text=True) as run:
         until(lambda: list(out.glob("*.parquet")))
         run.send_signal(number)
         _, words = run.communicate(timeout=100)
@@ -192,21 +192,31 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
-    """What is finished stays, and the command that goes on is named."""
+def test_a_lost_scheduler_ends_the_run_with_one_line(study, tmp_path):
+    """A lost Dask scheduler ends the run with one line that names --resume."""
     path, out = study(plan={"kind": "sobol", "points": 400, "seed": 2}), tmp_path / "rows"
     file = tmp_path / "scheduler.json"
-    given = ["--scheduler-file", str(file), "--no-dashboard"]
+    arguments = ["--scheduler-file", str(file), "--no-dashboard"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     python = [sys.executable, "-m"]
     with started(
-        [*python, "distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"],
+        [
+            *python,
+            "distributed.cli.dask_scheduler",
+            *arguments,
+            "--host",
+            "127.0.0.1",
+            "--port",
+            "0",
+        ],
         **quiet,
     ) as scheduler:
         until(file.exists)
-        with started([*python, "distributed.cli.dask_worker", *given, "--nthreads", "1"], **quiet):
-            asked = [str(path), "--out", str(out), "--dask", str(file)]
-            with started([*CAMPAIGN, *asked], stderr=subprocess.PIPE, text=True) as run:
+        with started(
+            [*python, "distributed.cli.dask_worker", *arguments, "--nthreads", "1"], **quiet
+        ):
+            command_arguments = [str(path), "--out", str(out), "--dask", str(file)]
+            with started([*CAMPAIGN, *command_arguments], stderr=subprocess.PIPE, text=True) as run:
                 until(lambda: list(out.glob("*.parquet")))
                 scheduler.kill()
                 _, words = run.communicate(timeout=100)
@@ -217,8 +227,8 @@ def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
     assert len(CampaignDataset(out, open_campaign(path)).column("point")) > 0
 
 
-def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
-    """It is resumed, or another is taken; another study's rows are not mixed with these."""
+def test_a_folder_with_rows_is_not_overwritten(study, tmp_path):
+    """A folder with rows is only resumed, and only with the same study."""
     path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
     dataset = CampaignDataset(out, open_campaign(path))
     with dataset.opened(False):
@@ -233,7 +243,7 @@ def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
 
 @pytest.fixture
 def batches(study, tmp_path):
-    """A dataset of 1000 points, and what makes a batch of it without measuring."""
+    """Dataset of 1000 points, and a function that writes a batch without measuring."""
     plan = {"kind": "sobol", "points": 1000}
     path = study(plan=plan, measures=["jump_speed_rigid"], limits=[])
     dataset = CampaignDataset(tmp_path / "rows", open_campaign(path))
@@ -247,25 +257,28 @@ def batches(study, tmp_path):
     return dataset, write
 
 
-def test_a_line_tells_rate_time_left_and_size(batches, monkeypatch):
-    """50 points in 20 s after the first batch leave 940 at 2.5 points/s, 376 s; 10 s apart."""
-    (dataset, write), now, said = batches, [0.0], []
+def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
+    """The periodic log line has rate, time left and size.
+
+    The rate excludes the first batch. 50 points in 20 s leave 940 points at 2.5 points/s, 376 s.
+    """
+    (dataset, write), now, lines = batches, [0.0], []
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(module, "say", said.append)
+    monkeypatch.setattr(module, "say", lines.append)
     with dataset.opened(False):
         progress = CampaignProgress(dataset, NULL_PROGRESS)
         for time_, first, last in ((1.0, 0, 10), (9.0, 10, 30), (21.0, 30, 60), (30.0, 60, 80)):
             write(first, last)
             now[0] = time_
             progress.advance(last - first)
-    (line,) = said
+    (line,) = lines
     name = dataset.campaign.config.name
     assert line.startswith(f"{name}: 60 of 1000 points, 2.5 points/s, 6.3 min left, ")
     assert " of about " in line
 
 
-def test_the_size_is_that_of_the_whole(batches):
-    """Extrapolated from the first batches to within a fifth of what all the points take."""
+def test_the_final_size_is_extrapolated(batches):
+    """The size is extrapolated from the first batches to within a fifth."""
     dataset, write = batches
     with dataset.opened(False):
         for first, last in ((0, 1), (1, 101), (101, 201)):

@@ -1,4 +1,4 @@
-"""The dataset on the disk: whole at every moment, one writer, and no number of a damaged file."""
+"""Dataset on the disk: always valid, one writer, and detection of damaged files."""
 
 import os
 import random
@@ -34,7 +34,7 @@ def dataset(study, tmp_path):
 
 
 def test_duckdb_and_pandas_read_it(dataset):
-    """One row a point with inputs, measures, status, reason, seed and version; units beside."""
+    """The files have one row per point with all columns, and units in the schema."""
     run(dataset)
     pattern = f"{dataset.folder}/*.parquet"
     rows = duckdb.sql(f"select * from '{pattern}' order by point").fetchall()
@@ -54,8 +54,8 @@ def test_duckdb_and_pandas_read_it(dataset):
     assert {b"study", b"fingerprint", b"cam_rig", b"numpy", b"scipy"} <= set(schema.metadata)
 
 
-def test_resuming_makes_what_is_missing_and_nothing_else(dataset):
-    """A hole in the middle, a damaged file and half a file of a killed writer."""
+def test_resume_computes_only_missing_points(dataset):
+    """A missing, a damaged and a partial file are computed again, and no other file."""
     run(dataset)
     whole = {name: dataset.column(name) for name in ("point", "jump_speed_rigid_rpm")}
     files = [path for _, _, path in dataset.batches()]
@@ -73,7 +73,7 @@ def test_resuming_makes_what_is_missing_and_nothing_else(dataset):
 
 
 def test_a_second_writer_is_refused(dataset):
-    """In a line; the first goes on."""
+    """A second writer is refused, and the first one continues."""
     with dataset.opened(False):
         with pytest.raises(OutputError, match="another run writes"), dataset.opened(False):
             pass
@@ -81,8 +81,8 @@ def test_a_second_writer_is_refused(dataset):
     assert dataset.missing() == []
 
 
-def test_a_full_disk_ends_in_one_line_and_leaves_nothing_half(dataset, tmp_path, monkeypatch):
-    """What is there stays readable, and the rest is made later."""
+def test_a_full_disk_leaves_only_complete_files(dataset, tmp_path, monkeypatch):
+    """Finished files stay readable after a full disk, and a resume adds the others."""
     campaign = dataset.campaign
     full = CampaignDataset(tmp_path / "full", campaign)
     with full.opened(False):
@@ -101,13 +101,13 @@ def test_a_full_disk_ends_in_one_line_and_leaves_nothing_half(dataset, tmp_path,
     assert full.missing() == []
 
 
-#: Batches of the campaign that is damaged, by their last points.
+#: Last points of the batches of the campaign that is damaged.
 BATCHES = (1, 4, 9, 16)
 
 
 @pytest.fixture(scope="module")
 def whole(study, tmp_path_factory):
-    """A finished dataset of some files, with failed points among them."""
+    """Finished dataset of several files, with failed points."""
     plan = {"kind": "sobol", "points": BATCHES[-1], "seed": 5}
     campaign = study(vary={"rig.follower.mass": {"normal": 60, "unit": "%"}}, plan=plan)
     dataset = CampaignDataset(tmp_path_factory.mktemp("whole"), campaign)
@@ -118,19 +118,19 @@ def whole(study, tmp_path_factory):
 
 
 def copied(whole, folder):
-    """The same dataset in another folder."""
+    """Return a copy of a dataset in another folder."""
     shutil.copytree(whole.folder, folder)
     return CampaignDataset(folder, whole.campaign)
 
 
 def numbers(dataset):
-    """All that a dataset says, but for its files."""
+    """Return all data of a dataset except its files, as text."""
     columns = {name: dataset.column(name).tolist() for name in dataset.schema.names}
     return repr((columns, dataset.reasons()))
 
 
 def flip(files, draw):
-    """One bit, anywhere in a file."""
+    """Change one bit anywhere in a file."""
     path = draw.choice(files)
     data = bytearray(path.read_bytes())
     data[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
@@ -138,45 +138,45 @@ def flip(files, draw):
 
 
 def cut(files, draw):
-    """The end of a file is missing, or all of it."""
+    """Truncate a file."""
     path = draw.choice(files)
     data = path.read_bytes()
     path.write_bytes(data[: draw.randrange(len(data))])
 
 
 def swap(files, draw):
-    """Two files under each other's names."""
-    one, other = draw.sample(files, 2)
-    aside = one.with_name("aside")
-    one.rename(aside)
-    other.rename(one)
-    aside.rename(other)
+    """Exchange the names of two files."""
+    first, second = draw.sample(files, 2)
+    temporary = first.with_name("aside")
+    first.rename(temporary)
+    second.rename(first)
+    temporary.rename(second)
 
 
 def zero(files, draw):
-    """A block of zeros, as a disk may give back after a power cut."""
+    """Overwrite a block of a file with zeros, as after a power failure."""
     path = draw.choice(files)
     data = bytearray(path.read_bytes())
-    at = draw.randrange(len(data) - 64)
-    data[at : at + 64] = bytes(64) if any(data[at : at + 64]) else b"\1" * 64
+    offset = draw.randrange(len(data) - 64)
+    data[offset : offset + 64] = bytes(64) if any(data[offset : offset + 64]) else b"\1" * 64
     path.write_bytes(data)
 
 
 def as_another(files, draw):
-    """A file in the place of another, its own place empty; the digest in its name goes along."""
-    one, other = draw.sample(files, 2)
-    one.replace(other.with_name(other.name[:29] + one.name[29:]))
-    other.unlink()
+    """Replace a file by another file that keeps its digest."""
+    first, second = draw.sample(files, 2)
+    first.replace(second.with_name(second.name[:29] + first.name[29:]))
+    second.unlink()
 
 
 DAMAGES = (flip, cut, swap, zero, as_another)
 
 
 @pytest.mark.parametrize("seeds", [range(5), pytest.param(range(1000), marks=pytest.mark.long)])
-def test_no_damage_is_a_wrong_number(whole, tmp_path, seeds):
-    """Flipped bits, zeros, cuts and exchanged files are named, and their points made again.
+def test_damaged_files_are_reported_and_computed_again(whole, tmp_path, seeds):
+    """Each kind of damage is reported, and the points are computed again.
 
-    Each of the first draws is another damage.
+    The first draws cover all kinds of damage.
     """
     for seed in seeds:
         dataset, damage = copied(whole, tmp_path / str(seed)), DAMAGES[seed % len(DAMAGES)]
@@ -188,8 +188,8 @@ def test_no_damage_is_a_wrong_number(whole, tmp_path, seeds):
         assert numbers(dataset) == numbers(whole)
 
 
-def test_points_that_two_files_have_count_once(whole, tmp_path):
-    """As where parts of two runs of one study are put into one folder."""
+def test_points_in_two_files_are_counted_once(whole, tmp_path):
+    """Points that are in two files are counted once."""
     dataset = copied(whole, tmp_path / "both")
     dataset.write(measure_batch(whole.campaign, 3, 6))
     assert "with another file's points" in run(dataset, resume=True)
@@ -197,7 +197,7 @@ def test_points_that_two_files_have_count_once(whole, tmp_path):
 
 
 def test_a_file_without_a_digest_is_refused(whole, tmp_path):
-    """As an earlier version wrote it: whether its rows are whole cannot be told."""
+    """A file without a digest, from an earlier version, is refused."""
     dataset = copied(whole, tmp_path / "old")
     first = dataset.batches()[0][2]
     first.rename(first.with_name("points-0000000000-0000000001.parquet"))
@@ -205,8 +205,8 @@ def test_a_file_without_a_digest_is_refused(whole, tmp_path):
         pass
 
 
-def test_a_damaged_file_of_another_study_is_left_alone(whole, study, tmp_path):
-    """What is refused is not touched."""
+def test_a_folder_of_another_study_is_not_changed(whole, study, tmp_path):
+    """A refused folder of another study is not changed."""
     theirs = copied(whole, tmp_path / "theirs")
     flip([theirs.batches()[0][2]], random.Random(1))
     before = sorted(path.name for path in theirs.folder.iterdir())
@@ -216,8 +216,8 @@ def test_a_damaged_file_of_another_study_is_left_alone(whole, study, tmp_path):
     assert sorted(path.name for path in theirs.folder.iterdir()) == before
 
 
-def test_python_warns_of_what_is_made_again(whole, tmp_path):
-    """In the line of the command; the rows are then as they were."""
+def test_python_warns_of_damaged_files(whole, tmp_path):
+    """The Python function warns of damaged files and computes their points again."""
     dataset = copied(whole, tmp_path / "rows")
     cut([dataset.batches()[1][2]], random.Random(2))
     study = whole.campaign.config.model_dump(exclude_none=True)
@@ -227,7 +227,7 @@ def test_python_warns_of_what_is_made_again(whole, tmp_path):
     assert found.to_pandas().point.tolist() == list(range(BATCHES[-1]))
 
 
-# -- the same rows whatever runs them: this process, two, a Dask cluster that loses a worker
+# -- rows are independent of the executor: this process, two, a Dask cluster that loses a worker
 
 PARTS = {
     "vary": {
@@ -241,7 +241,7 @@ PARTS = {
 
 
 class Killing(Progress):
-    """Kills a process as soon as the first points are written."""
+    """Progress that kills a process when the first points are written."""
 
     def __init__(self, process):
         self.process, self.killed = process, None
@@ -254,14 +254,14 @@ class Killing(Progress):
 
 @pytest.fixture(scope="module")
 def alone(study, tmp_path_factory):
-    """The rows that this process makes, one batch after another."""
+    """Dataset computed by this process, one batch after another."""
     dataset = CampaignDataset(tmp_path_factory.mktemp("alone"), study(**PARTS))
     run(dataset)
     return dataset
 
 
 def test_a_point_is_the_same_after_any_other(alone):
-    """Backwards, in batches of one."""
+    """Points computed backwards in batches of one are equal."""
     campaign = alone.campaign
     expected = alone.column("jump_speed_rpm")
     for point in (15, 11, 5):
@@ -271,7 +271,7 @@ def test_a_point_is_the_same_after_any_other(alone):
 
 @pytest.mark.long
 def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
-    """Its nanny starts another, and the scheduler gives the work again: no row twice."""
+    """A cluster that loses a worker computes the same rows, each once."""
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with (
         LocalCluster(
@@ -287,8 +287,8 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
     assert numbers(alone) == numbers(dataset)
 
 
-def test_a_killed_process_ends_the_run_in_a_line_and_resuming_makes_the_rest(alone, tmp_path):
-    """What was finished stays; the dataset is then the same."""
+def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
+    """A killed process ends the run with one line, and a resume completes the dataset."""
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         killing = Killing(lambda: next(iter(pool._processes)))
@@ -300,8 +300,8 @@ def test_a_killed_process_ends_the_run_in_a_line_and_resuming_makes_the_rest(alo
     assert numbers(alone) == numbers(dataset)
 
 
-def test_a_batch_lasts_as_long_as_it_should():
-    """From one point on, four times as many at most; a slow point is alone in its batch."""
+def test_the_size_of_batches_follows_their_duration():
+    """Batches grow by at most a factor of four, and a slow point is alone."""
 
     def after(seconds, count, total=10**4, workers=2):
         sizes = BatchSizes(total, workers)

@@ -1,4 +1,4 @@
-"""Inputs of points: from a plan's index to numbers, and errors of a manufactured profile."""
+"""Inputs of points from the index in a plan, and errors of a manufactured profile."""
 
 import math
 from itertools import pairwise
@@ -9,7 +9,7 @@ from scipy.stats import kstest, norm, qmc, spearmanr, truncnorm, uniform
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, load_cam, load_rig
-from cam_rig.studies.campaign.draws import grid_places, rows_of, unit_points
+from cam_rig.studies.campaign.draws import grid_indices, rows_of, unit_points
 from cam_rig.studies.campaign.inputs import ProfileErrors, paths_of, with_numbers
 from cam_rig.units import TURN
 
@@ -18,9 +18,9 @@ KINDS = ("latin_hypercube", "sobol", "shares")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_point_is_the_same_in_any_batch(kind):
-    """Bit for bit, inside of the open unit cube; another seed has no number of the first."""
-    one, other = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
-    assert not (one == other).any()
+    """Points do not depend on the batch and lie in the open unit cube."""
+    first, second = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
+    assert not (first == second).any()
     total = rows_of(kind, 64, [1] * 3)
     whole = unit_points(kind, 7, total, 3, 0, total)
     assert whole.shape == (total, 3)
@@ -31,7 +31,7 @@ def test_a_point_is_the_same_in_any_batch(kind):
 
 
 def test_a_latin_hypercube_meets_each_stratum_once():
-    """In every dimension; and two dimensions are not the same order."""
+    """Every dimension has one point in each stratum, in different orders."""
     for total in (1, 2, 3, 5, 64, 100, 1021):
         points = unit_points("latin_hypercube", 5, total, 3, 0, total)
         for column in points.T:
@@ -41,14 +41,14 @@ def test_a_latin_hypercube_meets_each_stratum_once():
 
 
 def test_a_latin_hypercube_is_as_even_as_scipys():
-    """Its dimensions are as good as independent: correlations as small as random ones."""
+    """The dimensions are as uncorrelated as random numbers."""
     points = unit_points("latin_hypercube", 11, 4096, 6, 0, 4096)
     off = np.corrcoef(points.T)[~np.eye(6, dtype=bool)]
     assert np.abs(off).max() < 4.0 / np.sqrt(4096)
 
 
 def test_the_sobol_sequence_is_scipys():
-    """Scrambled by the seed, each coordinate moved to the middle of its last interval."""
+    """The sequence is scipy's, moved to the middles of its intervals."""
     ours = unit_points("sobol", 9, 128, 4, 0, 128)
     theirs = qmc.Sobol(4, scramble=True, rng=9).random_base2(7)
     assert np.abs(ours - theirs).max() < 2.0**-30
@@ -56,7 +56,7 @@ def test_the_sobol_sequence_is_scipys():
 
 
 def test_shares_are_saltellis_rows():
-    """Each block: a, then a with one number of b, d times, then b."""
+    """Each block has the rows of Saltelli: a, a with one number of b, d times, then b."""
     rows = unit_points("shares", 1, 8 * 5, 3, 0, 8 * 5).reshape(8, 5, 3)
     a, b = rows[:, 0], rows[:, -1]
     assert not (a == b).any()
@@ -67,11 +67,11 @@ def test_shares_are_saltellis_rows():
 
 
 def test_a_grid_has_every_combination_once():
-    """The last input fastest."""
-    places = grid_places([2, 3, 4], 0, 24)
-    assert len({tuple(row) for row in places.tolist()}) == 24
-    assert places[:5].tolist() == [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3], [0, 1, 0]]
-    assert np.array_equal(grid_places([2, 3, 4], 7, 11), places[7:11])
+    """A grid has every combination once, the last input fastest."""
+    indices = grid_indices([2, 3, 4], 0, 24)
+    assert len({tuple(row) for row in indices.tolist()}) == 24
+    assert indices[:5].tolist() == [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3], [0, 1, 0]]
+    assert np.array_equal(grid_indices([2, 3, 4], 7, 11), indices[7:11])
     assert rows_of("grid", None, [2, 3, 4]) == 24
 
 
@@ -94,8 +94,8 @@ DISTRIBUTIONS = (
 )
 
 
-def test_numbers_are_of_their_distribution(study):
-    """Sobol's points are far more even than random ones: the distance is 1 of their number."""
+def test_numbers_follow_their_distribution(study):
+    """Drawn numbers follow their distributions, with Sobol's small distance."""
     for variation, expected in DISTRIBUTIONS:
         drawn = column(study, variation)
         assert kstest(drawn, expected.cdf).statistic < 1e-3
@@ -103,23 +103,23 @@ def test_numbers_are_of_their_distribution(study):
 
 
 def test_a_list_is_drawn_evenly_and_a_unit_is_taken_to_si(study):
-    """Of five values each takes a fifth; percents count from the base's number."""
+    """Each number of a list is drawn equally often, and units are converted to SI."""
     drawn = column(study, {"values": [1, 2, 4, 8, 16], "unit": "N"}, points=1000)
-    found, counts = np.unique(drawn, return_counts=True)
-    assert found.tolist() == [1.0, 2.0, 4.0, 8.0, 16.0]
+    numbers, counts = np.unique(drawn, return_counts=True)
+    assert numbers.tolist() == [1.0, 2.0, 4.0, 8.0, 16.0]
     assert np.abs(counts - 200).max() <= 2
     grams = column(study, {"values": [1300], "unit": "g"}, MASS, 2)
     assert grams.tolist() == [1.3, 1.3]
 
 
 def test_zero_spread_is_the_base_exactly(study):
-    """Every point is the base's number, bit for bit."""
+    """A spread of zero gives the base's number exactly."""
     for variation in ({"normal": 0, "unit": "%"}, {"uniform": 0, "unit": "N"}):
         assert set(column(study, variation, points=64).tolist()) == {30.6}
 
 
 def test_correlated_inputs_keep_their_distributions(study):
-    """The normal numbers behind them have the coefficient; rows are the same in any batch."""
+    """Correlated inputs keep their distributions, and rows do not depend on the batch."""
     vary = {PRELOAD: {"uniform": 10, "unit": "%"}, MASS: {"normal": 2, "unit": "%"}}
     pair = {"inputs": [PRELOAD, MASS], "coefficient": 0.8}
     plan = {"kind": "sobol", "points": 4096}
@@ -131,8 +131,8 @@ def test_correlated_inputs_keep_their_distributions(study):
     assert np.array_equal(np.concatenate([draws.rows(0, 7), draws.rows(7, 40)]), rows[:40])
 
 
-def test_correlations_that_no_numbers_have_are_refused(study):
-    """Three pairs that contradict each other."""
+def test_contradicting_correlations_are_refused(study):
+    """Three contradicting correlations are refused."""
     paths = [PRELOAD, MASS, "rig.follower.spring_stiffness"]
     pairs = [
         {"inputs": [paths[i], paths[j]], "coefficient": r}
@@ -144,27 +144,31 @@ def test_correlations_that_no_numbers_have_are_refused(study):
 
 
 @pytest.mark.parametrize("folder", ["cams", "rigs"])
-def test_every_number_of_a_shipped_file_can_be_put_back(folder):
-    """By its path; another value arrives where it was put, and nowhere else."""
+def test_every_number_of_a_shipped_file_can_be_set(folder):
+    """Each number of a shipped file can be set by its path, without any other change."""
     load = {"cams": load_cam, "rigs": load_rig}[folder]
     for path in sorted((config_root() / folder).glob("*.yaml")):
         config = load(path)
-        known = {key: value for key, (value, _) in paths_of({"x": config}).items() if key[0] == "x"}
-        for key, value in list(known.items())[:40]:
-            same = with_numbers(config, {key.removeprefix("x."): value})
-            again = {key: value for key, (value, _) in paths_of({"x": same}).items()}
-            assert again[key] == pytest.approx(value, rel=1e-15)
-            assert {k: v for k, v in again.items() if k[0] == "x"} == known | {key: again[key]}
+        numbers = {
+            key: value for key, (value, _) in paths_of({"x": config}).items() if key[0] == "x"
+        }
+        for key, value in list(numbers.items())[:40]:
+            copy = with_numbers(config, {key.removeprefix("x."): value})
+            numbers_read = {key: value for key, (value, _) in paths_of({"x": copy}).items()}
+            assert numbers_read[key] == pytest.approx(value, rel=1e-15)
+            assert {k: v for k, v in numbers_read.items() if k[0] == "x"} == numbers | {
+                key: numbers_read[key]
+            }
 
 
 ANGLES = np.linspace(0.0, TURN, 20011)[:-1]
 
 
 @pytest.mark.parametrize("degrees", [3.0, 7.77, 100.0, 360.0])
-def test_a_wave_is_as_near_as_is_said(law, degrees):
-    """Lift within 4.5e-7 of the amplitude, bend within 3.9e-5 of its own; five times at the end."""
+def test_a_wave_is_within_the_documented_bounds(law, degrees):
+    """The error of a wave is within the documented bounds."""
     errors = ProfileErrors(waviness=1e-4, wavelength=math.radians(degrees), waviness_phase=0.4)
-    wavy = errors.added_to(law)
+    wavy = errors.add_to(law)
     k = 360.0 / degrees
     inner = TURN - (2.0 + 1.0 / 12.0) * math.radians(degrees) > ANGLES
     for order, bound in ((0, 4.5e-7), (2, 3.9e-5 * k**2)):
@@ -177,10 +181,10 @@ def test_a_wave_is_as_near_as_is_said(law, degrees):
 
 
 @pytest.mark.parametrize("degrees", [3.0, 33.3, 250.0])
-def test_it_closes_without_a_step(law, degrees):
-    """Value, slope and bend go on at every joint, that of the turn's end too; no wave is larger."""
+def test_a_wave_closes_without_a_step(law, degrees):
+    """A wave is continuous up to the second derivative, at the end of the turn too."""
     errors = ProfileErrors(waviness=1e-5, wavelength=math.radians(degrees), waviness_phase=1.0)
-    wavy = errors.added_to(law)
+    wavy = errors.add_to(law)
     k = 360.0 / degrees
     assert wavy.velocity_jumps == {}
     assert np.abs(wavy.jumps(0)).max() < 1e-15
@@ -189,19 +193,19 @@ def test_it_closes_without_a_step(law, degrees):
 
 
 def test_size_and_eccentricity_are_added(law):
-    """A constant, and once a turn; errors of nothing change nothing at all."""
+    """Size and eccentricity are added exactly, and zero errors do not change the law."""
     errors = ProfileErrors(size=2e-5, eccentricity=3e-5, eccentricity_phase=0.7)
-    sum_ = errors.added_to(law)(ANGLES)
+    sum_ = errors.add_to(law)(ANGLES)
     expected = law(ANGLES) + 2e-5 + 3e-5 * np.sin(ANGLES + 0.7)
     assert np.abs(sum_ - expected).max() < 1e-6 * 3e-5
-    sized = ProfileErrors(size=2e-5).added_to(law)
+    sized = ProfileErrors(size=2e-5).add_to(law)
     assert np.abs(sized(ANGLES) - law(ANGLES) - 2e-5).max() < 1e-16
-    assert np.array_equal(ProfileErrors().added_to(law).ordinates, law.ordinates)
+    assert np.array_equal(ProfileErrors().add_to(law).ordinates, law.ordinates)
 
 
-def test_the_law_below_is_kept(law):
-    """Cutting its pieces changes it by rounding alone: a wave of 1e-12 m."""
-    wavy = ProfileErrors(waviness=1e-12, wavelength=math.radians(3.0)).added_to(law)
+def test_the_law_is_represented_exactly(law):
+    """A wave of 1e-12 m changes the law by rounding only."""
+    wavy = ProfileErrors(waviness=1e-12, wavelength=math.radians(3.0)).add_to(law)
     assert wavy.spans.size == 1440
     assert np.abs(wavy(ANGLES) - law(ANGLES)).max() < 1.1e-12
     assert np.abs(wavy(ANGLES, 2) - law(ANGLES, 2)).max() < 1e-12 * 120**2 + 1e-9

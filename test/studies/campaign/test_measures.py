@@ -1,4 +1,4 @@
-"""What is measured of a point: settled runs, the rig's own numbers, rows where there is none."""
+"""Measures of a point: steady motion, rigs without a number, and failed points."""
 
 import math
 
@@ -25,20 +25,20 @@ WAVE = {
 
 
 def test_a_wave_at_the_stems_resonance_takes_a_fifth_of_the_jump_speed(measured):
-    """2 µm of 10°: from 413 to about 320 rpm; 1e-12 m changes nothing."""
+    """A waviness of 2 µm and 10° lowers the jump speed from 413 to 320 rpm."""
     _, rows = measured("jump_speed", vary=WAVE)
     assert rows.measures[0, 0] == pytest.approx(320.0, abs=1.0)
     tiny = WAVE | {"profile.waviness.amplitude": {"values": [0.0, 1e-12], "unit": "m"}}
-    none, least = measured("jump_speed", vary=tiny)[1].measures[:, 0]
-    assert none == pytest.approx(413.44, abs=0.005)
-    assert least == pytest.approx(none, rel=1e-6)
+    without_wave, smallest_wave = measured("jump_speed", vary=tiny)[1].measures[:, 0]
+    assert without_wave == pytest.approx(413.44, abs=0.005)
+    assert smallest_wave == pytest.approx(without_wave, rel=1e-6)
 
 
 def test_measures_are_those_of_the_commands(measured):
-    """At the base, each is what the library gives on its own."""
+    """Measures at the base equal the results of the library functions."""
     names = ["jump_speed", "jump_speed_steady", "sound_level@300rpm"]
     names.append("peak_contact_force_rigid@300rpm")
-    found = measured(*names)[1].measures[0]
+    measures = measured(*names)[1].measures[0]
     motion = cam_rig.simulate(LAW, RIG, model="two_mass", rpm=300, turns=33)
     expected = [
         cam_rig.jump_speed(LAW, RIG).rpm,
@@ -46,19 +46,21 @@ def test_measures_are_those_of_the_commands(measured):
         cam_rig.sound_level(motion, settle_turns=30).level_db,
         4030.0 * 0.05 + 30.6,  # at the top, where spring and preload alone press
     ]
-    assert found == pytest.approx(expected, rel=2e-6)
+    assert measures == pytest.approx(expected, rel=2e-6)
 
 
 def test_every_measure_has_a_number(measured):
-    """On the paper's rig, finite ones, at one speed each where they have one."""
-    known = measured_in("two_mass")
-    _, rows = measured(*(f"{name}@300rpm" if one.where else name for name, one in known.items()))
+    """Every measure is finite on the paper's rig."""
+    quantities = measured_in("two_mass")
+    _, rows = measured(
+        *(f"{name}@300rpm" if quantity.where else name for name, quantity in quantities.items())
+    )
     assert rows.reasons == ("",)
     assert np.isfinite(rows.measures).all()
 
 
-def test_no_jump_speed_is_a_number_too(measured):
-    """0 where contact is lost at every speed, ∞ where at none: rows, not errors."""
+def test_a_missing_jump_speed_is_zero_or_infinite(measured):
+    """A jump speed of 0 or ∞ is a value and not an error."""
     damping = {"values": [3000], "unit": "N*s/m"}  # too much for the spring to close the dwell
     loose = {PRELOAD: {"values": [0], "unit": "N"}, "rig.follower.damping": damping}
     _, rows = measured("jump_speed", "jump_speed_rigid", vary=loose)
@@ -68,8 +70,8 @@ def test_no_jump_speed_is_a_number_too(measured):
     assert (rows.measures[0, 0], rows.reasons) == (pytest.approx(math.inf), ("",))
 
 
-def test_what_cannot_be_made_is_a_row_with_its_reason(measured):
-    """A mass below zero, a turn that is not one: no number, and why; the others are untouched."""
+def test_an_invalid_point_is_a_row_with_its_reason(measured):
+    """An invalid point has a reason and no number, and other points are not affected."""
     mass = {"rig.follower.mass": {"values": [-1, 1.3], "unit": "kg"}}
     _, rows = measured("jump_speed", vary=mass)
     assert "follower.mass" in rows.reasons[0]
@@ -81,7 +83,7 @@ def test_what_cannot_be_made_is_a_row_with_its_reason(measured):
 
 
 def test_a_measure_that_fails_leaves_the_others(measured):
-    """No shaft on the rig: twist has a reason, the jump speed a number."""
+    """A measure that fails has a reason, and the other measures have numbers."""
     base = {"cam": "poly345", "rig": "tm21"}
     _, rows = measured("twist@300rpm", "jump_speed_rigid", base=base)
     assert rows.reasons[0].startswith("twist@300rpm: ")
@@ -91,8 +93,8 @@ def test_a_measure_that_fails_leaves_the_others(measured):
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("model", ["two_mass", "elastic_stem"])
 @pytest.mark.parametrize("cam", ["poly345", "cycloidal", "bezier15"])
-def test_forces_in_contact_are_of_the_steady_state(measured, model, cam):
-    """To 1e-6 of those of a long run, and between its samples too."""
+def test_forces_in_contact_are_those_of_the_steady_state(measured, model, cam):
+    """Forces in contact equal those of a long simulation to 1e-6 of the largest force."""
     names = [f"{name}_contact_force@290rpm" for name in ("least", "peak")]
     found = measured(*names, base=BASE | {"model": model, "cam": cam})[1].measures[0]
     law = cam_rig.build_law(cam_rig.load_cam(cam))
@@ -105,7 +107,7 @@ def test_forces_in_contact_are_of_the_steady_state(measured, model, cam):
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass", "elastic_stem"])
 def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
-    """Of two turns or ten: a settled follower does the same in each of them."""
+    """Steady forces do not depend on the number of turns of the scene."""
     campaign, _ = measured("peak_contact_force@300rpm", base=BASE | {"model": model})
     point = make_point(campaign, np.array([30.6]))
     rows = []
@@ -120,8 +122,8 @@ def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
     assert rows[0] == pytest.approx(rows[1], rel=FORCE_RTOL)
 
 
-def test_a_follower_that_lifts_off_is_settled_or_said_not_to_be(measured, results, tmp_path):
-    """Above the jump speed its flights repeat; where not, rows and tables say of which turns."""
+def test_a_motion_with_lift_offs_is_steady_or_reported_as_unsettled(measured, results, tmp_path):
+    """A motion above the jump speed is steady, or its rows and tables name the turns."""
     _, rows = measured("lift_offs@450rpm", "peak_contact_force@450rpm")
     assert rows.status == ["ok"]
     assert rows.measures[0, 0] > 0.0
@@ -138,7 +140,7 @@ def test_a_follower_that_lifts_off_is_settled_or_said_not_to_be(measured, result
 
 
 def test_one_rigid_mass_is_the_same_by_either_name(measured):
-    """The scene's model one_mass gives what the names of one rigid mass do, and two masses not."""
+    """The model one_mass gives the rigid measures, and two_mass differs."""
     names = [f"{n}_contact_force{r}@300rpm" for r in ("", "_rigid") for n in ("peak", "least")]
     _, rigid = measured(*names, base=BASE | {"model": "one_mass"})
     assert rigid.measures[0, :2] == pytest.approx(rigid.measures[0, 2:], rel=1e-9)
@@ -149,16 +151,16 @@ def test_one_rigid_mass_is_the_same_by_either_name(measured):
 
 
 def test_steady_vibration_is_that_of_the_whole_turn(measured):
-    """What the events leave meets what is left of the turns before: not what one event leaves."""
+    """Steady residual vibration includes the remainder of all earlier events."""
     _, rows = measured("residual_vibration_steady@300rpm")
-    one = cam_rig.design(CAM, RIG, minimise="residual_vibration@300rpm", pieces=4)
+    design = cam_rig.design(CAM, RIG, minimise="residual_vibration@300rpm", pieces=4)
     steady = residual_vibration(LAW, FollowerParameters.from_rig(RIG), np.array([300.0 * RPM]))
     assert rows.measures[0, 0] == pytest.approx(steady[0], rel=1e-12)
-    assert rows.measures[0, 0] > 2.0 * one.goal.start
+    assert rows.measures[0, 0] > 2.0 * design.goal.start
 
 
 def test_steady_vibration_is_read_in_the_low_dwell_of_the_cam_without_errors(measured):
-    """An eccentricity leaves no dwell at rest: 1e-12 m of it changes the vibration by no more."""
+    """Steady vibration is read in the low dwell of the cam without profile errors."""
     vary = {
         "profile.eccentricity.amplitude": {"values": [0.0, 1e-12], "unit": "m"},
         "profile.eccentricity.phase": {"values": [0, 120, 240], "unit": "deg"},

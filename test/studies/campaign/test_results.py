@@ -1,4 +1,4 @@
-"""Quantiles and yields with their errors, shares of a known function, exact derivatives."""
+"""Quantiles, yields and shares with intervals, and exact derivatives."""
 
 import math
 from dataclasses import replace
@@ -32,44 +32,44 @@ MASS, PRELOAD = "rig.follower.mass", "rig.follower.preload"
 
 
 def test_shares_of_ishigamis_function():
-    """sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁ has shares in closed form."""
+    """The function sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁ has shares in closed form."""
     rows = rows_of("shares", 2**14, [1] * 3)
     x = math.pi * (2.0 * unit_points("shares", 2, rows, 3, 0, rows) - 1.0)
     values = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-    found = saltelli_shares(values, ["a", "b", "c"], 1)
-    assert [one.path for one in found] == ["a", "b", "c"]
-    assert [one.first for one in found] == pytest.approx([0.3139, 0.4424, 0.0], abs=0.01)
-    assert [one.total for one in found] == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.01)
-    assert all(0.0 <= one.first_error < 0.06 for one in found)
-    still = saltelli_shares(np.full(8 * 4, 3.0), ["a", "b"], 1)  # no spread, no share of it
-    assert [(one.first, one.total) for one in still] == [(0.0, 0.0)] * 2
+    shares = saltelli_shares(values, ["a", "b", "c"], 1)
+    assert [share.path for share in shares] == ["a", "b", "c"]
+    assert [share.first for share in shares] == pytest.approx([0.3139, 0.4424, 0.0], abs=0.01)
+    assert [share.total for share in shares] == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.01)
+    assert all(0.0 <= share.first_error < 0.06 for share in shares)
+    constant = saltelli_shares(np.full(8 * 4, 3.0), ["a", "b"], 1)
+    assert [(share.first, share.total) for share in constant] == [(0.0, 0.0)] * 2
 
 
 @pytest.mark.parametrize("probability", [0.01, 0.5])
-def test_an_interval_holds_its_quantile(probability):
-    """In 95 of 100 samples or more, within what 400 samples tell."""
+def test_an_interval_contains_its_quantile(probability):
+    """An interval contains the quantile in 95 % of 400 samples, within their error."""
     random, exact = np.random.default_rng(5), norm.ppf(probability)
-    held = 0
+    count = 0
     for _ in range(400):
-        one = quantile(np.sort(random.normal(size=1000)), probability)
-        assert one.low <= one.value <= one.high
-        held += one.low <= exact <= one.high
-    assert held / 400 > 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
+        result = quantile(np.sort(random.normal(size=1000)), probability)
+        assert result.low <= result.value <= result.high
+        count += result.low <= exact <= result.high
+    assert count / 400 > 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
 
 
 @pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
-def test_a_quantile_is_told_from_so_many_draws_on(probability, needed):
-    """The textbook's numbers: 0.99^368 < 2.5 %, so that a draw lies below it; of both ends."""
+def test_a_quantile_needs_a_least_number_of_draws(probability, needed):
+    """The least numbers of draws are those of the textbook: 0.99^368 < 2.5 %."""
     assert math.isnan(quantile(np.zeros(0), probability).value)
     for p in (probability, 1.0 - probability):
         assert math.isnan(quantile(np.arange(needed - 1.0), p).value)
-        told = quantile(np.arange(float(needed)), p)
-        assert told.low <= told.value <= told.high
-        assert told.needed == needed
+        result = quantile(np.arange(float(needed)), p)
+        assert result.low <= result.value <= result.high
+        assert result.needed == needed
 
 
-def test_wide_shares_say_how_many_points_would_do():
-    """Half a width of 0.4 of 32 points is 0.1 of 16 times as many; narrow ones need no more."""
+def test_wide_shares_report_the_points_needed():
+    """A half-width of 0.4 with 32 points needs 16 times as many points for 0.1."""
     wide = InputShare("a", 0.8, 0.4, 0.8, 0.3)
     assert points_needed([wide], 32) == 512
     assert points_needed([InputShare("a", 0.8, 0.09, 0.8, 0.1)], 32) == 32
@@ -77,49 +77,49 @@ def test_wide_shares_say_how_many_points_would_do():
 
 @pytest.mark.long
 def test_first_order_counts_covariances(results, tmp_path):
-    """Of Ω ~ √(preload/mass): where both rise together it stays nearly where it is."""
+    """The jump speed varies little if preload and mass rise together."""
     vary = {MASS: {"normal": 0.02, "unit": "%"}, PRELOAD: {"normal": 0.42, "unit": "%"}}
     plan = {"kind": "sobol", "points": 64, "seed": 1}
     pairs = [{"inputs": [MASS, PRELOAD], "coefficient": 0.95}]
-    found = []
-    for name, more in (("alone", {}), ("together", {"correlated": pairs})):
-        run = results(tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **more)
-        (one,) = first_orders(run)
-        assert one.predicted == pytest.approx(one.found, rel=0.05)
-        assert one.correlated == bool(more)
-        found.append(one)
-    alone, together = found
-    assert together.found < 0.7 * alone.found
+    orders = []
+    for name, correlation in (("alone", {}), ("together", {"correlated": pairs})):
+        run = results(tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **correlation)
+        (order,) = first_orders(run)
+        assert order.predicted == pytest.approx(order.observed, rel=0.05)
+        assert order.correlated == bool(correlation)
+        orders.append(order)
+    alone, together = orders
+    assert together.observed < 0.7 * alone.observed
 
 
 def test_the_interval_of_a_yield_is_clopper_and_pearsons():
-    """Their textbook case; and a yield of all or nothing has an end of its own."""
+    """The interval equals the textbook case, and the limits for all or no draws."""
     share, low, high = proportion(5, 10)
     assert (share, low, high) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
     assert proportion(10, 10) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
     assert proportion(0, 10) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
 
 
-def test_yields_count_failed_points_as_lost(results, tmp_path):
-    """Of four rigs one has no mass above zero, one jumps too early."""
+def test_yields_count_failed_points_as_broken(results, tmp_path):
+    """A failed point counts as a point that breaks the limit."""
     vary, limits = {MASS: {"values": [-1, 1, 1.3, 30], "unit": "kg"}}, ["jump_speed_rigid>=300rpm"]
     found = results(tmp_path, vary=vary, plan={"kind": "grid"}, limits=limits)
     assert found.failed == 1
-    (one,) = found.yields()
-    assert one.share == 0.5
+    (limit_yield,) = found.yields()
+    assert limit_yield.share == 0.5
 
 
 def test_shares_of_a_campaign(results, tmp_path):
-    """Jump speed goes with 1/√MASS: at 10 % against 1 % mass has nearly all of the variance."""
+    """At 10 % spread the mass has nearly all of the variance of the jump speed."""
     spread = {MASS: {"uniform": 10, "unit": "%"}, PRELOAD: {"uniform": 1, "unit": "%"}}
     found = results(tmp_path, vary=spread, plan={"kind": "shares", "points": 64})
-    shares = {one.path: one for one in found.shares(found.campaign.measures[0])}
+    shares = {share.path: share for share in found.shares(found.campaign.measures[0])}
     assert shares[MASS].total == pytest.approx(1.0, abs=0.05)
     assert shares[PRELOAD].total < 0.02
 
 
-def test_tables_say_what_few_points_do_not_tell(results, tmp_path):
-    """Of 8 draws the median, and of no other quantile a number."""
+def test_tables_omit_quantiles_that_need_more_points(results, tmp_path):
+    """The table of 8 draws has the median and no other quantile."""
     result = results(tmp_path)
     with pytest.raises(ConfigError, match="whose plan is shares"):
         result.shares(result.campaign.measures[0])
@@ -136,8 +136,8 @@ def test_tables_say_what_few_points_do_not_tell(results, tmp_path):
 PAIR = [{"inputs": [MASS, PRELOAD], "coefficient": 0.5}]
 
 
-def test_a_tornado_says_what_it_does_not_tell(results, tmp_path):
-    """Fewer than 60 points have no tenths with an interval; correlated inputs have no bar."""
+def test_a_tornado_has_warnings(results, tmp_path):
+    """A tornado warns of fewer than 60 points and of correlated inputs."""
     vary = {path: {"uniform": 5, "unit": "%"} for path in (MASS, PRELOAD)}
     few = ["too few points (16) for tenths: needs 60", "correlated inputs: no bar is of"]
     for points, pairs, lines in ((16, PAIR, few), (60, [], [])):
@@ -158,7 +158,7 @@ VARY = {
     "profile.waviness.wavelength": {"values": [17.7], "unit": "deg"},
     "profile.waviness.phase": {"values": [1.1], "unit": "rad"},
 }
-#: Steps of central differences, SI; of the follower's numbers 2e-4 of each.
+#: Steps of central differences, SI. The steps of the follower's numbers are 2e-4 of each.
 STEPS = {
     "profile.size": 5e-5,
     "profile.eccentricity.amplitude": 5e-6,
@@ -170,7 +170,7 @@ NO_DERIVATIVE = "profile.waviness.wavelength"
 
 
 def exact_speed(point, duration):
-    """The jump speed (rad/s) to the last digits that the least force has."""
+    """Return the jump speed (rad/s) to the precision of the least force."""
     return touch_of(point.law, TwoMassParameters.from_rig(point.rig), duration).speed
 
 
@@ -178,43 +178,46 @@ def exact_speed(point, duration):
     ("duration", "every"),
     [(1.7, 4), *(pytest.param(time, 1, marks=pytest.mark.long) for time in (1.7, None))],
 )
-def test_they_are_the_central_differences(study, duration, every):
-    """To 1e-6, by Richardson's step of two differences; a wavelength moves joints and has none."""
+def test_derivatives_are_the_central_differences(study, duration, every):
+    """Derivatives equal Richardson's central differences to 1e-6.
+
+    A wavelength has no derivative.
+    """
     campaign = study(vary=VARY, measures=["jump_speed"])
     inputs = campaign.draws.middle()
     point = make_point(campaign, inputs)
     numbers = dict(zip(VARY, inputs.tolist(), strict=True))
-    found = {one.path: one for one in jump_sensitivities(point, numbers, duration)}
-    assert found[NO_DERIVATIVE].derivative is None
+    sensitivities = {item.path: item for item in jump_sensitivities(point, numbers, duration)}
+    assert sensitivities[NO_DERIVATIVE].derivative is None
     for i, path in list(enumerate(VARY))[::every]:
         if path == NO_DERIVATIVE:
             continue
 
         def difference(step, i=i):
             ends = (inputs + sign * step * np.eye(inputs.size)[i] for sign in (1.0, -1.0))
-            high, low = (exact_speed(make_point(campaign, one), duration) for one in ends)
+            high, low = (exact_speed(make_point(campaign, item), duration) for item in ends)
             return (high - low) / (2.0 * step)
 
         h = STEPS.get(path, 2e-4 * inputs[i])
         expected = (4.0 * difference(h) - difference(2.0 * h)) / 3.0
-        assert found[path].derivative == pytest.approx(expected, rel=1e-6), path
+        assert sensitivities[path].derivative == pytest.approx(expected, rel=1e-6), path
 
 
-def test_a_rig_that_tells_no_restitution_has_the_same_derivatives(study):
-    """Contact that is kept knows none."""
+def test_a_rig_without_restitution_has_the_same_derivatives(study):
+    """A rig without a restitution has the same derivatives, because contact is kept."""
     campaign = study(measures=["jump_speed"])
-    whole = make_point(campaign, campaign.draws.middle())
-    data = whole.rig.model_dump(exclude_none=True)
+    complete = make_point(campaign, campaign.draws.middle())
+    data = complete.rig.model_dump(exclude_none=True)
     del data["follower"]["restitution"]
-    silent = replace(whole, rig=type(whole.rig).model_validate(data))
+    incomplete = replace(complete, rig=type(complete.rig).model_validate(data))
     paths = dict.fromkeys((f"rig.follower.{name}" for name in FOLLOWER), 0.0)
-    found = jump_sensitivities(whole, paths, 1.7)
-    assert found == jump_sensitivities(silent, paths, 1.7)
-    assert None not in [one.derivative for one in found]
+    sensitivities = jump_sensitivities(complete, paths, 1.7)
+    assert sensitivities == jump_sensitivities(incomplete, paths, 1.7)
+    assert None not in [item.derivative for item in sensitivities]
 
 
-def test_the_touch_is_where_contact_is_lost():
-    """The angle of `cam-rig jump` on the shipped cams, and a force of zero there."""
+def test_the_touch_is_at_the_lift_off():
+    """The touch is at the angle of `cam-rig jump` on the shipped cams."""
     rig = cam_rig.load_rig("paper_table2")
     for name in ("poly345", "bezier15", "cycloidal"):
         law = cam_rig.build_law(cam_rig.load_cam(name))

@@ -1,4 +1,4 @@
-"""Cams, rigs and designs that tests of designs share, and a follower by an independent method."""
+"""Cams, rigs and designs for the tests of designs, and an independent integration."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cam_rig.studies.design.study import search_design
 from cam_rig.units import TURN, FloatArray
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
-#: Limits: no higher peak acceleration than the start's.
+#: Limit of the peak acceleration to that of the start.
 NO_HARDER = ("peak_acceleration<=start",)
 
 
@@ -49,15 +49,18 @@ def designed(
     return search_design(start or cam(), rig, request)
 
 
-def written(found: LawDesign, folder: Path) -> CamConfig:
-    """The cam as its file has it."""
-    file = folder / f"{found.cam.name}.yaml"
-    file.write_text(found.text, encoding="utf-8")
+def written(design: LawDesign, folder: Path) -> CamConfig:
+    """Return the cam that is read back from its written file."""
+    file = folder / f"{design.cam.name}.yaml"
+    file.write_text(design.text, encoding="utf-8")
     return load_cam(file)
 
 
 def peak_torque(law: Law, speed: float, rig: RigConfig = RIG) -> float:
-    """Of one rigid mass at a speed (rad/s): (k s + c Ω s' + m Ω² s'' + F₀) s' at many angles."""
+    """Return the largest |torque| of one rigid mass at a speed (rad/s).
+
+    The torque is (k s + c Ω s' + m Ω² s'' + F₀) s', evaluated at many angles.
+    """
     p = FollowerParameters.from_rig(rig)
     s, slope, curvature = law.motion_at(np.linspace(0.0, TURN, 7201))
     force = p.spring_stiffness * s + p.damping * speed * slope + p.mass * speed**2 * curvature
@@ -65,7 +68,7 @@ def peak_torque(law: Law, speed: float, rig: RigConfig = RIG) -> float:
 
 
 def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) -> FloatArray:
-    """The contact force (N) of two masses from rest, by DOP853 in the equations of motion."""
+    """Return the contact force (N) of two masses from rest, integrated by DOP853."""
 
     def rate(time: float, state: FloatArray) -> list[float]:
         s, slope, _ = law.at(speed * time % TURN)
@@ -82,12 +85,14 @@ def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) 
     return np.asarray(force + p.roller_mass * speed**2 * curvature)
 
 
-def require_kept(found: LawDesign) -> None:
-    """No limit is passed by more than 1e-6 of it, and the goal is better than the start's."""
-    goal, *limits = found.measures
-    worse = goal.result - goal.start
-    assert (worse if goal.sense == "<=" else -worse) < 0.0
-    for one in limits:
-        assert one.limit is not None
-        over = one.result - one.limit
-        assert (over if one.sense == "<=" else -over) <= 1e-6 * abs(one.limit), one.term.key
+def require_kept(design: LawDesign) -> None:
+    """Require a better goal than the start's, and limits kept within 1e-6."""
+    goal, *limits = design.measures
+    change = goal.result - goal.start
+    assert (change if goal.sense == "<=" else -change) < 0.0
+    for limit in limits:
+        assert limit.limit is not None
+        excess = limit.result - limit.limit
+        assert (excess if limit.sense == "<=" else -excess) <= 1e-6 * abs(limit.limit), (
+            limit.term.key
+        )

@@ -1,4 +1,4 @@
-"""cam-rig design: a file that runs, JSON, a picture, a design file, and refusals in a line."""
+"""cam-rig design: cam files, JSON, figures, design files and errors of one line."""
 
 import json
 from functools import partial
@@ -18,7 +18,7 @@ call, done, data_of = (partial(one, "design") for one in (cli.call, cli.done, cl
 
 
 def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
-    """--out runs as a cam; JSON has start, result and bound in SI; the picture is one."""
+    """--out writes a valid cam, and JSON has start, result and bound in SI."""
     out, plot = tmp_path / "smooth.yaml", tmp_path / "smooth.png"
     data = data_of("poly345", *SMALL, "--out", out, "--plot", plot, "--csv", tmp_path / "a.csv")
     goal = data["measures"][0]
@@ -35,7 +35,7 @@ def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
 
 
 def test_a_design_file_is_the_same_request(tmp_path):
-    """Goal, limits and class in YAML give what the options give."""
+    """Goal, limits and class in a design file have the result of the same options."""
     file = tmp_path / "asked.yaml"
     file.write_text(
         "start: poly345\nminimise: peak_jerk\nclass: {pieces: 6, joints: C2}\n", encoding="utf-8"
@@ -50,15 +50,15 @@ LOCAL = ("--minimise", "shaft_torque@300rpm", "--pieces", "6")
 
 
 @pytest.mark.parametrize(
-    ("asked", "laws"), [(SMALL, 1), pytest.param(LOCAL, 3, marks=pytest.mark.long)]
+    ("arguments", "laws"), [(SMALL, 1), pytest.param(LOCAL, 3, marks=pytest.mark.long)]
 )
-def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, asked, laws):
-    """Interrupted after some laws, each better: file, table and JSON are of the last; code 130."""
+def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, arguments, laws):
+    """An interrupted search returns its best law with exit code 130."""
     solve, values = study.search_design, []
 
-    def interrupted(cam, rig, request, name, told):
+    def interrupted(cam, rig, request, name, on_better):
         def then_stop(file, value):
-            told(file, value)
+            on_better(file, value)
             values.append(value)
             if len(values) == laws:
                 raise KeyboardInterrupt
@@ -66,27 +66,36 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, asked, laws):
         return solve(cam, rig, request, name, then_stop)
 
     monkeypatch.setattr(study, "search_design", interrupted)
-    result = call("poly345", *asked, "--out", tmp_path / "kept.yaml", "--json", "-")
+    result = call("poly345", *arguments, "--out", tmp_path / "kept.yaml", "--json", "-")
     assert result.exit_code == 130
     assert "without a bound" in result.stderr
     data = json.loads(result.stdout)
-    found, goal = data["design"], data["measures"][0]
-    assert (found["interrupted"], found["certified"], found["gap"]) == (True, False, None)
+    design_data, goal = data["design"], data["measures"][0]
+    assert (design_data["interrupted"], design_data["certified"], design_data["gap"]) == (
+        True,
+        False,
+        None,
+    )
     assert goal["result"] < goal["start"]
     assert values == sorted(values, reverse=True)
     assert build_law(load_cam(tmp_path / "kept.yaml")).lift == pytest.approx(0.05, rel=1e-9)
 
 
-def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
-    """In table, JSON and file, which is the same byte for byte with the same seed; a picture."""
+def test_a_goal_that_is_not_convex_is_local_without_a_bound(tmp_path):
+    """A goal that is not convex is local, and its file is reproducible by the seed."""
     out, plot = tmp_path / "easy.yaml", tmp_path / "easy.png"
     goal = ["--minimise", "shaft_torque@250rpm", "--pieces", "1", "--degree", "8"]
-    asked = [*goal, "--starts", "2", "--seed", "7", "--out", out, "--json", "-"]
-    result = done("poly345", *asked, "--plot", plot)
+    arguments = [*goal, "--starts", "2", "--seed", "7", "--out", out, "--json", "-"]
+    result = done("poly345", *arguments, "--plot", plot)
     data = json.loads(result.stdout)
-    found = data["design"]
-    assert (found["starts"], found["seed"], found["certified"], found["gap"]) == (2, 7, False, None)
-    assert 1 <= found["near"] <= 2
+    design_data = data["design"]
+    assert (
+        design_data["starts"],
+        design_data["seed"],
+        design_data["certified"],
+        design_data["gap"],
+    ) == (2, 7, False, None)
+    assert 1 <= design_data["near"] <= 2
     assert data["measures"][0]["bound"] is None
     assert "local (2 starts, " in result.stderr
     text = out.read_text(encoding="utf-8")
@@ -94,12 +103,12 @@ def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
     assert "without a bound" in text.splitlines()[0]
     assert plot.read_bytes().startswith(b"\x89PNG")
     out.unlink()
-    call("poly345", *asked)
+    call("poly345", *arguments)
     assert out.read_text(encoding="utf-8") == text
 
 
-def test_events_share_what_dwells_leave(tmp_path):
-    """--keep dwells,lift, and a limit on one event: the file's spans are the table's."""
+def test_events_share_the_angle_between_kept_dwells(tmp_path):
+    """With --keep dwells,lift and a limit on an event, the file has the table's spans."""
     data = data_of(
         *("poly345", "--minimise", "peak_acceleration", "--pieces", "4", "--joints", "C1"),
         *("--keep", "dwells,lift", "--limit", "event_angle@1<=110deg", "--starts", "2"),

@@ -1,4 +1,4 @@
-"""Designs: known optima, limits kept by the written file, bounds that hold in exact arithmetic."""
+"""Designs: known optima, limits of the written file, bounds in exact arithmetic."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -14,10 +14,10 @@ from cam_rig.laws import build_law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.profile import contours
 from cam_rig.studies.campaign.inputs import with_numbers
-from cam_rig.studies.design.convex_program import BOX, Affine, ConvexProgram
+from cam_rig.studies.design.convex_program import MAX_ORDINATE, Affine, ConvexProgram
 from cam_rig.studies.design.request import DesignRequest, LawClass, Multistart, parse_second
 from cam_rig.studies.design.rows import add, keep_lift
-from cam_rig.studies.design.space import Asked
+from cam_rig.studies.design.space import ScaledLimit
 from cam_rig.studies.design.study import front
 from cam_rig.units import TURN, to_rpm
 
@@ -35,7 +35,10 @@ SPAN, LIFT = np.radians(117.5), 0.05
     ],
 )
 def test_a_known_optimum_is_found(goal, joints, lift, factor):
-    """Rest to rest, for any lift h: least peak |s″| 4h/β², peak |s‴| 32h/β³, ∫s″² 12h²/β³."""
+    """The optimum from rest to rest is known for any lift h.
+
+    The least peak |s″| is 4h/β², the least peak |s‴| is 32h/β³, and the least ∫s″² is 12h²/β³.
+    """
     start = with_numbers(cam(), {"lift": lift, "follower.base_radius": 10.0})
     found = designed(LawClass(8, joints), start, minimise=goal)
     assert found.goal.result == pytest.approx(factor * lift, rel=1e-6)
@@ -47,32 +50,33 @@ def test_a_known_optimum_is_found(goal, joints, lift, factor):
 
 
 def test_the_bound_holds_in_rational_arithmetic():
-    """Multipliers as fractions: Σ y (c + A x + w t) ≥ 0 for every law of the class bounds t.
+    """The bound is proved by the multipliers as fractions.
 
-    Signs, the weight of t and |Aᵀ y| are summed exactly; 4h/β² is not passed.
+    Σ y (c + A x + w t) ≥ 0 for every law. Signs, the weight of t and |Aᵀ y| are summed exactly. The
+    optimum 4h/β² is not below the bound.
     """
-    own = problem(LawClass(4, 1))
-    program = ConvexProgram(own.space.unknowns, own.space.link)
-    keep_lift(program, own, hull=False)
-    add(program, own, Asked(term("peak_acceleration"), "<=", None, 1.0), hull=False)
+    case = problem(LawClass(4, 1))
+    program = ConvexProgram(case.space.unknowns, case.space.link)
+    keep_lift(program, case, sufficient=False)
+    add(program, case, ScaledLimit(term("peak_acceleration"), "<=", None, 1.0), sufficient=False)
     solution = program.solve()
     exact = np.vectorize(lambda value: Fraction(float(value)), otypes=[object])
     blocks, y = solution.blocks, exact(solution.multipliers)
     free = np.concatenate([np.full(b.weight.size, b.kind == "zero") for b in blocks])
     assert (free | (y >= 0)).all()
     rows = Affine.stacked([block.rows for block in blocks])
-    rest, linked = y @ exact(rows.matrix.toarray()), blocks[0].weight.size
+    products, linked = y @ exact(rows.matrix.toarray()), blocks[0].weight.size
     assert abs(y @ exact(np.concatenate([b.weight for b in blocks])) + 1) < Fraction(1, 10**12)
-    assert max(abs(rest[-linked:])) < Fraction(1, 10**9)
-    bound = y @ exact(rows.constant) + Fraction(BOX) * sum(abs(rest[:-linked]))
+    assert max(abs(products[-linked:])) < Fraction(1, 10**9)
+    bound = y @ exact(rows.constant) + Fraction(MAX_ORDINATE) * sum(abs(products[:-linked]))
     assert float(bound) == pytest.approx(solution.bound, rel=1e-9)
     assert float(-bound) <= 4.0 * LIFT / SPAN**2 <= float(-bound) * (1.0 + 1e-6)
 
 
 def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
-    """3-4-5's events, lift and peak acceleration: from 458.7 to 558.9 rpm, the bound 0.1 % on.
+    """At the peak acceleration of 3-4-5 the jump speed rises from 458.7 to 558.9 rpm.
 
-    The written file keeps its limit and its speed to 1e-9.
+    The bound is 0.1 % higher. The written file has its limit and its speed to 1e-9.
     """
     found = designed(LawClass(16, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
     assert to_rpm(found.goal.start) == pytest.approx(458.668, abs=1e-3)
@@ -88,10 +92,9 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces(tmp_path):
 
 @pytest.mark.long
 def test_residual_vibration_over_a_range_of_speeds():
-    """200 to 400 rpm, 24 pieces: below 0.6 µm at speeds between those of the program too.
+    """The vibration is below 0.6 µm from 200 to 400 rpm, with 24 pieces.
 
-    The amplitude is read from an integration of the end mass by an independent method, at speeds
-    that no program knew.
+    It is verified by an independent integration at speeds that the program does not contain.
     """
     goal = "residual_vibration@200-400rpm"
     found = designed(LawClass(24, 3), minimise=goal, limits=NO_HARDER)
@@ -101,23 +104,23 @@ def test_residual_vibration_over_a_range_of_speeds():
         assert _left(found.law, float(speed)) < 1.02 * found.goal.result + 1e-9
 
 
-def test_a_bound_is_no_better_than_the_law_found():
-    """Residual vibration of picometres, where the start has 11 µm: what is left is rounding."""
+def test_a_bound_is_not_better_than_the_law():
+    """The bound is not better than the law if only rounding remains."""
     found = designed(LawClass(6, 3), minimise="residual_vibration@395-405rpm")
     assert found.goal.result < 1e-9
     assert found.goal.bound <= found.goal.result
 
 
 def _left(law, speed):
-    """The amplitude of the end mass after the rise, by DOP853."""
+    """Return the amplitude of the end mass after the rise, by DOP853."""
     p = TwoMassParameters.from_rig(RIG)
-    begin, rate = float(np.radians(31.25)), np.sqrt(p.stiffness / p.end_mass)
+    start, rate = float(np.radians(31.25)), np.sqrt(p.stiffness / p.end_mass)
     damping = (p.stem_damping + p.damping) / p.end_mass
 
     def motion(time, state):
-        _, slope, bend = law.at(begin + speed * time)
+        _, slope, curvature = law.at(start + speed * time)
         drive = (p.stem_damping / p.end_mass - damping * p.share) * speed * slope
-        drive -= p.share * speed**2 * bend
+        drive -= p.share * speed**2 * curvature
         return [state[1], drive - damping * state[1] - rate**2 * state[0]]
 
     tight = {"rtol": 1e-10, "atol": 1e-15, "max_step": 2e-4}
@@ -126,10 +129,10 @@ def _left(law, speed):
 
 
 @pytest.mark.long
-def test_two_masses_from_rest_stay_on_by_an_independent_integration():
-    """The law that is found keeps contact from rest just below its jump speed, by DOP853.
+def test_two_masses_from_rest_keep_contact_in_an_independent_integration():
+    """A designed law keeps contact from rest just below its jump speed, by DOP853.
 
-    Certified within 0.2 % of the bound; 3-4-5 itself jumps at 413.4 rpm.
+    It is within 0.2 % of the bound. The jump speed of 3-4-5 is 413.4 rpm.
     """
     found = designed(LawClass(8, 3), maximise="jump_speed", limits=NO_HARDER)
     assert found.certified
@@ -140,22 +143,22 @@ def test_two_masses_from_rest_stay_on_by_an_independent_integration():
 
 
 def test_limits_that_contradict_each_other_are_named():
-    """5 mm at 90° and 10 mm at 89°, rising: the two limits stand in the message."""
+    """The message names both limits that contradict each other."""
     limits = ["lift@90deg<=20mm", "lift@90deg>=21mm"]
     with pytest.raises(DesignError, match=r"lift at 9\d°.*and.*lift at 9\d°"):
         designed(LawClass(8, 2), minimise="peak_jerk", limits=limits)
 
 
 def test_a_limit_on_the_jump_speed_holds_by_the_exact_search():
-    """Least jerk with contact kept to 440 rpm: resonances between the program's speeds too."""
+    """A limit on the jump speed is satisfied between the program's speeds too."""
     limits = ["jump_speed>=440rpm", *NO_HARDER]
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=limits)
     assert to_rpm(found.measures[1].result) >= 440.0 * (1.0 - 1e-5)
     assert found.goal.bound <= found.goal.result
 
 
-def test_what_is_not_proved_is_not_called_impossible():
-    """Six pieces can keep 68.13 mm/rad², and not 60: not found is not the same as none."""
+def test_only_proved_contradictions_are_reported_as_impossible():
+    """A limit is reported as impossible only if this is proved."""
     words = {"minimise": "peak_velocity", "law_class": LawClass(6, 3)}
     with pytest.raises(DesignError, match="a law of the class may keep"):
         designed(limits=["peak_acceleration<=68.12mm/rad^2"], **words)
@@ -168,19 +171,19 @@ def test_what_is_not_proved_is_not_called_impossible():
     ("lift", "damping"), [(5e-6, {}), (0.05, {"follower.damping": 0, "follower.stem_damping": 0})]
 )
 def test_hard_cases_of_two_masses_have_a_law_and_a_bound(lift, damping):
-    """5 µm of lift jump at thousands of rpm; an undamped stem has resonances of no width."""
-    own = with_numbers(cam(), {"lift": lift}), with_numbers(RIG, damping)
-    found = designed(LawClass(8, 3), *own, maximise="jump_speed", limits=NO_HARDER)
+    """A lift of 5 µm and an undamped stem have a law and a bound."""
+    inputs = with_numbers(cam(), {"lift": lift}), with_numbers(RIG, damping)
+    found = designed(LawClass(8, 3), *inputs, maximise="jump_speed", limits=NO_HARDER)
     assert found.goal.start < found.goal.result <= found.goal.bound
     assert found.gap < 5e-3
 
 
 def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp_path):
-    """No formula of the contour, its points alone: the roller rests where none is inside it.
+    """A roller on the points of the written contour rises by the designed law.
 
-    Each point under the roller holds its centre at a height, the highest one counts; 36 000 points
-    stand 20 µm apart, so the least gap between two is missed by a hundredth of a µm. 3-4-5 itself
-    has a pressure angle of 25.2° and so breaks the limit.
+    The height of the roller is the largest height at which a point below it touches it. The 36 000
+    points are 20 µm apart, so the error is a hundredth of a µm. The pressure angle of 3-4-5 is
+    25.2°, which breaks the limit.
     """
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=["pressure_angle<=24.8deg"])
     (limit,) = found.measures[1:]
@@ -201,12 +204,12 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(tmp
 
 
 def front_of(other, points, **words):
-    """The front of a goal over another quantity."""
+    """Return the front of a goal over another quantity."""
     return front(cam(), RIG, DesignRequest.of(**words), parse_second(other), points)
 
 
 def test_a_front_is_monotone_and_certified():
-    """Less peak acceleration costs jerk; what a point allows, its law keeps."""
+    """A front of jerk over peak acceleration falls, and each law satisfies its limit."""
     found = front_of("peak_acceleration", 4, minimise="peak_jerk", law_class=LawClass(6, 2))
     jerks = [design.goal.result for design in found.designs]
     assert all(a >= b * (1.0 - 1e-7) for a, b in pairwise(jerks))
@@ -223,20 +226,20 @@ def test_a_front_is_monotone_and_certified():
 
 
 def test_a_front_over_the_span_of_an_event_is_certified_point_by_point():
-    """Least peak acceleration of C1 laws for each span β is 4h/β²; dwells have what it leaves."""
+    """The least peak acceleration of C1 laws is 4h/β² for each span β of an event."""
     found = front_of("event_angle@1", 4, minimise="peak_acceleration", law_class=LawClass(4, 1))
     assert found.allowed[0] == pytest.approx(0.5 * SPAN)
-    assert found.allowed[-1] == pytest.approx(np.radians(180.0), rel=2e-3)  # no dwell is left
+    assert found.allowed[-1] == pytest.approx(np.radians(180.0), rel=2e-3)  # without dwells
     for span, design in zip(found.allowed, found.designs, strict=True):
         assert [event.span for event in design.events] == pytest.approx([span, span], rel=1e-4)
         assert design.certified
         assert design.goal.result == pytest.approx(4.0 * LIFT / span**2, rel=1e-3)
 
 
-def test_a_front_over_spans_begins_where_the_first_law_is():
-    """68.64 mm/rad² allow no rise shorter than √(4h/68.64 mm): the front is not below that."""
-    asked = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
-    found = front_of("event_angle@2", 3, **asked)
+def test_a_front_over_spans_starts_at_the_first_law():
+    """A front starts at the shortest rise with a law at 68.64 mm/rad², √(4h/68.64 mm)."""
+    options = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
+    found = front_of("event_angle@2", 3, **options)
     shortest = np.sqrt(4.0 * 0.05 / found.designs[0].measures[1].limit)
     assert shortest < found.allowed[0] < np.radians(117.5)
     for design in found.designs:
@@ -245,12 +248,12 @@ def test_a_front_over_spans_begins_where_the_first_law_is():
 
 
 @pytest.mark.long
-def test_a_front_of_what_is_not_convex_has_no_bounds():
-    """Torque against peak acceleration: falling, and called local."""
-    asked = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
-    found = front_of("peak_acceleration", 3, multistart=Multistart(2), **asked)
+def test_a_front_of_a_goal_that_is_not_convex_has_no_bounds():
+    """A front of the torque falls and is reported as local."""
+    options = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
+    found = front_of("peak_acceleration", 3, multistart=Multistart(2), **options)
     (table,) = found.to_display()
-    assert [row[2:] for row in table.rows] == [("local",)] * 3  # no column of bounds
+    assert [row[2:] for row in table.rows] == [("local",)] * 3  # the column of bounds is absent
     torques = [design.goal.result for design in found.designs]
     assert all(a >= b * (1.0 - 1e-3) for a, b in pairwise(torques))
     assert found.plot().axes[0].get_legend_handles_labels()[1] == ["designed"]

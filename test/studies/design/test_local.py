@@ -1,4 +1,4 @@
-"""Designs that are not convex: known optima from every start, limits kept by the written file."""
+"""Designs that are not convex: known optima, and limits of the written file."""
 
 import numpy as np
 import pytest
@@ -21,30 +21,30 @@ from .shared import NO_HARDER, RIG, cam, designed, peak_torque, problem, require
 
 
 def least_radius(start, law):
-    """Of the convex parts, from circles through three neighbours of the contour's points."""
-    found = []
+    """Return the least convex radius, from circles through three contour points."""
+    radii = []
     for contour in contours(start.follower, law, 7200):
         points = contour.points[0] + 1j * contour.points[1]
         before, after = points - np.roll(points, 1), np.roll(points, -1) - points
         turned = np.angle(after / before)
-        way = 0.5 * (np.abs(before) + np.abs(after))
+        length = 0.5 * (np.abs(before) + np.abs(after))
         sense = np.sign(turned.sum())
         convex = sense * turned > 0.0
-        found.append(float((way[convex] / np.abs(turned[convex])).min()))
-    return min(found)
+        radii.append(float((length[convex] / np.abs(turned[convex])).min()))
+    return min(radii)
 
 
 def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
-    """Where only the preload counts T = F₀ s′: the convex design of s′ bounds it.
+    """With the preload alone the torque F₀ s′ is bounded by the convex design of s′.
 
-    All starts come to it.
+    All starts have this result.
     """
     light = {"follower.spring_stiffness": 1e-6, "follower.mass": 1e-6, "follower.damping": 0.0}
     rig = with_numbers(RIG, {**light, "follower.preload": 50.0})
     law_class = LawClass(8, 2)
-    how = {"rig": rig, "limits": NO_HARDER}
-    slope = designed(law_class, minimise="peak_velocity", **how)
-    torque = designed(law_class, minimise="shaft_torque@10rpm", **how)
+    options = {"rig": rig, "limits": NO_HARDER}
+    slope = designed(law_class, minimise="peak_velocity", **options)
+    torque = designed(law_class, minimise="shaft_torque@10rpm", **options)
     assert slope.certified
     assert torque.goal.result == pytest.approx(50.0 * slope.goal.result, rel=5e-4)
     assert torque.goal.bound is None
@@ -53,9 +53,9 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
 
 
 def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
-    """A class of one ordinate each for rise and fall: the best of 401 values of both is not better.
+    """A class with one free ordinate per event is not worse than a scan of 401 values.
 
-    The torque is the kinetostatic model's.
+    The torque is that of the kinetostatic model.
     """
     law_class, speed = LawClass(1, 3, 8), 250.0 * RPM
     found = designed(law_class, minimise="shaft_torque@250rpm")
@@ -70,7 +70,7 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     assert peak_torque(law, speed) == pytest.approx(found.goal.result, rel=1e-5)
     by_model = max(abs(shaft_torque(law, follower, a, speed)) for a in np.linspace(0.0, TURN, 721))
     assert by_model == pytest.approx(found.goal.result, rel=1e-3)
-    assert found.goal.result <= max(halves) * (1.0 + 2e-5)  # where a descent ends
+    assert found.goal.result <= max(halves) * (1.0 + 2e-5)  # tolerance of a descent
     assert found.goal.result >= max(halves) * (1.0 - 2e-3)  # the scan's own grid
 
 
@@ -87,23 +87,23 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):
     ],
 )
 def test_the_written_cam_keeps_its_limits(name, goal, limits, tmp_path):
-    """Torque by its formula, radius by circles through the contour's points."""
+    """Limits are verified by the torque's formula and by circles through the contour."""
     found = designed(LawClass(8, 3), cam(name), starts=3, minimise=goal, limits=limits)
     require_kept(found)
-    made = written(found, tmp_path)
-    law = build_law(made)
+    cam_read = written(found, tmp_path)
+    law = build_law(cam_read)
     for measure in found.measures:
         if measure.term.name == "shaft_torque":
             expected = peak_torque(law, measure.term.low)
             assert expected == pytest.approx(measure.result, rel=1e-4)
         if measure.term.name == "radius_of_curvature" and measure.limit is not None:
-            assert least_radius(made, law) >= measure.limit * (1.0 - 2e-3)
+            assert least_radius(cam_read, law) >= measure.limit * (1.0 - 2e-3)
 
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_random_cams_and_rigs(seed, tmp_path):
-    """Any lift, base, follower, rig and speed: better than the start's fit, with its limits."""
+    """Random cams, rigs and speeds have a better law that satisfies its limits."""
     random = np.random.default_rng(seed)
     lift = float(10.0 ** random.uniform(-3.5, -0.5))
     sizes = {"lift": lift, "follower.base_radius": random.uniform(1.5, 4.0) * lift}
@@ -123,7 +123,7 @@ def test_random_cams_and_rigs(seed, tmp_path):
 
 
 def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it():
-    """60 to 500 rpm: at speeds between the ends none is greater, and one is as great."""
+    """The largest torque of a range of speeds is the maximum over 45 of them."""
     goal = "shaft_torque@60-500rpm"
     found = designed(LawClass(6, 3), starts=2, minimise=goal, limits=NO_HARDER)
     peaks = [peak_torque(found.law, speed * RPM) for speed in np.linspace(60.0, 500.0, 45)]
@@ -134,17 +134,17 @@ def level(law, text):
     return measured(problem(LawClass(4, 3)), law, term(text), "<=")
 
 
-def test_below_the_jump_speed_it_is_the_exact_level_of_the_steady_force():
-    """At 250 rpm, where nothing is lost, within the 0.003 dB of its sample rate."""
-    own, speed = problem(LawClass(4, 3)), 250.0 * RPM
-    power = steady_power(own.start, own.rigid, RadiationParameters.from_rig(RIG), speed)
-    found = level(own.start, "sound_level_with_jumps@250rpm")
+def test_below_the_jump_speed_the_level_is_that_of_the_steady_force():
+    """At 250 rpm, in contact, the level is that of the steady force within 0.003 dB."""
+    case, speed = problem(LawClass(4, 3)), 250.0 * RPM
+    power = steady_power(case.start, case.rigid, RadiationParameters.from_rig(RIG), speed)
+    found = level(case.start, "sound_level_with_jumps@250rpm")
     assert found == pytest.approx(20.0 * np.log10(np.sqrt(power) / 20e-6), abs=3e-3)
 
 
 @pytest.mark.parametrize("rpm", [480.0, 540.0])
-def test_above_it_is_what_the_microphone_of_a_run_measures(rpm):
-    """With lift-offs and landings in each turn, four times the sample rate."""
+def test_above_the_jump_speed_the_level_is_that_of_the_microphone(rpm):
+    """Above the jump speed the level is that of a simulation."""
     law = build_law(cam())
     motion = cam_rig.simulate(law, RIG, model="one_mass", rpm=rpm, turns=4, sample_rate=48_000)
     assert motion.events
@@ -153,16 +153,16 @@ def test_above_it_is_what_the_microphone_of_a_run_measures(rpm):
 
 
 @pytest.mark.long
-def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for():
-    """At 500 rpm, beyond every jump speed: than the start, and than the convex level's optimum."""
+def test_a_search_is_quieter_than_the_optimum_without_landings():
+    """The law is quieter than the start and than the optimum of the convex level."""
     goal = "sound_level_with_jumps@500rpm"
     found, convex = (
-        designed(LawClass(8, 3), starts=2, minimise=one, limits=NO_HARDER)
-        for one in (goal, "sound_level_rigid@500rpm")
+        designed(LawClass(8, 3), starts=2, minimise=minimised, limits=NO_HARDER)
+        for minimised in (goal, "sound_level_rigid@500rpm")
     )
-    own = level(found.law, goal)
-    assert found.goal.result == own
-    assert own < min(found.goal.start, level(convex.law, goal)) - 0.1
+    level_of_law = level(found.law, goal)
+    assert found.goal.result == level_of_law
+    assert level_of_law < min(found.goal.start, level(convex.law, goal)) - 0.1
     limit = found.measures[1]
     assert limit.result <= limit.limit * (1.0 + 1e-6)
     assert found.goal.bound is None
@@ -173,7 +173,7 @@ HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
 @pytest.fixture
 def two_rises(make_cam):
-    """Rises of 0.4 and 0.6 of the lift and a fall, 80° each, with dwells of 40° between them."""
+    """Cam with two rises, 0.4 and 0.6 of the lift, and a fall of 80° each."""
     up = rise(80, 0.4), dwell(40), rise(80, 1)
     return make_cam(dwell(20), *up, dwell(40), rise(80, 0), dwell(20), roller_radius=0.01)
 
@@ -183,10 +183,10 @@ def moved(start, keep, joints=1, **words):
 
 
 @pytest.mark.long
-def test_spans_go_with_the_root_of_what_each_event_rises(two_rises, tmp_path):
-    """Least peak acceleration 4h/β² of three events that share 240°: β as √h.
+def test_optimal_spans_are_proportional_to_the_root_of_the_rise(two_rises, tmp_path):
+    """The optimal spans β of three events that share 240° are proportional to √h.
 
-    The dwells keep their lengths, in the written file too.
+    The peak acceleration is 4h/β². The dwells keep their lengths in the written file.
     """
     found = moved(two_rises, ["dwells", "lift"], minimise="peak_acceleration")
     spans = np.radians(240.0) * np.sqrt(HEIGHTS) / np.sqrt(HEIGHTS).sum()
@@ -203,7 +203,7 @@ def test_spans_go_with_the_root_of_what_each_event_rises(two_rises, tmp_path):
 
 @pytest.mark.long
 def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
-    """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
+    """Events keep their middles, and the fall is as wide as its limit allows, 4h/β²."""
     widest = 109.5
     limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
     found = moved(two_rises, ["lift"], minimise="peak_acceleration", limits=limits)
@@ -218,8 +218,8 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way(two_rises):
 
 
 @pytest.mark.long
-def test_limits_of_the_start_are_those_of_its_own_events(two_rises):
-    """Peak velocity at no more than the start's peak acceleration: lower than with its events."""
+def test_limits_of_the_start_are_those_of_its_original_events(two_rises):
+    """Free spans lower the peak velocity at the start's peak acceleration."""
     words = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
     fixed = moved(two_rises, ["events", "dwells", "lift"], **words)
     other = moved(two_rises, ["dwells", "lift"], **words)

@@ -1,4 +1,4 @@
-"""Laws, forces and rows as functions of a design's unknowns; programs that grow."""
+"""Programs of a design: laws, forces and rows in the unknowns, and bounds."""
 
 import math
 from dataclasses import replace
@@ -15,8 +15,8 @@ from cam_rig.laws import Law, build_law
 from cam_rig.quantities.values import VibrationMode
 from cam_rig.studies.design import convex_program
 from cam_rig.studies.design.convex_program import (
-    BOX,
-    LEVELS,
+    MAX_LEVEL,
+    MAX_ORDINATE,
     Affine,
     ConvexProgram,
     GrowingProgram,
@@ -37,21 +37,23 @@ FREE, LINKED, POOL = 8, 5, 60
 
 
 def rows(rng, count):
-    """Random rows that zero keeps."""
+    """Return random rows that zero unknowns satisfy."""
     matrix = rng.normal(size=(count, FREE + LINKED)) * rng.integers(0, 2, (count, FREE + LINKED))
     return Affine(rng.uniform(0.1, 1.0, count), sparse.csr_array(matrix))
 
 
 def linked(rng):
-    """Unknowns that follow from the others."""
-    own = np.hstack([rng.normal(size=(LINKED, FREE)), -np.eye(LINKED)])
-    return Affine(rng.normal(size=LINKED), sparse.csr_array(own))
+    """Return a link by which the last unknowns follow from the others."""
+    matrix = np.hstack([rng.normal(size=(LINKED, FREE)), -np.eye(LINKED)])
+    return Affine(rng.normal(size=LINKED), sparse.csr_array(matrix))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_rounds_are_programs_alone(seed):
-    """Rows come, go, come back, and are moved, twice in one program: level and bound are the same
-    as of each program from nothing, and the bound is met."""
+def test_a_growing_program_equals_separate_programs(seed):
+    """A growing program has the level and bound of twelve separate programs.
+
+    Rows are added, removed, added again and changed.
+    """
     rng = np.random.default_rng(seed)
     link, pool, growing = linked(rng), rows(rng, POOL), GrowingProgram()
     for _ in range(12):
@@ -69,19 +71,19 @@ def test_rounds_are_programs_alone(seed):
             assert (block.rows(found.unknowns) + block.weight * found.level).min() > -1e-7
 
 
-def test_no_unknowns_keep_the_rows():
-    """It is refused, and proved, as by a program alone; the next one is solved again."""
+def test_contradicting_rows_are_refused():
+    """Contradicting rows are refused with a proof, and the next program is solved."""
     rng = np.random.default_rng(3)
     link, pool, growing = linked(rng), rows(rng, 6), GrowingProgram()
     program = ConvexProgram(FREE + LINKED, link)
     program.at_least("goal", pool, -1.0)
     first = growing.solve(program)
-    fighting = replace(program, blocks=list(program.blocks))
-    one = Affine(np.zeros(1), sparse.csr_array(np.eye(1, FREE + LINKED)))
-    fighting.at_least("above one", one.plus(-1.0))
-    fighting.at_least("below zero", one * -1.0)
+    conflicting = replace(program, blocks=list(program.blocks))
+    first_unknown = Affine(np.zeros(1), sparse.csr_array(np.eye(1, FREE + LINKED)))
+    conflicting.at_least("above one", first_unknown.plus(-1.0))
+    conflicting.at_least("below zero", first_unknown * -1.0)
     with pytest.raises(InfeasibleError, match=r"above one and below zero|below zero and above one"):
-        growing.solve(fighting)
+        growing.solve(conflicting)
     assert growing.solve(program).level == pytest.approx(first.level, abs=1e-9)
 
 
@@ -100,22 +102,25 @@ RNG = np.random.default_rng(11)
     ],
 )
 def test_a_law_of_any_unknowns_is_smooth_and_has_the_starts_ends(name, law_class):
-    """Derivatives up to C are continuous around the turn, so zero at the ends of dwells."""
+    """Derivatives up to the order of the joints are continuous around the turn.
+
+    They are zero at the ends of dwells.
+    """
     start = build_law(cam(name))
     space = Space(start, law_class)
     unknowns = space.joined(RNG.uniform(-0.5, 1.5, law_class.free * len(space.events)))
     law = space.law(unknowns, "any")
     for order in range(law_class.joints + 1):
         ordinates = law.derivative_ordinates(order)
-        apart = np.abs(ordinates[0] - np.roll(ordinates[-1], 1)).max()
-        assert apart <= 1e-8 * np.abs(ordinates).max()
-    for begin, end in dwells(start):
-        angle = np.linspace(begin, end, 7)[1:-1]
+        step = np.abs(ordinates[0] - np.roll(ordinates[-1], 1)).max()
+        assert step <= 1e-8 * np.abs(ordinates).max()
+    for start_angle, end in dwells(start):
+        angle = np.linspace(start_angle, end, 7)[1:-1]
         np.testing.assert_allclose(law(angle), start(angle), atol=1e-15)
 
 
 def test_the_derivatives_in_the_unknowns_are_the_laws():
-    """Ordinates of s'' come from unknowns of their own, those of s from others: one law."""
+    """The ordinates of s'' and of s, which are separate unknowns, belong to one law."""
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
     law, angle = space.law(unknowns, "any"), RNG.uniform(0.0, 2.0 * np.pi, 200)
@@ -126,10 +131,10 @@ def test_the_derivatives_in_the_unknowns_are_the_laws():
 
 
 @pytest.mark.parametrize("order", range(5))
-def test_the_ordinates_over_a_range_are_those_of_the_range(order):
-    """They enclose the derivative in the range, and their ends are its values at the ends.
+def test_the_hull_over_a_range_is_that_of_the_range(order):
+    """The hull over a range encloses the derivative and has its values at the ends.
 
-    Nothing outside of the range has an influence.
+    The law outside of the range has no influence.
     """
     space = Space(build_law(cam()), LawClass(9, 3))
     unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
@@ -156,15 +161,15 @@ REFUSED = (
 )
 
 
-def test_a_class_that_is_none_is_refused():
-    """The message names the number, its limits and what to change."""
+def test_an_invalid_class_is_refused():
+    """The message names the number, its limits and the remedy."""
     for arguments, words in REFUSED:
         with pytest.raises(ConfigError, match=words):
             LawClass(**arguments)
 
 
 def test_a_cam_that_rests_all_around_has_nothing_to_design():
-    """A circle has no event."""
+    """A circle has no event to design."""
     circle = Law("circle", np.array([0.0, 2.0 * np.pi]), np.zeros((2, 1)))
     with pytest.raises(ConfigError, match="it rests all around"):
         Space(circle, LawClass()).events
@@ -172,10 +177,10 @@ def test_a_cam_that_rests_all_around_has_nothing_to_design():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_force_is_that_of_the_exact_model(seed):
-    """Any law, two masses, speed and turn: the first, a later one, and the steady state.
+    """The force equals that of the exact model in the first and in later turns.
 
-    The exact model propagates (η, η̇) by matrix exponentials; Gauss points in cells of 0.6 rad of
-    phase give the same to 1e-9 of the force.
+    The exact model propagates (η, η̇) by matrix exponentials. Gauss points in cells of 0.6 rad of
+    phase give the same force to 1e-9, for any law, masses and speed.
     """
     rng = np.random.default_rng(seed)
     start = build_law(cam())
@@ -208,7 +213,7 @@ def test_the_force_is_that_of_the_exact_model(seed):
 
 
 def test_an_overdamped_stem_has_no_residual_vibration():
-    """Critical damping and more: one line, with the limit."""
+    """Damping at and above the critical value is refused with the limit."""
     follower = FollowerParameters(1.3, 4030.0, 1e4, 30.0, 1.26e6)
     with pytest.raises(ConfigError, match=r"does not vibrate.*allowed.*below"):
         VibrationMode.of(follower)
@@ -219,72 +224,78 @@ CAMS = ("poly345", "oscillating_roller", "oscillating_flat", "conjugate", "eccen
 
 
 def term_of(cam_name, text):
-    own, asked = problem(LawClass(5, 2), cam_name), term(text)
-    branches = rows_of(asked).branches
+    case, target = problem(LawClass(5, 2), cam_name), term(text)
+    branches = rows_of(target).branches
     assert branches is not None
-    return PointwiseTerm(own, text, branches(own, asked), math.nan)
+    return PointwiseTerm(case, text, branches(case, target), math.nan)
 
 
-def some_law(own, seed):
-    """Unknowns of a law that rises where the start does, with ordinates a little off."""
-    space, random = own.problem.space, np.random.default_rng(seed)
-    found = []
+def some_law(case, seed):
+    """Return the unknowns of a law near a straight line in each event."""
+    space, random = case.problem.space, np.random.default_rng(seed)
+    ordinates = []
     for event in space.events:
-        ends = np.array([event.first[0], event.last[0]]) / space.start.lift
-        way = np.linspace(0.0, 1.0, space.law_class.free)
-        found.append(ends[0] + (ends[1] - ends[0]) * way + 0.01 * random.normal(size=way.size))
-    return space.joined(np.concatenate(found))
+        end_lifts = np.array([event.first[0], event.last[0]]) / space.start.lift
+        fraction = np.linspace(0.0, 1.0, space.law_class.free)
+        ordinates.append(
+            end_lifts[0]
+            + (end_lifts[1] - end_lifts[0]) * fraction
+            + 0.01 * random.normal(size=fraction.size)
+        )
+    return space.joined(np.concatenate(ordinates))
 
 
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", CAMS)
 def test_rows_are_exact_at_a_law_and_have_its_slopes(name):
-    """The greatest row is the greatest value, of a law that was tried too.
+    """The largest row is the exact value, of a law that was tried too.
 
-    What its correction changes at the first law goes with the square of the way between them.
+    The change of the correction at the first law is quadratic in the distance of both laws.
     """
     for text in (*QUANTITIES, "radius_of_curvature"):
-        own = term_of(name, text)
-        space, here = own.problem.space, some_law(own, 1)
-        worst = own.worst(space.law(here, "here"))
-        assert own.rows(here, [])(here).max() == pytest.approx(worst, rel=1e-9)
+        case = term_of(name, text)
+        space, law_unknowns = case.problem.space, some_law(case, 1)
+        worst = case.max_value(space.law(law_unknowns, "here"))
+        assert case.rows(law_unknowns, [])(law_unknowns).max() == pytest.approx(worst, rel=1e-9)
         errors = []
         for size in (1e-3, 1e-4):
-            there = here + size * (some_law(own, 2) - here)
-            corrected = own.rows(here, [there])
-            beside = own.worst(space.law(there, "there"))
-            assert corrected(there).max() == pytest.approx(beside, rel=1e-7)
-            errors.append(abs(corrected(here).max() - worst))  # what linear rows leave out
-        assert errors[1] <= 0.02 * errors[0] + 1e-9 * own.scale
+            other = law_unknowns + size * (some_law(case, 2) - law_unknowns)
+            corrected = case.rows(law_unknowns, [other])
+            other_value = case.max_value(space.law(other, "there"))
+            assert corrected(other).max() == pytest.approx(other_value, rel=1e-7)
+            errors.append(abs(corrected(law_unknowns).max() - worst))  # what linear rows leave out
+        assert errors[1] <= 0.02 * errors[0] + 1e-9 * case.scale
 
 
-def test_the_greatest_branch_is_what_is_measured():
-    """By the search over every piece of the branches, and by the profile's own."""
+def test_the_maximum_of_the_branches_is_the_measured_value():
+    """The maximum over the branches is the measured value."""
     for name in CAMS:
         for text in QUANTITIES:
-            own = term_of(name, text)
-            law = own.problem.space.law(some_law(own, 3), "some")
-            expected = measured(own.problem, law, term(text), "<=")
-            assert own.worst(law) == pytest.approx(expected, rel=1e-6)
+            case = term_of(name, text)
+            law = case.problem.space.law(some_law(case, 3), "some")
+            expected = measured(case.problem, law, term(text), "<=")
+            assert case.max_value(law) == pytest.approx(expected, rel=1e-6)
 
 
 # -- (38) to (40) of docs/proofs.md on random laws and programs -------------------------------
 
 
-#: Free unknowns of a random program, and those that are linked to them.
-UNKNOWNS, TIED = 4, 3
-#: Relative rounding of sums of rows.
+#: Number of free unknowns of a random program.
+UNKNOWNS = 4
+#: Number of unknowns that are linked to them.
+TIED = 3
+#: Relative rounding error of sums of rows.
 ROUNDING = 1e-12
 
 
 def random_program(rng, slope=1.0, weight=1.0):
-    """A link, an equation, inequalities and a cone in random unknowns, which zero satisfies.
+    """Return a link, an equation, inequalities and a cone that zero satisfies.
 
     ``slope`` scales the rows' dependence on the unknowns, ``weight`` that on the level.
     """
     size, count = UNKNOWNS + TIED, 12
-    own = np.hstack([rng.normal(size=(TIED, UNKNOWNS)), -np.eye(TIED)])
-    program = ConvexProgram(size, Affine(np.zeros(TIED), sparse.csr_array(own)))
+    matrix = np.hstack([rng.normal(size=(TIED, UNKNOWNS)), -np.eye(TIED)])
+    program = ConvexProgram(size, Affine(np.zeros(TIED), sparse.csr_array(matrix)))
     rows = Affine(
         rng.uniform(0.1, 1.0, count), sparse.csr_array(slope * rng.normal(size=(count, size)))
     )
@@ -298,7 +309,7 @@ def random_program(rng, slope=1.0, weight=1.0):
 
 @pytest.mark.parametrize("name", ["poly345", "bezier15"])
 def test_points_are_necessary_and_ordinates_sufficient(name):
-    """(38): a derivative is between its ordinates, and points are among its values."""
+    """(38): a derivative lies between its ordinates, and points are values of it."""
     rng, start = np.random.default_rng(0), build_law(cam(name))
     space = Space(start, LawClass(pieces=6))
     u = np.linspace(0.0, 1.0, 400)
@@ -320,7 +331,7 @@ def test_points_are_necessary_and_ordinates_sufficient(name):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_any_multipliers_bound_the_level(seed):
-    """(39): no feasible unknowns have a higher level, however wrong the multipliers are."""
+    """(39): feasible unknowns never exceed a bound of wrong multipliers."""
     rng = np.random.default_rng(seed)
     program = random_program(rng)
     best = program.solve()
@@ -343,12 +354,12 @@ def test_any_multipliers_bound_the_level(seed):
         values = np.concatenate([block.rows(free) for block in blocks])
         matrix = sparse.vstack([block.rows.matrix for block in blocks])
         assert np.abs((matrix.T @ in_cones)[-TIED:]).max() < ROUNDING * np.abs(in_cones).sum()
-        # 0 ≤ yᵀ(c + Ax) wherever all rows hold; the sum alone never exceeds the bound.
+        # 0 ≤ yᵀ(c + Ax) if all rows are satisfied; the sum alone never exceeds the bound.
         assert in_cones @ values <= bound_of(blocks, in_cones) + ROUNDING * np.abs(values).sum()
 
 
 def test_contradictions_are_proved_for_levels_in_a_range():
-    """(40): rows that contradict each other are refuted, rows that can be satisfied are not."""
+    """(40): contradicting rows are refuted, and satisfiable rows are not."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         program = random_program(rng)
@@ -362,10 +373,10 @@ def test_contradictions_are_proved_for_levels_in_a_range():
         for _ in range(100):
             y = rng.normal(size=sum(block.weight.size for block in blocks))
             in_cones, weight = convex_program._in_cones(blocks, y)
-            assert bound_of(blocks, in_cones) + abs(weight) * LEVELS >= 0.0
+            assert bound_of(blocks, in_cones) + abs(weight) * MAX_LEVEL >= 0.0
 
 
 def test_the_box_is_that_of_the_program():
     """The bound's β is the limit of the ordinates that the program contains."""
     block = random_program(np.random.default_rng(0)).all_blocks()[-1]
-    assert (block.rows.constant == BOX).all()
+    assert (block.rows.constant == MAX_ORDINATE).all()
