@@ -28,6 +28,7 @@ from cam_rig.dynamics.events.law_table import (
     Cam,
     LawRow,
     angle_rounding_time,
+    cam_at,
     gap_rounding,
     lift_within,
     piece_from,
@@ -90,6 +91,15 @@ def find_landing(flight: FlightOverCam, limit: float) -> Gap:
         if point.time < last:
             point = _step_while_open(flight, point, last, limit)
     return point
+
+
+def rate_before_jump(flight: FlightOverCam, time: float, cam_time: float) -> float:
+    """Return the gap rate (m/s) at ``time`` (s), with the velocity of the cam at ``cam_time``.
+
+    The cam is at a velocity jump at ``time``, and just before it at ``cam_time``.
+    """
+    rates = advance(flight.lift_off, time).rates
+    return contact_component(flight.lift_off, rates) - cam_at(flight.cam, cam_time).velocity
 
 
 def _initial_gap(flight: FlightOverCam) -> Gap:

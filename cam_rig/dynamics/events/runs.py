@@ -35,7 +35,7 @@ import math
 
 import numpy as np
 
-from cam_rig.dynamics.events.approach import FlightOverCam, find_landing
+from cam_rig.dynamics.events.approach import FlightOverCam, find_landing, rate_before_jump
 from cam_rig.dynamics.events.contact import StemVibration, find_loss_of_contact, vibration_after
 from cam_rig.dynamics.events.free_flight import advance, start_free_motion
 from cam_rig.dynamics.events.law_table import Cam, CamMotion, cam_at
@@ -156,6 +156,9 @@ def _fly(run: RunTable, record: RunRecord) -> None:
     end = _limit_event_time(run, state, time + landing.time) if landing.has_landed else limit
     _record_phase(record, end)
     gap_rate, state["time"] = landing.rate - _consume_jumps(run.jumps, state, end), end
+    if not landing.has_landed and end == run.jumps.duration > run.jumps.contact_limit:
+        # The jump at the end belongs to the next interval, which subtracts it.
+        gap_rate = rate_before_jump(flight, end - time, run.jumps.contact_limit - time)
     has_landed = landing.has_landed and gap_rate <= 0.0
     if run.has_stem or not has_landed:  # one mass that lands has the displacement of the cam
         change = advance(lift_off, end - time).change
