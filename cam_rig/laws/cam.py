@@ -16,7 +16,7 @@ from cam_rig.laws.law import Law
 from cam_rig.laws.segments import own_pieces, unit_rise
 from cam_rig.laws.spline import greville
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.segments import Bezier, BSpline, Rise, Segment, TangentArcs
+from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
 from cam_rig.units import TURN, FloatArray
 
 #: Largest step between two segments that counts as rounding, as a fraction of the lift.
@@ -85,14 +85,16 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     A forgotten fall is the usual reason.
     """
     declared = cam.lift.si
-    if abs(law.lift - declared) <= LIFT_TOLERANCE * declared:
+    has_levels_only = all(isinstance(segment, Rise | Dwell) for segment in cam.segments)
+    tolerance = STEP_TOLERANCE if has_levels_only else LIFT_TOLERANCE
+    if abs(law.lift - declared) <= tolerance * declared:
         return
     start, last = float(law.ordinates[0, 0]) / declared, len(cam.segments) - 1
     below = f"segments[0] starts at {start:.4g}, the end level of segments[{last}]: "
     raise LawError(
         f"cam {cam.name!r}: {below if start > STEP_TOLERANCE else ''}the law rises by "
         f"{law.lift * 1e3:.6g} mm, lift is {declared * 1e3:.6g} mm; allowed: the same within "
-        f"{LIFT_TOLERANCE:.0%}, so add a segment that falls to 0, or scale the segment's numbers "
+        f"{tolerance * 100:.6g} %, so add a segment that falls to 0, or scale the segment's numbers "
         "so that the law rises to 1"
     )
 

@@ -18,6 +18,10 @@ from cam_rig.units import TURN, FloatArray
 TURN_RANGE_FACTOR = 1.0 + 1e-6
 #: Fraction of the angles that may be outside the range of the encoder, because they are wrong.
 MAX_OUTSIDE = 0.02
+#: Quantile of the steps that is their usual size, at the full speed of a run.
+USUAL_STEP_QUANTILE = 0.9
+#: Part of a counter's range without readings (usual steps) if it wraps after its integer type.
+MAX_USUAL_STEPS = 3.0
 #: Smallest range of the readings (fraction of the period) at which they can wrap without a long
 #: step.
 MIN_RANGE = 0.75
@@ -100,6 +104,7 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
         )
     wrong, jumps = steps.find_wrong()
     notes = _wrong_notes(angle, wrong, where)
+    steps.require_radians(jumps, where)
     value = angle.value + steps.corrections(jumps, counter, notes)
     is_kept = np.ones(value.size, dtype=np.bool_)
     is_kept[wrong] = False
@@ -131,7 +136,7 @@ def _period(value: FloatArray, counter: Counter | None) -> float:
 
     Readings wrap if a step is longer than half the period, or if the usual step leads out of their
     range. The second case is a driver that averages readings, which makes two steps of nearly half
-    a turn from one.
+    a turn from one. The readings of a counter that wraps after its type fill the range of the type.
     """
     outside = int(MAX_OUTSIDE * value.size)
     ordered = np.sort(value)
@@ -142,9 +147,17 @@ def _period(value: FloatArray, counter: Counter | None) -> float:
     def wraps(period: float) -> bool:
         return 2.0 * largest > period or (width > MIN_RANGE * period and turned > 2.0 * width)
 
-    if counter is not None and 2.0 * width > counter.span and wraps(counter.span):
-        return counter.span
+    if counter is not None:
+        usual = np.quantile(np.abs(_remainder(steps, counter.span)), USUAL_STEP_QUANTILE)
+        filled = (1.0 - 2.0 * MAX_OUTSIDE) * counter.span - MAX_USUAL_STEPS * usual
+        if 2.0 * width > counter.span and width > filled and wraps(counter.span):
+            return counter.span
     return TURN if width <= TURN * TURN_RANGE_FACTOR and wraps(TURN) else np.inf
+
+
+def _remainder(change: FloatArray, period: float) -> FloatArray:
+    """Return ``change`` less whole periods, within half a period of 0."""
+    return np.asarray(np.remainder(change + 0.5 * period, period) - 0.5 * period)
 
 
 def _period_words(period: float, first: float, counter: Counter | None) -> str:
@@ -204,7 +217,7 @@ class _Steps:
     def _wrapped(self, change: FloatArray) -> FloatArray:
         if not np.isfinite(self.period):
             return change
-        return np.asarray(np.remainder(change + 0.5 * self.period, self.period) - 0.5 * self.period)
+        return _remainder(change, self.period)
 
     def _expected(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
         """Return the smallest and the largest expected change, shape (2, n).
@@ -302,6 +315,15 @@ class _Steps:
         tolerance = WHOLE_TURNS_RTOL * abs(self._usual[index])
         tolerance += WHOLE_TURNS_SCATTER * self._scatter[index]
         return bool(abs(excess - TURN * round(excess / TURN)) <= tolerance)
+
+    def require_radians(self, jumps: list[int], where: str) -> None:
+        """Raise BagError if the angle jumps by 360 rad: it is in degrees and wraps each turn."""
+        for index in jumps:
+            if abs(abs(self._excess(index)) - 360.0) <= 0.5 + self._scatter[index]:
+                raise BagError(
+                    f"{where}: the angle jumps by 360 rad at {self.time[index + 1]:.6g} s; allowed: "
+                    "an angle in the unit of the mapping, so add :deg for an angle in degrees"
+                )
 
     def corrections(
         self, jumps: list[int], counter: Counter | None, notes: list[str]

@@ -134,6 +134,29 @@ def test_a_counter_may_wrap_at_another_number_than_its_type(modulo, turns):
     assert f"jumps back by {turns:.6g} turns, first at {first:.6g} s" in " ".join(found.notes)
 
 
+@pytest.mark.parametrize(("counts", "modulo"), [(36_000, 36_000), (3600, 36_000), (1024, 60_000)])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_counter_that_wraps_below_its_type_is_not_taken_as_full(counts, modulo, seed):
+    """Hundredths of a degree in uint16, for example, wrap at 36 000."""
+    time, true = run(np.random.default_rng(seed), 60.0)
+    true = true * 5.0 if counts == 1024 else true
+    count = TURN / counts
+    value = np.remainder(np.floor(true / count), modulo) * count
+    found = count_turns(Signal(time, value), "bag", Counter(count, 2**16))
+    wraps = 1 + np.count_nonzero(np.diff(value) < 0.0) * (modulo == 60_000)
+    error = found.signal.value - np.delete(true, found.wrong)
+    assert np.ptp(error) < 5.0 * count * wraps
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("start", [0.0, 180.0])
+def test_an_angle_in_degrees_is_not_taken_as_radians(sign, start):
+    time, true = run(np.random.default_rng(4))
+    degrees = sign * (np.remainder(np.degrees(true) + start, 360.0) - start)
+    with pytest.raises(BagError, match="angle jumps by 360 rad at .*; .* add :deg for an angle in"):
+        count_turns(Signal(time, degrees), "bag")
+
+
 def test_a_cam_that_starts_and_stops_has_no_wrong_angle():
     """It reaches full speed within one reading, and is stopped for an hour."""
     parts = [np.zeros(200), 0.3 * np.ones(300), np.zeros(200), 0.3 * np.ones(300), np.zeros(50)]
