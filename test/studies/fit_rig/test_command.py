@@ -8,19 +8,19 @@ import pytest
 import yaml
 
 import cam_rig
-from cam_rig.studies.fit_rig.numbers import FoundNumber, FoundNumbers
+from cam_rig.studies.fit_rig.numbers import ParameterEstimate, RigParameters
 from cam_rig.studies.fit_rig.study import fitted_rig
 
 from ...cli.conftest import call, done
 
-SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
-UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
-OPEN = FoundNumber("restitution", 0.04123, 0.03, "identified")
-NONE = FoundNumber.unidentified("stem_stiffness", "a rigid stem explains it", 1e7)
+SURE = ParameterEstimate("preload", 14.947876, 0.0323, "identified")
+UNSURE = ParameterEstimate("damping", 8.6234, 3.1, "identified")
+OPEN = ParameterEstimate("restitution", 0.04123, 0.03, "identified")
+NONE = ParameterEstimate.unidentified("stem_stiffness", "a rigid stem explains it", 1e7)
 
 
 def table(*numbers):
-    return FoundNumbers(None, "one_mass", numbers, None).number_tables("rig", ())[0]
+    return RigParameters(None, "one_mass", numbers, None).number_tables("rig", ())[0]
 
 
 def test_a_number_has_the_digits_of_its_error():

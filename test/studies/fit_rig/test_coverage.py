@@ -22,7 +22,7 @@ from cam_rig.studies.fit_rig.search import (
     uncertainty,
 )
 from cam_rig.studies.fit_rig.study import fit_run
-from cam_rig.studies.fit_rig.turns import measured_holds
+from cam_rig.studies.fit_rig.turns import measured_segments
 
 from .machines import NOISES, coverage, jump_rpm, numbers_of, scores_of
 
@@ -67,8 +67,8 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
     like, slopes = solution.likelihood, solution.slopes
     noise = np.zeros((2000, slopes.shape[0]))
     at = 0
-    for hold, kept in zip(like.holds, like.kept, strict=True):
-        for size in (hold.lift.value.size, int(kept.sum())):
+    for segment, kept in zip(like.segments, like.kept, strict=True):
+        for size in (segment.lift.value.size, int(kept.sum())):
             noise[:, at] = random.standard_normal(2000)
             for k in range(at + 1, at + size):
                 noise[:, k] = 0.9 * noise[:, k - 1] + math.sqrt(0.19) * random.standard_normal(2000)
@@ -88,15 +88,15 @@ def test_what_no_bounce_reaches_knows_no_restitution(law, rig, bounce):
     other = rig.with_follower(restitution=bounce)
     run = measured_run(law, other, "one_mass", (440.0, 460.0, 480.0), errors, 1)
     likelihoods = [
-        Likelihood(law, measured_holds(run)[1], (), values | {"restitution": e}, None)
+        Likelihood(law, measured_segments(run)[1], (), values | {"restitution": e}, None)
         for e in (bounce, 1.05 * bounce)
     ]
     x = likelihoods[0].start({}, 0.0, 0.0)
-    settled = likelihoods[0].settled(x, 0.05)
+    settled = likelihoods[0].without_landings(x, 0.05)
     bouncing = [likelihood.residuals(x) for likelihood in likelihoods]
     assert np.abs(bouncing[1] - bouncing[0]).max() > 0.5
     assert 0.3 * bouncing[0].size < settled.residuals(x).size < bouncing[0].size
-    beside = Likelihood(law, settled.holds, (), likelihoods[1].given, None)
+    beside = Likelihood(law, settled.segments, (), likelihoods[1].fixed, None)
     assert settled.residuals(x) == pytest.approx(beside.residuals(x), abs=1e-6)
 
 
@@ -143,9 +143,9 @@ def test_no_bouncing_hides_what_contradicts_it(law, rig):
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", (0.6 * jump, 1.01 * jump), errors, 1)
     values = numbers_of(rig)
-    holds, found = measured_holds(run)[1], []
+    segments, found = measured_segments(run)[1], []
     for bounce in (0.3, 0.95):
-        like = Likelihood(law, holds, ("preload",), values | {"restitution": bounce}, None)
+        like = Likelihood(law, segments, ("preload",), values | {"restitution": bounce}, None)
         found.append(search(Candidate(like, like.start(values, 0.0, 0.0))))
     few, many = found
     kept = [int(one.likelihood.kept[1].sum()) for one in (few, many)]

@@ -13,7 +13,7 @@ from cam_rig.laws import build_law
 from cam_rig.studies.fit_rig import jump_fit
 from cam_rig.studies.fit_rig.jump_fit import fit_jumps
 from cam_rig.studies.fit_rig.jump_table import JumpReading, JumpTable
-from cam_rig.studies.fit_rig.numbers import follower_of
+from cam_rig.studies.fit_rig.numbers import build_follower
 from cam_rig.units import RPM
 
 from ...conftest import dwell, rise
@@ -32,7 +32,7 @@ def table_of(law, machine, set_ups):
     readings, angles = [], []
     for line, known in enumerate(set_ups, 2):
         of = machine | known | {"mass": machine["mass"] + known.get("mass", 0.0)}
-        jump = find_jump(law, follower_of(of, 1e8), None)
+        jump = find_jump(law, build_follower(of, 1e8), None)
         readings.append(JumpReading(line, jump.speed, known))
         angles.append(jump.angle)
     return JumpTable("jumps.csv", tuple(readings), tuple(set_ups[0]), ()), angles

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 import cam_rig
 from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.errors import ConfigError
-from cam_rig.studies.fit_rig.search import noise_of
+from cam_rig.studies.fit_rig.search import estimate_noise
 from cam_rig.studies.fit_rig.study import fit_run
 
 from .machines import jump_rpm
@@ -49,21 +49,21 @@ def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
     run = measured_run(law, rig, "one_mass", IN_CONTACT, errors, 3)
     fit = fit_run(law, run, rig, "one_mass")
     like, x = fit.solution.likelihood, fit.solution.x
-    count = len(like.holds)
+    count = len(like.segments)
     speeds = [like.speed_of(x, i) for i in range(count)]
-    data = np.concatenate([v for h in like.holds for v in (h.lift.value, h.force.value)])
+    data = np.concatenate([v for h in like.segments for v in (h.lift.value, h.force.value)])
     deviations = (
-        (np.full(hold.lift.value.size, like.lift_noise), like.force_deviation(i))
-        for i, hold in enumerate(like.holds)
+        (np.full(segment.lift.value.size, like.lift_noise), like.force_deviation(i))
+        for i, segment in enumerate(like.segments)
     )
     sigma = np.concatenate([part for both in deviations for part in both])
 
     def shown(_, m, k, preload, c, zero, clock, *phases):
         parts = []
-        for hold, speed, phase in zip(like.holds, speeds, phases, strict=True):
-            rate, begin = speed * (1.0 + 1e-6 * clock), hold.angle + phase
-            parts.append(law.motion_at(begin + rate * hold.lift.since)[0] + zero)
-            s, slope, bend = law.motion_at(begin + rate * hold.force.since)
+        for segment, speed, phase in zip(like.segments, speeds, phases, strict=True):
+            rate, begin = speed * (1.0 + 1e-6 * clock), segment.angle + phase
+            parts.append(law.motion_at(begin + rate * segment.lift.since)[0] + zero)
+            s, slope, bend = law.motion_at(begin + rate * segment.force.since)
             parts.append(m * speed**2 * bend + c * speed * slope + k * s + preload)
         return np.concatenate(parts)
 
@@ -95,7 +95,7 @@ def test_flights_tell_the_restitution(law, rig):
     assert gauge(fit, "clock_fast_by") == pytest.approx(200e-6, abs=5e-6)
     assert np.degrees(gauge(fit, "encoder_offset")) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
     assert gauge(fit, "lift_noise") == pytest.approx(10e-6, rel=0.05)
-    assert [hold.lift_offs > 0 for hold in fit.holds] == [False, False, True]
+    assert [segment.lift_offs > 0 for segment in fit.segments] == [False, False, True]
     fit = fit_run(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
     assert gauge(fit, "force_zero") == pytest.approx(-12.0, abs=0.5)
     assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
@@ -195,7 +195,7 @@ def test_noise_is_a_floor_and_a_part():
     random = np.random.default_rng(1)
     force = random.uniform(0.0, 200.0, 20_000)
     residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
-    assert noise_of(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
+    assert estimate_noise(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
 
 
 def with_force(run, value):
@@ -296,7 +296,7 @@ def test_outliers_of_the_force_are_named(law, rig):
     force = run.force.value.copy()
     force[::200] += 0.2 * force.max()
     fit = fit_run(law, with_force(run, force), rig, "one_mass")
-    count = sum(hold.force.value.size for hold in fit.solution.likelihood.holds)
+    count = sum(segment.force.value.size for segment in fit.solution.likelihood.segments)
     (words,) = [words for words in fit.conclusions() if "outliers" in words]
     assert f"of {count} samples of the force" in words
     assert not any("outliers" in words for words in fit_run(law, run, rig).conclusions())
