@@ -1,4 +1,4 @@
-"""Steady speeds from an encoder's counts; a turn that comes back to itself beside models' runs."""
+"""Steady segments of an encoder's counts, and periodic turns of the models."""
 
 from dataclasses import replace
 
@@ -22,10 +22,11 @@ from cam_rig.units import NS, RPM, TURN
 from .machines import numbers_of
 
 
-def course(random, rate, counts, ramp):
-    """A cam at four random speeds, 3 to 12 turns each, ``ramp`` s between: its angle, its speeds.
+def speed_profile_run(random, rate, counts, ramp):
+    """Return a run of a cam at four random speeds, 3 to 12 turns each.
 
-    Also the times of the corners, where a speed begins and ends.
+    A ramp of ``ramp`` s is between them. The other results are the speeds and the times of the
+    corners, at which a speed starts or stops.
     """
     speeds = np.repeat(random.uniform(100.0, 600.0, 4) * RPM, 2)
     lengths = random.uniform(3.0, 12.0, 4) * TURN / speeds[::2]
@@ -47,13 +48,13 @@ def course(random, rate, counts, ramp):
 @pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
 @pytest.mark.variants(3)
 def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
-    """Two holds meet at a corner, whose readings lie on both lines to a count: both are found.
+    """Two segments that meet at a corner are both found, with their errors.
 
-    Every speed once, in its order, with its error, and over nearly all of its time.
+    Near the corner the readings lie on both lines, to a count.
     """
     random = np.random.default_rng(7)
     for _ in range(3):
-        run, speeds, corners = course(random, rate, counts, ramp)
+        run, speeds, corners = speed_profile_run(random, rate, counts, ramp)
         segments = find_steady_segments(run)
         assert [segment.rpm for segment in segments] == pytest.approx(speeds / RPM, rel=3e-3)
         ends = [segment.end for segment in segments]
@@ -65,8 +66,8 @@ def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
             assert np.abs(off).max() < 4.0
 
 
-def test_a_speed_that_is_left_out_is_said(law, rig):
-    """With too few samples, or with a lift that differs from turn to turn: which, and why."""
+def test_a_speed_that_is_left_out_is_reported(law, rig):
+    """A note reports each speed with too few samples or an unsteady lift."""
     run = measured_run(law, rig, "kinetostatic", (200.0, 250.0, 300.0), InstrumentErrors(rate=400))
     first, second, _ = (segment for segment in find_steady_segments(run))
     time, lift = run.lift.time, run.lift.value.copy()
@@ -83,7 +84,7 @@ def test_a_speed_that_is_left_out_is_said(law, rig):
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():
-    """A ramp over the whole run has no speed to fit at."""
+    """A ramp over the whole run is an error."""
     time = np.linspace(0.0, 3.0, 3000)
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
     with pytest.raises(ConfigError, match=r"nowhere turns steadily.*needed"):
@@ -91,10 +92,11 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
 
 
 def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
-    """Steps that drift in two or three strands, at nearly k/n counts a reading, are no noise.
+    """Encoder steps that drift in strands do not exceed the standard errors.
 
-    By a scatter of free readings one speed in twenty was more than four of its errors off; so was
-    the encoder's zero. Half a count is the angle's lag in the mean, no error.
+    This happens at nearly k/n counts per reading. With the scatter of independent readings one
+    speed in twenty was more than four of its errors off, and so was the encoder's zero. Half a
+    count is the lag of the angle in the mean, which is not an error.
     """
     random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
     off = []
@@ -118,9 +120,9 @@ SETTLE = 80
 
 
 def force_off(law, model, parameters, speed, turn, rate=5000):
-    """Return how far a steady turn's force is off the last of many turns from rest, of its peak.
+    """Return the force error of a steady turn relative to its peak, after many turns.
 
-    The lifts must agree to 1e-9 m.
+    The reference is the last of many turns from rest. The lifts must agree to 1e-9 m.
     """
     begin = round(SETTLE * TURN / speed * NS)
     first = Interval(0, begin, 0.0, speed)
@@ -136,7 +138,7 @@ def force_off(law, model, parameters, speed, turn, rate=5000):
 @pytest.mark.parametrize("rpm", [200.0, 430.0, 470.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
 def test_one_mass(law, rig, rpm, restitution):
-    """On the cam and above the jump speed, plastic and with bounces."""
+    """One mass agrees with the model in contact and with flights and bounces."""
     parameters = MODELS["one_mass"].parameters(rig.with_follower(restitution=restitution))
     turn = one_mass_turn(law, parameters, rpm * RPM)
     away = force_off(law, "one_mass", parameters, rpm * RPM, turn)
@@ -145,20 +147,23 @@ def test_one_mass(law, rig, rpm, restitution):
 
 @pytest.mark.parametrize("rpm", [250.0, 420.0])
 def test_two_masses(law, two_mass, rpm):
-    """In contact and with lift-offs: the fixed point is where many turns from rest end."""
+    """Two masses agree with many turns from rest, in contact and with lift-offs."""
     turn = two_mass_turn(law, two_mass, rpm * RPM)
     assert bool(turn.events) == (rpm > 400.0)
     assert np.median(force_off(law, "two_mass", two_mass, rpm * RPM, turn)) < 1e-6
 
 
-def test_a_stem_damped_beyond_all_measure_has_no_turn(laws):
-    """A search came there: a flight that barely opens was followed in steps of 1e-12 s, an hour."""
+def test_a_stem_with_excessive_damping_has_no_turn(laws):
+    """A stem with excessive damping has no periodic turn.
+
+    Its flight opened slowly and was followed in steps of 1e-12 s for an hour.
+    """
     parameters = TwoMassParameters(0.0156, 0.839, 1.06, 4511.0, 9.69e8, 7.1, 30.0, 0.0)
     assert two_mass_turn(laws["bezier15"], parameters, 18.2) is None
 
 
 def test_a_turn_is_found_from_its_neighbour(law, two_mass):
-    """From the turn of nearly the same follower, the same as from nothing."""
+    """A search from the turn of a similar follower gives the same turn."""
     near, other = two_mass_turn(law, two_mass, 420.0 * RPM), replace(two_mass, preload=30.7)
     angle = np.linspace(0.0, TURN, 500)
     one = two_mass_turn(law, other, 420.0 * RPM, near).evaluate(angle)[1]
@@ -167,7 +172,10 @@ def test_a_turn_is_found_from_its_neighbour(law, two_mass):
 
 
 def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
-    """Order by order 1/(1 + 2iζr − r²); far above the orders of the force it shows the force."""
+    """The response of the sensor is 1/(1 + 2iζr − r²) for each order.
+
+    Far above the orders of the force it shows the force.
+    """
     parameters = MODELS["one_mass"].parameters(rig)
     turn, speed = one_mass_turn(law, parameters, 300.0 * RPM), 300.0 * RPM
     angle = np.linspace(0.0, TURN, 4096, endpoint=False)
@@ -182,8 +190,10 @@ def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
 
 @pytest.mark.parametrize("cam", ["poly345", "arcs_straight", "tm21"])
 def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
-    """Tried by harmonics, a stem shows the force of the exact motion: 1 % of its vibration off, or
-    more by the square of its periods a turn where these are more than can be looked at."""
+    """The force by harmonics agrees with the exact motion to 1 % of the vibration.
+
+    With more periods per turn than points allow, the error grows with their square.
+    """
     random, law = np.random.default_rng(len(cam)), laws[cam]
     for frequency in (9.0, *np.exp(random.uniform(np.log(20.0), np.log(2900.0), 20))):
         speed = np.exp(random.uniform(np.log(20.0), np.log(6000.0))) * RPM
@@ -204,7 +214,7 @@ def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
 
 
 def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
-    """A candidate of a search without a motion is far off; the search goes on at what has one."""
+    """A search continues if a candidate has no motion at a speed."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 0)  # one that lifts off chatters
     run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
     values = numbers_of(rig) | {"restitution": 0.0}
