@@ -1,8 +1,8 @@
-"""How far a cam fitted to readings is from the one that was read: the table of docs/accuracy.md.
+"""Accuracy of cams fitted to readings: the table of docs/accuracy.md.
 
     .venv/bin/python -m benchmark.fit_cam
 
-Readings of shipped laws with noise, an unknown zero and one outlier; takes half a minute.
+Readings of shipped laws have noise, an unknown zero and one outlier. It takes half a minute.
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
 
 
 def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
-    """r.m.s. of the lift (µm), of the acceleration over its peak (%), and of the peak (%)."""
+    """Return relative or absolute errors of a fit.
+
+    These are the r.m.s. of the lift (µm), of the acceleration relative to its peak (%), and the
+    error of the peak (%).
+    """
     rng = np.random.default_rng(seed)
     law = cam_rig.build_law(cam_rig.load_cam(name))
     scale = LIFT / law.lift
@@ -43,7 +47,7 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Print the rows: median, 95th percentile and worst of each error."""
+    """Print the median, the 95th percentile and the largest of each error."""
     for count in COUNTS:
         found = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
         cells = [

@@ -1,9 +1,9 @@
-"""How often the 95 % intervals of ``cam-rig fit rig`` hold the truth, over simulated machines.
+"""Coverage of the 95 % intervals of ``cam-rig fit rig`` over simulated machines.
 
     python -m benchmark.fit_rig --trials 200 --model one_mass
 
-Each trial has a rig, a cam, five speeds and noise of its own: force 1 %, lift 10 µm, an encoder of
-1024 counts, 3° off, and a sensors' clock 200 ppm fast.
+Each trial has a random rig, cam, set of five speeds and noise: force 1 %, lift 10 µm, an encoder of
+1024 counts with an offset of 3°, and a sensors' clock that is 200 ppm fast.
 """
 
 from __future__ import annotations
@@ -24,20 +24,22 @@ from cam_rig.studies.fit_rig.result import RigFit
 from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.units import to_rpm
 
-#: Cams with a dwell, with and without, smooth and with steps of acceleration.
+#: Cams with and without a dwell, smooth and with steps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex")
-#: Speeds in parts of the rigid follower's jump speed, and how far each scatters.
-PARTS, SCATTER = (0.35, 0.55, 0.75, 0.95, 1.08), 0.03
+#: Speeds relative to the rigid follower's jump speed.
+PARTS = (0.35, 0.55, 0.75, 0.95, 1.08)
+#: Largest random change of a relative speed.
+SCATTER = 0.03
 
 
 def trial(
     seed: int, model: str, cams: tuple[str, ...], unasked: bool
 ) -> tuple[RigConfig, RigFit, float]:
-    """A machine, what a fit found of it, and how long that took (s).
+    """Return a random rig, the fit of its simulated run, and the time of the fit (s).
 
     Parameters
     ----------
-    unasked : the fit is not told that there is a stem
+    unasked : True if the model is not given to the fit
     """
     random = np.random.default_rng(seed)
     law = cam_rig.build_law(cam_rig.load_cam(cams[seed % len(cams)]))
@@ -66,7 +68,7 @@ def trial(
 
 
 def main() -> None:
-    """Print a line a number: how often it is told, and how often its interval holds the truth."""
+    """Print one line per parameter: number of estimates and coverage of the intervals."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")

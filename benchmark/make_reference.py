@@ -1,4 +1,4 @@
-"""Computes the study's references with 50 digits: benchmark/speed/*.json.
+"""Computation of the study's references with 50 digits: benchmark/speed/*.json.
 
 Run it from the project's root: .venv/bin/python -m benchmark.make_reference [case ...]
 """
@@ -14,7 +14,7 @@ from benchmark.speed.models import Twist
 
 
 def main() -> None:
-    """Solve and store."""
+    """Solve the cases and store their references."""
     for name in sys.argv[1:] or CASES:
         case = CASES[name]()
         begun = time.perf_counter()
