@@ -1,9 +1,9 @@
-"""A roller on the contour that fig. 12 of the paper draws, which is that of a point follower.
+"""A roller on the contour of a point follower that fig. 12 of the paper draws.
 
 The paper plots R_b + s in polar coordinates (`PolarPlot[s + R_b]`). That is the contour of a point
-(profile thesis, eq. 2.19 with R_r = 0 and ε = 0). A roller of radius R_r touches it beside its
-guide: its centre follows not s but the curve at R_r outside of the contour. Base radius and roller
-are assumed, no source prints them.
+(profile thesis, eq. 2.19 with R_r = 0 and ε = 0). The contact point of a roller of radius R_r is
+not below its guide: its centre follows not s but the curve at R_r outside of the contour. Base
+radius and roller are assumed, no source prints them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The rig's sound, calibrated on the paper's published noise of one cam alone.
+"""Calibration of the rig's sound on the paper's published noise of one cam.
 
 Gain and corner of the radiation are fitted to eq. 21 of the paper, the regression of the polynomial
-3-4-5. The other two published curves are then predictions. Two numbers per rig, none per cam.
+3-4-5. The other two published curves are then predictions. There are two parameters per rig, and no
+parameter per cam.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Speed fluctuation of a flywheel of finite inertia, compared with eq. 10 of the paper.
+"""Speed fluctuation of a flywheel of finite inertia, compared with eq. 10.
 
-Eq. 10 holds the speed of the flywheel, as if its inertia I_v were infinite, and has no preload.
-Here a constant torque, the mean of the load, drives a flywheel of inertia I_v through the shaft.
+Eq. 10 of the paper keeps the speed of the flywheel constant, as if its inertia I_v were infinite,
+and omits the preload. Here a constant torque, the mean of the load, drives a flywheel of inertia
+I_v through the shaft.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Flywheels:
     """Turns of each cam behind each flywheel, and the twist of eq. 10 as printed.
 
     `turns` is indexed by cam and inertia (kg·m²). `without_preload` is by cam, in rad peak to peak
-    at the held speed.
+    at constant speed.
     """
 
     turns: dict[tuple[str, float], FlywheelTurn]

@@ -1,8 +1,8 @@
-"""The TM21's own cam, identified from its published noise: lift, event and nose angle.
+"""The TM21's cam, identified from its published noise: lift, event and nose angle.
 
-No source prints a dimension of that cam. A search over cams of tangent circular arcs finds the one
+No source prints a dimension of that cam. A search over cams of tangent circular arcs finds the cam
 whose simulated level is closest to eq. 20 of the paper. The acoustic constants stay as they were
-calibrated on another cam. The result is a cam that sounds like the published one, not its drawing.
+calibrated on another cam. The result is a cam that sounds like the published cam, not its drawing.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
         method="Nelder-Mead",
         options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200},
     ).x.tolist()
-    # Rounded to what the residual supports: the fewest digits that keep the geometry possible.
+    # Rounded to the fewest digits that keep the geometry possible: the residual supports no more.
     for digits in (2, 3, 4, 6):
         numbers = round(lift, digits + 4), round(event, digits), round(event * fraction, digits)
         left = difference(np.array([numbers[0], numbers[1], numbers[2] / numbers[1]]))

@@ -34,14 +34,15 @@ ELEMENTS = (1.0, 2.0, 3.0, 5.0, 9.0, BAR)
 SPEED_RPM, SHOWN_CAM = 300.0, "poly345"
 #: Speeds in rpm at which two masses are compared with the bar: from, and step up to the jump.
 SLOWEST_RPM, STEP_RPM = 100.0, 5.0
-#: Two masses are sufficient if their least force is the bar's within this part of the preload.
+#: Two masses are sufficient if the difference of their least force from the bar's is at most this,
+#: relative to the preload.
 SUFFICIENT = 0.1
 #: The series has harmonics up to this multiple of the stem's frequency, at least `MIN_HARMONICS`.
 HARMONICS_PER_STEM, MIN_HARMONICS = 8.0, 2048
 #: Samples of the law per sample of the series, against aliasing.
 OVERSAMPLING = 4
 #: The jump is searched from 8 resonances below the rigid jump speed to 1.5 times it, in 8 steps
-#: per resonance: a minimum of the least force is then seen by three of them.
+#: per resonance: a minimum of the least force is then sampled by three of them.
 RESONANCES, STEPS, HIGHEST = 8.0, 8.0, 1.5
 
 
@@ -87,7 +88,10 @@ class Stem:
         return load - 0.5 * inertia + self.foot_mass * p**2, moved
 
     def frequencies(self, count: int) -> FloatArray:
-        """Return the lowest natural frequencies in rad/s, undamped, foot held; at most `count`."""
+        """Return the lowest undamped natural frequencies in rad/s, with a fixed foot.
+
+        There are at most `count`.
+        """
         f = self.follower
         if math.isinf(self.elements):  # k₁ γ cos γ + (k₂ − m ω²) sin γ = 0, ω = γ √(k₁/mass)
             square = f.stem_stiffness / self.mass
@@ -253,7 +257,7 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
 
 
 def study(cams: Sequence[str] = CAMS) -> list[StemTables]:
-    """Compare stems of the stiffness identified from Table 2, and of the one in Table 1."""
+    """Compare stems of the stiffnesses identified from Table 2 and given in Table 1."""
     rig, printed = cam_rig.load_rig(RIG), cam_rig.load_rig(STIFF_RIG).follower.stem_stiffness
     assert printed is not None
     rigs = rig, rig.with_follower(stem_stiffness=printed.si)
