@@ -54,13 +54,13 @@ def _draw_segment(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) ->
         if force
         else (predicted.lift, 1e3, 1e6, colours.LIFT)
     )
-    degrees, measured = np.degrees(np.mod(signal.angle, TURN)), signal.value - signal.left
+    degrees, measured = np.degrees(np.mod(signal.angle, TURN)), signal.value - signal.residual
     above.plot(degrees, measured * factor, ".", ms=2.5, color=web(colour), label="measured")
     turn = np.linspace(0.0, TURN, CURVE_POINTS, endpoint=False)
     curve = predicted.turn.evaluate(turn)[1 if force else 0]
     above.plot(np.degrees(turn), curve * factor, color="0.1", lw=1.0, label="fitted")
     below.axhline(0.0, color="0.1", lw=0.8)
-    below.plot(degrees, -signal.left * fine, ".", ms=2.0, color=web(colours.LIMIT))
+    below.plot(degrees, -signal.residual * fine, ".", ms=2.0, color=web(colours.LIMIT))
     turn_axis(above)
     turn_axis(below)
 

@@ -263,7 +263,7 @@ class JumpFit(RigParameters):
     assumed: tuple[str, ...] = ()
 
     @property
-    def left(self) -> FloatArray:
+    def residuals(self) -> FloatArray:
         """Residuals, fitted less measured, rpm."""
         return np.array(self.speeds) - self.read.rpm
 
@@ -304,12 +304,12 @@ class JumpFit(RigParameters):
                 f"{self.degrees_of_freedom} readings more than free parameters; intervals of 95 % "
                 f"reach {_coverage_factor(False, self.degrees_of_freedom):.3g} standard errors."
             )
-        worst = int(np.abs(self.left).argmax())
-        if self.degrees_of_freedom > 1 and self.left[worst] ** 2 > OUTLIER_SHARE * float(
-            self.left @ self.left
-        ):
+        residuals = self.residuals
+        worst = int(np.abs(residuals).argmax())
+        share = OUTLIER_SHARE * float(residuals @ residuals)
+        if self.degrees_of_freedom > 1 and residuals[worst] ** 2 > share:
             reading = self.read.readings[worst]
-            yield f"Line {reading.line} is {-self.left[worst]:.3g} rpm off the others: an outlier?"
+            yield f"Line {reading.line} is {-residuals[worst]:.3g} rpm off the others: an outlier?"
 
 
 def fit_jumps(

@@ -94,12 +94,12 @@ class Instruments:
 class PredictedSignal:
     """Computed quantity at the counted samples of a segment, ``(n,)`` each.
 
-    ``left`` is ``value`` less the measured value. ``angle`` is the cam angle in rad.
+    ``residual`` is ``value`` less the measured value. ``angle`` is the cam angle in rad.
     """
 
     angle: FloatArray
     value: FloatArray
-    left: FloatArray
+    residual: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +119,8 @@ class Likelihood:
     ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations. ``force_part`` is the noise
     of the force relative to the force, which is added to it. ``backlash``, ``resonance`` and
     ``zero_offset`` are True if the gauge has a backlash, and the force sensor a resonance and a
-    zero offset. ``kept`` is a mask for each segment of the force samples that count, by default
-    all. ``pressing`` are the forces (N) to which their noise is proportional.
+    zero offset. ``force_masks`` are masks of the force samples that count, one per segment, by
+    default all True. ``pressing`` are the forces (N) to which their noise is proportional.
     """
 
     law: Law
@@ -134,21 +134,21 @@ class Likelihood:
     backlash: bool = False
     resonance: bool = False
     zero_offset: bool = False
-    kept: list[NDArray[np.bool_]] = field(default_factory=list)
+    force_masks: list[NDArray[np.bool_]] = field(default_factory=list)
     pressing: list[FloatArray] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         sizes = [segment.force.since.size for segment in self.segments]
-        self.kept = self.kept or [np.ones(size, dtype=bool) for size in sizes]
+        self.force_masks = self.force_masks or [np.ones(size, dtype=bool) for size in sizes]
         self.pressing = self.pressing or [np.zeros(size) for size in sizes]
 
     def samples(self, i: int) -> tuple[SegmentSamples, SegmentSamples]:
         """Return the counted samples of a segment: lift, and force away from landings."""
-        return self.segments[i].lift, self.segments[i].force.where(self.kept[i])
+        return self.segments[i].lift, self.segments[i].force.where(self.force_masks[i])
 
     def sizes(self, i: int) -> tuple[int, int]:
         """Return the numbers of counted samples of lift and force in a segment."""
-        return self.segments[i].lift.value.size, int(self.kept[i].sum())
+        return self.segments[i].lift.value.size, int(self.force_masks[i].sum())
 
     @property
     def noise(self) -> tuple[float, float, float]:
@@ -157,7 +157,7 @@ class Likelihood:
 
     def force_deviation(self, i: int) -> FloatArray:
         """Return the standard deviation (N) of the counted forces of a segment."""
-        part = self.force_part * self.pressing[i][self.kept[i]]
+        part = self.force_part * self.pressing[i][self.force_masks[i]]
         return np.asarray(np.hypot(self.force_noise, part))
 
     @cached_property
@@ -243,8 +243,8 @@ class Likelihood:
             if predicted is None:
                 blocks.append(np.full(sum(self.sizes(i)), NO_TURN_RESIDUAL))
             else:
-                blocks.append(predicted.lift.left / self.lift_noise)
-                blocks.append(predicted.force.left / self.force_deviation(i))
+                blocks.append(predicted.lift.residual / self.lift_noise)
+                blocks.append(predicted.force.residual / self.force_deviation(i))
         return np.concatenate([*blocks, x[self.instruments.speeds]])
 
     def slopes(self, x: FloatArray) -> FloatArray:
@@ -319,15 +319,17 @@ class Likelihood:
 
         The force jumps at a landing. ``guard`` is the distance in rad.
         """
-        before, self.kept, self.pressing = self.kept, [], []
+        before, self.force_masks, self.pressing = self.force_masks, [], []
         for i, segment in enumerate(self.segments):
             turn, angle = self.steady(x, i), self.angles(x, i, segment.force.since)
-            self.kept.append(self._beside(turn, angle, guard) == 0.0)
+            self.force_masks.append(self._landing_errors(turn, angle, guard) == 0.0)
             pressing = np.zeros(angle.size) if turn is None else np.abs(turn.evaluate(angle)[1])
             self.pressing.append(pressing)
-        return any((a != b).any() for a, b in zip(before, self.kept, strict=True))
+        return any((a != b).any() for a, b in zip(before, self.force_masks, strict=True))
 
-    def _beside(self, turn: PeriodicTurn | None, angle: FloatArray, guard: float) -> FloatArray:
+    def _landing_errors(
+        self, turn: PeriodicTurn | None, angle: FloatArray, guard: float
+    ) -> FloatArray:
         """Return the possible error (rad) of the landing next to each angle, or 0."""
         errors = np.zeros(angle.size)
         for landing, first in () if self.resonance else list_bounces(turn):
@@ -336,9 +338,9 @@ class Likelihood:
             errors[inside] = np.maximum(errors[inside], wide)
         return errors
 
-    def beside(self, x: FloatArray, i: int, guard: float) -> FloatArray:
+    def landing_errors(self, x: FloatArray, i: int, guard: float) -> FloatArray:
         """Return the possible error (rad) of the landing next to each force, or 0."""
-        return self._beside(
+        return self._landing_errors(
             self.steady(x, i), self.angles(x, i, self.segments[i].force.since), guard
         )
 
@@ -366,7 +368,7 @@ class Likelihood:
         segments = tuple(
             self._segment_without_landings(x, i, guard) for i in range(len(self.segments))
         )
-        return replace(self, segments=segments, kept=[], pressing=[])
+        return replace(self, segments=segments, force_masks=[], pressing=[])
 
     def _segment_without_landings(self, x: FloatArray, i: int, guard: float) -> MeasuredSegment:
         segment, bounces = self.segments[i], list_bounces(self.steady(x, i))

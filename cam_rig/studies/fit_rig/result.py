@@ -248,8 +248,8 @@ def _outliers(fit: RigFit) -> Iterator[str]:
     likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
     for i, predicted in enumerate(fit.solution.predicted):
         if predicted is not None:
-            parts["lift"].append(predicted.lift.left / likelihood.lift_noise)
-            parts["force"].append(predicted.force.left / likelihood.force_deviation(i))
+            parts["lift"].append(predicted.lift.residual / likelihood.lift_noise)
+            parts["force"].append(predicted.force.residual / likelihood.force_deviation(i))
     for name, arrays in parts.items():
         off = np.abs(np.concatenate(arrays))
         deviation = MEDIAN_TO_DEVIATION * float(np.median(off)) if off.size else 0.0
@@ -272,7 +272,7 @@ def _frequency_text(fit: RigFit, name: str) -> str:
         since = fit.solution.likelihood.samples(i)[name == "force"].since
         if predicted is None or since.size < 64:
             continue
-        residuals = getattr(predicted, name).left
+        residuals = getattr(predicted, name).residual
         step = float(np.median(np.diff(since)))
         even = np.zeros(round((since[-1] - since[0]) / step) + 1)
         even[np.rint((since - since[0]) / step).astype(int)] = residuals - residuals.mean()

@@ -149,7 +149,9 @@ def _limits(likelihood: Likelihood, size: int) -> FloatArray:
 def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
     """Estimate the noise from residuals, and return True if it changed by over 1 %."""
     lifts, forces, pressing, start = [np.empty(0)], [np.empty(0)], [np.empty(0)], 0
-    for i, (segment, mask) in enumerate(zip(likelihood.segments, likelihood.kept, strict=True)):
+    for i, (segment, mask) in enumerate(
+        zip(likelihood.segments, likelihood.force_masks, strict=True)
+    ):
         middle = start + segment.lift.value.size
         end = middle + int(mask.sum())
         if (residuals[start:end] != NO_TURN_RESIDUAL).any():  # else it contains no noise
@@ -211,7 +213,7 @@ def continue_from(
         segments=tuple(old.segments[i] for i in steady),
         free=free,
         fixed={name: value for name, value in values.items() if name not in free},
-        kept=[],
+        force_masks=[],
         pressing=[],
         **having,
     )
@@ -240,7 +242,7 @@ def contradicts(some: FitSolution, whole: FitSolution) -> bool:
     if len(order) < len(part.segments):
         return False
     moved = continue_from(whole, full.free, whole.values, only=order)
-    new = replace(moved.likelihood, kept=part.kept, pressing=part.pressing)
+    new = replace(moved.likelihood, force_masks=part.force_masks, pressing=part.pressing)
     new.lift_noise, new.force_noise, new.force_part = part.noise
     moved_sse, sse = (float(off @ off) for off in (new.residuals(moved.x), some.residuals))
     return moved_sse - sse > MAX_CHANCE_SSE
@@ -254,13 +256,13 @@ def log_ratio(first: FitSolution, other: FitSolution) -> float:
     common = [
         (i, other.segments.index(h)) for i, h in enumerate(first.segments) if h in other.segments
     ]
-    both = [first.likelihood.kept[i] & other.likelihood.kept[k] for i, k in common]
+    both = [first.likelihood.force_masks[i] & other.likelihood.force_masks[k] for i, k in common]
     logs = []
     for side, solution in enumerate((first, other)):
         indices = [pair[side] for pair in common]
-        like = replace(solution.likelihood, kept=list(solution.likelihood.kept))
+        like = replace(solution.likelihood, force_masks=list(solution.likelihood.force_masks))
         for i, mask in zip(indices, both, strict=True):
-            like.kept[i] = mask
+            like.force_masks[i] = mask
         _size_noise(like, like.residuals(solution.x))
         total = 0.0
         for i in indices:
@@ -284,16 +286,19 @@ def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
     ratio = log_ratio(first, other)
     for i, segment in enumerate(first.segments):
         if segment in other.segments:
-            ratio += 0.5 * _missed_more(first, i, other, other.segments.index(segment))
+            ratio += 0.5 * _square_difference(first, i, other, other.segments.index(segment))
     return ratio
 
 
-def _missed_more(first: FitSolution, i: int, other: FitSolution, k: int) -> float:
+def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -> float:
     """Return the difference of the squares of the samples that a solution leaves out."""
-    some = np.flatnonzero(~(first.likelihood.kept[i] & other.likelihood.kept[k]))
+    some = np.flatnonzero(~(first.likelihood.force_masks[i] & other.likelihood.force_masks[k]))
     if not some.size:
         return 0.0
-    widths = (s.likelihood.beside(s.x, index, GUARD)[some] for s, index in ((first, i), (other, k)))
+    widths = (
+        s.likelihood.landing_errors(s.x, index, GUARD)[some]
+        for s, index in ((first, i), (other, k))
+    )
     wide = np.maximum(GUARD, np.maximum(*widths))
     return float((_squares(other, k, some, wide) - _squares(first, i, some, wide)).sum())
 
@@ -429,9 +434,9 @@ def explain_misfit(solution: FitSolution, correlation_lengths: tuple[float, floa
         signals = [
             getattr(predicted, name) for predicted in solution.predicted if predicted is not None
         ]
-        residuals = np.concatenate([signal.left for signal in signals])
+        residuals = np.concatenate([signal.residual for signal in signals])
         noise = [
-            np.diff((signal.value - signal.left)[np.argsort(np.mod(signal.angle, TURN))])
+            np.diff((signal.value - signal.residual)[np.argsort(np.mod(signal.angle, TURN))])
             / math.sqrt(2.0)
             for signal in signals
         ]

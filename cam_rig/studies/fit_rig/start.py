@@ -133,9 +133,9 @@ def pattern(fit: Candidate) -> tuple[float, float]:
     """
     squares = parts = 0.0
     for i, predicted in enumerate(fit.predicted):
-        if predicted is None or not predicted.force.left.size:
+        if predicted is None or not predicted.force.residual.size:
             continue
-        residuals = predicted.force.left / fit.likelihood.force_deviation(i)
+        residuals = predicted.force.residual / fit.likelihood.force_deviation(i)
         count = max(4, min(MAX_PARTS, residuals.size // MIN_PART_SAMPLES))
         part = (np.mod(predicted.force.angle, TURN) * (count / TURN)).astype(int) % count
         sizes = np.bincount(part, minlength=count)
@@ -146,20 +146,20 @@ def pattern(fit: Candidate) -> tuple[float, float]:
 
 
 class TriedStem(NamedTuple):
-    """Squared errors (N²) of the forces with a stem.
+    """Squared errors (N²) of the forces with a stem, its frequency and its parameters.
 
-    ``missed`` is that with the parameters of one mass, ``moved`` that with parameters fitted to the
-    stem. ``rate`` is its natural frequency in rad/s, ``numbers`` its parameters.
+    ``sse`` is that with the parameters of one mass, ``moved`` that with parameters fitted to the
+    stem. ``rate`` is its natural frequency in rad/s.
     """
 
-    missed: float
+    sse: float
     moved: float
     rate: float
     numbers: dict[str, float]
 
 
 #: Error of a stem with the parameters of one mass.
-AS_IT_IS = attrgetter("missed")
+AS_IT_IS = attrgetter("sse")
 #: Error of a stem with parameters fitted to it.
 MOVED = attrgetter("moved")
 
@@ -183,7 +183,7 @@ def find_stem(one_mass: Candidate) -> tuple[dict[str, float], float]:
     if half * math.log(least.moved / best.moved) < CHANCE_LOG_RATIO + math.log(len(tried)):
         best = least
     rigid = forces.parts @ [values[name] for name in FORCE_PARTS]
-    return best.numbers, half * math.log(forces.missed(rigid)[1] / best.moved)
+    return best.numbers, half * math.log(forces.sse(rigid)[1] / best.moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ class PressingSamples:
         inertia = p.roller_mass * self.parts[:, 0]
         return np.asarray(inertia + np.concatenate(vibrating) + p.share * p.preload)
 
-    def missed(self, forces: FloatArray) -> tuple[float, float]:
+    def sse(self, forces: FloatArray) -> tuple[float, float]:
         """Return the squared errors of forces (N²), with fixed and with fitted parameters.
 
         Fitted parameters may change the forces only a little. A very soft stem moves a mass so far
@@ -264,7 +264,7 @@ def _stems(
         }
         two = build_follower(values | numbers, None)
         assert isinstance(two, TwoMassParameters)
-        yield TriedStem(*forces.missed(forces.on_a_stem(two)), rate, numbers)
+        yield TriedStem(*forces.sse(forces.on_a_stem(two)), rate, numbers)
 
 
 # Restitution: bounces make local maxima of the likelihood, so the whole range is searched first.
@@ -319,9 +319,9 @@ def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
     if len(released.segments) == len(fixed.segments) and log_ratio_of_all(released, fixed) >= 0.0:
         return released
     start = continue_from(fixed, free, fixed.values)
-    masks = [fixed.likelihood.kept[i] for i in fixed.steady]
+    masks = [fixed.likelihood.force_masks[i] for i in fixed.steady]
     pressing = [fixed.likelihood.pressing[i] for i in fixed.steady]
-    new = replace(start.likelihood, kept=masks, pressing=pressing)
+    new = replace(start.likelihood, force_masks=masks, pressing=pressing)
     return FitSolution(new, start.x, new.slopes(start.x), new.residuals(start.x))
 
 
@@ -332,8 +332,8 @@ def estimate_restitution(fit: Candidate) -> tuple[float, float] | None:
     result is None if no restitution explains the flights to their noise.
     """
     _, possible, step = _likely(fit)
-    best = min(possible, key=lambda trial: trial.missed)
-    if best.missed >= MAX_NOISE_SQUARES * best.samples:
+    best = min(possible, key=lambda trial: trial.sse)
+    if best.sse >= MAX_NOISE_SQUARES * best.samples:
         return None
     low, high = possible[0].bounce, possible[-1].bounce
     return 0.5 * (low + high), 0.5 * (high - low + step)
@@ -342,14 +342,13 @@ def estimate_restitution(fit: Candidate) -> tuple[float, float] | None:
 def _likely(fit: Candidate) -> tuple[list[Tried], list[Tried], float]:
     """Return likely restitutions, possible restitutions, and the step between two."""
     coarse = [_tried(fit, bounce) for bounce in RESTITUTIONS]
-    least = min(trial.missed for trial in coarse)
-    near = [k for k, trial in enumerate(coarse) if trial.missed <= least + MAX_SQUARE]
+    least = min(trial.sse for trial in coarse)
+    near = [k for k, trial in enumerate(coarse) if trial.sse <= least + MAX_SQUARE]
     ends = RESTITUTIONS[max(0, near[0] - 1)], RESTITUTIONS[min(len(RESTITUTIONS) - 1, near[-1] + 1)]
     fine = [_tried(fit, bounce) for bounce in np.linspace(*ends, FINE_STEPS + 1).tolist()]
-    least = min(trial.missed for trial in fine)
+    least = min(trial.sse for trial in fine)
     likely, possible = (
-        [trial for trial in fine if trial.missed <= least + more]
-        for more in (SQUARE_95, MAX_SQUARE)
+        [trial for trial in fine if trial.sse <= least + more] for more in (SQUARE_95, MAX_SQUARE)
     )
     return likely, possible, (ends[1] - ends[0]) / FINE_STEPS
 
@@ -357,12 +356,12 @@ def _likely(fit: Candidate) -> tuple[list[Tried], list[Tried], float]:
 class Tried(NamedTuple):
     """Trial of a restitution.
 
-    ``missed`` is the sum of squares over ``samples`` samples. ``phases`` (rad) are those of the
+    ``sse`` is the sum of squares over ``samples`` samples. ``phases`` (rad) are those of the
     segments.
     """
 
     bounce: float
-    missed: float
+    sse: float
     phases: FloatArray
     samples: int
 

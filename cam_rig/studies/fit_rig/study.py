@@ -277,7 +277,7 @@ def _is_of_another_cam(aligned: FitSolution) -> bool:
         segment.lift.value.size and segment.force.value.size and segment.presses
     ):
         return False
-    return rms(predicted.lift.left) > MAX_LIFT_ERROR * aligned.likelihood.law.lift
+    return rms(predicted.lift.residual) > MAX_LIFT_ERROR * aligned.likelihood.law.lift
 
 
 # Estimates of a solution: a value with its standard error, or a reason.
@@ -398,7 +398,7 @@ def _null_reason(others: list[str], solution: FitSolution) -> str:
 def _segment_fit(solution: FitSolution, i: int) -> SegmentFit:
     predicted = solution.predicted[i]
     assert predicted is not None  # a search ends with steady turns
-    lift, force = predicted.lift.left, predicted.force.left
+    lift, force = predicted.lift.residual, predicted.force.residual
     rpm = solution.likelihood.speed_of(solution.x, i) * 60.0 / TURN
     samples = solution.segments[i].line.turns, lift.size + force.size
     residuals = [rms(off) if off.size else None for off in (lift, force)]

@@ -70,7 +70,7 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
     like, slopes = solution.likelihood, solution.slopes
     noise = np.zeros((2000, slopes.shape[0]))
     at = 0
-    for segment, kept in zip(like.segments, like.kept, strict=True):
+    for segment, kept in zip(like.segments, like.force_masks, strict=True):
         for size in (segment.lift.value.size, int(kept.sum())):
             noise[:, at] = random.standard_normal(2000)
             for k in range(at + 1, at + size):
@@ -157,7 +157,7 @@ def test_bouncing_does_not_hide_contradicting_forces(law, rig):
         like = Likelihood(law, segments, ("preload",), values | {"restitution": bounce}, None)
         found.append(search(Candidate(like, like.start(values, 0.0, 0.0))))
     few, many = found
-    kept = [int(one.likelihood.kept[1].sum()) for one in (few, many)]
+    kept = [int(one.likelihood.force_masks[1].sum()) for one in (few, many)]
     assert kept[1] < 0.9 * kept[0]
     assert log_ratio_of_all(few, many) > log_ratio(few, many) + 100.0
     assert log_ratio_of_all(many, few) == pytest.approx(-log_ratio_of_all(few, many))

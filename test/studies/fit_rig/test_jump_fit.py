@@ -103,7 +103,7 @@ def test_result_does_not_depend_on_the_start(make_cam, rig, columns, seed):
     fit = fit_jumps(law, read, rig)
     found = values(fit)
     assert found["mass"] == pytest.approx(truth["mass"], rel=1e-4)
-    assert np.abs(fit.left).max() < 1e-5 * read.rpm.max()
+    assert np.abs(fit.residuals).max() < 1e-5 * read.rpm.max()
     if found["damping"] is not None:
         assert found["damping"] == pytest.approx(truth["damping"], rel=1e-2)
 
