@@ -36,23 +36,23 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
     column = GaugeColumn("lift", tuple(lifts), 1e-9)
     table = GaugeTable(name, tuple(angles), (column,), tuple(range(count)), ())
     fit = fit_spline(put_in_order(table, column))
-    true, found = scale * law(FINE, 2), fit.law(FINE, 2)
+    true, fitted = scale * law(FINE, 2), fit.law(FINE, 2)
     peak = np.abs(true).max()
     away = fit.law(FINE) - scale * law(FINE)
     return (
         1e6 * float(np.sqrt(np.mean(away**2))),
-        100.0 * float(np.sqrt(np.mean((found - true) ** 2)) / peak),
-        100.0 * abs(float(np.abs(found).max() / peak) - 1.0),
+        100.0 * float(np.sqrt(np.mean((fitted - true) ** 2)) / peak),
+        100.0 * abs(float(np.abs(fitted).max() / peak) - 1.0),
     )
 
 
 def main() -> None:
     """Print the median, the 95th percentile and the largest of each error."""
     for count in COUNTS:
-        found = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
+        values = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
         cells = [
             ", ".join(f"{value:.2g}" for value in (np.median(e), np.percentile(e, 95), e.max()))
-            for e in found.T
+            for e in values.T
         ]
         print(f"| {count} | {cells[0]} µm | {cells[1]} % | {cells[2]} % |")
 

@@ -62,9 +62,9 @@ def trial(
     errors = InstrumentErrors(in_proportion=seed % 2 == 1)
     run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
     begin = time.perf_counter()
-    known = None if unasked or model == "one_mass" else model
-    found = fit_run(law, run, cam_rig.load_rig("tm21"), known)
-    return rig, found, time.perf_counter() - begin
+    model_name = None if unasked or model == "one_mass" else model
+    fit = fit_run(law, run, cam_rig.load_rig("tm21"), model_name)
+    return rig, fit, time.perf_counter() - begin
 
 
 def main() -> None:
@@ -74,14 +74,16 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--model", choices=("one_mass", "two_mass"), default="one_mass")
     parser.add_argument("--cams", default=",".join(CAMS), help="names with commas")
-    parser.add_argument("--unasked", action="store_true", help="the fit is not told of the stem")
-    asked = parser.parse_args()
+    parser.add_argument("--unasked", action="store_true", help="do not give the model to the fit")
+    arguments = parser.parse_args()
     scores, seconds, models = defaultdict[str, list[float]](list), [], defaultdict[str, int](int)
-    for seed in range(asked.first, asked.first + asked.trials):
-        rig, found, took = trial(seed, asked.model, tuple(asked.cams.split(",")), asked.unasked)
+    for seed in range(arguments.first, arguments.first + arguments.trials):
+        rig, fit, took = trial(
+            seed, arguments.model, tuple(arguments.cams.split(",")), arguments.unasked
+        )
         seconds.append(took)
-        models[found.model] += 1
-        for number in found.identified:
+        models[fit.model] += 1
+        for number in fit.identified:
             assert number.value is not None
             assert number.error is not None
             truth = getattr(rig.follower, number.name).si

@@ -51,12 +51,12 @@ def stream(law: Law, model: str, stem: float, samples: int) -> None:
 def seconds(work: Callable[[], None]) -> float:
     """Return the median wall time in s, after one run that fills the caches."""
     work()
-    found = []
+    times = []
     for _ in range(REPEATS):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         work()
-        found.append(time.perf_counter() - begun)
-    return statistics.median(found)
+        times.append(time.perf_counter() - start_time)
+    return statistics.median(times)
 
 
 def measure() -> tuple[dict[str, list[float]], dict[str, list[float]]]:

@@ -106,9 +106,9 @@ def _cost(law: Law, search: Callable[[Law], Found], known: bool = False) -> tupl
     times = []
     for _ in range(REPEATS + 1):
         own = law if known else Law(law.name, law.breaks, law.ordinates)
-        begun = time.process_time()
+        start_time = time.process_time()
         found = search(own)
-        times.append(time.process_time() - begun)
+        times.append(time.process_time() - start_time)
     return statistics.median(times[1:]), found
 
 

@@ -17,11 +17,11 @@ def main() -> None:
     """Solve the cases and store their references."""
     for name in sys.argv[1:] or CASES:
         case = CASES[name]()
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         solve = exact.solve_twist if isinstance(case.model, Twist) else exact.solve
         solution = solve(case)
         path = study.write(case, solution)
-        took = time.perf_counter() - begun
+        took = time.perf_counter() - start_time
         print(f"{path}: {case.times.size} times, {len(solution.events)} events, {took:.0f} s")
 
 

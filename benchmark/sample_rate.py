@@ -61,9 +61,9 @@ def at_rate(loaded: LoadedScene, rate: int) -> LoadedScene:
 
 def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, float]:
     """Return the levels of all steps, the wall time (s), and the rig time (s)."""
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     ticks = list(simulate(loaded))
-    took = time.perf_counter() - begun
+    took = time.perf_counter() - start_time
     settle = loaded.scene.program.settle_turns.si
     return step_levels(ticks, settle), took, ticks[-1].stop_ns * 1e-9
 

@@ -55,13 +55,13 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
         total = tick_count(load_scene(path))
         early: dict[str, float] = {}
         used: dict[str, float] = {}
-        begun, shown = time.monotonic(), -EVERY
+        start_time, shown = time.monotonic(), -EVERY
         with Graph(live(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
             print("wall s", "tick", *graph.processes, sep="\t")
             for report in graph.progress():
                 if int(report["tick"]) == total:
                     break  # some have ended, or are about to
-                if (wall := time.monotonic() - begun) - shown > EVERY:
+                if (wall := time.monotonic() - start_time) - shown > EVERY:
                     shown = wall
                     used = {name: own_memory(p.process.pid) for name, p in graph.processes.items()}
                     if int(report["tick"]) <= total / 10 or not early:
@@ -73,7 +73,8 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
         graph.require_closed()
         grown = {name: used[name] - early[name] for name in used}
         print(
-            f"{total} ticks in {time.monotonic() - begun:.0f} s; grown since the first tenth, MB:"
+            f"{total} ticks in {time.monotonic() - start_time:.0f} s; "
+            "grown since the first tenth, MB:"
         )
         print(*(f"{name} {mb:+.1f}" for name, mb in grown.items()), sep=", ")
         return int(max(grown.values()) > MAX_GROWTH)

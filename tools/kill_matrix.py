@@ -77,7 +77,7 @@ class Case:
 
     def run(self, scene: Path, bag: Path) -> None:
         """Run the scene and send the signal at the moment."""
-        begun, stop_all = time.monotonic(), node_process_module.stop_all
+        start_time, stop_all = time.monotonic(), node_process_module.stop_all
         nodes = live(scene, bag, patience=PATIENCE)
         made = Graph(nodes, log=self.said.append)
 
@@ -98,7 +98,7 @@ class Case:
                 made.require_closed()
             except CamRigError as error:
                 self.error = str(error)
-        self.seconds = time.monotonic() - begun
+        self.seconds = time.monotonic() - start_time
 
     def faults(self, bag: Path, before: set[str]) -> list[str]:
         """Return the violated promises of the run, empty if there are none."""
@@ -168,11 +168,11 @@ def options() -> argparse.Namespace:
 
 def main() -> int:
     """Run the cases, one line each. Return 1 if a case violates a promise."""
-    asked, wrong = options(), 0
-    signals = asked.signal or SIGNALS
-    cases = itertools.product(asked.node or NODES, asked.moment or MOMENTS, signals)
+    arguments, wrong = options(), 0
+    signals = arguments.signal or SIGNALS
+    cases = itertools.product(arguments.node or NODES, arguments.moment or MOMENTS, signals)
     with tempfile.TemporaryDirectory() as folder, own_domain(), ExitStack() as stack:
-        if asked.busy:
+        if arguments.busy:
             stack.enter_context(busy(os.cpu_count() or 1))
         scene = Path(folder) / "scenes" / "matrix.yaml"
         scene.parent.mkdir()

@@ -99,7 +99,7 @@ def drag(page: Page, address: str, handle: int) -> None:
     page.evaluate(MOVE, [handle, y, WAY, PERIOD])
 
 
-def told(pages: list[Page], seconds: float) -> None:
+def print_delays(pages: list[Page], seconds: float) -> None:
     """Print paints and delays since the previous call."""
     for number, page in enumerate(pages, start=1):
         delays = np.array(page.evaluate("() => window.delays.splice(0)"))
@@ -125,7 +125,7 @@ def main() -> None:
             print(f"{at:.0f} s: pages {heaps} MiB, server {resident(process.pid):.1f} MiB")
             pages[0].wait_for_timeout(1e3 * EVERY)
             before, at = at, time.monotonic() - began
-            told(pages, at - before)
+            print_delays(pages, at - before)
             sys.stdout.flush()
 
 

@@ -144,10 +144,10 @@ def main() -> None:
     )
     words.add_argument("what", choices=["keep", "compare"])
     words.add_argument("--only", action="append", choices=[*COMMANDS, "bag"])
-    asked = words.parse_args()
-    names = asked.only or [*COMMANDS, "bag"]
+    arguments = words.parse_args()
+    names = arguments.only or [*COMMANDS, "bag"]
     read = {name: bag() if name == "bag" else outputs(name) for name in names}
-    if asked.what == "keep":
+    if arguments.what == "keep":
         KEPT.parent.mkdir(exist_ok=True)
         KEPT.write_text(json.dumps(read), encoding="utf-8")
         print(f"{sum(1 for _ in leaves(read))} values kept in {KEPT}")

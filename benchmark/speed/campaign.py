@@ -100,21 +100,21 @@ def campaign_rate(processes: int, quick: bool) -> CampaignRate:
         return CampaignRate(1, BATCH, BATCH / rows.seconds, missing=str(error))
     with Parallel(processes) as parallel:
         parallel(delayed(measure_batch)(campaign, 0, 1) for _ in range(processes))  # their imports
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         batches = parallel(
             delayed(measure_batch)(campaign, i, i + BATCH) for i in range(0, points, BATCH)
         )
-        ours = points / (time.perf_counter() - begun)
+        ours = points / (time.perf_counter() - start_time)
         found = np.concatenate([batch.measures[:, 0] for batch in batches])
         count = min(points, PEER_POINTS[not quick] * processes)
         inputs = np.concatenate([batch.inputs for batch in batches])[:count]
         masses = [TwoMassParameters.from_rig(make_point(campaign, row).rig) for row in inputs]
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         theirs = parallel(
             delayed(bisected)(p, campaign.law, rpm)
             for p, rpm in zip(masses, found[:count].tolist(), strict=True)
         )
-        peer = count / (time.perf_counter() - begun)
+        peer = count / (time.perf_counter() - start_time)
     gaps = np.abs(found[:count] - np.array(theirs))
     beyond = int((gaps > FINE).sum())
     return CampaignRate(processes, points, ours, count, peer, float(np.median(gaps)), beyond)

@@ -204,8 +204,8 @@ def _seconds(*works: Callable[[], object]) -> list[tuple[float, ...]]:
     for _ in range(REPEATS + 1):
         took = []
         for work in works:
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             work()
-            took.append(time.perf_counter() - begun)
+            took.append(time.perf_counter() - start_time)
         times.append(tuple(took))
     return times[1:]

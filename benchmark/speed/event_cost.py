@@ -129,12 +129,12 @@ def _of_peer(
         if peer.name != name or peer.missing() is not None:
             continue
         for rtol in RTOLS:
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             try:
                 solution = peer.solve(run, rtol, SECONDS)
             except PeerError:
                 continue
-            taken = time.perf_counter() - begun
+            taken = time.perf_counter() - start_time
             error = _error(case, solution, reference)
             yield f"{peer.title} {rtol:.0e}", taken, error, _landings(solution)
 
@@ -151,9 +151,9 @@ def median_of(function: Callable[[], object], repeats: int) -> float:
     """Return the median wall time, s."""
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         function()
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start_time)
     return statistics.median(times)
 
 

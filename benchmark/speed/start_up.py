@@ -129,7 +129,7 @@ def _printed(code: str) -> list[float]:
 
 def _timed(arguments: Sequence[str]) -> tuple[float, float]:
     """Return wall and CPU time (s) of Python with arguments, with its child processes."""
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     with subprocess.Popen(
         [sys.executable, *arguments],
         stdout=subprocess.DEVNULL,
@@ -140,7 +140,7 @@ def _timed(arguments: Sequence[str]) -> tuple[float, float]:
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, list(arguments))
-    return time.perf_counter() - begun, used.ru_utime + used.ru_stime
+    return time.perf_counter() - start_time, used.ru_utime + used.ru_stime
 
 
 def _alone() -> dict[str, str]:

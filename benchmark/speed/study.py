@@ -318,9 +318,9 @@ def run(
     quick: bool, advance: Callable[[str], None], names: tuple[str, ...] = ORDER, cores: int = 1
 ) -> WorkPrecisionStudy:
     """Run the study. ``advance`` is notified once for each sweep and the campaign."""
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     effort = QUICK if quick else FULL
-    deadline = begun + effort.seconds
+    deadline = start_time + effort.seconds
     left = len(names) * sum(peer.weight for peer in PEERS)
     found: dict[str, CaseResult] = {}
     for name in names:
@@ -337,7 +337,7 @@ def run(
     advance("campaign")
     campaign = campaign_rate(cores, quick)
     ordered = {name: found[name] for name in CASES if name in found}
-    took = time.perf_counter() - begun
+    took = time.perf_counter() - start_time
     return WorkPrecisionStudy(ordered, rates(), quick, cores, took, campaign)
 
 
@@ -349,9 +349,9 @@ def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
         solve(case)  # imports and the tables that do not belong to a law
         for _ in range(repeats):
             fresh = case.fresh()
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             solution = solve(fresh)
-            times.append(time.perf_counter() - begun)
+            times.append(time.perf_counter() - start_time)
     except CamRigError as error:
         result.missing = str(error)
         return result
@@ -400,9 +400,9 @@ def _measure(
     """
     times: list[float] = []
     while not times or (len(times) < PEER_REPEATS and sum(times) + times[-1] < limit):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         solution = peer.solve(case, rtol, OVERRUN * spare)
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start_time)
     return _point(solution, reference, times, rtol)
 
 

@@ -276,10 +276,10 @@ class Advantage(NamedTuple):
     noise: float
 
 
-def advantages(found: Study) -> list[Advantage]:
+def advantages(result: Study) -> list[Advantage]:
     """Compare the proposed cam with each other cam."""
-    best, rows = found.cams[PROPOSED], []
-    for cam, other in found.cams.items():
+    best, rows = result.cams[PROPOSED], []
+    for cam, other in result.cams.items():
         if cam != PROPOSED:
             jump, slopes = best.jump / other.jump, best.rigid_jump / other.rigid_jump
             less = best.acceleration / other.acceleration
@@ -290,9 +290,9 @@ def advantages(found: Study) -> list[Advantage]:
     return rows
 
 
-def tables(found: Study) -> list[Table]:
+def tables(result: Study) -> list[Table]:
     """Return the analysis of variance by design, jump speeds by law, advantages, compressed cam."""
-    same, alike, names = found.same_angles, found.same_acceleration, titles(found.cams)
+    same, alike, names = result.same_angles, result.same_acceleration, titles(result.cams)
     wholes = [same, alike]
     designs = [part for whole in wholes for part in (whole, whole.smooth) if part is not None]
     means = [np.exp(np.log(one.values("jump")).mean(axis=1)).tolist() for one in wholes]
@@ -321,7 +321,7 @@ def tables(found: Study) -> list[Table]:
                     row.residual,
                     row.noise,
                 )
-                for row in advantages(found)
+                for row in advantages(result)
             ],
             "From slopes: what a rigid follower has too, in logarithms; the rest is vibration. "
             "Above 100 %: at its own, higher jump speed the cam excites more vibration.",
@@ -332,7 +332,7 @@ def tables(found: Study) -> list[Table]:
             "peak acceleration [m/s²] :.1f | residual vibration [µm] :.2f | noise [dB] :.1f",
             [
                 (span, m.jump, m.rigid_jump, m.acceleration, 1e6 * m.residual, m.noise)
-                for span, m in found.squeezed.items()
+                for span, m in result.squeezed.items()
             ],
         ),
     ]
@@ -362,13 +362,13 @@ def variance_table(design: Design) -> Table:
     )
 
 
-def summary(found: Study) -> list[str]:
+def summary(result: Study) -> list[str]:
     """Return the shares of the slopes and of the continuity as text."""
-    shares = sorted(row.jump_share for row in advantages(found) if row.jump > 1.0)
-    residual = found.same_acceleration.shares("residual")
-    lost = found.same_acceleration.lost("residual")
+    shares = sorted(row.jump_share for row in advantages(result) if row.jump > 1.0)
+    residual = result.same_acceleration.shares("residual")
+    lost = result.same_acceleration.lost("residual")
     return [
-        f"{PROPOSED} jumps later than {len(shares)} of {len(found.cams) - 1} cams, "
+        f"{PROPOSED} jumps later than {len(shares)} of {len(result.cams) - 1} cams, "
         f"{shares[0]:.0%} to {shares[-1]:.0%} of that from the slopes",
         f"residual vibration at the same acceleration: classes of continuity {residual.classes:.0%}"
         f", law {residual.law:.0%}, angle {residual.angle:.0%} of the sum of squares; "
@@ -382,8 +382,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     out = parser(__doc__).parse_args(argv).out
     with ProcessPoolExecutor() as pool:
-        found = study(pool.map)
-    publish(out, tables(found), {"factorial": factorial_figure.figure(found)}, summary(found))
+        result = study(pool.map)
+    publish(out, tables(result), {"factorial": factorial_figure.figure(result)}, summary(result))
 
 
 if __name__ == "__main__":

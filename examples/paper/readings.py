@@ -231,14 +231,14 @@ LISTED = (
 )
 
 
-def tables(found: Sequence[Read]) -> list[Table]:
+def tables(result: Sequence[Read]) -> list[Table]:
     """Return the parameters of all readings, and each reading on every cam.
 
     The first table also reports the agreement.
     """
     names = titles(TABLE_2)
     numbers = []
-    for one in found:
+    for one in result:
         texts = []
         for key, _, number_format in LISTED:
             mark = "*" if key in one.reading.fitted else ""
@@ -270,7 +270,7 @@ def tables(found: Sequence[Read]) -> list[Table]:
                     *(row.rpm, row.jump, TABLE_2[row.cam][1]),
                     *(row.time, row.at_jump, row.beyond, row.window, row.force),
                 )
-                for one in found
+                for one in result
                 for row in one.rows
             ],
             "Time: at the first speed of the grid, and above the jump speed by so much of it.\n"
@@ -282,15 +282,15 @@ def tables(found: Sequence[Read]) -> list[Table]:
     ]
 
 
-def summary(found: Sequence[Read]) -> list[str]:
+def summary(result: Sequence[Read]) -> list[str]:
     """Return the agreement of each reading, the nearest one, and the widest window."""
-    nearest = min(found, key=lambda one: one.rms)
-    widest = max(row.window for one in found for row in one.rows)
+    nearest = min(result, key=lambda one: one.rms)
+    widest = max(row.window for one in result for row in one.rows)
     return [
         *(
             f"{one.name}: {one.speeds} of {len(one.rows)} speeds and {one.times} times with "
             f"{len(one.reading.fitted)} fitted"
-            for one in found
+            for one in result
         ),
         f"jump speeds at any speed are nearest on {nearest.name}, {nearest.rms:.2%} r.m.s.",
         f"a printed time comes out over {widest:.2g} of {2 * GRID_RPM:g} rpm about its speed",
@@ -300,8 +300,8 @@ def summary(found: Sequence[Read]) -> list[str]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment: some 20 s."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    publish(out, tables(found), {}, summary(found))
+    result = study()
+    publish(out, tables(result), {}, summary(result))
 
 
 if __name__ == "__main__":

@@ -190,10 +190,10 @@ def search(
 
     limits = [np.log(BOUNDS[key]) if key in LOGARITHMIC else np.array(BOUNDS[key]) for key in free]
     options = EVOLUTION | {"maxiter": generations, "rng": seed, "callback": report}
-    found = differential_evolution(miss, Bounds(*np.stack(limits, axis=1)), **options)
-    best = numbers_at(found.x[:, None])
+    result = differential_evolution(miss, Bounds(*np.stack(limits, axis=1)), **options)
+    best = numbers_at(result.x[:, None])
     numbers = {key: float(best[key][0]) for key in free}
-    return Best(numbers, float(found.fun), (count + 1) * found.population.shape[0])
+    return Best(numbers, float(result.fun), (count + 1) * result.population.shape[0])
 
 
 def main(argv: Sequence[str] | None = None) -> None:

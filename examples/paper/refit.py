@@ -237,9 +237,9 @@ def _slopes(differences: Callable[[FloatArray], FloatArray], x: FloatArray) -> F
     return np.stack([(up - down) / (2.0 * ABOUT) for up, down in sides], axis=1)
 
 
-def tables(found: Refit) -> list[Table]:
+def tables(result: Refit) -> list[Table]:
     """Return the solutions, the rig as it is first, and the standard errors near the best one."""
-    rows = [Solution("as it is", found.start, found.rms[0]), *found.solutions]
+    rows = [Solution("as it is", result.start, result.rms[0]), *result.solutions]
     return [
         Table(
             "Refit of four numbers to four jump speeds",
@@ -247,28 +247,28 @@ def tables(found: Refit) -> list[Table]:
             "| mass split, roller :.5g | preload [N] :.5g",
             [
                 (
-                    one.start,
-                    100.0 * one.rms,
-                    math.degrees(one.numbers.event),
-                    one.numbers.stem_stiffness,
-                    one.numbers.roller_share,
-                    one.numbers.preload,
+                    row.start,
+                    100.0 * row.rms,
+                    math.degrees(row.numbers.event),
+                    row.numbers.stem_stiffness,
+                    row.numbers.roller_share,
+                    row.numbers.preload,
                 )
-                for one in rows
+                for row in rows
             ],
         ),
         Table(
             "Standard errors from the rounding of the paper's Table 2 alone, near the best",
             "event angle [%] :.1f | stem stiffness [%] :.1f | roller share [%] :.1f "
             "| preload [%] :.1f | rounding of a speed [%] :.2f",
-            [(*(100.0 * found.deviation).tolist(), 100.0 * found.rounding)],
+            [(*(100.0 * result.deviation).tolist(), 100.0 * result.rounding)],
         ),
     ]
 
 
-def jumps(found: Refit, duration: float) -> Table:
+def jumps(result: Refit, duration: float) -> Table:
     """Return the jump speeds of all cams of Table 2 on the refitted rig."""
-    best, rig = found.numbers, cam_rig.load_rig(RIG)
+    best, rig = result.numbers, cam_rig.load_rig(RIG)
     rig = rig.with_follower(
         stem_stiffness=best.stem_stiffness, roller_share=best.roller_share, preload=best.preload
     )
@@ -282,12 +282,12 @@ def jumps(found: Refit, duration: float) -> Table:
     return Table("Jump speeds on the refitted rig", columns, rows)
 
 
-def summary(found: Refit) -> list[str]:
+def summary(result: Refit) -> list[str]:
     """Return the r.m.s. differences before and after, and that of the rounding alone."""
-    before, after = found.rms
+    before, after = result.rms
     return [
         f"rig as it is: {100 * before:.2f} % r.m.s.; refitted: {100 * after:.2f} % r.m.s.; "
-        f"rounding of Table 2 alone: {100 * found.rounding:.2f} %"
+        f"rounding of Table 2 alone: {100 * result.rounding:.2f} %"
     ]
 
 
@@ -318,15 +318,15 @@ def jump_by_degree(
     """
     if not any(_HALF.fullmatch(segment.law) for segment in cam.segments):
         return {}
-    found = {}
+    result = {}
     for degree in DEGREES:
         segments = [
             segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
             for segment in cam.segments
         ]
         law = build_law(cam.model_copy(update={"segments": segments}))
-        found[degree] = find_jump_speed(law, parameters, duration) / RPM
-    return found
+        result[degree] = find_jump_speed(law, parameters, duration) / RPM
+    return result
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -336,8 +336,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--from-rest", type=float, default=FROM_REST, help="length of a run, s (%(default)s)"
     )
     given = arguments.parse_args(argv)
-    found = study(given.from_rest)
-    publish(given.out, [*tables(found), jumps(found, given.from_rest)], {}, summary(found))
+    result = study(given.from_rest)
+    publish(given.out, [*tables(result), jumps(result, given.from_rest)], {}, summary(result))
 
 
 if __name__ == "__main__":

@@ -277,8 +277,8 @@ def figure() -> Figure:
     left, right = out.subplots(1, 2)
     for mode in range(3):
         n = counts[counts > mode]
-        found = [Stem(follower, float(one)).frequencies(mode + 1)[mode] for one in n]
-        error = 100.0 * np.abs(np.array(found) / limits[mode] - 1.0)
+        result = [Stem(follower, float(one)).frequencies(mode + 1)[mode] for one in n]
+        error = 100.0 * np.abs(np.array(result) / limits[mode] - 1.0)
         left.loglog(n, error, label=f"frequency {mode + 1}", **series_marker(mode))
     left.loglog(counts, 10.0 / counts**2.0, color="0.4", lw=0.8, ls=":", label="∝ 1/n²")
     logarithmic(left.xaxis, left.yaxis)
@@ -311,9 +311,9 @@ class Errors(NamedTuple):
     insufficient: tuple[str, float] | None
 
 
-def errors(found: StemTables) -> Errors:
+def errors(result: StemTables) -> Errors:
     """Return the largest errors of two masses on a stem."""
-    rows = found.over_cams.frame.set_index("law")
+    rows = result.over_cams.frame.set_index("law")
     off, level_off = rows["two masses off [%]"], rows["level off [dB]"]
     speeds = rows["force off from [rpm]"].replace("never", "inf").astype(float)
     first = speeds.idxmin(), float(speeds.min())
@@ -321,17 +321,17 @@ def errors(found: StemTables) -> Errors:
     return Errors(jump, float(level_off.max()), first if math.isfinite(first[1]) else None)
 
 
-def matched_error(found: StemTables) -> float:
+def matched_error(result: StemTables) -> float:
     """Return the largest error in % of the two masses, compared with the softer bar."""
-    rows = found.over_cams.frame
+    rows = result.over_cams.frame
     return float((100.0 * (rows["two masses [rpm]"] / rows["softer bar [rpm]"] - 1.0)).abs().max())
 
 
-def summary(found: StemTables) -> str:
+def summary(result: StemTables) -> str:
     """Return the largest errors of two masses on a stem as text."""
-    (cam, off), level_off, _ = errors(found)
+    (cam, off), level_off, _ = errors(result)
     return (
-        f"stem of {found.stiffness:.3g} N/m: jump speed of two masses off by at most "
+        f"stem of {result.stiffness:.3g} N/m: jump speed of two masses off by at most "
         f"{off:+.2f} % ({cam}), level by {level_off:.2f} dB"
     )
 
@@ -339,9 +339,9 @@ def summary(found: StemTables) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment: some 15 s."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    tables = [table for one in found for table in (one.over_elements, one.over_cams)]
-    publish(out, tables, {"stem": figure()}, map(summary, found))
+    result = study()
+    tables = [table for one in result for table in (one.over_elements, one.over_cams)]
+    publish(out, tables, {"stem": figure()}, map(summary, result))
 
 
 if __name__ == "__main__":

@@ -275,9 +275,9 @@ def summary(curves: Sequence[Curve]) -> list[str]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    shown = [events_table(), ordinates_table(found[0]), control_table(found)]
-    publish(out, shown, {"timing": figure(found)}, summary(found))
+    result = study()
+    shown = [events_table(), ordinates_table(result[0]), control_table(result)]
+    publish(out, shown, {"timing": figure(result)}, summary(result))
 
 
 if __name__ == "__main__":
