@@ -355,9 +355,9 @@ def fit_jumps(
     values = _start_values(table, base, given, two)
     trial = JumpModel(law, table, free, values, progress)
     x = search_jumps(trial)
-    speeds, degrees_of_freedom = trial.speeds(x), count - len(free)
-    deviation, followed = _deviation(trial, speeds, degrees_of_freedom, error)
-    within = _coverage_factor(followed, degrees_of_freedom)
+    speeds, surplus = trial.speeds(x), count - len(free)
+    deviation, followed = _deviation(trial, speeds, surplus, error)
+    within = _coverage_factor(followed, surplus)
     covariance, null_groups = normal_inverse(_slopes(trial, x) / deviation)
     estimates = [
         *_estimates(trial, x, np.sqrt(np.diag(covariance)), null_groups, within),
@@ -366,23 +366,20 @@ def fit_jumps(
     order = (*names, *given)
     estimates.sort(key=lambda number: order.index(number.name))
     if "restitution" not in given:
-        estimates.append(
-            ParameterEstimate.unidentified("restitution", "no landing is in a jump speed")
-        )
+        reason = "no landing is in a jump speed"
+        estimates.append(ParameterEstimate.unidentified("restitution", reason))
     indices = [free.index(n.name) for n in estimates if n.name in free and n.value is not None]
     correlation = correlation_matrix(covariance[np.ix_(indices, indices)])
     parameters = "two_mass" if two else "one_mass", tuple(estimates), correlation, table
-    return JumpFit(
-        law, *parameters, tuple(speeds.tolist()), deviation, followed, degrees_of_freedom
-    )
+    return JumpFit(law, *parameters, tuple(speeds.tolist()), deviation, followed, surplus)
 
 
-def _coverage_factor(error_given: bool, degrees_of_freedom: int) -> float:
+def _coverage_factor(error_given: bool, surplus: int) -> float:
     """Return half the width of an interval of 95 % in standard errors.
 
     An error from few residuals uses Student's distribution.
     """
-    return WITHIN_95 if error_given else float(student.ppf(0.975, max(degrees_of_freedom, 1)))
+    return WITHIN_95 if error_given else float(student.ppf(0.975, max(surplus, 1)))
 
 
 def _check_readings(table: JumpTable) -> None:
@@ -403,11 +400,11 @@ def _check_readings(table: JumpTable) -> None:
 
 
 def _deviation(
-    trial: JumpModel, speeds: FloatArray, degrees_of_freedom: int, error: float | None
+    trial: JumpModel, speeds: FloatArray, surplus: int, error: float | None
 ) -> tuple[float, bool]:
     """Return the standard deviation of a reading (rpm), and True if it is given."""
     left = speeds - trial.table.rpm
-    scatter = rms(left) * math.sqrt(left.size / degrees_of_freedom) if degrees_of_freedom else 0.0
+    scatter = rms(left) * math.sqrt(left.size / surplus) if surplus else 0.0
     if (speeds >= FASTEST).any() or scatter > MAX_SCATTER * float(speeds.mean()):
         worst = int(np.abs(left).argmax())
         raise ConfigError(
@@ -450,8 +447,7 @@ def _slopes(trial: JumpModel, x: FloatArray) -> FloatArray:
         ends = [np.clip(x + sign * step, low, high) for sign in (1.0, -1.0)]
         up, down = (trial.speeds(end) for end in ends)
         slopes[:, k] = (up - down) / (ends[0] - ends[1])[k]
-        # a parameter that changes a speed in one direction only is not identifiable from it:
-        # all values in the other direction fit as well
+        # a speed that changes in one direction only fits all values in the other direction
         sides = np.abs([up - speeds, speeds - down])
         if low[k] < ends[1][k] and ends[0][k] < high[k]:
             slopes[sides.min(axis=0) < ONE_SIDED_RTOL * sides.max(axis=0), k] = 0.0
