@@ -1,1 +1,1 @@
-"""What the rig costs, beside other solvers, and how its numbers converge."""
+"""Benchmarks: cost of the rig, comparison with other solvers, and accuracy."""

@@ -17,24 +17,25 @@ POINTS, REPEATS = 36_000, 10
 
 
 def best_of(repeats: int, work: Callable[[], object]) -> float:
-    """Shortest time of some repeats, s."""
+    """Return the shortest wall time of several repetitions, s."""
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         work()
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start_time)
     return min(times)
 
 
 def main() -> None:
-    begun = time.perf_counter()
+    """Measure the checks and contours of all cams and print the times."""
+    start_time = time.perf_counter()
     cams = [load_cam(path) for path in sorted((config_root() / "cams").glob("*.yaml"))]
-    read = time.perf_counter() - begun
+    read = time.perf_counter() - start_time
     laws = [build_law(cam) for cam in cams]
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     for cam, law in zip(cams, laws, strict=True):
         check_cam(cam, law)
-    checked = time.perf_counter() - begun
+    checked = time.perf_counter() - start_time
     print(f"{len(cams)} cams read in {read:.3f} s, checked in {checked:.3f} s")
     for cam, law in zip(cams, laws, strict=True):
         took = best_of(REPEATS, partial(contours, cam.follower, law, POINTS))

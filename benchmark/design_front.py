@@ -1,10 +1,11 @@
-"""The front of designs beside an evolutionary search of the same class, with the same evaluator.
+"""Designs on a front, compared with an evolutionary search of the same class.
 
-Jump speed of one rigid mass against peak |s″|, laws of 16 pieces at the events of poly345. The
-peer is NSGA-II (pymoo), helped where that is fair: its genes are combinations of the free ordinates
-that change s'' by equal parts (with the ordinates themselves it does not leave the start), in the
-range that all designs need and half as much again on either side; it begins at the start law and
-around it, and the lift is its constraint. Prints the table of docs/design.md, draws both fronts.
+Both use the same evaluator: jump speed of one rigid mass against peak |s″|, for laws of 16 pieces
+at the events of poly345. The peer is NSGA-II (pymoo), helped where that is fair. Its genes are
+combinations of the free ordinates that change s'' equally. With the ordinates themselves it does
+not leave the start. The range of the genes is that of all designs, extended by half on either side.
+It starts at the start law and near it, and the lift is its constraint. Prints the table of
+docs/design.md and draws both fronts.
 
 Usage: OMP_NUM_THREADS=1 python -m benchmark.design_front [--minutes 10] [--plot docs/front.png]
 """
@@ -36,15 +37,17 @@ from cam_rig.units import FloatArray, to_rpm
 
 POINTS, POPULATION, SEED = 25, 100, 1
 GOAL, OTHER = parse_goal("jump_speed_rigid"), parse_goal("peak_acceleration")
-#: The first population: the start law, and laws whose ordinates are so far from its, in
-#: parts of the designs' range.
+#: Distances of the first population from the start law, relative to the range of the designs.
 AROUND = (1e-3, 1e-2, 0.1, 0.5)
-#: By so much of the lift a law of the peer may leave its range, which ours may not.
+#: Relative lift by which a law of the peer may leave its range. The designs of the rig may not.
 LIFT = 1e-6
 
 
 class Laws(ElementwiseProblem):
-    """Jump speed (negative, rpm) and peak |s″| (mm/rad²) of a law; its lift as constraint."""
+    """Jump speed (negative, rpm) and peak |s″| (mm/rad²) of a law.
+
+    Its lift is a constraint.
+    """
 
     def __init__(
         self, problem: DesignProblem, shapes: np.ndarray, low: np.ndarray, high: np.ndarray
@@ -64,7 +67,7 @@ class Laws(ElementwiseProblem):
 
 
 def ordinates(space: Space, law: Law) -> np.ndarray:
-    """Of the law of the class that is nearest to a law, in lifts."""
+    """Return the ordinates, in lifts, of the law of the class closest to a law."""
     angles = np.concatenate(
         [np.linspace(e.start, e.start + e.span, 400)[1:-1] for e in space.events]
     )
@@ -75,7 +78,7 @@ def ordinates(space: Space, law: Law) -> np.ndarray:
 
 
 def even_shapes(space: Space) -> np.ndarray:
-    """Free ordinates of shapes, column by column, whose s'' are orthonormal."""
+    """Return free ordinates of shapes in columns, whose s'' are orthonormal."""
     own = space.law_class.free * len(space.events)
     angles = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
     unit = np.eye(own)
@@ -85,73 +88,77 @@ def even_shapes(space: Space) -> np.ndarray:
 
 
 def main() -> None:
-    """Both fronts, the table and the picture."""
+    """Compute both fronts, print the table and draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--plot", type=Path)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
     request = DesignRequest.of(maximise=GOAL.key, law_class=LawClass(16, 3))
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     ours = front(cam, rig, request, OTHER, POINTS)
-    took = time.perf_counter() - begun
+    took = time.perf_counter() - start_time
     start = ours.designs[0].start
     space = Space(start, request.law_class)
     shapes = even_shapes(space)
     laws_known = [start, *(design.law for design in ours.designs)]
-    known = np.array([np.linalg.solve(shapes, ordinates(space, law)) for law in laws_known])
-    first = known[0]
-    low, high = known.min(axis=0), known.max(axis=0) + 1e-6
+    shapes_of_laws = np.array(
+        [np.linalg.solve(shapes, ordinates(space, law)) for law in laws_known]
+    )
+    first = shapes_of_laws[0]
+    low, high = shapes_of_laws.min(axis=0), shapes_of_laws.max(axis=0) + 1e-6
     problem = DesignProblem(cam, start, rig, space)
     laws = Laws(problem, shapes, 1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
     spread = np.resize(AROUND, (POPULATION, 1)) * (high - low)
     rng = np.random.default_rng(SEED)
     population = first + rng.normal(size=(POPULATION, first.size)) * spread
     population[0] = first
-    found = minimize(
+    result = minimize(
         laws,
         NSGA2(pop_size=POPULATION, sampling=population),
-        TimeBasedTermination(60.0 * asked.minutes),
+        TimeBasedTermination(60.0 * arguments.minutes),
         seed=SEED,
     )
-    report(ours, took, laws, found.F, asked)
+    report(ours, took, laws, result.F, arguments)
 
 
 def report(
-    ours: Front, took: float, laws: Laws, peer: FloatArray, asked: argparse.Namespace
+    ours: Front, took: float, laws: Laws, peer: FloatArray, arguments: argparse.Namespace
 ) -> None:
-    """Print and draw."""
+    """Print the table and draw the figure."""
     allowed = np.array(ours.allowed) * 1e3
     result = np.array([to_rpm(design.goal.result) for design in ours.designs])
     bounds = (design.goal.bound for design in ours.designs)
-    bound = np.array([to_rpm(one) for one in bounds if one is not None])  # of a jump speed, all
-    own = np.column_stack([-result, allowed])
-    # what is slower than the slowest of both, or steeper than the steepest, counts for nothing
-    worst = np.maximum(own.max(axis=0), peer.max(axis=0))
+    bound = np.array(
+        [to_rpm(value) for value in bounds if value is not None]
+    )  # of a jump speed, all
+    designs = np.column_stack([-result, allowed])
+    # points slower than the slowest of both, or steeper than the steepest, do not count
+    worst = np.maximum(designs.max(axis=0), peer.max(axis=0))
     indicator = HV(ref_point=worst + 0.01 * np.abs(worst))
-    at = np.searchsorted(allowed, peer[:, 1])  # the first of our points that allows as much
-    beyond = np.append(bound, np.inf)[at] < -peer[:, 0]
-    volume = indicator(own), indicator(peer)
+    indices = np.searchsorted(allowed, peer[:, 1])  # the first of our points with this limit
+    beyond = np.append(bound, np.inf)[indices] < -peer[:, 0]
+    volume = indicator(designs), indicator(peer)
     print("| | points | laws evaluated | time | hypervolume |")
     print("|---|---|---|---|---|")
     programs = sum(design.rounds for design in ours.designs)
     print(f"| designs | {result.size} | {programs} programs | {took:.0f} s | 1 |")
     print(
-        f"| NSGA-II | {len(peer)} | {laws.evaluated} | {60.0 * asked.minutes:.0f} s | "
+        f"| NSGA-II | {len(peer)} | {laws.evaluated} | {60.0 * arguments.minutes:.0f} s | "
         f"{volume[1] / volume[0]:.3f} |"
     )
     print(
-        f"\nPoints of NSGA-II beyond a bound: {int(beyond[at < bound.size].sum())}; "
+        f"\nPoints of NSGA-II beyond a bound: {int(beyond[indices < bound.size].sum())}; "
         f"jump speed {-peer[:, 0].max():.1f} to {-peer[:, 0].min():.1f} rpm at peak |s″| "
         f"{peer[:, 1].min():.2f} to {peer[:, 1].max():.2f} mm/rad²; "
         f"designs {result.min():.1f} to {result.max():.1f} rpm at {allowed.min():.2f} to "
         f"{allowed.max():.2f} mm/rad²"
     )
-    if asked.plot is not None:
+    if arguments.plot is not None:
         figure = front_figure(ours)
         figure.axes[0].plot(peer[:, 1], -peer[:, 0], "x", ms=4, color="0.4", label="NSGA-II")
         figure.axes[0].legend(frameon=False)
-        write(figure, asked.plot)
+        write(figure, arguments.plot)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""How far a cam fitted to readings is from the one that was read: the table of docs/accuracy.md.
+"""Accuracy of cams fitted to readings: the table of docs/accuracy.md.
 
     .venv/bin/python -m benchmark.fit_cam
 
-Readings of shipped laws with noise, an unknown zero and one outlier; takes half a minute.
+Readings of shipped laws have noise, an unknown zero and one outlier. It takes half a minute.
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
 
 
 def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
-    """r.m.s. of the lift (µm), of the acceleration over its peak (%), and of the peak (%)."""
+    """Return relative or absolute errors of a fit.
+
+    These are the r.m.s. of the lift (µm), of the acceleration relative to its peak (%), and the
+    error of the peak (%).
+    """
     rng = np.random.default_rng(seed)
     law = cam_rig.build_law(cam_rig.load_cam(name))
     scale = LIFT / law.lift
@@ -32,23 +36,23 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
     column = GaugeColumn("lift", tuple(lifts), 1e-9)
     table = GaugeTable(name, tuple(angles), (column,), tuple(range(count)), ())
     fit = fit_spline(put_in_order(table, column))
-    true, found = scale * law(FINE, 2), fit.law(FINE, 2)
+    true, fitted = scale * law(FINE, 2), fit.law(FINE, 2)
     peak = np.abs(true).max()
     away = fit.law(FINE) - scale * law(FINE)
     return (
         1e6 * float(np.sqrt(np.mean(away**2))),
-        100.0 * float(np.sqrt(np.mean((found - true) ** 2)) / peak),
-        100.0 * abs(float(np.abs(found).max() / peak) - 1.0),
+        100.0 * float(np.sqrt(np.mean((fitted - true) ** 2)) / peak),
+        100.0 * abs(float(np.abs(fitted).max() / peak) - 1.0),
     )
 
 
 def main() -> None:
-    """Print the rows: median, 95th percentile and worst of each error."""
+    """Print the median, the 95th percentile and the largest of each error."""
     for count in COUNTS:
-        found = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
+        values = np.array([errors(name, count, seed) for name in CAMS for seed in SEEDS])
         cells = [
             ", ".join(f"{value:.2g}" for value in (np.median(e), np.percentile(e, 95), e.max()))
-            for e in found.T
+            for e in values.T
         ]
         print(f"| {count} | {cells[0]} µm | {cells[1]} % | {cells[2]} % |")
 

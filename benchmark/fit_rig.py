@@ -1,9 +1,9 @@
-"""How often the 95 % intervals of ``cam-rig fit rig`` hold the truth, over simulated machines.
+"""Coverage of the 95 % intervals of ``cam-rig fit rig`` over simulated machines.
 
     python -m benchmark.fit_rig --trials 200 --model one_mass
 
-Each trial has a rig, a cam, five speeds and noise of its own: force 1 %, lift 10 µm, an encoder of
-1024 counts, 3° off, and a sensors' clock 200 ppm fast.
+Each trial has a random rig, cam, set of five speeds and noise: force 1 %, lift 10 µm, an encoder of
+1024 counts with an offset of 3°, and a sensors' clock that is 200 ppm fast.
 """
 
 from __future__ import annotations
@@ -24,20 +24,22 @@ from cam_rig.studies.fit_rig.result import RigFit
 from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.units import to_rpm
 
-#: Cams with a dwell, with and without, smooth and with steps of acceleration.
+#: Cams with and without a dwell, smooth and with steps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex")
-#: Speeds in parts of the rigid follower's jump speed, and how far each scatters.
-PARTS, SCATTER = (0.35, 0.55, 0.75, 0.95, 1.08), 0.03
+#: Speeds relative to the rigid follower's jump speed.
+PARTS = (0.35, 0.55, 0.75, 0.95, 1.08)
+#: Largest random change of a relative speed.
+SCATTER = 0.03
 
 
 def trial(
     seed: int, model: str, cams: tuple[str, ...], unasked: bool
 ) -> tuple[RigConfig, RigFit, float]:
-    """A machine, what a fit found of it, and how long that took (s).
+    """Return a random rig, the fit of its simulated run, and the time of the fit (s).
 
     Parameters
     ----------
-    unasked : the fit is not told that there is a stem
+    unasked : True if the model is not given to the fit
     """
     random = np.random.default_rng(seed)
     law = cam_rig.build_law(cam_rig.load_cam(cams[seed % len(cams)]))
@@ -60,26 +62,28 @@ def trial(
     errors = InstrumentErrors(in_proportion=seed % 2 == 1)
     run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
     begin = time.perf_counter()
-    known = None if unasked or model == "one_mass" else model
-    found = fit_run(law, run, cam_rig.load_rig("tm21"), known)
-    return rig, found, time.perf_counter() - begin
+    model_name = None if unasked or model == "one_mass" else model
+    fit = fit_run(law, run, cam_rig.load_rig("tm21"), model_name)
+    return rig, fit, time.perf_counter() - begin
 
 
 def main() -> None:
-    """Print a line a number: how often it is told, and how often its interval holds the truth."""
+    """Print one line per parameter: number of estimates and coverage of the intervals."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--model", choices=("one_mass", "two_mass"), default="one_mass")
     parser.add_argument("--cams", default=",".join(CAMS), help="names with commas")
-    parser.add_argument("--unasked", action="store_true", help="the fit is not told of the stem")
-    asked = parser.parse_args()
+    parser.add_argument("--unasked", action="store_true", help="do not give the model to the fit")
+    arguments = parser.parse_args()
     scores, seconds, models = defaultdict[str, list[float]](list), [], defaultdict[str, int](int)
-    for seed in range(asked.first, asked.first + asked.trials):
-        rig, found, took = trial(seed, asked.model, tuple(asked.cams.split(",")), asked.unasked)
+    for seed in range(arguments.first, arguments.first + arguments.trials):
+        rig, fit, took = trial(
+            seed, arguments.model, tuple(arguments.cams.split(",")), arguments.unasked
+        )
         seconds.append(took)
-        models[found.model] += 1
-        for number in found.identified:
+        models[fit.model] += 1
+        for number in fit.identified:
             assert number.value is not None
             assert number.error is not None
             truth = getattr(rig.follower, number.name).si

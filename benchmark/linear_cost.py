@@ -1,6 +1,6 @@
-"""What a run costs: wall time against samples and against stiffness. Writes docs/cost.png.
+"""Cost of a run: wall time against samples and against stiffness.
 
-Run it from the project's root: .venv/bin/python -m benchmark.linear_cost
+Writes docs/cost.png. Run it from the project's root: .venv/bin/python -m benchmark.linear_cost
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ MODELS_SHOWN = ("kinetostatic", "residual")
 RPM, SAMPLE_RATE, REPEATS = 300.0, 48_000, 3
 SPEED = RPM * np.pi / 30.0
 SAMPLES = (10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000)
-#: N/m
+#: Stem stiffnesses, N/m.
 STEMS = tuple(10.0**power for power in range(4, 11))
 USUAL_STEM, USUAL_SAMPLES = 3.3e8, 1_000_000
-#: Samples in one block of a stream.
+#: Number of samples in one block of a stream.
 BLOCK = 240_000
 
 
 def stream(law: Law, model: str, stem: float, samples: int) -> None:
-    """A run in blocks, each dropped when the next is made."""
+    """Compute a run in blocks, each dropped when the next is computed."""
     parameters = FollowerParameters(1.3, 4030.0, 8.642, 12.753, stem)
     state, step = None, NS // SAMPLE_RATE
     for first in range(0, samples, BLOCK):
@@ -49,18 +49,18 @@ def stream(law: Law, model: str, stem: float, samples: int) -> None:
 
 
 def seconds(work: Callable[[], None]) -> float:
-    """Median wall time, after one run that fills the caches."""
+    """Return the median wall time in s, after one run that fills the caches."""
     work()
-    found = []
+    times = []
     for _ in range(REPEATS):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         work()
-        found.append(time.perf_counter() - begun)
-    return statistics.median(found)
+        times.append(time.perf_counter() - start_time)
+    return statistics.median(times)
 
 
 def measure() -> tuple[dict[str, list[float]], dict[str, list[float]]]:
-    """Wall times (s) by model: over `SAMPLES`, and over `STEMS`."""
+    """Return the wall times (s) by model: over `SAMPLES`, and over `STEMS`."""
     law = law_of("poly345")
     by_samples: dict[str, list[float]] = {}
     by_stem: dict[str, list[float]] = {}
@@ -77,7 +77,7 @@ def measure() -> tuple[dict[str, list[float]], dict[str, list[float]]]:
 
 
 def table(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]]) -> str:
-    """Both measurements as Markdown, with the rate at each point."""
+    """Return both measurements as Markdown, with the rate at each point."""
     lines = ["| samples | " + " | ".join(f"{m} | M/s" for m in MODELS_SHOWN) + " |"]
     lines.append("|---:" * (1 + 2 * len(MODELS_SHOWN)) + "|")
     for i, count in enumerate(SAMPLES):
@@ -96,7 +96,7 @@ def _line(head: str, times: list[float], count: int) -> str:
 
 @styled
 def draw(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]], path: Path) -> None:
-    """Both measurements, log-log, with a line of slope one beside the first."""
+    """Draw both measurements, log-log, with a line of slope one in the first plot."""
     figure = empty(3.2)
     left, right = figure.subplots(1, 2)
     for i, model in enumerate(MODELS_SHOWN):
@@ -127,7 +127,7 @@ def draw(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]], pa
 
 
 def main() -> None:
-    """Measure, print the table, write the picture."""
+    """Measure, print the table and write the figure."""
     by_samples, by_stem = measure()
     print(f"{platform.machine()}, one of {os.cpu_count()} cores, median of {REPEATS}\n")
     print(table(by_samples, by_stem))

@@ -1,9 +1,10 @@
-"""How many times faster than its own time a live run goes, with and without a viewer.
+"""Speed of a live run relative to real time, with and without a viewer.
 
     python -m benchmark.live_rate
 
-From the first tick that the drive reports to the last message in the closed bag, so without the
-start. With a viewer the whole run is sent to a Rerun server that keeps it; no page is open.
+The time is from the first tick that the drive reports to the last message in the closed bag,
+without the start-up. With a viewer the whole run is sent to a Rerun server that stores it. No page
+is open.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ SCENES = ("tm21_sweep", "tm21_sweep_48khz")
 
 @dataclass(frozen=True)
 class LiveRate:
-    """A run: samples a second (Hz), whether it was shown, and rig time over wall time."""
+    """Speed of a run: sample rate (Hz), viewer, and rig time per wall-clock time."""
 
     scene: str
     rate: float
@@ -37,7 +38,7 @@ class LiveRate:
 
 
 def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
-    """Run a shipped scene through the nodes."""
+    """Run a shipped scene through the nodes and measure its speed."""
     path = Path(__file__).parents[1] / "config" / "scenes" / f"{scene}.yaml"
     loaded = open_scene(path)
     stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
@@ -57,7 +58,7 @@ def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
 
 
 def live_table() -> DataTable:
-    """Each scene without and with a viewer, in turn."""
+    """Return a table of each scene without and with a viewer."""
     with TemporaryDirectory() as folder:
         runs = [live_rate(name, shown, Path(folder)) for name in SCENES for shown in (False, True)]
     return tabulate(

@@ -1,4 +1,4 @@
-"""What a jump search costs over the pieces of a law: a section of docs/accuracy.md.
+"""Cost of a jump search by number of pieces of the law: part of docs/accuracy.md.
 
 Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.long_laws
 """
@@ -33,7 +33,7 @@ Found = TypeVar("Found")
 
 CAM, RIG, FROM_REST, REPEATS, NOISE_NM = "bezier15", "paper_table2", 1.7, 7, 10.0
 PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
-#: The slope is that from so many pieces on: below, what does not grow with them counts.
+#: Number of pieces from which on the slope is fitted. Below it constant costs dominate.
 MANY = 180
 
 SECTION = """\
@@ -57,14 +57,17 @@ class JumpCost:
     pieces: int
     rpm: float
     rest_s: float
-    noisy_s: float  #: from rest, of noisy readings
+    noisy_s: float  #: from rest, with noisy readings
     steady_s: float
     rigid_s: float
-    known_s: float  #: of one rigid mass on a law whose tables are there
+    known_s: float  #: of one rigid mass on a law with existing tables
 
 
 def through(law: Law, count: int, noise: float = 0.0) -> Law:
-    """The spline through so many even readings of a law (noise in m); of one, the law itself."""
+    """Return the spline through evenly spaced readings of a law, with noise in m.
+
+    A count of 1 returns the law itself.
+    """
     if count == 1:
         return law
     angles = np.linspace(0.0, TURN, count, endpoint=False)
@@ -74,7 +77,7 @@ def through(law: Law, count: int, noise: float = 0.0) -> Law:
 
 
 def measure() -> list[JumpCost]:
-    """Each law of `PIECES`."""
+    """Return the costs of the laws with `PIECES`."""
     with form_of_search(COMPILED if find_spec("numba") else PLAIN):
         return _measured()
 
@@ -96,18 +99,21 @@ def _measured() -> list[JumpCost]:
 
 
 def _cost(law: Law, search: Callable[[Law], Found], known: bool = False) -> tuple[float, Found]:
-    """Median CPU time (s) of a search, each on a law of its own, or all on one that is known."""
+    """Return the median CPU time (s) of a search.
+
+    Each search uses a new law, or all use the same law with existing tables.
+    """
     times = []
     for _ in range(REPEATS + 1):
         own = law if known else Law(law.name, law.breaks, law.ordinates)
-        begun = time.process_time()
+        start_time = time.process_time()
         found = search(own)
-        times.append(time.process_time() - begun)
+        times.append(time.process_time() - start_time)
     return statistics.median(times[1:]), found
 
 
 def cost_table(costs: list[JumpCost]) -> DataTable:
-    """A row for each law."""
+    """Return a table with one row per law."""
     return tabulate(
         "CPU time of a jump speed",
         costs,
@@ -123,7 +129,7 @@ def cost_table(costs: list[JumpCost]) -> DataTable:
 
 
 def section(costs: list[JumpCost]) -> str:
-    """The section of the page."""
+    """Return the section of the page."""
     many = [cost for cost in costs if cost.pieces >= MANY]
     sizes = np.log([cost.pieces for cost in many])
     slopes = [

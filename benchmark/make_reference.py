@@ -1,4 +1,4 @@
-"""Computes the study's references with 50 digits: benchmark/speed/*.json.
+"""Computation of the study's references with 50 digits: benchmark/speed/*.json.
 
 Run it from the project's root: .venv/bin/python -m benchmark.make_reference [case ...]
 """
@@ -14,14 +14,14 @@ from benchmark.speed.models import Twist
 
 
 def main() -> None:
-    """Solve and store."""
+    """Solve the cases and store their references."""
     for name in sys.argv[1:] or CASES:
         case = CASES[name]()
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         solve = exact.solve_twist if isinstance(case.model, Twist) else exact.solve
         solution = solve(case)
         path = study.write(case, solution)
-        took = time.perf_counter() - begun
+        took = time.perf_counter() - start_time
         print(f"{path}: {case.times.size} times, {len(solution.events)} events, {took:.0f} s")
 
 

@@ -1,6 +1,7 @@
-"""Wall time from a state of the cam to each node's answer, at a pace: prints a table.
+"""Wall time from a cam state to each node's answer, at a pace.
 
-Run it from the project's root: .venv/bin/python -m benchmark.node_latency [pacing] [scene]
+Prints a table. Run it from the project's root: .venv/bin/python -m benchmark.node_latency [pacing]
+[scene]
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ ANSWERS = {
 
 
 def main(pacing: str = "5x", scene: str = "tm21_sweep_48khz") -> None:
-    """Run the scene and listen beside it."""
+    """Run the scene and record the times of its messages."""
     os.environ.update(environment())
     rclpy.init()
     node = rclpy.create_node("listener")

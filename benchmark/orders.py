@@ -23,7 +23,7 @@ PAGE = Path("docs/accuracy.md")
 HEADING, LAST_LINE = "## Orders\n", "Made by `benchmark/orders.py`.\n"
 ORDERS = 100
 COUNTS = (10**5, 10**6)
-#: Cam, rig, model, rpm, and what it is a case of.
+#: Cam, rig, model, rpm, and description of the case.
 CASES = (
     ("bezier15", "tm21", "one_mass", 400, "smooth"),
     ("poly345", "tm21", "one_mass", 400, "steps of jerk"),
@@ -56,7 +56,7 @@ of the force at the same instant as if they were independent.
 
 
 def by_digits(steady: SteadyForce, rates: np.ndarray) -> np.ndarray:
-    """c_n with every operation in 50 digits or more, of the same pieces."""
+    """Return c_n of the same pieces, computed with at least 50 digits."""
     with mpmath.workdps(90):
         found = []
         for rate in rates:
@@ -70,7 +70,10 @@ def by_digits(steady: SteadyForce, rates: np.ndarray) -> np.ndarray:
 
 
 def _polynomial(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
-    """By parts: each derivative at both ends, as differences of the ordinates."""
+    """Return the integral of a piece by partial integration.
+
+    Each derivative at both ends is computed from differences of the ordinates.
+    """
     length, ordinates = mpmath.mpf(piece.length), [mpmath.mpf(float(x)) for x in piece.ordinates]
     if w == 0:
         return length * mpmath.fsum(ordinates) / len(ordinates)
@@ -93,7 +96,7 @@ def _vibration(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
 
 
 def row(cam: str, rig: str, model: str, rpm: float, what: str) -> str:
-    """A line of the table."""
+    """Return one line of the table."""
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     steady = steady_force(law, model, cam_rig.load_rig(rig), rpm * RPM)
     steady = dataclasses.replace(steady, landings=())
@@ -108,12 +111,15 @@ def row(cam: str, rig: str, model: str, rpm: float, what: str) -> str:
 
 
 def samples(steady: SteadyForce, count: int) -> np.ndarray:
-    """The force at evenly spaced instants of all its turns."""
+    """Return the force at evenly spaced times of all its turns."""
     return steady.at(np.arange(float(count)) * (steady.duration / count))
 
 
 def level_differences() -> tuple[list[float], list[float]]:
-    """Summed orders less the sweep's levels, dB: where contact is kept, and where it is left."""
+    """Return differences of summed orders and sweep levels, dB.
+
+    The first is that with contact, the second that with loss of contact.
+    """
     loaded = cam_rig.load_scene("tm21_sweep")
     kept, left = list[float](), list[float]()
     for cam, steps in step_levels(simulate(loaded), loaded.scene.program.settle_turns.si).items():

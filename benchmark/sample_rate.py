@@ -1,4 +1,4 @@
-"""Speed against error of the sweep's sample rate: writes the first section of docs/accuracy.md.
+"""Speed and error of the sweep by sample rate: first section of docs/accuracy.md.
 
 Run it from the project's root: .venv/bin/python -m benchmark.sample_rate
 """
@@ -41,7 +41,7 @@ of {repeats}. The bag is what `cam-rig run` records.
 | sample rate | TM21 cam | 3-4-5 | Bézier 15 | time | x real time | bag |
 |---:|---:|---:|---:|---:|---:|---:|
 """
-#: Where the section that is measured ends.
+#: Last line of the measured section.
 LAST_LINE = "Made by `benchmark/sample_rate.py`.\n"
 TAIL = """
 The shipped sweep runs at 12 kHz; `tm21_sweep_48khz` is the same at 48 kHz.
@@ -53,28 +53,28 @@ of the two cams that keep contact at {reference} kHz differ by at most {exact:.1
 
 
 def at_rate(loaded: LoadedScene, rate: int) -> LoadedScene:
-    """The same scene at another sample rate."""
+    """Return the scene with another sample rate."""
     data = loaded.scene.model_dump(exclude_none=True)
     data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
     return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
 def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, float]:
-    """Levels of all steps, wall time (s), and rig time (s)."""
-    begun = time.perf_counter()
+    """Return the levels of all steps, the wall time (s), and the rig time (s)."""
+    start_time = time.perf_counter()
     ticks = list(simulate(loaded))
-    took = time.perf_counter() - begun
+    took = time.perf_counter() - start_time
     settle = loaded.scene.program.settle_turns.si
     return step_levels(ticks, settle), took, ticks[-1].stop_ns * 1e-9
 
 
 def difference(one: dict[float, float], other: dict[float, float]) -> float:
-    """Largest difference in dB over the speeds."""
+    """Return the largest difference over the speeds, dB."""
     return max(abs(one[speed] - other[speed]) for speed in one)
 
 
 def exact_levels(loaded: LoadedScene, cam: str, speeds: list[float]) -> dict[float, float]:
-    """The levels of a cam that keeps contact, without samples."""
+    """Return the levels of a cam in contact, computed without samples."""
     power = {
         s: steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, s) for s in speeds
     }

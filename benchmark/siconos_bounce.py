@@ -1,10 +1,10 @@
-"""What TM21's follower does at 50 speeds, by Siconos' time stepping: test/bounce/siconos.csv.
+"""Motions of TM21's follower at 50 speeds by Siconos: test/bounce/siconos.csv.
 
 Run it from the project's root: .venv/bin/python -m benchmark.siconos_bounce [PYTHON]
-PYTHON is one that has Siconos, by default /usr/bin/python3: apt-get install python3-siconos.
-The speeds are whole rpm at which the rig's own map gives one motion, and the same 1 and 2 rpm on
-either side, with no bifurcation that this map finds within 2 rpm; what Siconos finds there does not
-choose them.
+PYTHON is an interpreter with Siconos, by default /usr/bin/python3: apt-get install python3-siconos.
+The speeds are whole rpm at which the rig's map gives one motion, the same as 1 and 2 rpm on
+either side, without a bifurcation that this map finds within 2 rpm. The results of Siconos do
+not influence the choice.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from cam_rig.units import TURN, FloatArray
 
 TABLE = Path("test/bounce/siconos.csv")
 RESTITUTION, FROM, TO, WIDE, SPEEDS = 0.7, 300, 600, 2, 50
-#: Steps a turn: in one the follower moves by 6 µm at most, and with 8000 steps two of the irregular
-#: motions fall into cycles of the steps. Turns, and those at the end that are classed.
+#: Steps per turn. In one the follower moves by at most 6 µm. With 8000 steps two of the irregular
+#: motions fall into cycles of the steps. Number of turns, and of those at the end that are
+#: classified.
 STEPS, TURNS, KEPT = 32_000, 130, 30
 #: A landing is late by up to a step, and the next turn may have it a step earlier. So two turns are
-#: alike here if their gaps at cam angle 0 (m) differ by no more than ALIKE, and motions are not
-#: compared whose gaps all lie within DISTINCT.
+#: equal here if their gaps at cam angle 0 (m) differ by no more than ALIKE. Motions whose gaps all
+#: lie within DISTINCT are not compared.
 ALIKE, DISTINCT = 2.5e-5, 1e-4
 
 
 def main() -> None:
-    """Choose speeds, step, class, write."""
+    """Choose the speeds, integrate, classify and write the file."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
     whole, follower = np.arange(FROM, TO + 1.0), rig.follower
     find = partial(cam_rig.bounce_map, law, rig, restitution=RESTITUTION)
@@ -68,7 +69,11 @@ def main() -> None:
 
 
 def chosen(own: BounceMap) -> list[float]:
-    """All speeds away from changes that are irregular or of a longer period; of the rest some."""
+    """Return the speeds to be compared, away from changes of the motion.
+
+    These are all speeds with irregular motions or periods of several turns, and evenly spaced
+    others.
+    """
     rows, away = own.rows, []
     changes = np.array([one.point.rpm for one in own.bifurcations])
     for i in range(WIDE, len(rows) - WIDE):
@@ -84,7 +89,10 @@ def chosen(own: BounceMap) -> list[float]:
 
 
 def distinct(row: BounceRow) -> bool:
-    """Whether the gaps of a period's turns, or of all irregular ones, can be told apart."""
+    """Return True if the gaps of a period's turns can be told apart by rounding.
+
+    Irregular turns must differ by more than `DISTINCT`.
+    """
     gaps = row.states[:, 0]
     if row.motion == IRREGULAR:
         return float(np.ptp(gaps)) > DISTINCT
@@ -92,7 +100,7 @@ def distinct(row: BounceRow) -> bool:
 
 
 def classed(kept: FloatArray) -> tuple[str, int | str]:
-    """Motion and period of the last turns ``(n, 3)``: gap, its rate, greatest gap in each."""
+    """Return motion and period of the last turns ``(n, 3)``: gap, rate, largest gap."""
     if not kept[:, 2].any():
         return IN_CONTACT, ""
     gaps, half = kept[:, 0], KEPT // 2

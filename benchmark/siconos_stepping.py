@@ -1,7 +1,8 @@
-"""One mass bouncing on a cam, by Siconos' time stepping; needs Siconos and numpy, not the rig.
+"""Time stepping by Siconos of one mass that bounces on a cam.
 
-Reads JSON from standard input and writes JSON, for `siconos_bounce`. The coordinate is the gap x,
-so that the contact x ≥ 0 does not move: with the cam's lift s
+It needs Siconos and numpy, but not the rig. It reads JSON from standard input and writes JSON, for
+`siconos_bounce`. The coordinate is the gap x, so that the contact x ≥ 0 does not move. With the
+cam's lift s
 m ẍ + c ẋ + k x = −(F₀ + k s + c ṡ + m s̈) + λ.
 """
 
@@ -14,12 +15,12 @@ import siconos.kernel as siconos
 
 
 def states(given: dict[str, Any], rpm: float) -> list[list[float]]:
-    """Gap (m) and its rate (m/s) at the end of each turn, and each turn's greatest gap."""
+    """Return gap (m) and rate (m/s) at each turn's end, and each turn's largest gap."""
     lift, slope = np.array(given["lift"]), np.array(given["slope"])
     count, omega = lift.size - 1, rpm * np.pi / 30.0
     step = 2.0 * np.pi / omega / count
     m, c, k = given["mass"], given["damping"], given["stiffness"]
-    # Over a step the forces' means: the scheme's own, with theta 1/2, and of s̈ the change of ṡ.
+    # Mean forces of a step: those of the scheme with theta 1/2, and the change of ṡ for s̈.
     mean = 0.5 * (lift[1:] + lift[:-1]), np.diff(lift) / step, omega * np.diff(slope) / step
     loads = -(given["preload"] + k * mean[0] + c * mean[1] + m * mean[2])
     mass = siconos.LagrangianLinearTIDS([0.0], [0.0], [[m]])
@@ -47,7 +48,7 @@ def states(given: dict[str, Any], rpm: float) -> list[list[float]]:
 
 
 def main() -> None:
-    """Each speed asked for."""
+    """Integrate each requested speed."""
     given = json.load(sys.stdin)
     for rpm in given["rpm"]:
         print(json.dumps([rpm, states(given, rpm)]), flush=True)

@@ -1,4 +1,4 @@
-"""A simulated run as instruments would record it: counts, noise, and clocks that differ."""
+"""Simulated runs as instruments record them: counts, noise, and differing clocks."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from cam_rig.schema.rig import RigConfig
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Samples of the model for one of a force sensor that vibrates.
+#: Number of model samples per sample of a force sensor that vibrates.
 FINER = 16
 
 
 @dataclass(frozen=True)
 class InstrumentErrors:
-    """What the instruments of a machine do to what they measure."""
+    """Errors of a machine's instruments."""
 
     rate: int = 2000  #: Hz, samples of lift and force
     encoder_rate: int = 1000  #: Hz
-    counts: int = 1024  #: of the encoder in a turn; 0 for one without steps
-    offset: float = math.radians(3.0)  #: rad, what the encoder shows where the cam is at θ = 0
-    clock: float = 200e-6  #: part by which the clock of lift and force is fast beside the encoder's
-    force_noise: float = 0.01  #: part of the largest force, or with ``in_proportion`` of each force
+    counts: int = 1024  #: counts of the encoder per turn, 0 for an encoder without steps
+    offset: float = math.radians(3.0)  #: rad, angle that the encoder shows at θ = 0
+    clock: float = 200e-6  #: relative error of the clock of lift and force against the encoder's
+    force_noise: float = 0.01  #: relative to the largest force, or each with ``in_proportion``
     in_proportion: bool = False
     lift_noise: float = 10e-6  #: m
-    #: m, by how much the gauge of the lift reads less in a rise than in a fall
+    #: m, reading of the lift in a fall less that in a rise
     backlash: float = 0.0
-    sensor_frequency: float = 0.0  #: Hz, resonance of the force sensor; 0 for one without
+    sensor_frequency: float = 0.0  #: Hz, resonance of the force sensor, 0 for a rigid sensor
     sensor_damping: float = 0.02  #: its damping ratio
 
 
@@ -50,10 +50,10 @@ def measured_run(
     settled_for: int = 20,
     ramp: float = 0.3,
 ) -> MeasuredRun:
-    """A run at some speeds (rpm), one after another, as it would be recorded.
+    """Return the recording of a run at several speeds (rpm) in sequence.
 
-    Recorded are ``turns`` at each speed, after ``settled_for`` others; in the ``ramp`` (s) from one
-    speed to the next only the encoder is.
+    ``turns`` are recorded at each speed, after ``settled_for`` others. During the ``ramp`` (s)
+    between speeds only the encoder is recorded.
     """
     random = np.random.default_rng(seed)
     time, angle, before = 0.0, float(random.uniform(0.0, TURN)), 0.0
@@ -92,7 +92,10 @@ def _settled(
     settled_for: int,
     errors: InstrumentErrors,
 ) -> FloatArray:
-    """Time since the hold's start (s), lift (m) and force (N), ``(3, n)``; angle, speed, length."""
+    """Return time (s), lift (m) and force (N) of a steady segment, ``(3, n)``.
+
+    The time is since the start of the segment. ``hold`` is angle, speed and length of the segment.
+    """
     angle, speed, length = hold
     rate = errors.rate * (FINER if errors.sensor_frequency else 1)
     parameters, advance = MODELS[model].parameters(rig), MODELS[model].advance
@@ -113,7 +116,10 @@ def _settled(
 
 
 def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray:
-    """The force as the sensor shows it: itself, or through a resonance with the landings' blows."""
+    """Return the force that the sensor shows.
+
+    A resonance responds to the force and to the impulses of landings.
+    """
     samples = Samples(rows)
     if not errors.sensor_frequency:
         return samples.force.copy()
@@ -123,7 +129,7 @@ def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray
 
 
 def _side(velocity: FloatArray) -> FloatArray:
-    """1 after a rise, -1 after a fall: where a backlash is taken up."""
+    """Return 1 after a rise, -1 after a fall: the side on which backlash is taken up."""
     moving = np.abs(velocity) > 1e-9 * np.abs(velocity).max()
     last = np.maximum.accumulate(np.where(moving, np.arange(velocity.size), 0))
     return np.sign(velocity[last])

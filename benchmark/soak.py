@@ -1,8 +1,9 @@
-"""Memory of each node over a long run: a table, and whether it is flat after the first tenth.
+"""Memory of each node over a long run.
 
+Prints a table, and checks growth after the first tenth.
 Run it from the project's root: .venv/bin/python -m benchmark.soak [ticks] [scene] [pacing]
-Exit code 1 when a node grew by more than `MAX_GROWTH` MB after the first tenth of the ticks. The
-bag of 100 000 ticks of the scene `quick` takes 1 GB of the temporary folder while it runs.
+Exit code 1 if a node grew by more than `MAX_GROWTH` MB after the first tenth of the ticks. The
+bag of 100 000 ticks of the scene `quick` takes 1 GB of the temporary folder during the run.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import tick_count
 
-#: Wall time (s) between two rows.
+#: Wall time between two rows, s.
 EVERY = 15.0
-#: MB that a node may grow by after the first tenth: the recorder keeps an index of its bag.
+#: Largest growth of a node after the first tenth, MB. The recorder stores an index of its bag.
 MAX_GROWTH = 20.0
 
 
 def prolonged(folder: Path, scene: str, ticks: int) -> Path:
-    """A copy of the configuration whose scene holds each speed for so many turns more."""
+    """Return a copy of the configuration whose scene has more turns per speed."""
     shutil.copytree(config_root(), folder / "config")
     path = folder / "config" / "scenes" / f"{scene}.yaml"
     planned = tick_count(load_scene(path))
@@ -42,25 +43,25 @@ def prolonged(folder: Path, scene: str, ticks: int) -> Path:
 
 
 def own_memory(pid: int) -> float:
-    """Memory (MB) of a process that no file backs."""
+    """Return the memory (MB) of a process that is not backed by files."""
     lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
     return int(next(line for line in lines if line.startswith("RssAnon")).split()[1]) / 1024.0
 
 
 def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> int:
-    """Run the prolonged scene and look at its nodes now and then."""
+    """Run the prolonged scene and measure its nodes at intervals."""
     with tempfile.TemporaryDirectory() as folder, own_domain():
         path = prolonged(Path(folder), scene, int(ticks))
         total = tick_count(load_scene(path))
         early: dict[str, float] = {}
         used: dict[str, float] = {}
-        begun, shown = time.monotonic(), -EVERY
+        start_time, shown = time.monotonic(), -EVERY
         with Graph(live(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
             print("wall s", "tick", *graph.processes, sep="\t")
             for report in graph.progress():
                 if int(report["tick"]) == total:
                     break  # some have ended, or are about to
-                if (wall := time.monotonic() - begun) - shown > EVERY:
+                if (wall := time.monotonic() - start_time) - shown > EVERY:
                     shown = wall
                     used = {name: own_memory(p.process.pid) for name, p in graph.processes.items()}
                     if int(report["tick"]) <= total / 10 or not early:
@@ -72,7 +73,8 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
         graph.require_closed()
         grown = {name: used[name] - early[name] for name in used}
         print(
-            f"{total} ticks in {time.monotonic() - begun:.0f} s; grown since the first tenth, MB:"
+            f"{total} ticks in {time.monotonic() - start_time:.0f} s; "
+            "grown since the first tenth, MB:"
         )
         print(*(f"{name} {mb:+.1f}" for name, mb in grown.items()), sep=", ")
         return int(max(grown.values()) > MAX_GROWTH)

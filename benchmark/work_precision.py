@@ -1,5 +1,6 @@
-"""Error against time, the rig beside its peers: the last part of docs/accuracy.md and its plot.
+"""Error against time of the rig and its peers: last part of docs/accuracy.md.
 
+It draws the plot too.
 Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.work_precision
 """
 
@@ -24,7 +25,7 @@ from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
 PAGE, PLOT = Path("docs/accuracy.md"), Path("docs/speed.png")
-#: Where the part begins that is written here.
+#: Heading of the part that is written here.
 HEADING = "## Speed against error\n"
 
 TEXT = """
@@ -84,7 +85,7 @@ search is loaded; if there is none yet, it is compiled after ten, once a user (1
 
 
 def events() -> str:
-    """The section on what an event costs."""
+    """Return the section on the cost of an event."""
     return EVENTS.format(table=to_markdown(event_table(event_costs())))
 
 
@@ -132,7 +133,7 @@ CLI = ("-m", "cam_rig.cli.main")
 
 
 def start_up() -> str:
-    """The section on what a start costs."""
+    """Return the section on the cost of a start."""
     with TemporaryDirectory() as folder:
         live = [
             (words, (*CLI, "run", scene, "--bag", f"{folder}/{scene}"))
@@ -150,19 +151,22 @@ def start_up() -> str:
 
 
 def settled() -> str:
-    """The section on a point of settled turns."""
+    """Return the section on a sweep point of steady turns."""
     return SETTLED.format(rtol=RTOL, table=to_markdown(settled_table(settled_costs())))
 
 
 def samples() -> str:
-    """The section on samples per second."""
+    """Return the section on samples per second."""
     whole, broken = SPEEDS_RPM
     table = to_markdown(rate_table(sample_rates(blocks=BLOCKS[1:])))
     return SAMPLES.format(whole=whole, broken=broken, table=table)
 
 
 def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
-    """The rig in each case, and the peer with the least ratio; the figure has them all."""
+    """Return the rig and the peer with the smallest ratio in each case.
+
+    The figure has all peers.
+    """
     of_case = defaultdict[str, list[MeasuredPoint]](list)
     for one in points:
         if one.compared:
@@ -175,7 +179,7 @@ def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
 
 
 def main() -> None:
-    """Measure and write."""
+    """Measure and write the page."""
     before, mark, _ = PAGE.read_text(encoding="utf-8").partition(HEADING)
     assert mark, f"{PAGE}: has no line {HEADING!r}"
     found = measure(quick=False)

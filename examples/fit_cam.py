@@ -1,4 +1,4 @@
-"""A cam from gauge readings: the table is made here, of a cam whose law is known, with noise."""
+"""Fit of a cam to gauge readings, which are simulated with noise."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The jump speed against return spring and preload, as a map."""
+"""Map of the jump speed over return spring and preload."""
 
 from pathlib import Path
 

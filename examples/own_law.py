@@ -1,4 +1,4 @@
-"""A motion law of one's own, once as a cam file and once as numbers, and what the follower does."""
+"""User-defined motion law, as a cam file and as numbers, and its follower."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import cam_rig
 HERE, OUT = Path(__file__).parent, Path("out")
 OUT.mkdir(exist_ok=True)
 
-# From a file: segments around the turn, each a law known by name or with numbers of its own.
+# From a file: segments around the turn, each a law by name or with its numbers.
 cam = cam_rig.load_cam(HERE / "own_cam.yaml")
 from_file = cam_rig.build_law(cam)
 failed = [check.name for check in cam_rig.contour(cam).checks if not check.passed]

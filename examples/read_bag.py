@@ -1,4 +1,4 @@
-"""A recorded run read back: what is in it, its sound levels, and the same computed anew."""
+"""Recorded run: its content, its sound levels, and the same levels computed again."""
 
 from pathlib import Path
 

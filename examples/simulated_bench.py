@@ -1,4 +1,4 @@
-"""Record a bench that knows nothing of cam_rig: an encoder, a lift gauge and a load cell."""
+"""Record a bench without cam_rig: an encoder, a lift gauge and a load cell."""
 
 import shutil
 from collections.abc import Callable
@@ -18,31 +18,31 @@ BEGIN_NS = 1_767_225_600_000_000_000  # the wall's time of the first sample
 
 
 def kind(name: str) -> Any:
-    """A message type by its name."""
+    """Return a message type by its name."""
     return TYPES.types[name]
 
 
 def header(stamp: int) -> Any:
-    """A stamp in ns as messages have it."""
+    """Return a message header with a stamp in ns."""
     return kind("std_msgs/msg/Header")(
         kind("builtin_interfaces/msg/Time")(*divmod(stamp, 10**9)), "bench"
     )
 
 
 def position(name: str) -> Callable[[int, float], Any]:
-    """What makes a JointState of a stamp and a value."""
+    """Return a function that makes a JointState of a stamp and a value."""
     none = np.array([])
     return lambda stamp, value: kind(JOINT)(header(stamp), [name], np.array([value]), none, none)
 
 
 def along_z(stamp: int, value: float) -> Any:
-    """A WrenchStamped with a force along z."""
+    """Return a WrenchStamped with a force along z."""
     vector = kind("geometry_msgs/msg/Vector3")
     wrench = kind("geometry_msgs/msg/Wrench")(vector(0.0, 0.0, value), vector(0.0, 0.0, 0.0))
     return kind(WRENCHES)(header(stamp), wrench)
 
 
-# A machine that stands for yours: the TM21's follower with 200 g more.
+# A machine in place of yours: the TM21's follower with 200 g more.
 rig = cam_rig.load_rig("tm21").with_follower(mass=1.5)
 law = cam_rig.build_law(cam_rig.load_cam("tm21"))
 run = measured_run(law, rig, "one_mass", [200.0, 300.0, 350.0, 400.0], turns=10.0)

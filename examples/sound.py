@@ -1,4 +1,4 @@
-"""The sound level of two cams against speed: which is quieter, and by how much."""
+"""Sound levels of two cams against speed, and their difference."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A node of one's own: it stops the drive as soon as the follower leaves the cam."""
+"""User-defined node that stops the drive as soon as the follower leaves the cam."""
 
 from typing import Any
 
@@ -9,12 +9,15 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
-#: Also what was said before the follower discovered this node.
+#: Profile that also receives messages published before the node was discovered.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class StopAtLiftOff(Node):
-    """Listens to the follower, and calls the drive once; in the namespace that it is started in."""
+    """Node that listens to the follower, and calls the drive once.
+
+    It uses the namespace in which it is started.
+    """
 
     def __init__(self) -> None:
         super().__init__("stop_at_lift_off")
@@ -24,7 +27,7 @@ class StopAtLiftOff(Node):
         self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, LATCHED)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """The follower says whether it kept contact, and at which speed."""
+        """Stop the drive if the follower reports a loss of contact, with its speed."""
         for status in message.status:
             lost = status.name == "follower" and status.level == DiagnosticStatus.WARN
             if lost and self.answer is None:

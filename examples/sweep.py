@@ -1,4 +1,4 @@
-"""A cam of one's own through some speeds, without any file: lift-offs, forces and levels."""
+"""Speed sweep of a cam without any file: lift-offs, forces and levels."""
 
 from pathlib import Path
 

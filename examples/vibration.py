@@ -1,4 +1,4 @@
-"""Which law leaves the least vibration in the dwell, and why: amplitudes, and the resonance."""
+"""Residual vibration in the dwell by law, and its resonance."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fixtures shared by all tests: the shipped cams and rig, and small cams made on the spot."""
+"""Fixtures of all tests: the shipped cams and rig, and small cams and scenes."""
 
 from __future__ import annotations
 
@@ -28,36 +28,36 @@ from .references import many_digits
 
 __all__ = ["many_digits"]
 CONFIG = Path(__file__).parents[1] / "config"
-#: The recorded run that the repository ships.
+#: Recorded run that the repository ships.
 GOLDEN = CONFIG.parent / "bags" / "golden"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
-#: Cams whose velocity jumps: no follower can stay on them, so few models take them.
+#: Cams with velocity jumps. No follower can stay on them, so few models accept them.
 VELOCITY_JUMPS = {"worked_example_constant_velocity"}
-#: Wall time (s) after which a test of a kind hangs, on a busy machine; others: pyproject.toml.
+#: Wall time (s) after which a test of a kind is stopped, on a busy machine. Others: pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
-#: More workers than this only take memory.
+#: Largest number of workers. More only use memory.
 MAX_WORKERS = 8
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than there are cores to use: many tests wait for a run to get on."""
+    """Return one worker more than cores, because many tests wait for a run."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
     return min(len(usable(0)) + 1, MAX_WORKERS)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--references``: where those of many digits come from."""
+    """Add ``--references``: stored, computed or written references of many digits."""
     choices = ("stored", "compute", "write")
     parser.addoption("--references", choices=choices, default="stored", help="of many digits")
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
-    """Give each file's tests to one worker, which makes the file's fixtures once."""
+    """Give each file's tests to one worker, so that its fixtures are created once."""
     return LoadFileScheduling(config, log)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, and give it the time that it may take."""
+    """Start with the longest tests, and set their timeouts."""
     for item in _further_variants(items):
         item.add_marker(pytest.mark.long)
     for item in items:
@@ -71,7 +71,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Of each test that is marked ``variants(n)``, all cases but n that are evenly spread."""
+    """Return the cases of tests marked ``variants(n)``, except n evenly spread cases."""
     cases: dict[tuple[str, str], list[pytest.Item]] = {}
     for item in items:
         if isinstance(item, pytest.Function) and item.get_closest_marker("variants"):
@@ -87,7 +87,7 @@ def _is_quick(item: pytest.Item) -> bool:
     return not any(map(item.get_closest_marker, ("slow", "long")))
 
 
-# What Hypothesis tries: the same examples in every ordinary run, more and others in a long one.
+# Examples of Hypothesis: the same in every ordinary run, more and random ones in a long run.
 settings.register_profile(
     "ordinary",
     max_examples=40,
@@ -104,7 +104,7 @@ settings.load_profile("ordinary")
 
 @pytest.fixture
 def heard_hangup() -> Iterator[None]:
-    """Commands end at a hang-up, as they do unless all of this was started by nohup."""
+    """Make commands stop at a hang-up, even if the tests were started by nohup."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
@@ -112,7 +112,7 @@ def heard_hangup() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
-    """A browser without a window, or a skipped test where none is installed."""
+    """Browser without a window. The test is skipped if none is installed."""
     from tools.docs.browser import open_browser, why_no_browser
 
     if why := why_no_browser():
@@ -145,13 +145,13 @@ def cams() -> dict[str, CamConfig]:
 
 @pytest.fixture(scope="session")
 def laws(cams: dict[str, CamConfig]) -> dict[str, Law]:
-    """The law of every shipped cam by name."""
+    """Law of every shipped cam by name."""
     return {name: build_law(cam) for name, cam in cams.items()}
 
 
 @pytest.fixture(scope="session")
 def followed(laws: dict[str, Law]) -> dict[str, Law]:
-    """Those laws that a follower can follow."""
+    """Laws that a follower can follow, by name."""
     return {name: law for name, law in laws.items() if name not in VELOCITY_JUMPS}
 
 
@@ -169,46 +169,46 @@ def rig() -> RigConfig:
 
 @pytest.fixture(scope="session")
 def paper_rig() -> RigConfig:
-    """The rig that was identified from the jump speeds of Table 2: two masses, and a shaft."""
+    """Rig identified from the jump speeds of Table 2: two masses, and a shaft."""
     return load_rig(CONFIG / "rigs" / "paper_table2.yaml")
 
 
 @pytest.fixture(scope="session")
 def two_mass(paper_rig: RigConfig) -> TwoMassParameters:
-    """The two-mass follower of the paper's jump speeds."""
+    """Two-mass follower of the paper's jump speeds."""
     return TwoMassParameters.from_rig(paper_rig)
 
 
 @pytest.fixture(scope="session")
 def follower(rig: RigConfig) -> FollowerParameters:
-    """The shipped rig's follower."""
+    """Follower of the shipped rig."""
     return FollowerParameters.from_rig(rig)
 
 
 @pytest.fixture
 def radiation(rig: RigConfig) -> RadiationParameters:
-    """The shipped constants with a round corner: tests must not hang on a fitted number."""
+    """Shipped constants with a round corner, so that no test needs a fitted number."""
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner=20.0)
 
 
 def assumed(value: Any, unit: str) -> dict[str, Any]:
-    """A number as a file has it."""
+    """Return an assumed number as in a file."""
     return {"assumed": value, "unit": unit}
 
 
 def dwell(span: float) -> dict[str, Any]:
-    """A segment for `make_cam`, span in degrees."""
+    """Return a segment for `make_cam`, with its span in degrees."""
     return {"law": "dwell", "span": span}
 
 
 def rise(span: float, to: float, law: str = "poly345") -> dict[str, Any]:
-    """The same, to a level in parts of the lift."""
+    """Return a rise for `make_cam`, to a level relative to the lift."""
     return {"law": law, "span": span, "to": to}
 
 
 @pytest.fixture(scope="session")
 def make_cam() -> Callable[..., CamConfig]:
-    """Make a cam of segments; a span is written in degrees, as one number."""
+    """Make a cam of segments, with spans in degrees."""
 
     def make(
         *segments: dict[str, Any],
@@ -240,7 +240,7 @@ def make_cam() -> Callable[..., CamConfig]:
 
 
 def scene_data(**changes: Any) -> dict[str, Any]:
-    """A scene as its file says it: two cams, three speeds, three turns each."""
+    """Data of a scene file: two cams, three speeds, three turns each."""
     program = {
         "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
         "turns": assumed(changes.pop("turns", 3), "turns"),
@@ -283,14 +283,14 @@ def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
 
 @pytest.fixture(scope="session")
 def fork_server() -> Iterator[ForkServer]:
-    """Where nodes are forked whose start is not the test's subject: one for all tests."""
+    """Server that forks the nodes of all tests that do not test their start."""
     with ForkServer().begin() as made:
         yield made
 
 
 @pytest.fixture
 def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nodes that are started in this process are forked from the server of all tests."""
+    """Fork the nodes that are started in this process from the server of all tests."""
 
     def started(command: list[str], network: bool, pipe: int | None, _: object) -> ForkedProcess:
         node = fork_server.start(command, environment(network), pipe)
@@ -298,12 +298,15 @@ def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
         return node
 
     monkeypatch.setattr("cam_rig.runner.node_process._started", started)
-    monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # no other one
+    monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # use the same server
 
 
 @pytest.fixture(scope="session", autouse=True)
 def own_domain_of_the_process() -> Iterator[None]:
-    """Not the one in which a rig may run on this machine: a command that is tested is refused."""
+    """Use a domain other than that of a rig that may run on this machine.
+
+    Otherwise a tested command would be an error.
+    """
     with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         yield
@@ -311,7 +314,7 @@ def own_domain_of_the_process() -> Iterator[None]:
 
 @pytest.fixture
 def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
-    """A ROS domain of its own for a test, on this machine only.
+    """ROS domain for one test, on this machine only.
 
     Nodes of a graph in this process are forked, unless the test is marked ``starts``.
     """

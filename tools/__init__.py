@@ -1,1 +1,4 @@
-"""What is run from the project's root and is not installed: checks, and pictures for the docs."""
+"""Checks and generators of documentation pictures, run from the project's root.
+
+They are not installed.
+"""

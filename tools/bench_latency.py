@@ -1,12 +1,12 @@
-"""The bench in a browser without a graphics card: first picture, frames, delays, processor time.
+"""The bench in a browser without a graphics card: delays, frames, processor time.
 
     .venv/bin/python -m tools.bench_latency
 
-The first picture is the cam's contour, after the page is asked for. A delay is from the event on
-the page to the readout that shows it, and to the moment that the loudspeaker plays the first block
-of the new speed, which is known by its length and marked. Processor time is of this program's own
-Chromium and panel's server, in parts of one core, while the cam turns at 450 rpm. Where other
-programs keep the machine busy there are fewer frames, and each takes more of it.
+The delay of the first picture is from the request of the page to the cam's contour. A delay is from
+the event on the page to the readout that shows it, and to the time at which the loudspeaker plays
+the first block of the new speed. That block is recognised by its length and marked. Processor time
+is that of this program's Chromium and of the panel's server, relative to one core, while the cam
+turns at 450 rpm. If other programs load the machine, there are fewer frames, and each takes longer.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from tools.docs.browser import TIMEOUT_S, new_page, open_browser, until
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-#: Speed (rpm), and seconds over which frames and processor time are counted.
+#: Speed (rpm), and time (s) over which frames and processor time are counted.
 RPM, WATCHED_S = 450, 10.0
-#: Speeds that the knob is turned to for its delay.
+#: Speeds (rpm) to which the knob is turned for its delay.
 TURNED = (300, 350, 280, 420, 310, 390, 260)
 
 FRAMES = """(seconds) => new Promise((done) => {
@@ -49,7 +49,8 @@ DELAY = """(rpm) => new Promise((done) => {
   typed.value = rpm;
   typed.dispatchEvent(new Event("change"));
 })"""
-#: Marks the first block of sound that has a whole number of the new speed's ticks, and hears it.
+#: Script that marks and detects the first block of sound with a whole number of the new speed's
+#: ticks.
 TAP = """
   const connect = AudioNode.prototype.connect;
   AudioNode.prototype.connect = function (to) {
@@ -84,7 +85,7 @@ HEARD = """([rpm, ticks]) => new Promise((done) => {
 
 
 def cpu_seconds(pids: set[int]) -> float:
-    """Processor time (s) of processes so far."""
+    """Return the processor time (s) that processes have used."""
     ticks = 0
     for pid in pids:
         fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
@@ -93,7 +94,7 @@ def cpu_seconds(pids: set[int]) -> float:
 
 
 def processes(words: str) -> set[int]:
-    """Processes that this one has started, or one of those, whose command line has these words."""
+    """Return descendant processes whose command line contains these words."""
     parents, found = {}, set()
     for path in Path("/proc").glob("[0-9]*"):
         try:
@@ -111,7 +112,7 @@ def processes(words: str) -> set[int]:
 
 
 def first_picture(page: Page, address: str) -> float:
-    """Seconds from asking for the bench to the cam's contour."""
+    """Return the time (s) from the request of the bench to the cam's contour."""
     begin = time.monotonic()
     page.goto(address, wait_until="commit")
     until(page, RIG_DRAWN)
@@ -119,12 +120,12 @@ def first_picture(page: Page, address: str) -> float:
 
 
 def tell(what: str, delays: list[float]) -> None:
-    """Print the middle and the longest of delays (ms)."""
+    """Print the median and the largest of delays (ms)."""
     print(f"{what}: {statistics.median(delays):.0f} ms, {max(delays):.0f} at most")
 
 
 def main() -> None:
-    """Measure, and print a line each."""
+    """Measure, and print a line per result."""
     with panel_address() as address, open_browser(webgl=False) as browser:
         page = new_page(browser)
         page.add_init_script(TAP)

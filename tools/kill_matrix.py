@@ -1,14 +1,14 @@
-"""Every node, at every moment of a run, by every signal: what the run says and what is left of it.
+"""Kill matrix: every node, at every moment of a run, by every signal.
 
 Run it from the project's root:
 
     .venv/bin/python tools/kill_matrix.py             # 75 cases, about ten minutes
-    .venv/bin/python tools/kill_matrix.py --busy      # beside as many busy loops as cores
+    .venv/bin/python tools/kill_matrix.py --busy      # with as many busy loops as cores
     .venv/bin/python tools/kill_matrix.py --node recorder --moment closing --signal SIGSTOP
 
-A case passes when the run ends within its time, names the node where it fails, leaves a bag that
-can be read whose loss is told in numbers (or says that nothing was recorded), and leaves no process
-and no shared memory behind. Exit code 1 when one does not.
+A case passes if the run ends within its time, names the node in case of a failure, leaves a
+readable bag whose loss is reported in numbers (or reports that nothing was recorded), and leaves no
+process and no shared memory. Exit code 1 if a case does not pass.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ program:
   settle_turns: {assumed: 1, unit: turns, source: "a case"}
   ticks_per_turn: 2
 """
-#: Wall time (s) that a run waits for a node that stands, and that a case may take beside it.
+#: Wall time (s) that a run waits for a stopped node, and that a case may take in addition.
 PATIENCE, LONGEST = 20.0, 180.0
 
 
 @dataclass
 class Case:
-    """One node, one moment, one signal; what came of it."""
+    """One node, one moment, one signal, and the result."""
 
     node: str
     moment: str
@@ -76,8 +76,8 @@ class Case:
                 os.kill(processes[self.node].process.pid, getattr(signal, self.signal))
 
     def run(self, scene: Path, bag: Path) -> None:
-        """Run the scene and strike at the moment."""
-        begun, stop_all = time.monotonic(), node_process_module.stop_all
+        """Run the scene and send the signal at the moment."""
+        start_time, stop_all = time.monotonic(), node_process_module.stop_all
         nodes = live(scene, bag, patience=PATIENCE)
         made = Graph(nodes, log=self.said.append)
 
@@ -98,10 +98,10 @@ class Case:
                 made.require_closed()
             except CamRigError as error:
                 self.error = str(error)
-        self.seconds = time.monotonic() - begun
+        self.seconds = time.monotonic() - start_time
 
     def faults(self, bag: Path, before: set[str]) -> list[str]:
-        """What is wrong with how it ended; nothing when all is as promised."""
+        """Return the violated promises of the run, empty if there are none."""
         found = [] if self.impact else ["the signal was never sent"]
         if self.seconds > LONGEST:
             found.append(f"took {self.seconds:.0f} s")
@@ -129,7 +129,10 @@ class Case:
 
 
 def segments() -> set[str]:
-    """Fast DDS's files in shared memory that no process has mapped, but for ports all share."""
+    """Return Fast DDS's files in shared memory that no process has mapped.
+
+    Ports that all processes share are not included.
+    """
     used: set[str] = set()
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -142,7 +145,7 @@ def segments() -> set[str]:
 
 @contextmanager
 def busy(loops: int) -> Iterator[None]:
-    """Keep cores at work."""
+    """Keep cores busy."""
     with ExitStack() as stack:
         for _ in range(loops):
             process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
@@ -152,7 +155,7 @@ def busy(loops: int) -> Iterator[None]:
 
 
 def options() -> argparse.Namespace:
-    """What to run."""
+    """Return the command line options."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
@@ -164,12 +167,12 @@ def options() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Run the cases, a line each; 1 when one of them is not as promised."""
-    asked, wrong = options(), 0
-    signals = asked.signal or SIGNALS
-    cases = itertools.product(asked.node or NODES, asked.moment or MOMENTS, signals)
+    """Run the cases, one line each. Return 1 if a case violates a promise."""
+    arguments, wrong = options(), 0
+    signals = arguments.signal or SIGNALS
+    cases = itertools.product(arguments.node or NODES, arguments.moment or MOMENTS, signals)
     with tempfile.TemporaryDirectory() as folder, own_domain(), ExitStack() as stack:
-        if asked.busy:
+        if arguments.busy:
             stack.enter_context(busy(os.cpu_count() or 1))
         scene = Path(folder) / "scenes" / "matrix.yaml"
         scene.parent.mkdir()

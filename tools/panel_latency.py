@@ -1,8 +1,8 @@
-"""The drawing board under two pages that drag at once: paints, delays and memory.
+"""Drawing board under two pages that drag at once: paints, delays and memory.
 
     .venv/bin/python -m tools.panel_latency [MINUTES]
 
-Each page drags an ordinate of its own up and down by the pointer, in a browser without a screen.
+Each page drags a different ordinate up and down by the pointer, in a browser without a window.
 A delay is from a pointer's event to the end of the first frame with the changed curve. Memory is
 the pages' JavaScript heap after a collection, and the resident set of server and worker.
 """
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 HANDLES = (7, 22)
 
-#: Height of the way (px), and its period (s).
+#: Amplitude of the motion (px), and its period (s).
 WAY, PERIOD = 12.0, 2.0
 
-#: Seconds between two readings of the memory.
+#: Time between two readings of the memory, s.
 EVERY = 30.0
 
 MIB = 2**20
@@ -47,8 +47,8 @@ LISTEN = """() => {
   }).observe(document.querySelector("#chart0 svg"), { subtree: true, attributeFilter: ["d"] });
 }"""
 
-#: Moves of the pointer that holds a handle, as often as a mouse tells them; a driver outside of the
-#: page would wait for each frame.
+#: Period (ms) of the pointer's moves, as that of a mouse. A driver outside of the page would wait
+#: for each frame.
 EVERY_MS = 8
 
 MOVE = f"""([handle, y, way, period]) => {{
@@ -62,7 +62,7 @@ MOVE = f"""([handle, y, way, period]) => {{
 
 @contextmanager
 def panel() -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """`cam-rig panel` and its address."""
+    """Start `cam-rig panel` and provide its address."""
     program = Path(sys.executable).with_name("cam-rig")
     with subprocess.Popen([program, "panel"], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -73,7 +73,7 @@ def panel() -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 
 def resident(pid: int) -> float:
-    """MiB of a process and its children."""
+    """Return the memory of a process and its children, MiB."""
     status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
     own = int(status.split("VmRSS:")[1].split()[0]) * 1024 / MIB
     children = Path(f"/proc/{pid}/task").glob("*/children")
@@ -81,13 +81,13 @@ def resident(pid: int) -> float:
 
 
 def heap(session: CDPSession) -> float:
-    """MiB of a page's JavaScript, garbage collected."""
+    """Return the JavaScript memory of a page after garbage collection, MiB."""
     session.send("HeapProfiler.collectGarbage")
     return float(session.send("Runtime.getHeapUsage")["usedSize"]) / MIB
 
 
 def drag(page: Page, address: str, handle: int) -> None:
-    """Open the board, take a handle, and let its pointer move from now on."""
+    """Open the board, take a handle, and move its pointer from then on."""
     page.goto(address)
     page.wait_for_function("() => document.getElementById('jump_rigid').textContent !== '–'")
     page.evaluate(LISTEN)
@@ -99,8 +99,8 @@ def drag(page: Page, address: str, handle: int) -> None:
     page.evaluate(MOVE, [handle, y, WAY, PERIOD])
 
 
-def told(pages: list[Page], seconds: float) -> None:
-    """Print paints and delays since the last time."""
+def print_delays(pages: list[Page], seconds: float) -> None:
+    """Print paints and delays since the previous call."""
     for number, page in enumerate(pages, start=1):
         delays = np.array(page.evaluate("() => window.delays.splice(0)"))
         middle, most = np.percentile(delays, (50, 95))
@@ -109,7 +109,7 @@ def told(pages: list[Page], seconds: float) -> None:
 
 
 def main() -> None:
-    """Drag for so many minutes, 8 by default."""
+    """Drag for a number of minutes, 8 by default."""
     minutes = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     with panel() as (process, address), open_browser(webgl=False) as browser:
         pages = [new_page(browser) for _ in HANDLES]
@@ -125,7 +125,7 @@ def main() -> None:
             print(f"{at:.0f} s: pages {heaps} MiB, server {resident(process.pid):.1f} MiB")
             pages[0].wait_for_timeout(1e3 * EVERY)
             before, at = at, time.monotonic() - began
-            told(pages, at - before)
+            print_delays(pages, at - before)
             sys.stdout.flush()
 
 

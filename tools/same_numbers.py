@@ -1,14 +1,15 @@
-"""Do the numbers stay what they were? For a change that must alter none: keep them, then compare.
+"""Comparison of all numbers before and after a change that must not alter any.
 
 Run it from the project's root, before the change and after every step (two minutes each):
 
     .venv/bin/python tools/same_numbers.py keep       # into out/same_numbers.json
-    .venv/bin/python tools/same_numbers.py compare    # exit code 1 when a number differs
+    .venv/bin/python tools/same_numbers.py compare    # exit code 1 if a number differs
     .venv/bin/python tools/same_numbers.py compare --only jump --only bag
 
-Compared are all JSON outputs, value by value with no tolerance, and the bag of `cam-rig run quick`,
-byte by byte a message. The order of messages of different topics is not: it depends on scheduling.
-Sentences in the JSON may be reworded; they are printed, and change no exit code.
+It compares all JSON outputs, value by value without a tolerance, and the bag of `cam-rig run
+quick`, byte by byte for each message. The order of messages of different topics is not compared: it
+depends on scheduling. Sentences in the JSON may be reworded. They are printed, and do not change
+the exit code.
 """
 
 from __future__ import annotations
@@ -51,16 +52,16 @@ COMMANDS = {
     "fit rig": ("fit", "rig", "bags/golden", "bezier15"),
 }
 
-#: Keys whose name has changed since the numbers were kept, old: new.
+#: Keys that were renamed since the numbers were stored, old: new.
 RENAMED: dict[str, str] = {}
-#: Keys, where there were none or sentences when the numbers were kept.
+#: Keys that were missing, or had sentences as values, when the numbers were stored.
 ADDED: set[str] = set()
-#: Why a value under one of them does not count.
+#: Reason for ignoring a value under one of these keys.
 ADDITION = " (added)"
 
 
 def outputs(name: str) -> Any:
-    """What a command writes as JSON. Its exit code may be 1: a check of a cam failed."""
+    """Return the JSON of a command. Its exit code may be 1: a check of a cam failed."""
     with tempfile.TemporaryDirectory() as folder:
         arguments = [word.format(folder=folder) for word in COMMANDS[name]]
         done = subprocess.run(
@@ -74,7 +75,7 @@ def outputs(name: str) -> Any:
 
 
 def bag() -> dict[str, list[str]]:
-    """Each topic's messages and each attachment of a run, as digests."""
+    """Return the digests of each topic's messages and each attachment of a run."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "quick"
         subprocess.run([*CAM_RIG, "run", "quick", "--bag", path], capture_output=True, check=True)
@@ -87,18 +88,18 @@ def bag() -> dict[str, list[str]]:
                     read.setdefault(channel.topic, []).append(digest(times.encode(), message.data))
                 for attached in reader.iter_attachments():
                     read[f"attached {attached.name}"] = [digest(attached.data)]
-    # Several nodes publish on it, in the order in which they come to it.
+    # Several nodes publish on it, in an order that depends on scheduling.
     read["/diagnostics"].sort()
     return read
 
 
 def digest(*parts: bytes) -> str:
-    """SHA-256 of bytes."""
+    """Return the SHA-256 of bytes."""
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every number, truth value and text of a JSON value, with where it stands."""
+    """Yield every number, truth value and text of a JSON value, with its path."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from leaves(inner, f"{path}.{RENAMED.get(key, key)}")
@@ -110,12 +111,12 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def is_sentence(value: Any) -> bool:
-    """Say whether a value is a text of several words, so one that may be reworded."""
+    """Return True if a value is a text of several words, which may be reworded."""
     return isinstance(value, str) and bool(re.search(r"\w \w", value))
 
 
 def reason(path: str, old: Any, new: Any) -> str:
-    """Why a difference does not count; empty where it does."""
+    """Return the reason for ignoring a difference, or an empty text."""
     if is_sentence(old) or is_sentence(new):
         return " (reworded)"
     keys = set(re.findall(r"[^.\[\]]+", path))
@@ -123,12 +124,12 @@ def reason(path: str, old: Any, new: Any) -> str:
 
 
 def differences(name: str, kept: Any, now: Any) -> int:
-    """Print what differs, and count it; a reworded sentence is printed and not counted."""
+    """Print differences and return their number, without reworded sentences."""
     before, after = dict(leaves(kept)), dict(leaves(now))
     count = 0
     for path in before | after:
         old, new = before.get(path, "nothing"), after.get(path, "nothing")
-        if repr(old) != repr(new):  # as text, so that NaN is what it was
+        if repr(old) != repr(new):  # as text, so that NaN equals NaN
             why = reason(path, old, new)
             count += not why
             if why != ADDITION:
@@ -137,16 +138,16 @@ def differences(name: str, kept: Any, now: Any) -> int:
 
 
 def main() -> None:
-    """Keep the numbers, or compare them with those kept."""
+    """Store the numbers, or compare them with the stored ones."""
     words = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     words.add_argument("what", choices=["keep", "compare"])
     words.add_argument("--only", action="append", choices=[*COMMANDS, "bag"])
-    asked = words.parse_args()
-    names = asked.only or [*COMMANDS, "bag"]
+    arguments = words.parse_args()
+    names = arguments.only or [*COMMANDS, "bag"]
     read = {name: bag() if name == "bag" else outputs(name) for name in names}
-    if asked.what == "keep":
+    if arguments.what == "keep":
         KEPT.parent.mkdir(exist_ok=True)
         KEPT.write_text(json.dumps(read), encoding="utf-8")
         print(f"{sum(1 for _ in leaves(read))} values kept in {KEPT}")

@@ -1,4 +1,4 @@
-"""The command ``python -m benchmark.speed``."""
+"""Command ``python -m benchmark.speed``."""
 
 import typer
 

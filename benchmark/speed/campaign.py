@@ -1,10 +1,10 @@
-"""Points a second of a campaign, beside the same study with joblib and SUNDIALS CVODE.
+"""Points per second of a campaign, compared with joblib and SUNDIALS CVODE.
 
-Both find the jump speed of two masses, 1.7 s from rest, of rigs whose spring, preload and mass
-vary by 10 %, in as many processes. The peer integrates the equations of motion (Adams, rtol 1e-8)
-up to the first root of the contact force, and halves a bracket down to 0.05 rpm. It is given that
-bracket, 1 % wide: the force is not monotone in speed, and a scan for its first zero would take many
-times as long.
+Both find the jump speed of two masses, 1.7 s from rest, of rigs whose spring, preload and mass vary
+by 10 %, in the same number of processes. The peer integrates the equations of motion (Adams, rtol
+1e-8) up to the first root of the contact force, and bisects a bracket down to 0.05 rpm. The
+bracket, 1 % wide, is given: the force is not monotone in speed, and a scan for its first zero would
+take many times as long.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SPREAD = {"uniform": 10, "unit": "%"}
 
 FOLLOWER = ("spring_stiffness", "preload", "mass")
 
-#: The study, but for its points.
+#: Study without its number of points.
 STUDY: dict[str, Any] = {
     "name": "bench",
     "title": "Jump speed",
@@ -41,10 +41,12 @@ STUDY: dict[str, Any] = {
     "measures": ["jump_speed"],
 }
 
-#: Half the peer's bracket over the speed, and how fine it is halved, rpm.
+#: Half width of the peer's bracket relative to the speed, and width (rpm) at which the bisection
+#: stops.
 BRACKET, FINE = 0.005, 0.05
 
-#: Points of a batch; batches, and points of the peer, for each process: of a quick study, a full.
+#: Points per batch, then batches and points of the peer per process, each for a quick and a full
+#: study.
 BATCH, BATCHES, PEER_POINTS = 250, (2, 8), (2, 10)
 
 
@@ -58,14 +60,14 @@ CAMPAIGN = (
 
 @dataclass(frozen=True)
 class CampaignRate:
-    """Points a second of the campaign and of the peer, and by how much their speeds differ.
+    """Points per second of campaign and peer, and the difference of their speeds.
 
     Parameters
     ----------
-    points, peer_points : how many were timed
-    gap : rpm, half of the jump speeds differ by less
-    beyond : how many differ by more than the peer's own limit
-    missing : why there is no peer; empty where there is one
+    points, peer_points : numbers of timed points
+    gap : median difference of the jump speeds, rpm
+    beyond : number of differences larger than the peer's tolerance
+    missing : reason for a missing peer, else empty
     """
 
     processes: int
@@ -79,12 +81,12 @@ class CampaignRate:
 
     @property
     def ratio(self) -> float | None:
-        """How many times as many points."""
+        """Ratio of the points per second, campaign to peer."""
         return None if self.peer_per_s is None else self.points_per_s / self.peer_per_s
 
 
 def campaign_rate(processes: int, quick: bool) -> CampaignRate:
-    """Time both, one after the other; without joblib the campaign alone, in this process."""
+    """Time both in sequence. Without joblib time the campaign only, in this process."""
     points = BATCH * BATCHES[not quick] * processes
     plan = {"kind": "latin_hypercube", "points": points}
     campaign = campaign_from({**STUDY, "plan": plan}, Library((config_root(),)))
@@ -98,28 +100,28 @@ def campaign_rate(processes: int, quick: bool) -> CampaignRate:
         return CampaignRate(1, BATCH, BATCH / rows.seconds, missing=str(error))
     with Parallel(processes) as parallel:
         parallel(delayed(measure_batch)(campaign, 0, 1) for _ in range(processes))  # their imports
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         batches = parallel(
             delayed(measure_batch)(campaign, i, i + BATCH) for i in range(0, points, BATCH)
         )
-        ours = points / (time.perf_counter() - begun)
+        ours = points / (time.perf_counter() - start_time)
         found = np.concatenate([batch.measures[:, 0] for batch in batches])
         count = min(points, PEER_POINTS[not quick] * processes)
         inputs = np.concatenate([batch.inputs for batch in batches])[:count]
         masses = [TwoMassParameters.from_rig(make_point(campaign, row).rig) for row in inputs]
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         theirs = parallel(
             delayed(bisected)(p, campaign.law, rpm)
             for p, rpm in zip(masses, found[:count].tolist(), strict=True)
         )
-        peer = count / (time.perf_counter() - begun)
+        peer = count / (time.perf_counter() - start_time)
     gaps = np.abs(found[:count] - np.array(theirs))
     beyond = int((gaps > FINE).sum())
     return CampaignRate(processes, points, ours, count, peer, float(np.median(gaps)), beyond)
 
 
 def bisected(p: TwoMassParameters, law: Law, near: float) -> float:
-    """The peer's jump speed near one, rpm."""
+    """Return the peer's jump speed close to ``near``, both in rpm."""
     low, high = near * (1.0 - BRACKET), near * (1.0 + BRACKET)
     while high - low > FINE:
         middle = 0.5 * (low + high)
@@ -128,7 +130,10 @@ def bisected(p: TwoMassParameters, law: Law, near: float) -> float:
 
 
 def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
-    """Whether the peer's contact force falls to zero in a run from rest at a speed (rad/s)."""
+    """Return True if the peer's contact force reaches zero from rest.
+
+    ``speed`` is in rad/s.
+    """
 
     def in_stem(time: float, state: FloatArray) -> tuple[float, float]:
         s, slope, bend = law.at(speed * time)
@@ -155,7 +160,7 @@ def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
 
 
 def campaign_records(found: CampaignRate) -> Records:
-    """A record each: the campaign and its peer, or a note why there is none."""
+    """Return the records of campaign and peer, or a note on the missing peer."""
     words = "joblib and CVODE"
     rows = [("campaign", found.points, found.points_per_s, 1.0)]
     if found.peer_per_s is not None and found.ratio is not None:

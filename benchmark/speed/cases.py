@@ -1,4 +1,4 @@
-"""The six cases: which law, which numbers, how long."""
+"""Cases of the study: law, parameters, duration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from cam_rig.schema.load import config_root, load_cam
 from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.units import NS, TURN
 
-#: Table 1 of the paper, and what is assumed with it.
+#: Parameters of Table 1 of the paper, and an assumed stem stiffness.
 MASS, SPRING, STEM, DAMPING = 1.3, 4030.0, 3.3e8, 8.642
 
 WEIGHT = 12.753
@@ -40,20 +40,21 @@ MIN_BOUNCE = 1e-12
 
 
 def law_of(cam: str) -> Law:
-    """The law of a shipped cam."""
+    """Return the law of a shipped cam."""
     return build_law(load_cam(config_root() / "cams" / f"{cam}.yaml"))
 
 
 def elastic_stem() -> Case:
-    """A stiff oscillator, driven smoothly, hardly damped."""
+    """Return a stiff oscillator with smooth excitation and hardly any damping."""
     model = Oscillator(MASS, DAMPING, SPRING, STEM)
     return _case("elastic_stem", "residual vibration on the stem", "poly345", model, 300, 20, 25)
 
 
 def resonance() -> Case:
-    """The ninth harmonic of the cam meets an undamped follower: the response grows for ever.
+    """Return an undamped follower in resonance with the cam's ninth harmonic.
 
-    The even harmonics of this cam are zero: its fall is its rise, half a turn later.
+    Its response grows without limit. The even harmonics of this cam are zero, because its fall is
+    its rise half a turn later.
     """
     stiffness = MASS * (9.0 * rad_per_s(300)) ** 2
     model = Oscillator(MASS, 0.0, SPRING, stiffness - SPRING)
@@ -61,7 +62,7 @@ def resonance() -> Case:
 
 
 def torsional() -> Case:
-    """An elastic camshaft, nonlinear in the twist."""
+    """Return an elastic camshaft, nonlinear in the twist."""
     model = Twist(0.02, 1e4, MASS, DAMPING, SPRING, WEIGHT)
     return _case("torsional", "torsional vibration", "poly345", model, 400, 4, 50)
 
@@ -73,20 +74,21 @@ def _two_mass(name: str, title: str, stem_stiffness: float, preload: float) -> C
 
 
 def two_mass_soft() -> Case:
-    """Two masses that leave the cam, with the stem stiffness identified from the paper."""
+    """Return two masses that leave the cam, with the identified stem stiffness."""
     return _two_mass("two_mass_soft", "two masses, stem 1.26e6 N/m", SOFT_STEM, PRELOAD)
 
 
 def two_mass_stem() -> Case:
-    """Two masses that leave the cam, with the printed stem stiffness: they land and chatter.
+    """Return two masses that leave the cam, with the printed stem stiffness.
 
-    The preload is the follower's weight: with the identified 30.6 N nothing lifts off here.
+    They land and chatter. The preload is the follower's weight: with the identified 30.6 N there is
+    no lift-off.
     """
     return _two_mass("two_mass_stem", "two masses, stem 3.3e8 N/m", STEM, WEIGHT)
 
 
 def one_mass_arc() -> Case:
-    """A rigid follower that jumps off an arc cam and bounces back onto it."""
+    """Return a rigid follower that jumps off an arc cam and bounces."""
     bounce = MIN_BOUNCE * law_of("tm21").lift
     model = OneMass(MASS, DAMPING, SPRING, WEIGHT, 0.8, bounce)
     return _case("one_mass_arc", "one mass, arc cam, restitution 0.8", "tm21", model, 400, 10, 50)
@@ -97,12 +99,12 @@ CASES: dict[str, Callable[[], Case]] = {
     for make in (elastic_stem, resonance, torsional, two_mass_soft, two_mass_stem, one_mass_arc)
 }
 
-#: Turns of the cases that a quick study cuts short.
+#: Turns of the cases that are shortened in a quick study.
 QUICK_TURNS = {"elastic_stem": 2}
 
 
 def rad_per_s(rpm: float) -> float:
-    """Speed in rad/s."""
+    """Return a speed in rad/s."""
     return rpm * 2.0 * math.pi / 60.0
 
 
@@ -123,27 +125,27 @@ def _case(
     return Case(name, words, law_of(cam), model, speed, turns, quick, times)
 
 
-# How many samples the rig makes in a second, beside a copy of the same bytes.
+# Samples per second of the rig, compared with a copy of the same bytes.
 
 CAM, SAMPLE_RATE = "bezier15", 48_000
 
 SAMPLED = ("kinetostatic", "elastic_stem")
 
-#: At the first a turn is 7200 samples, at the second no whole number of them.
+#: Speeds at which a turn is 7200 samples, and not a whole number of samples.
 SPEEDS_RPM = (400.0, 391.37)
 
-#: Samples in a block: 6 MB, which a large cache still holds, and 25 MB.
+#: Samples per block: 6 MB, which a large cache still contains, and 25 MB.
 BLOCKS = (1 << 17, 1 << 19)
 
-#: Blocks that are timed, each beside a copy.
+#: Number of timed blocks, each paired with a copy.
 REPEATS = 25
 
 
 @dataclass(frozen=True)
 class SampleRate:
-    """Samples of six numbers a second of a model at a speed, and of copies, one after each block.
+    """Samples of six values per second of a model, and of copies after each block.
 
-    ``ratio`` is how many times as long as the copy beside it a block takes.
+    ``ratio`` is the time of a block relative to that of its copy.
     """
 
     model: str
@@ -155,7 +157,7 @@ class SampleRate:
 
 
 def rates() -> dict[str, float]:
-    """Samples per second by model, at the first speed, in the shorter blocks."""
+    """Return samples per second by model, at the first speed in the shorter blocks."""
     found = sample_rates(SPEEDS_RPM[:1], BLOCKS[:1])
     return {rate.model: rate.samples_per_s for rate in found}
 
@@ -163,7 +165,7 @@ def rates() -> dict[str, float]:
 def sample_rates(
     speeds_rpm: Iterable[float] = SPEEDS_RPM, blocks: Iterable[int] = BLOCKS
 ) -> list[SampleRate]:
-    """Each model, speed and block: medians, every run in turn with a copy."""
+    """Return the medians for each model, speed and block, interleaved with copies."""
     law = law_of(CAM)
     follower = FollowerParameters(MASS, SPRING, DAMPING, WEIGHT, STEM)
     speeds, found = tuple(speeds_rpm), []
@@ -181,7 +183,7 @@ def sample_rates(
 
 
 def rate_table(rates: Iterable[SampleRate]) -> DataTable:
-    """A row for each rate."""
+    """Return a table with one row per rate."""
     return tabulate(
         "Samples",
         rates,
@@ -197,13 +199,13 @@ def rate_table(rates: Iterable[SampleRate]) -> DataTable:
 
 
 def _seconds(*works: Callable[[], object]) -> list[tuple[float, ...]]:
-    """Wall times of each round, all in turn, after one that fills the caches."""
+    """Return the wall times of all rounds, interleaved, after a warm-up."""
     times = []
     for _ in range(REPEATS + 1):
         took = []
         for work in works:
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             work()
-            took.append(time.perf_counter() - begun)
+            took.append(time.perf_counter() - start_time)
         times.append(tuple(took))
     return times[1:]

@@ -1,4 +1,4 @@
-"""What a lift-off and its landing cost: the search alone, whole solutions, and a peer's."""
+"""Cost of a lift-off and its landing: search, whole solution, and a peer's."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from benchmark.speed.problem import PeerError
 from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
 from cam_rig.show.tables import DataTable, Header, tabulate
 
-#: Cases with events, and the tolerances of the peer, of which the most accurate run counts.
+#: Cases with events, and the tolerances of the peer. Its most accurate run counts.
 NAMES, RTOLS = ("one_mass_arc", "two_mass_soft", "two_mass_stem"), (1e-12, 3e-14)
-#: Runs of many turns show what an event costs, where a run's own cost is a small part. Of these
-#: cases the peer finishes its own in time.
+#: Turns of long runs, in which the fixed cost of a run is a small part, and the cases that the peer
+#: finishes in time.
 LONG_TURNS, PEER_NAMES = 100, ("one_mass_arc", "two_mass_soft")
 WHOLE = "a whole solution"
 
-#: The peer's longest run (s), and the rig's runs, of which the median counts.
+#: Longest run of the peer (s), and number of runs of the rig, of which the median counts.
 SECONDS, REPEATS = 60.0, 21
 
 
 @dataclass(frozen=True)
 class EventCost:
-    """A solver's time (s) a landing, and the largest error of an event's time (s)."""
+    """Time (s) of a solver per landing, and the largest error of an event's time (s)."""
 
     case: str
     landings: int
@@ -43,12 +43,15 @@ class EventCost:
 def event_costs(
     names: tuple[str, ...] = NAMES, peer: str = "CVODE", repeats: int = REPEATS
 ) -> list[EventCost]:
-    """Each case by the rig, in plain Python and compiled, and by a peer."""
+    """Return the costs of each case by the rig, plain and compiled, and by a peer."""
     return [cost for name in names for cost in _of_case(name, peer, repeats)]
 
 
 def event_table(costs: list[EventCost]) -> DataTable:
-    """One row a solver; the ratio is to the rig's own most often met, the compiled search."""
+    """Return a table with one row per solver.
+
+    The ratio is relative to the compiled search of the rig, which is the usual one.
+    """
     first = {cost.case: cost for cost in reversed(costs)}
 
     def called(cost: EventCost) -> str:
@@ -88,7 +91,10 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
 
 
 def _of_long(case: Case, reference: Solution, peer: str, repeats: int) -> Iterator[EventCost]:
-    """The same case for `LONG_TURNS`; errors are of the turns that the reference has."""
+    """Return the costs of the case for `LONG_TURNS`.
+
+    Errors are those of the turns that the reference has.
+    """
     long, name = case.lasting(LONG_TURNS), f"{case.name}, {LONG_TURNS} turns"
     form = ("compiled", COMPILED) if find_spec("numba") else ("plain Python", PLAIN)
     with form_of_search(form[1]):
@@ -118,23 +124,23 @@ def _search(case: Case) -> None:
 def _of_peer(
     case: Case, run: Case, reference: Solution, name: str
 ) -> Iterator[tuple[str, float, float, int]]:
-    """Words, time (s), error (s) in the case, landings of each setting that finished its run."""
+    """Return text, time (s), error (s) and landings of each setting that finished."""
     for peer in PEERS:
         if peer.name != name or peer.missing() is not None:
             continue
         for rtol in RTOLS:
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             try:
                 solution = peer.solve(run, rtol, SECONDS)
             except PeerError:
                 continue
-            taken = time.perf_counter() - begun
+            taken = time.perf_counter() - start_time
             error = _error(case, solution, reference)
             yield f"{peer.title} {rtol:.0e}", taken, error, _landings(solution)
 
 
 def _error(case: Case, solution: Solution, reference: Solution) -> float:
-    """Of the events up to the case's end."""
+    """Return the error of the events up to the end of the case."""
     within = tuple(event for event in solution.events if event[1] <= case.duration)
     error = replace(solution, events=within).event_error(reference)
     assert error is not None
@@ -142,18 +148,18 @@ def _error(case: Case, solution: Solution, reference: Solution) -> float:
 
 
 def median_of(function: Callable[[], object], repeats: int) -> float:
-    """Median wall time, s."""
+    """Return the median wall time, s."""
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         function()
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start_time)
     return statistics.median(times)
 
 
 @contextmanager
 def form_of_search(form: str) -> Iterator[None]:
-    """The search in one form, whatever the environment says of it."""
+    """Use one form of the search, independent of the environment."""
     before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = form
     try:

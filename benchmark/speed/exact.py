@@ -1,6 +1,6 @@
-"""The reference: every linear phase in closed form, with 50 digits and more to spare.
+"""Reference: every linear phase in closed form, with 50 digits and more.
 
-Shares no code with the rig's dynamics.
+It shares no code with the rig's dynamics.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 
-# A law's pieces with 50 digits, as power series of time: the law's doubles taken as exact.
+# Pieces of a law with 50 digits as power series of time. The law's doubles are taken as exact.
 
 
 @dataclass(frozen=True)
 class ExactPiece:
-    """One piece at one speed.
+    """Piece of a law at one speed.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ class ExactPiece:
         return len(self.series[0]) - 1
 
     def motion(self, time: Number) -> list[Number]:
-        """(s, ṡ, s̈, 1) at a time since the start."""
+        """Return (s, ṡ, s̈, 1) at a time since the start."""
         return [polynomial(row, time) for row in self.series]
 
     def combined(self, weights: Vector) -> list[Number]:
-        """Coefficients of a weighted sum of s, ṡ, s̈ and 1."""
+        """Return the coefficients of a weighted sum of s, ṡ, s̈ and 1."""
         return [
             sum((w * a for w, a in zip(weights, column, strict=True)), mp.mpf(0))
             for column in zip(*self.series, strict=True)
@@ -61,7 +61,7 @@ class ExactPiece:
 
 
 def polynomial(coefficients: list[Number], x: Number) -> Number:
-    """Value by Horner's rule."""
+    """Return a polynomial's value by Horner's rule."""
     total = mp.mpf(0)
     for a in reversed(coefficients):
         total = total * x + a
@@ -69,7 +69,7 @@ def polynomial(coefficients: list[Number], x: Number) -> Number:
 
 
 def powers(ordinates: list[float]) -> list[Number]:
-    """Coefficients of the powers of u of a polynomial in Bernstein form."""
+    """Return the coefficients in powers of u of a polynomial in Bernstein form."""
     degree = len(ordinates) - 1
     b = [mp.mpf(float(x)) for x in ordinates]
     return [
@@ -80,7 +80,7 @@ def powers(ordinates: list[float]) -> list[Number]:
 
 
 def exact_pieces(law: Law, speed: float) -> list[ExactPiece]:
-    """The pieces of one turn."""
+    """Return the pieces of one turn."""
     breaks = [mp.mpf(float(x)) for x in law.breaks]
     omega = mp.mpf(speed)
     pieces = []
@@ -94,27 +94,27 @@ def exact_pieces(law: Law, speed: float) -> list[ExactPiece]:
 
 
 def derivative(coefficients: list[Number]) -> list[Number]:
-    """Coefficients of the derivative, padded to the same length."""
+    """Return the coefficients of the derivative, padded to the same length."""
     return [*(j * a for j, a in enumerate(coefficients) if j), mp.mpf(0)]
 
 
 # A phase on one piece of the law in closed form, and the first crossing of its guard.
 
-#: Scanned points in a period of the fastest mode, and at least in a piece.
+#: Scanned points per period of the fastest mode, and smallest number in a piece.
 SCAN = 24
 
 FEWEST = 32
 
-#: A rate with an imaginary part smaller than this share is real but for rounding at 60 digits.
+#: Relative imaginary part below which a rate is real, except for rounding at 60 digits.
 REAL = 1e-40
 
-#: A guard that rises from zero is positive after this time, s.
+#: Time (s) after which a guard that rises from zero is positive.
 MIN_BRACKET = 1e-30
 
 
 @dataclass(frozen=True)
 class Flow:
-    """One phase on one piece from local time ``begin`` and state ``start``."""
+    """Phase on one piece from local time ``begin`` and state ``start``."""
 
     phase: BenchPhase
     piece: ExactPiece
@@ -124,13 +124,13 @@ class Flow:
     modes: list[list[Number]]
 
     def state(self, time: Number) -> list[Number]:
-        """The state at a local time."""
+        """Return the state at a local time."""
         growth = self._growth(time)
         free = [mp.re(dot(row, growth)) for row in self.modes]
         return [polynomial(x, time) + y for x, y in zip(self.forced, free, strict=True)]
 
     def guard(self) -> tuple[Callable[[Number], Number], Callable[[Number], Number]]:
-        """The guard and its rate as functions of the local time."""
+        """Return the guard and its rate as functions of the local time."""
         assert self.phase.guard is not None
         smooth = self.piece.combined(self.phase.guard_drive)
         for weight, row in zip(self.phase.guard, self.forced, strict=True):
@@ -152,7 +152,10 @@ class Flow:
 
 
 def flow(phase: BenchPhase, piece: ExactPiece, begin: Number, start: Vector) -> Flow:
-    """Solve one phase on one piece: (n+1) X_{n+1} = A X_n + F_n from the highest power down."""
+    """Solve one phase on one piece.
+
+    The series follows (n+1) X_{n+1} = A X_n + F_n from the highest power down.
+    """
     size = phase.size
     if size == 0:
         return Flow(phase, piece, begin, [], [], [])
@@ -179,7 +182,10 @@ def flow(phase: BenchPhase, piece: ExactPiece, begin: Number, start: Vector) -> 
 
 
 def first_crossing(run: Flow, end: Number) -> Number | None:
-    """Local time of the first crossing of the guard from above, None when not before ``end``."""
+    """Return the local time at which the guard first crosses zero from above.
+
+    It is None if there is no crossing before ``end``.
+    """
     value, rate = run.guard()
     fastest = max((abs(r) for r in run.rates), default=mp.mpf(0))
     steps = max(FEWEST, int(SCAN * fastest * (end - run.begin) / (2 * mp.pi)) + 1)
@@ -198,7 +204,10 @@ def first_crossing(run: Flow, end: Number) -> Number | None:
 
 
 def _bracket(value: Callable[[Number], Number], low: Number, high: Number) -> tuple[Number, Number]:
-    """Where the value is positive, and where it no longer is: it may begin at zero and rise."""
+    """Return a time with a positive value, and a later time without one.
+
+    The value may start at zero and rise.
+    """
     begin = low
     while low == begin or value(low) <= 0:
         low = (begin + high) / 2
@@ -210,7 +219,7 @@ def _bracket(value: Callable[[Number], Number], low: Number, high: Number) -> tu
 
 
 def _root(value: Callable[[Number], Number], low: Number, high: Number) -> Number:
-    """Root between a positive and a negative value (Anderson-Björck)."""
+    """Return the root between a positive and a negative value (Anderson-Björck)."""
     if value(high) == 0:
         return high
     return mp.findroot(value, (low, high), solver="anderson", tol=mp.mpf(10) ** -100, verify=False)
@@ -221,7 +230,7 @@ DIGITS = 60
 
 @dataclass
 class _Course:
-    """Gathers what is shown at the output times, and the events."""
+    """Collector of the outputs at the output times, and of the events."""
 
     case: Case
     model: BenchModel
@@ -230,7 +239,7 @@ class _Course:
     events: list[tuple[str, float]] = field(default_factory=list)
 
     def show(self, run: Flow, start: Number, end: Number) -> None:
-        """Output times up to local time ``end``."""
+        """Store the output times up to local time ``end``."""
         while len(self.displacement) < self.case.times.size:
             time = mp.mpf(float(self.case.times[len(self.displacement)])) - start
             if time > end:
@@ -240,7 +249,7 @@ class _Course:
             self.velocity.append([float(a) for a in v])
 
     def through(self, piece: ExactPiece, start: Number, name: str, q: Vector) -> tuple[str, Vector]:
-        """One piece of one turn, phase after phase; ``start`` is its time in s."""
+        """Solve one piece of one turn, phase after phase, from time ``start`` in s."""
         phases, time = self.model.phases(), mp.mpf(0)
         if phases[name].on_cam and phases[name].guard_value(q, piece.motion(time)) < 0:
             name, q = self._switch(name, q, piece, time, start)
@@ -263,7 +272,7 @@ class _Course:
 
 
 def solve(case: Case) -> Solution:
-    """The case to (at least) 50 digits, rounded to doubles at the end."""
+    """Solve the case to at least 50 digits, and round to doubles at the end."""
     assert isinstance(case.model, BenchModel)
     with mp.workdps(DIGITS):
         course = _Course(case, case.model.typed(mp.mpf))
@@ -284,25 +293,28 @@ TWIST_DIGITS = 45
 
 ORDER = 40
 
-#: Steps in a period of the shaft: the last terms then are below the last digit.
+#: Steps per period of the shaft. The last terms are then below the last digit.
 STEPS = 5
 
 Series = list[Number]
 
 
 def _times(one: Series, other: Series, n: int) -> Number:
-    """Coefficient n of a product."""
+    """Return coefficient n of a product."""
     return mp.fdot((one[i], other[n - i]) for i in range(n + 1))
 
 
 class _Taylor:
-    """Series of θ about one instant, with the law's piece as polynomials of θ − low."""
+    """Series of θ about one time, with the law's piece as polynomials of θ − low."""
 
     def __init__(self, model: Twist, ramp: Number, laws: list[Series]) -> None:
         self.model, self.ramp, self.laws = model, ramp, laws
 
     def expand(self, angle: Number, speed: Number, twist: Number, rate: Number) -> Series:
-        """Series of φ in time; ``angle`` is θ less the piece's beginning, ``speed`` without φ̇."""
+        """Return the series of φ in time.
+
+        ``angle`` is θ less the start of the piece, ``speed`` is without φ̇.
+        """
         p = self.model
         phi, turn = [twist, rate], [angle, speed + rate]
         degree = len(self.laws[0]) - 1
@@ -334,9 +346,9 @@ class _Taylor:
 
 
 def solve_twist(case: Case, ramp: float = 0.0) -> Solution:
-    """The torsional case to 40 digits, rounded to doubles at the end.
+    """Solve the torsional case to 40 digits, and round to doubles at the end.
 
-    ``ramp`` is α in rad/s²: the flywheel begins with the case's speed and gains it evenly.
+    ``ramp`` is α in rad/s². The flywheel starts with the case's speed and gains it evenly.
     """
     assert isinstance(case.model, Twist)
     with mp.workdps(TWIST_DIGITS):
@@ -363,7 +375,7 @@ def _solve(case: Case, model: Twist, ramp: Number) -> Solution:
 def _steps(
     case: Case, model: Twist, ramp: Number
 ) -> Iterator[tuple[Number, Number, Series, Series]]:
-    """Beginning (s), length (s), φ and φ̇ of step after step, none across a joint."""
+    """Yield start (s), length (s), φ and φ̇ of each step, without crossing a joint."""
     speed, ends = mp.mpf(case.speed), [mp.mpf(float(x)) for x in case.law.breaks]
     longest = 2 * mp.pi / mp.sqrt(model.shaft_stiffness / model.inertia) / STEPS
     time, twist, rate = mp.mpf(0), mp.mpf(0), mp.mpf(0)
@@ -390,7 +402,10 @@ def _sum(line: Series, phi: Series) -> Series:
 
 
 def _step(angle: Series, high: Number, longest: Number) -> tuple[Number, bool]:
-    """Length of the next step, and whether it ends where θ is ``high``, at the joint."""
+    """Return the length of the next step, and True if it ends at θ = ``high``.
+
+    That angle is the joint.
+    """
     if polynomial(angle, longest) < high:
         return longest, False
     step, speed = longest, derivative(angle)

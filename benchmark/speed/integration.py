@@ -1,4 +1,4 @@
-"""Takes a peer through a case: interval after interval of the law, phase after phase."""
+"""Solution of a case by a peer, interval by interval and phase by phase."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from benchmark.speed.problem import (
 )
 from cam_rig.units import FloatArray
 
-#: No case has so many: a peer that finds more is lost.
+#: Number of events above which a peer is taken as failed. No case has as many.
 MAX_EVENTS = 20_000
 
-#: Weights of s, ṡ, s̈ and 1, one by one.
+#: Weights of s, ṡ, s̈ and 1, one row each.
 MOTION = np.eye(4).tolist()
 
 
@@ -46,7 +46,7 @@ class _Integration:
     def through(
         self, start: float, interval: PeerInterval, name: str, q: Vector
     ) -> tuple[str, Vector]:
-        """One interval that begins at ``start`` (s)."""
+        """Integrate one interval that starts at ``start`` (s)."""
         local = self.case.times - start
         local = local[(local >= 0.0) & (local < interval.duration)]
         time = 0.0
@@ -76,7 +76,7 @@ class _Integration:
     def _in_contact(
         self, interval: PeerInterval, name: str, time: float, times: FloatArray
     ) -> Arrival:
-        """Contact with nothing to integrate: the first sign change of the contact force."""
+        """Find the first sign change of the contact force, without an integration."""
         force = interval.function(self.phases[name].guard_drive)
         grid = np.linspace(time, interval.duration, 65).tolist()
         for low, high in pairwise(grid):
@@ -86,7 +86,7 @@ class _Integration:
         return Arrival(interval.duration, [], np.empty((0, times.size)), False)
 
     def _scale(self, size: int) -> FloatArray:
-        """Usual size of the states: lift, and lift in the time of one radian."""
+        """Return the usual size of the states: lift, and lift per time of one radian."""
         positions = np.full(size // 2, self.case.law.lift)
         return np.concatenate([positions, positions * self.case.speed])
 
@@ -122,19 +122,19 @@ def integrate_case(case: Case, integrate: Integrator) -> Solution:
     return Solution(x, v, tuple(run.events))
 
 
-# Takes a peer through the torsional case; the joints of the law are its events.
+# Solution of the torsional case by a peer. The joints of the law are its events.
 
 #: Usual size of a twist, rad.
 TWIST = 1e-3
 
-#: The joint comes within this angle (rad) of where an untwisted cam would reach it.
+#: Angle (rad) within which the joint is reached, relative to an untwisted cam.
 REACH = 0.1
 
 
 def joint_problem(model: Twist, interval: PeerInterval, speed: float) -> Problem:
-    """The equation of motion on one interval, with the joint at its end as the guard.
+    """Return the equation of motion on one interval, with its joint as the guard.
 
-    ``interval`` is made for a speed of 1 rad/s: its time is the cam's angle.
+    ``interval`` is computed for a speed of 1 rad/s, so its time is the cam's angle.
     """
     m, c, k, preload = model.mass, model.damping, model.stiffness, model.preload
     inertia, shaft, span = model.inertia, model.shaft_stiffness, interval.duration
@@ -165,7 +165,7 @@ def joint_problem(model: Twist, interval: PeerInterval, speed: float) -> Problem
 
 
 class _LawInAngle:
-    """The law at an angle since the interval's beginning, by Horner's rule."""
+    """Law at an angle since the start of the interval, by Horner's rule."""
 
     def __init__(self, interval: PeerInterval) -> None:
         ends = interval.ends.tolist()
@@ -177,7 +177,7 @@ class _LawInAngle:
         ]
 
     def motion(self, angle: float) -> tuple[float, float, float]:
-        """Lift and its first two derivatives."""
+        """Return lift and its first two derivatives."""
         i = bisect_right(self._inner, angle) if self._inner else 0
         x = angle - self._middles[i]
         s = s1 = s2 = 0.0
@@ -188,7 +188,7 @@ class _LawInAngle:
         return s, s1, 2.0 * s2
 
     def third(self, angle: float) -> float:
-        """Third derivative."""
+        """Return the third derivative."""
         i = bisect_right(self._inner, angle) if self._inner else 0
         x, terms = angle - self._middles[i], self._terms[i]
         total, degree = 0.0, len(terms) - 1

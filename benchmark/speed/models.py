@@ -1,7 +1,7 @@
-"""The models of the study, each as linear phases and what happens between them.
+"""Models of the study as linear phases, with the switches between them.
 
-In flight the gap g between cam and follower is the state, not the follower's position: it
-starts at exactly zero, so no peer mistakes rounding for a landing.
+In flight the gap g between cam and follower is the state, not the follower's position. It starts at
+exactly zero, so no peer mistakes rounding for a landing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cam_rig.units import TURN, FloatArray
 
 # A phase of a model: one linear differential equation, and the guard that ends it.
 
-#: A float, or a number of more digits.
+#: A float, or a number with more digits.
 Number = Any
 
 Vector = Sequence[Number]
@@ -25,16 +25,16 @@ Vector = Sequence[Number]
 
 @dataclass(frozen=True)
 class BenchPhase:
-    """One linear phase with m positions, q of length 2m.
+    """Linear phase with m positions and q of length 2m.
 
     Parameters
     ----------
     rows : ``(m, 2m)`` accelerations of the positions by q
     drive : ``(m, 4)`` accelerations by s, ṡ, s̈ and 1
-    show : ``(k, m)`` shown displacements by the positions; shown velocities likewise
+    show : ``(k, m)`` output displacements by the positions, and output velocities likewise
     show_lift : ``(k,)`` weight of the lift in them
-    guard, guard_drive : ``(2m,)`` and ``(4,)``; None for a phase that never ends
-    on_cam : whether this is contact, which may also end by a jump of the law's acceleration
+    guard, guard_drive : ``(2m,)`` and ``(4,)``, or None for a phase without an end
+    on_cam : True for contact, which may also end by a jump of the law's acceleration
     """
 
     rows: Sequence[Vector]
@@ -51,12 +51,12 @@ class BenchPhase:
         return 2 * len(self.rows)
 
     def guard_value(self, q: Vector, motion: Vector) -> Number:
-        """The guard at state q and at (s, ṡ, s̈, 1)."""
+        """Return the guard at state q and at (s, ṡ, s̈, 1)."""
         assert self.guard is not None
         return dot(self.guard, q) + dot(self.guard_drive, motion)
 
     def shown(self, q: Vector, motion: Vector) -> tuple[list[Number], list[Number]]:
-        """Displacements and velocities that are compared."""
+        """Return the displacements and velocities that are compared."""
         m = self.size // 2
         pairs = list(zip(self.show, self.show_lift, strict=True))
         return (
@@ -66,7 +66,7 @@ class BenchPhase:
 
 
 def dot(one: Vector, other: Vector) -> Number:
-    """Scalar product in the numbers' own type."""
+    """Return the scalar product in the type of the numbers."""
     total: Number = 0
     for a, b in zip(one, other, strict=True):
         total = total + a * b
@@ -77,28 +77,28 @@ CONTACT, FLIGHT = "contact", "flight"
 
 LIFT_OFF, LANDING = "lift-off", "landing"
 
-#: Phase that follows, its state, and the kinds of the events that led there.
+#: Next phase, its state, and the kinds of the events that led there.
 Switch = tuple[str, Vector, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
 class BenchModel:
-    """A model of linear phases; all numbers in SI units."""
+    """Model of linear phases, in SI units."""
 
     def typed(self, number: Callable[[float], Number]) -> Self:
-        """The same model with another type of numbers."""
+        """Return the model with another type of numbers."""
         return replace(self, **{f.name: number(getattr(self, f.name)) for f in fields(self)})
 
     def phases(self) -> Mapping[str, BenchPhase]:
-        """The phases by name."""
+        """Return the phases by name."""
         raise NotImplementedError
 
     def begin(self) -> tuple[str, Vector]:
-        """First phase and its state, at rest on the low dwell."""
+        """Return the first phase and its state, at rest on the low dwell."""
         raise NotImplementedError
 
     def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
-        """What follows a guard's crossing, at state q and at (s, ṡ, s̈, 1)."""
+        """Return the switch at a guard's crossing, at state q and at (s, ṡ, s̈, 1)."""
         raise NotImplementedError
 
 
@@ -112,23 +112,23 @@ class Oscillator(BenchModel):
     stem_stiffness: Number
 
     def phases(self) -> Mapping[str, BenchPhase]:
-        """One phase without an end."""
+        """Return one phase without an end."""
         m = self.mass
         row = (-(self.spring_stiffness + self.stem_stiffness) / m, -self.damping / m)
         return {CONTACT: BenchPhase((row,), ((self.stem_stiffness / m, 0, 0, 0),), ((1,),), (0,))}
 
     def begin(self) -> tuple[str, Vector]:
-        """At rest."""
+        """Return the state at rest."""
         return CONTACT, (0 * self.mass, 0 * self.mass)
 
 
 @dataclass(frozen=True)
 class TwoMasses(BenchModel):
-    """Roller mass m₁ and stem mass m₂ (eq. 14-19), plastic re-contact; shown are z and y.
+    """Roller mass m₁ and stem mass m₂ (eq. 14-19) with plastic re-contact.
 
-    The preload pulls m₂ towards the cam: m₂ÿ + (c₁+c₂)ẏ + (k₁+k₂)y = c₁ṡ + k₁s − preload in
-    contact, where F = m₁s̈ + c₁(ṡ−ẏ) + k₁(s−y). A landing after which F is negative is
-    followed by a lift-off at the same instant.
+    The outputs are z and y. The preload pulls m₂ towards the cam: m₂ÿ + (c₁+c₂)ẏ + (k₁+k₂)y = c₁ṡ +
+    k₁s − preload in contact, where F = m₁s̈ + c₁(ṡ−ẏ) + k₁(s−y). A landing after which F is
+    negative is followed by a lift-off at the same time.
     """
 
     roller_mass: Number
@@ -140,7 +140,7 @@ class TwoMasses(BenchModel):
     preload: Number
 
     def phases(self) -> Mapping[str, BenchPhase]:
-        """Contact with q = (y, ẏ) and flight with q = (g, y, ġ, ẏ)."""
+        """Return contact with q = (y, ẏ) and flight with q = (g, y, ġ, ẏ)."""
         m1, m2, k1, c1 = self.roller_mass, self.stem_mass, self.stem_stiffness, self.stem_damping
         k, c = k1 + self.spring_stiffness, c1 + self.spring_damping
         pull = (k1 / m2, c1 / m2, 0, -self.preload / m2)
@@ -163,12 +163,15 @@ class TwoMasses(BenchModel):
         return {CONTACT: contact, FLIGHT: flight}
 
     def begin(self) -> tuple[str, Vector]:
-        """Static equilibrium on the cam."""
+        """Return the static equilibrium on the cam."""
         y = -self.preload / (self.stem_stiffness + self.spring_stiffness)
         return CONTACT, (y, 0 * y)
 
     def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
-        """Lift-off; or landing with ż := ṡ, and at once off again where F is negative."""
+        """Return a lift-off, or a landing with ż := ṡ.
+
+        If F is then negative, a lift-off follows at once.
+        """
         if name == CONTACT:
             return FLIGHT, (0 * q[0], q[0], 0 * q[0], q[1]), (LIFT_OFF,)
         on_cam = (q[1], q[3])
@@ -181,7 +184,7 @@ class TwoMasses(BenchModel):
 class OneMass(BenchModel):
     """One mass on a rigid stem with Newton's restitution.
 
-    A rebound lower than ``least_bounce`` ends a series of bounces: there are endlessly many.
+    A rebound lower than ``least_bounce`` ends a series of bounces, which would be infinite.
     """
 
     mass: Number
@@ -192,7 +195,7 @@ class OneMass(BenchModel):
     least_bounce: Number
 
     def phases(self) -> Mapping[str, BenchPhase]:
-        """Contact without a state (it is the law) and flight with q = (g, ġ)."""
+        """Return contact without a state (it is the law) and flight with q = (g, ġ)."""
         m, c, k = self.mass, self.damping, self.stiffness
         force = (k, c, m, self.preload)
         contact = BenchPhase((), (), ((),), (1,), (), force, on_cam=True)
@@ -201,11 +204,14 @@ class OneMass(BenchModel):
         return {CONTACT: contact, FLIGHT: flight}
 
     def begin(self) -> tuple[str, Vector]:
-        """On the cam."""
+        """Return contact with the cam."""
         return CONTACT, ()
 
     def switch(self, name: str, q: Vector, motion: Vector) -> Switch:
-        """Lift-off; or landing with ġ := −e ġ, or with ġ := 0 at the end of the bounces."""
+        """Return a lift-off, or a landing with ġ := −e ġ.
+
+        At the end of the bounces ġ := 0.
+        """
         zero = 0 * self.mass
         if name == CONTACT:
             return FLIGHT, (zero, zero), (LIFT_OFF,)
@@ -220,13 +226,13 @@ class OneMass(BenchModel):
 
 @dataclass(frozen=True)
 class Twist:
-    """Numbers of the torsional model.
+    """Parameters of the torsional model.
 
     Parameters
     ----------
-    inertia : of the cam, kg·m²
+    inertia : inertia of the cam, kg·m²
     shaft_stiffness : N·m/rad
-    mass, damping, stiffness, preload : the follower's, SI units
+    mass, damping, stiffness, preload : those of the follower, SI units
     """
 
     inertia: float
@@ -237,20 +243,20 @@ class Twist:
     preload: float
 
 
-# A case of the study, and a solution of it by whichever solver.
+# Case of the study, and its solution by any solver.
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One model on one law at one speed.
+    """One model with one law at one speed.
 
     Parameters
     ----------
-    model : its numbers, and through them its equations
+    model : parameters, which determine the equations
     speed : rad/s
-    turns : of the cam, from angle 0
+    turns : turns of the cam, from angle 0
     times : ``(n,)`` output times in s
-    quick_turns : what is left of the turns in a quick study
+    quick_turns : turns in a quick study
     """
 
     name: str
@@ -268,29 +274,29 @@ class Case:
         return self.turns * TURN / self.speed
 
     def first_turns(self, turns: int) -> Case:
-        """The beginning of the case, with the output times that fall into it."""
+        """Return the start of the case, with the output times in it."""
         short = replace(self, turns=min(turns, self.turns))
         return replace(short, times=self.times[self.times <= short.duration])
 
     def lasting(self, turns: int) -> Case:
-        """The same for so many turns, with as many output times in each."""
+        """Return the case with another number of turns, with the same outputs in each."""
         times = output_times(self.speed, turns, self.times.size // self.turns)
         return replace(self, turns=turns, quick_turns=turns, times=times)
 
     def fresh(self) -> Case:
-        """The same case with a law for which nothing has been computed yet."""
+        """Return the case with a law without cached results."""
         return replace(self, law=Law(self.law.name, self.law.breaks, self.law.ordinates))
 
 
 def output_times(speed: float, turns: int, per_turn: int) -> FloatArray:
-    """``per_turn`` times in each turn, none at its ends."""
+    """Return ``per_turn`` times in each turn, none at its ends."""
     count = turns * per_turn
     return np.asarray((np.arange(count) + 0.5) * (turns * TURN / speed / count))
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What is compared.
+    """Outputs and events that are compared.
 
     Parameters
     ----------
@@ -303,15 +309,18 @@ class Solution:
     events: tuple[tuple[str, float], ...] = ()
 
     def error(self, reference: Solution) -> float:
-        """Largest difference relative to the largest value, the worse of the two kinds."""
+        """Return the larger of the errors of displacement and velocity.
+
+        Each is the largest difference relative to the largest value.
+        """
         pairs = ((self.displacement, reference.displacement), (self.velocity, reference.velocity))
         return max(float(np.abs(x - y).max() / np.abs(y).max()) for x, y in pairs)
 
     def event_error(self, reference: Solution) -> float | None:
-        """Largest time (s) from an event to the nearest one of its kind in the other solution.
+        """Return the largest time (s) between an event and the closest one of its kind.
 
-        A missed or an invented event so counts with its distance. None without any events,
-        infinite where only one of the two has a kind.
+        Missing and additional events count with their distance. The result is None without events,
+        and infinite if only one solution has a kind.
         """
         kinds = {kind for kind, _ in (*self.events, *reference.events)}
         return max((self._apart(reference, kind) for kind in kinds), default=None)

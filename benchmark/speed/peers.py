@@ -1,4 +1,4 @@
-"""The peers by name: which solvers, and with which options."""
+"""Peers by name: solvers and their options."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from benchmark.speed.problem import Arrival, Floats, Integrator, PeerError, Prob
 from cam_rig.errors import CamRigError
 from cam_rig.units import FloatArray
 
-# scipy's integrators, as their documentation says to use them.
+# Integrators of scipy, used as documented.
 
 SCIPY_OPTIONS = "solve_ivp, atol = 0.001 rtol x usual size, t_eval, terminal event"
 
-#: Absolute tolerance in units of the relative one and of a state's usual size.
+#: Absolute tolerance relative to the product of relative tolerance and usual size of a state.
 ABSOLUTE = 1e-3
 
 
 @dataclass(frozen=True)
 class ScipyPeer:
-    """One method of ``solve_ivp`` at one relative tolerance."""
+    """Method of ``solve_ivp`` at one relative tolerance."""
 
     method: str
     rtol: float
@@ -76,14 +76,14 @@ class ScipyPeer:
 
 OPTIONS = "dense Newton with Jacobian, root finding, atol = 0.001 rtol x usual size"
 
-#: Steps to the next output time before CVODE gives up: never a limit here.
+#: Steps to the next output time before CVODE gives up. It is never reached here.
 MAX_STEPS = 100_000_000
 
 ROOT_FOUND = 2
 
 
 def cvode_class() -> Any:
-    """The solver's class.
+    """Return the solver's class.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def cvode_class() -> Any:
 
 @dataclass
 class CvodePeer:
-    """CVODE with one linear multistep method, "BDF" or "Adams", at one relative tolerance."""
+    """CVODE with one linear multistep method, "BDF" or "Adams", at one tolerance."""
 
     method: str
     rtol: float
@@ -115,7 +115,7 @@ class CvodePeer:
             self._solvers[id(problem)] = (problem, self._make(problem))
         self._begin = begin  # CVODE's time begins at 0: it then has digits for its first steps
         span = np.array([begin, *times.tolist(), end]) - begin
-        if span.size == 2:  # two times would ask for every internal step
+        if span.size == 2:  # two times would request every internal step
             span = np.insert(span, 1, 0.5 * span[1])
         done = self._solvers[id(problem)][1].solve(span, np.array(state))
         if done.status < 0:
@@ -158,9 +158,9 @@ class CvodePeer:
 
 @dataclass(frozen=True)
 class Peer:
-    """A solver with one method; several methods may belong to one ``name``.
+    """Solver with one method. Several methods may have the same ``name``.
 
-    ``weight`` is its share of the study's time. A ``slow`` one gets loose tolerances in a quick
+    ``weight`` is its share of the study's time. A ``slow`` peer has loose tolerances in a quick
     study.
     """
 
@@ -177,18 +177,18 @@ class Peer:
         return self.name if self.name == self.method else f"{self.name} {self.method}"
 
     def solve(self, case: Case, rtol: float, seconds: float = math.inf) -> Solution:
-        """The case at one relative tolerance.
+        """Solve the case at one relative tolerance.
 
         Raises
         ------
-        PeerError : it gave up, or took more than ``seconds``
+        PeerError : the peer failed, or took more than ``seconds``
         """
         is_shaft = isinstance(case.model, Twist)
         run = integration.integrate_torsion if is_shaft else integration.integrate_case
         return run(case, _limited(self.make(self.method, rtol), seconds))
 
     def missing(self) -> str | None:
-        """Why this peer cannot run here, and the remedy; None when it can."""
+        """Return the reason why this peer cannot run, with the remedy, or None."""
         if self.name != "CVODE":
             return None
         try:
@@ -199,7 +199,7 @@ class Peer:
 
 
 def _limited(integrate: Integrator, seconds: float) -> Integrator:
-    """The same, that stops between two intervals of the law when its time is over."""
+    """Return an integrator that stops between two intervals at its time limit."""
     stop = time.perf_counter() + seconds
 
     def limited(

@@ -1,6 +1,6 @@
-"""What a peer integrates: a smooth right-hand side with its Jacobian and its guard.
+"""Problem that a peer integrates: smooth right-hand side, Jacobian and guard.
 
-Everything is written in Python floats, the cheapest there is for a handful of states.
+Everything uses Python floats, the fastest type for a few states.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchmark.speed.models import BenchPhase
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import FloatArray
 
-# The law for the peers: intervals between its joints, as cheap scalar functions of time.
+# Law for the peers: intervals between its joints, as fast scalar functions of time.
 
 Scalar = Callable[[float], float]
 
@@ -34,7 +34,7 @@ class PeerInterval:
 
     Parameters
     ----------
-    ends : ``(n,)`` end of each piece in s since the interval's beginning
+    ends : ``(n,)`` end of each piece in s since the start of the interval
     series : ``(n, 4, p + 1)`` s, ṡ, s̈ and 1 of each piece in powers of the time since its middle
     """
 
@@ -47,7 +47,7 @@ class PeerInterval:
         return float(self.ends[-1])
 
     def function(self, weights: object) -> Scalar:
-        """A weighted sum of s, ṡ, s̈ and 1 as a function of the time since the beginning."""
+        """Return a weighted sum of s, ṡ, s̈ and 1 as a function of the time."""
         ends = self.ends.tolist()
         starts = [0.0, *ends[:-1]]
         functions = [
@@ -65,7 +65,7 @@ class PeerInterval:
 
 
 def _horner(coefficients: FloatArray, middle: float, width: float) -> Scalar:
-    """The polynomial without the powers that are below rounding, unrolled up to degree five."""
+    """Return the polynomial without negligible powers, unrolled up to degree five."""
     size = np.abs(coefficients) * (0.5 * width) ** np.arange(coefficients.size)
     needed = np.flatnonzero(size > 1e-18 * size.max())
     terms: list[float] = coefficients[: needed[-1] + 1 if needed.size else 1].tolist()
@@ -92,7 +92,10 @@ def _horner(coefficients: FloatArray, middle: float, width: float) -> Scalar:
 
 
 def _series(law: Law, piece: int, speed: float) -> FloatArray:
-    """``(4, p + 1)``: s, ṡ, s̈, 1 of a piece in powers of the time since its middle."""
+    """Return s, ṡ, s̈, 1 of a piece in powers of the time since its middle.
+
+    The shape is ``(4, p + 1)``.
+    """
     rows, scale, lift = law.ordinates[:, piece], 1.0, np.zeros(law.degree + 3)
     for order in range(law.degree + 1):
         lift[order] = scale * bernstein.evaluate(rows, np.array([0.5]))[0]
@@ -107,7 +110,7 @@ def _series(law: Law, piece: int, speed: float) -> FloatArray:
 
 
 def joints(law: Law) -> FloatArray:
-    """``(n,)`` whether a derivative jumps where each piece begins."""
+    """Return ``(n,)`` flags, True if a derivative jumps at the start of a piece."""
     found = np.zeros(law.spans.size, dtype=bool)
     for order in range(1, SMOOTH_ORDER + 1):
         size = np.abs(law.derivative_ordinates(order)).max()
@@ -116,7 +119,10 @@ def joints(law: Law) -> FloatArray:
 
 
 def intervals(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInterval]]:
-    """Beginning (s) and interval, in order, of ``turns`` turns; equal intervals are one object."""
+    """Return start (s) and interval of ``turns`` turns, in order.
+
+    Equal intervals are one object.
+    """
     count, starts = law.spans.size, joints(law)
     runs: list[list[int]] = []
     for piece in range(turns * count):
@@ -137,7 +143,7 @@ def intervals(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInter
 
 
 def _merged(ends: FloatArray, series: FloatArray) -> PeerInterval:
-    """A dwell of several pieces is one piece."""
+    """Return the pieces with each dwell merged into one."""
     if np.all(series[:, 1:3] == 0.0) and np.ptp(series[:, 0, 0]) == 0.0:
         return PeerInterval(ends[-1:], series[:1])
     return PeerInterval(ends, series)
@@ -152,7 +158,7 @@ class Problem:
 
     Parameters
     ----------
-    jacobian : of the rate; ``constant`` when it depends neither on t nor on q
+    jacobian : Jacobian of the rate, ``constant`` if it depends neither on t nor on q
     scale : ``(n,)`` usual size of each state, for the absolute tolerance
     """
 
@@ -165,10 +171,10 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """Where an integration ended.
+    """End of an integration.
 
-    ``states`` is ``(n, k)`` at those of the output times that were reached; ``hit`` says whether
-    the guard ended it.
+    ``states`` is ``(n, k)`` at the output times that were reached. ``hit`` is True if the guard
+    ended it.
     """
 
     time: float
@@ -178,21 +184,24 @@ class Arrival:
 
 
 class Integrator(Protocol):
-    """One peer with one tolerance."""
+    """Peer with one tolerance."""
 
     def __call__(
         self, problem: Problem, state: Floats, begin: float, end: float, times: FloatArray
     ) -> Arrival:
-        """Integrate from ``begin`` to ``end`` or to the guard; ``times`` lie in between."""
+        """Integrate from ``begin`` to ``end`` or to the guard.
+
+        ``times`` are output times between them.
+        """
         ...
 
 
 class PeerError(Exception):
-    """A peer gave up: its own message."""
+    """Failure of a peer, with its message."""
 
 
 def linear_problem(phase: BenchPhase, interval: PeerInterval, scale: FloatArray) -> Problem:
-    """One phase on one interval."""
+    """Return one phase on one interval."""
     half = phase.size // 2
     jacobian = np.zeros((phase.size, phase.size))
     jacobian[:half, half:] = np.eye(half)

@@ -1,4 +1,4 @@
-"""The study as a result: a record for each point measured, the campaign, the samples a second."""
+"""Result of the study: measured points, campaign, samples per second."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 
 @dataclass(frozen=True)
 class MeasuredPoint:
-    """A solver at one setting in one case: the rig has no tolerance, and no ratio.
+    """Solver at one setting in one case. The rig has no tolerance and no ratio.
 
-    ``compared`` : the setting at which it is compared. ``only_a_bound`` : it never was as good.
+    ``compared`` is True for the setting that is compared. ``only_a_bound`` is True if the peer
+    never reached the rig's accuracy.
     """
 
     case: str
@@ -36,14 +37,14 @@ class MeasuredPoint:
 
     @property
     def words(self) -> str:
-        """Solver and tolerance, or why it has no point."""
+        """Solver and tolerance, or the reason for a missing point."""
         if self.point is None:
             return f"{self.solver}: {self.note}"
         return self.solver if self.point.rtol is None else f"{self.solver} {self.point.rtol:.0e}"
 
     @property
     def bound(self) -> str | None:
-        """The ratio, marked where it is only a bound."""
+        """Ratio, marked if it is only a bound."""
         if self.ratio is None:
             return None
         return f"{'> ' * self.only_a_bound}{self.ratio:.{0 if self.ratio >= 10 else 1}f}"
@@ -67,7 +68,7 @@ SAMPLES = (Column("model", of="0"), Column("samples_per_s", "1/s", of="1"))
 
 CONDITIONS = (Column("quick"), Column("cores"), Column("took", "s", of="took_s"))
 
-#: What a reader of the table must know.
+#: Notes that a reader of the table needs.
 KEY = (
     "Each peer at its cheapest setting with an error no larger than the rig's; where it has none, "
     "at its most accurate one: the ratio, marked >, is then a bound."
@@ -77,7 +78,7 @@ RIG_NAME = "rig"
 
 
 class Comparison(Result):
-    """The study: every point measured, a campaign beside its peer, the samples a second."""
+    """Study with all points, a campaign and its peer, and samples per second."""
 
     schema = "cam_rig.speed.1"
     plot_function = "benchmark.speed.report:figure"
@@ -92,7 +93,7 @@ class Comparison(Result):
         self.study = study
 
     def tables(self) -> list[Records]:
-        """The points, the campaign; rates and conditions are data alone."""
+        """Return the points and the campaign. Rates and conditions are data only."""
         study = self.study
         rate = min(study.rates.values()) / 1e6
         caption = (
@@ -109,12 +110,12 @@ class Comparison(Result):
         ]
 
     def summary(self) -> list[str]:
-        """What was left out or cut short."""
+        """Return notes on settings that were left out or shortened."""
         return notes(self.study)
 
 
 def measured(study: WorkPrecisionStudy) -> Iterator[MeasuredPoint]:
-    """By case the rig, then each peer: where it is compared first."""
+    """Return the points by case: first the rig, then each peer's compared setting."""
     for name, result in study.cases.items():
         yield MeasuredPoint(name, RIG_NAME, result.rig, note=result.missing or "")
         for peer in result.peers:
@@ -133,7 +134,7 @@ def measured(study: WorkPrecisionStudy) -> Iterator[MeasuredPoint]:
 
 
 def notes(study: WorkPrecisionStudy) -> list[str]:
-    """What was left out or cut short, one line each."""
+    """Return a line for each setting that was left out or shortened."""
     out = [
         f"{name}: {sweep.peer.title}: {note}"
         for name, result in study.cases.items()
@@ -149,9 +150,9 @@ def notes(study: WorkPrecisionStudy) -> list[str]:
     return out
 
 
-# The work-precision plot: error against wall time, one panel per case.
+# Work-precision plot: error against wall time, one panel per case.
 
-#: Colours and distinct markers: readable in print and by the colour-blind.
+#: Colours and markers that are distinct in print and for colour-blind readers.
 STYLES = {
     "DOP853": (web(BLUE), "o"),
     "CVODE Adams": (web(ORANGE), "v"),
@@ -162,13 +163,13 @@ STYLES = {
 
 RIG = (web(BLACK), "*")
 
-#: Errors below this are drawn here: rounding may be zero.
+#: Smallest plotted error. Rounding errors may be zero.
 MIN_ERROR = 1e-17
 
 
 @styled
 def figure(found: Comparison) -> Figure:
-    """Error against wall time of every solver and of the rig, one panel per case."""
+    """Draw error against wall time of every solver and the rig, one panel per case."""
     study = found.study
     count = max(1, len(study.cases))
     columns = min(3, count)
@@ -200,7 +201,7 @@ def _panel(axes: Axes, result: CaseResult) -> None:
     logarithmic(axes.xaxis, axes.yaxis)
 
 
-# python -m benchmark.speed: the rig's speed and error on this machine, beside other solvers.
+# python -m benchmark.speed: speed and error of the rig and of other solvers on this machine.
 
 
 @command("json", "csv", "plot")
@@ -211,8 +212,9 @@ def bench(
 ) -> Comparison:
     """Measure error against time for the rig, scipy's solvers and SUNDIALS CVODE.
 
-    One core; set OMP_NUM_THREADS=1 for the same in numpy. Then a campaign's points a second beside
-    the same study with joblib and CVODE, on all cores. CVODE and joblib need the extra 'bench'.
+    The study uses one core. Set OMP_NUM_THREADS=1 for the same in numpy. It then measures a
+    campaign's points per second against the same study with joblib and CVODE, on all cores. CVODE
+    and joblib need the extra 'bench'.
 
     Examples
     --------

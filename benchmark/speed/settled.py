@@ -1,8 +1,8 @@
-"""What one point of a sweep costs: the settled turns of TM21's follower, beside SUNDIALS CVODE.
+"""Cost of a sweep point: steady turns of TM21's follower, compared with CVODE.
 
-The rig's point is all that a campaign asks of a run: level, forces, torque, lift-offs, landings.
-The peer is given less to do: it integrates the flights up to their landings; all samples are those
-on the cam, in one call of the rig's own. It need not settle, nor tell a level.
+The rig computes all results that a campaign needs from a run: level, forces, torque, lift-offs,
+landings. The peer has less to do. It integrates the flights up to their landings. All samples are
+those in contact, in one call of the rig. It needs neither a transient nor a level.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from cam_rig.units import NS, TURN
 
 SCENE, CAM = "tm21_sweep", "tm21"
 
-#: Below the jump speed the follower stays on the cam; above it the peer has flights to integrate.
+#: Speeds below and above the jump speed, repetitions, and tolerance of the peer. Above the jump
+#: speed the peer has flights to integrate.
 SPEEDS_RPM, REPEATS, RTOL = (300.0, 391.37, 450.0), 21, 1e-8
 
 PEER = next(peer for peer in PEERS if peer.title == "CVODE Adams")
@@ -34,7 +35,10 @@ PEER = next(peer for peer in PEERS if peer.title == "CVODE Adams")
 
 @dataclass(frozen=True)
 class SettledCost:
-    """Time (s) of a point at a speed, its samples and landings, and the peer's, None without it."""
+    """Time (s) of a point at a speed, its samples and landings, and the peer's time.
+
+    The peer's time is None if it is not installed.
+    """
 
     rpm: float
     samples: int
@@ -46,7 +50,7 @@ class SettledCost:
 def settled_costs(
     speeds_rpm: Iterable[float] = SPEEDS_RPM, repeats: int = REPEATS
 ) -> list[SettledCost]:
-    """Each speed, all turns of the scene's program."""
+    """Return the costs of each speed, over all turns of the scene's program."""
     loaded = load_scene(SCENE)
     loaded = loaded.only(CAM, loaded.laws[CAM])
     with form_of_search(COMPILED if find_spec("numba") else PLAIN):
@@ -70,7 +74,7 @@ def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SettledCost:
 
 
 def _case(loaded: LoadedScene, speed: float) -> Case:
-    """The same follower for the peer."""
+    """Return the same follower for the peer."""
     law, p, turns = loaded.laws[CAM], loaded.follower, int(loaded.scene.program.turns.si)
     numbers = (p.mass, p.damping, p.spring_stiffness, p.preload, p.restitution or 0.0)
     model = OneMass(*numbers, MIN_OF_LIFT * law.lift)
@@ -78,14 +82,14 @@ def _case(loaded: LoadedScene, speed: float) -> Case:
 
 
 def _by_peer(case: Case, loaded: LoadedScene, rate: int) -> Solution:
-    """Its flights, and the samples of all turns on the cam."""
+    """Integrate the flights, and compute the samples of all turns in contact."""
     whole = Interval(0, round(case.turns * TURN / case.speed * NS), 0.0, case.speed)
     contact_samples(case.law, loaded.follower, whole, rate)
     return PEER.solve(case, RTOL)
 
 
 def settled_table(costs: list[SettledCost]) -> DataTable:
-    """A row for each speed."""
+    """Return a table with one row per speed."""
     return tabulate(
         "Settled turns",
         costs,

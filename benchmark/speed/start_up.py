@@ -1,4 +1,4 @@
-"""What a start costs before anything is computed: each node's imports, and whole commands."""
+"""Cost of a start: imports of each node, and whole commands."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from statistics import median
 
 from cam_rig.show.tables import DataTable, Header, tabulate
 
-#: The nodes of a run.
+#: Nodes of a run.
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
-#: Starts of each, of which the median counts.
+#: Number of starts of each, of which the median counts.
 REPEATS = 5
 
-#: An interpreter that does nothing: what all are held against.
+#: Arguments of an interpreter without work, the reference for all starts.
 BARE = ("-c", "pass")
 
 _IMPORTS = "import cam_rig.nodes.{0}, cam_rig.nodes.process\n"
 
-#: Prints CPU seconds and modules: of a node that starts by itself, and that is forked.
+#: Code that prints CPU seconds and modules of a node that starts alone, and of a forked node.
 ALONE = _IMPORTS + "import sys, time; print(time.process_time(), len(sys.modules))"
 
 FORKED = (
@@ -43,7 +43,7 @@ if os.fork():
 
 @dataclass(frozen=True)
 class NodeStart:
-    """The imports of a node: CPU time (s) and modules, by itself and forked from the server."""
+    """CPU time (s) and modules of a node's imports, alone and forked from the server."""
 
     node: str
     alone_s: float
@@ -54,7 +54,7 @@ class NodeStart:
 
 @dataclass(frozen=True)
 class CommandTime:
-    """A whole command: wall time and CPU time (s) of all its processes, and of a bare one."""
+    """Wall time and CPU time (s) of a command with its processes, and of an empty one."""
 
     words: str
     wall_s: float
@@ -63,14 +63,17 @@ class CommandTime:
 
 
 def node_starts(repeats: int = REPEATS) -> list[NodeStart]:
-    """Each node of a run, by itself and forked, in turn."""
+    """Return the starts of each node of a run, alone and forked, interleaved."""
     return [_node_start(name, repeats) for name in NODES]
 
 
 def command_times(
     commands: Iterable[tuple[str, Sequence[str]]], repeats: int = REPEATS
 ) -> list[CommandTime]:
-    """Commands by their words, each in turn with a bare interpreter; arguments are Python's."""
+    """Return the times of commands, interleaved with an empty interpreter.
+
+    ``commands`` maps titles to arguments of Python.
+    """
     found = []
     for words, arguments in commands:
         runs = [(_timed(arguments), _timed(BARE)) for _ in range(repeats)]
@@ -80,7 +83,7 @@ def command_times(
 
 
 def node_table(starts: Iterable[NodeStart]) -> DataTable:
-    """A row for each node."""
+    """Return a table with one row per node."""
     return tabulate(
         "Imports of a node",
         starts,
@@ -93,7 +96,7 @@ def node_table(starts: Iterable[NodeStart]) -> DataTable:
 
 
 def command_table(times: Iterable[CommandTime]) -> DataTable:
-    """A row for each command."""
+    """Return a table with one row per command."""
     return tabulate(
         "Whole commands",
         times,
@@ -125,8 +128,8 @@ def _printed(code: str) -> list[float]:
 
 
 def _timed(arguments: Sequence[str]) -> tuple[float, float]:
-    """Wall and CPU time (s) of a Python with arguments, with all the processes it waits for."""
-    begun = time.perf_counter()
+    """Return wall and CPU time (s) of Python with arguments, with its child processes."""
+    start_time = time.perf_counter()
     with subprocess.Popen(
         [sys.executable, *arguments],
         stdout=subprocess.DEVNULL,
@@ -137,9 +140,9 @@ def _timed(arguments: Sequence[str]) -> tuple[float, float]:
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, list(arguments))
-    return time.perf_counter() - begun, used.ru_utime + used.ru_stime
+    return time.perf_counter() - start_time, used.ru_utime + used.ru_stime
 
 
 def _alone() -> dict[str, str]:
-    """The environment with one thread of BLAS, as the runner gives it to nodes."""
+    """Return the environment with one thread of BLAS, as the runner sets it for nodes."""
     return os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

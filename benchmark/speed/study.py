@@ -1,7 +1,7 @@
-"""Runs the study within a time limit: rig and peers in turn, in one process, on one core.
+"""Study within a time limit: rig and peers in turn, in one process, on one core.
 
-Every sweep goes from loose to tight and gets its share of the time that is left; a setting that
-is predicted to exceed the share is left out, and the result says so.
+Every sweep goes from loose to tight tolerances and has its share of the remaining time. A setting
+that would exceed the share is left out, and the result reports it.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from cam_rig.errors import CamRigError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, FloatArray
 
-# What a study finds: points of error against time, and what follows from them.
+# Results of a study: points of error against time.
 
 
 @dataclass(frozen=True)
 class WorkPrecisionPoint:
-    """One setting of one solver: median wall time of ``repeats`` runs, and error."""
+    """Setting of a solver: median wall time of ``repeats`` runs, and error."""
 
     time_s: float
     error: float
@@ -48,7 +48,7 @@ class WorkPrecisionPoint:
 
 @dataclass
 class Sweep:
-    """One peer over its tolerances; ``notes`` say what was left out and why."""
+    """Peer over its tolerances. ``notes`` report the settings that were left out."""
 
     peer: Peer
     points: list[WorkPrecisionPoint] = field(default_factory=list)
@@ -57,7 +57,7 @@ class Sweep:
 
 @dataclass
 class CaseResult:
-    """One case: the rig's point, or why there is none, and the peers' sweeps."""
+    """Case with the rig's point, or the reason for a missing point, and all sweeps."""
 
     case: Case
     rig: WorkPrecisionPoint | None = None
@@ -65,7 +65,10 @@ class CaseResult:
     sweeps: list[Sweep] = field(default_factory=list)
 
     def best(self, peer: str) -> tuple[Sweep, WorkPrecisionPoint] | None:
-        """The peer's cheapest point that is no worse than the rig, else its most accurate."""
+        """Return the peer's cheapest point with at most the rig's error.
+
+        If there is none, it is the most accurate point.
+        """
         all_points = [(s, p) for s in self.sweeps if s.peer.name == peer for p in s.points]
         if not all_points:
             return None
@@ -75,22 +78,22 @@ class CaseResult:
         return min(all_points, key=lambda pair: (pair[1].error, pair[1].time_s))
 
     def as_good(self, point: WorkPrecisionPoint) -> bool:
-        """Whether a point's error is no larger than the rig's."""
+        """Return True if a point's error is not larger than the rig's."""
         return self.rig is not None and point.error <= self.rig.error
 
     def ratio(self, point: WorkPrecisionPoint) -> float | None:
-        """How many times longer than the rig it took."""
+        """Return the time relative to the rig's."""
         return None if self.rig is None else point.time_s / self.rig.time_s
 
     @property
     def peers(self) -> list[str]:
-        """Names of the peers in order, each once."""
+        """Return the names of the peers in order, each once."""
         return list(dict.fromkeys(sweep.peer.name for sweep in self.sweeps))
 
 
 @dataclass(frozen=True)
 class WorkPrecisionStudy:
-    """All cases in order, the sampling rates (1/s) by model, a campaign, and the conditions."""
+    """Results by case, sampling rates (1/s) by model, a campaign, and the conditions."""
 
     cases: dict[str, CaseResult]
     rates: dict[str, float]
@@ -100,16 +103,17 @@ class WorkPrecisionStudy:
     campaign: CampaignRate
 
 
-# The stored references: small JSON files, and the law they were made for.
+# Stored references: small JSON files, with the law that they are valid for.
 
 FOLDER = Path(__file__).parent
 
-#: Laws built on another machine may differ by rounding; a changed cam file differs by more.
+#: Largest relative difference of laws built on different machines. A changed cam file differs by
+#: more.
 SAME = 1e-12
 
 
 def write(case: Case, solution: Solution) -> Path:
-    """Store a reference with the numbers it belongs to."""
+    """Store a reference with the parameters that it is valid for."""
     data = {
         "case": case.name,
         "numbers": _numbers(case),
@@ -123,11 +127,11 @@ def write(case: Case, solution: Solution) -> Path:
 
 
 def read(case: Case) -> Solution:
-    """The reference at the case's output times and with its events.
+    """Return the reference at the case's output times, with its events.
 
     Raises
     ------
-    CamRigError : no reference is stored, or it belongs to other numbers
+    CamRigError : no reference is stored, or it is for other parameters
     """
     path = FOLDER / f"{case.name}.json"
     remedy = "run python -m benchmark.make_reference"
@@ -146,7 +150,7 @@ def read(case: Case) -> Solution:
 
 
 def _numbers(case: Case) -> list[float]:
-    """Everything the solution depends on but the number of turns."""
+    """Return everything that the solution depends on, except the number of turns."""
     return [
         case.speed,
         *case.law.breaks.tolist(),
@@ -156,23 +160,24 @@ def _numbers(case: Case) -> list[float]:
     ]
 
 
-# The rig's own solution of each case, through the models' public functions.
+# Solution of each case by the rig, through the models' public functions.
 
-#: A stiffness that plays no part in the result.
+#: Stiffness that does not influence the result.
 ANY_STIFFNESS = 3.3e8
 
 
 def solve(case: Case) -> Solution:
-    """The case by the rig."""
+    """Solve the case with the rig."""
     return ADAPTERS[type(case.model)](case)
 
 
 def outputs_at(
     model: LinearResponse, start: FloatArray, angle: float, times: FloatArray, out: Outputs
 ) -> FloatArray:
-    """Outputs ``(k, m)`` at ascending times (s) after a state at ``angle`` (rad).
+    """Return outputs ``(k, m)`` at ascending times (s) after a state.
 
-    State and law are of one part, also where by rounding a time is beside a joint.
+    The state is that at cam angle ``angle`` (rad). State and law are taken from the same part, even
+    if by rounding a time is past a joint.
     """
     free, local, part_of = model.passes(start, angle, times)
     rows = np.asarray(out.state @ free)
@@ -191,7 +196,10 @@ def stem_motion(
     start: FloatArray,
     times: FloatArray,
 ) -> FloatArray:
-    """Rows of `elastic_stem.outputs` at ascending times (s) from (r, ṙ) at ``angle`` (rad) on."""
+    """Return rows of `elastic_stem.outputs` at ascending times (s).
+
+    The motion starts from (r, ṙ) at ``angle`` (rad).
+    """
     model = elastic_stem.response(law, follower, speed)
     return outputs_at(model, start, angle, times, elastic_stem.outputs(follower))
 
@@ -205,7 +213,7 @@ def _oscillator(case: Case) -> Solution:
 
 
 def two_mass_course(case: Case) -> Separation:
-    """All phases and events of two masses."""
+    """Return all phases and events of two masses."""
     p = case.model
     assert isinstance(p, TwoMasses)
     parameters = TwoMassParameters(
@@ -230,7 +238,7 @@ def _two_masses(case: Case) -> Solution:
 
 
 def one_mass_course(case: Case) -> OneMassTrajectory:
-    """All phases and events of one mass."""
+    """Return all phases and events of one mass."""
     p = case.model
     assert isinstance(p, OneMass)
     follower = FollowerParameters(
@@ -276,22 +284,22 @@ ADAPTERS: dict[type, Callable[[Case], Solution]] = {
     Twist: _twist,
 }
 
-#: Cases in the order they run: cheap ones leave time to the dear ones.
+#: Cases in the order they run: cheap cases leave time for expensive ones.
 ORDER = ("resonance", "torsional", "two_mass_soft", "one_mass_arc", "two_mass_stem", "elastic_stem")
 
-#: A setting takes this many times as long as the one before it, at least and at most.
+#: Smallest and largest predicted ratio of the times of two consecutive settings.
 MIN_GROWTH, MAX_GROWTH = 1.3, 4.0
 
-#: Runs of a peer's setting, as long as they take no more than this fraction of the sweep's share.
+#: Runs of a peer's setting, if they take at most this fraction of the sweep's share.
 PEER_REPEATS, REPEAT_SHARE = 3, 0.15
 
-#: A run may take so many times the time that is left before it is stopped.
+#: Multiple of the remaining time after which a run is stopped.
 OVERRUN = 4.0
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long, how often and how fine: ``seconds`` for all peers together."""
+    """Duration, repetitions and tolerances of a study. ``seconds`` is for all peers."""
 
     seconds: float
     rig_repeats: int
@@ -309,10 +317,10 @@ FULL = Effort(235.0, 25, (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 3e
 def run(
     quick: bool, advance: Callable[[str], None], names: tuple[str, ...] = ORDER, cores: int = 1
 ) -> WorkPrecisionStudy:
-    """Run the study; ``advance`` is told what comes next, once for each sweep and the campaign."""
-    begun = time.perf_counter()
+    """Run the study. ``advance`` is notified once for each sweep and the campaign."""
+    start_time = time.perf_counter()
     effort = QUICK if quick else FULL
-    deadline = begun + effort.seconds
+    deadline = start_time + effort.seconds
     left = len(names) * sum(peer.weight for peer in PEERS)
     found: dict[str, CaseResult] = {}
     for name in names:
@@ -329,21 +337,21 @@ def run(
     advance("campaign")
     campaign = campaign_rate(cores, quick)
     ordered = {name: found[name] for name in CASES if name in found}
-    took = time.perf_counter() - begun
+    took = time.perf_counter() - start_time
     return WorkPrecisionStudy(ordered, rates(), quick, cores, took, campaign)
 
 
 def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
-    """The rig's point; every run starts with a law of which nothing is cached."""
+    """Return the rig's point. Every run starts with a law without cached results."""
     result = CaseResult(case)
     times: list[float] = []
     try:
         solve(case)  # imports and the tables that do not belong to a law
         for _ in range(repeats):
             fresh = case.fresh()
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             solution = solve(fresh)
-            times.append(time.perf_counter() - begun)
+            times.append(time.perf_counter() - start_time)
     except CamRigError as error:
         result.missing = str(error)
         return result
@@ -354,7 +362,7 @@ def _rig(case: Case, reference: Solution, repeats: int) -> CaseResult:
 def sweep(
     case: Case, peer: Peer, reference: Solution, rtols: tuple[float, ...], share: float
 ) -> Sweep:
-    """One peer from loose to tight within ``share`` seconds."""
+    """Run one peer from loose to tight tolerances within ``share`` seconds."""
     out = Sweep(peer)
     missing = peer.missing()
     if missing is not None:
@@ -385,15 +393,16 @@ def _predicted(points: list[WorkPrecisionPoint]) -> float:
 def _measure(
     case: Case, peer: Peer, reference: Solution, rtol: float, limit: float, spare: float
 ) -> WorkPrecisionPoint:
-    """Median of up to `PEER_REPEATS` runs, one at least, more only within ``limit`` seconds.
+    """Return the median of up to `PEER_REPEATS` runs.
 
-    A run that takes much longer than the ``spare`` seconds it was let in for is given up.
+    At least one is run, and more only within ``limit`` seconds. A run that takes much longer than
+    the ``spare`` seconds expected for it is stopped.
     """
     times: list[float] = []
     while not times or (len(times) < PEER_REPEATS and sum(times) + times[-1] < limit):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         solution = peer.solve(case, rtol, OVERRUN * spare)
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start_time)
     return _point(solution, reference, times, rtol)
 
 

@@ -1,1 +1,1 @@
-"""An experiment of one's own: the least preload that keeps a rigid follower on its cam."""
+"""User-defined experiment: the least preload that keeps a follower on its cam."""

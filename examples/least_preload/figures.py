@@ -1,4 +1,4 @@
-"""Least preload over speed, a line a cam."""
+"""Least preload over speed, one line per cam."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .study import PreloadResult
 
 @styled
 def figure(found: PreloadResult) -> Figure:
-    """What each cam needs, and what the rig has."""
+    """Draw the least preload of each cam, and the preload of the rig."""
     out = empty(3.4)
     axes = out.subplots()
     for cam in found.cam_set.laws:

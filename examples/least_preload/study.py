@@ -1,4 +1,4 @@
-"""The least preload at which one rigid mass stays on its cam: what the force lacks at its least.
+"""Least preload at which one rigid mass stays on its cam.
 
 The contact force m s″ω² + c s′ω + k s + F₀ rises with the preload F₀ alone, so the least preload is
 the rig's less the least force, found on every piece of the law.
@@ -22,7 +22,7 @@ DEFAULT_RPM = (300.0, 400.0, 500.0)
 
 @dataclass(frozen=True)
 class PreloadRow:
-    """A cam at a speed: the least preload (N), and the rig's own."""
+    """Least preload (N) of a cam at a speed, and the preload of the rig (N)."""
 
     cam: str
     rpm: float
@@ -31,13 +31,13 @@ class PreloadRow:
 
     @property
     def lost(self) -> bool:
-        """Whether the rig's own does not suffice."""
+        """True if the preload of the rig is not sufficient."""
         return self.rig < self.least
 
 
 @dataclass(frozen=True, repr=False)
 class PreloadResult(Result):
-    """The least preload of every cam at every speed."""
+    """Least preload of every cam at every speed."""
 
     schema = "cam_rig.least_preload.1"
     plot_function = f"{__package__}.figures:figure"
@@ -55,14 +55,14 @@ class PreloadResult(Result):
     rows: tuple[PreloadRow, ...]
 
     def tables(self) -> list[Records]:
-        """A row a cam and speed."""
+        """Return one row per cam and speed."""
         lost = Footnote("The rig's own preload loses contact.", lambda row: row.lost, "*")
         caption = "Least preload that keeps one rigid mass in contact at {rpm:g} rpm"
         return [self.table("preloads", caption, self.rows, lost, group_by="rpm")]
 
 
 def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> PreloadResult:
-    """The least preload of each cam at each speed (rpm)."""
+    """Return the least preload of each cam at each speed (rpm)."""
     p = FollowerParameters.from_rig(cam_set.rig)
     cases = [(cam, one) for one in speeds for cam in cam_set.laws]
     rows = []

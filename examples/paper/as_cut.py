@@ -1,9 +1,9 @@
-"""A roller on the contour that fig. 12 of the paper draws, which is that of a point follower.
+"""A roller on the contour of a point follower that fig. 12 of the paper draws.
 
 The paper plots R_b + s in polar coordinates (`PolarPlot[s + R_b]`). That is the contour of a point
-(profile thesis, eq. 2.19 with R_r = 0 and ε = 0). A roller of radius R_r touches it beside its
-guide: its centre follows not s but the curve at R_r outside of the contour. Base radius and roller
-are assumed, no source prints them.
+(profile thesis, eq. 2.19 with R_r = 0 and ε = 0). The contact point of a roller of radius R_r is
+not below its guide: its centre follows not s but the curve at R_r outside of the contour. Base
+radius and roller are assumed, no source prints them.
 """
 
 from __future__ import annotations
@@ -152,16 +152,16 @@ def cut_at(cam: str, drawn: Driven, base: float, roller: float) -> AsCut:
 
 def study(cams: Sequence[str] = CAMS) -> list[AsCut]:
     """Cut each cam at the radii of its file."""
-    found = []
+    result = []
     for cam in map(cam_rig.load_cam, cams):
         base, roller = cam.follower.base_radius.si, cam.follower.roller
-        found.append(cut_at(cam.name, drive(cam_rig.build_law(cam)), base, roller))
-    return found
+        result.append(cut_at(cam.name, drive(cam_rig.build_law(cam)), base, roller))
+    return result
 
 
-def over_sizes(found: AsCut) -> list[AsCut]:
+def over_sizes(result: AsCut) -> list[AsCut]:
     """Cut the same cam over `BASES` and `ROLLERS`, the rollers of one base circle together."""
-    return [cut_at(found.cam, found.drawn, *size) for size in product(BASES, ROLLERS)]
+    return [cut_at(result.cam, result.drawn, *size) for size in product(BASES, ROLLERS)]
 
 
 def table(rows: Sequence[AsCut], caption: str) -> Table:
@@ -201,21 +201,21 @@ def _least_second(law: cam_rig.Law) -> float:
 
 
 @styled
-def figure(found: AsCut) -> Figure:
+def figure(result: AsCut) -> Figure:
     """Draw the polar plot of a cam, and the roller's lift and acceleration compared with s."""
     angle = np.linspace(0.0, TURN, 1441)
-    degrees, drawn, cut = np.degrees(angle), found.drawn.law, found.cut.law
+    degrees, drawn, cut = np.degrees(angle), result.drawn.law, result.cut.law
     out = empty(4.0)
     grid = out.add_gridspec(2, 2, width_ratios=[1.15, 1.0])
     polar = out.add_subplot(grid[:, 0], projection="polar")
     assert isinstance(polar, PolarAxes)
-    _contours(polar, found, angle)
+    _contours(polar, result, angle)
     out.legend(*polar.get_legend_handles_labels(), loc="outside lower left", ncols=3)
     lift = out.add_subplot(grid[0, 1])
     lift.plot(degrees, 1e3 * (cut(angle) - drawn(angle)), **series(0))
     lift.set(ylabel="roller above s [mm]", title="roller on s + $R_b$, less s")
     second: Axes = out.add_subplot(grid[1, 1], sharex=lift)
-    for i, (one, name) in enumerate(((found.drawn, "s"), (found.cut, "roller on s + $R_b$"))):
+    for i, (one, name) in enumerate(((result.drawn, "s"), (result.cut, "roller on s + $R_b$"))):
         label = f"{name}: jump speed {one.jump:.1f} rpm"
         second.plot(degrees, 1e3 * one.law(angle, 2), label=label, **series(i))
     second.set(ylabel="s″ [mm/rad²]", xlabel=CAM_ANGLE)
@@ -223,42 +223,42 @@ def figure(found: AsCut) -> Figure:
         turn_axis(axes)
     second.set_ylim(top=1.7 * second.get_ylim()[1])
     second.legend(loc="upper center")
-    radii = f"base radius {1e3 * found.base:g} mm, roller radius {1e3 * found.roller:g} mm"
-    out.suptitle(wrapped(f"{titles([found.cam])[found.cam]}, {radii}"))
+    radii = f"base radius {1e3 * result.base:g} mm, roller radius {1e3 * result.roller:g} mm"
+    out.suptitle(wrapped(f"{titles([result.cam])[result.cam]}, {radii}"))
     return out
 
 
-def _contours(axes: PolarAxes, found: AsCut, angle: FloatArray) -> None:
+def _contours(axes: PolarAxes, result: AsCut, angle: FloatArray) -> None:
     """Draw the contour of fig. 12, and the contour that gives s with the roller, radius in mm."""
-    drawn = 1e3 * (found.base + found.drawn.law(angle))
+    drawn = 1e3 * (result.base + result.drawn.law(angle))
     axes.plot(angle, drawn, lw=2.0, label="s + $R_b$, as fig. 12", **series(0))
     axes.fill(angle, drawn, color=series(0)["color"], alpha=0.10, lw=0.0)
-    centre = found.base + found.roller + found.drawn.law(angle)
-    tilt = np.arctan2(found.drawn.law(angle, 1), centre)  # pressure angle
-    inside = centre * np.exp(1j * angle) - found.roller * np.exp(1j * (angle - tilt))
+    centre = result.base + result.roller + result.drawn.law(angle)
+    tilt = np.arctan2(result.drawn.law(angle, 1), centre)  # pressure angle
+    inside = centre * np.exp(1j * angle) - result.roller * np.exp(1j * (angle - tilt))
     axes.plot(np.angle(inside), 1e3 * np.abs(inside), label="cut for the roller", **series(1))
-    axes.plot(angle, 0.0 * angle + 1e3 * found.base, color="0.25", ls=":", label="base circle")
+    axes.plot(angle, 0.0 * angle + 1e3 * result.base, color="0.25", ls=":", label="base circle")
     axes.set(rmin=0.0, title="contour, radius in mm")
     axes.set_rlabel_position(68.0)
 
 
-def summary(found: AsCut) -> str:
+def summary(result: AsCut) -> str:
     """Return the errors of lift and noise, and the jump speeds, of a cam."""
     return (
-        f"{found.cam}: {1e3 * found.above[0]:.3f} mm too high, noise within "
-        f"{np.abs(found.change).max():.3f} dB, jump speed {found.cut.jump:.2f} instead of "
-        f"{found.drawn.jump:.2f} rpm"
+        f"{result.cam}: {1e3 * result.above[0]:.3f} mm too high, noise within "
+        f"{np.abs(result.change).max():.3f} dB, jump speed {result.cut.jump:.2f} instead of "
+        f"{result.drawn.jump:.2f} rpm"
     )
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    first = found[CAMS.index(CUT)]
+    result = study()
+    first = result[CAMS.index(CUT)]
     captions = "A roller on the contour that a polar plot of s + R_b gives", f"{CUT} over its radii"
-    shown = [table(found, captions[0]), table(over_sizes(first), captions[1])]
-    publish(out, shown, {"as_cut": figure(first)}, map(summary, found))
+    shown = [table(result, captions[0]), table(over_sizes(first), captions[1])]
+    publish(out, shown, {"as_cut": figure(first)}, map(summary, result))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""The rig's sound, calibrated on the paper's published noise of one cam alone.
+"""Calibration of the rig's sound on the paper's published noise of one cam.
 
 Gain and corner of the radiation are fitted to eq. 21 of the paper, the regression of the polynomial
-3-4-5. The other two published curves are then predictions. Two numbers per rig, none per cam.
+3-4-5. The other two published curves are then predictions. There are two parameters per rig, and no
+parameter per cam.
 """
 
 from __future__ import annotations
@@ -27,25 +28,25 @@ def study() -> SoundFit:
     return cam_rig.fit_sound(np.column_stack([rpm, scene.published_levels(CAM, rpm)]), scene)
 
 
-def table(found: SoundFit) -> Table:
+def table(result: SoundFit) -> Table:
     """Return published and fitted level by speed."""
     return Table(
-        f"Published noise of {found.scene.titles[found.cam]}, and the rig fitted to it",
+        f"Published noise of {result.scene.titles[result.cam]}, and the rig fitted to it",
         "cam speed [rpm] :g | published [dB] :.2f | fitted [dB] :.2f | difference [dB] :+.2f",
-        [(row.rpm, row.measured, row.fitted, row.difference) for row in found.levels],
+        [(row.rpm, row.measured, row.fitted, row.difference) for row in result.levels],
     )
 
 
 @styled
-def figure(found: SoundFit) -> Figure:
+def figure(result: SoundFit) -> Figure:
     """Draw published and fitted level over the speed."""
     out = empty(3.3)
     axes = out.subplots()
-    rpm = [row.rpm for row in found.levels]
-    style = line(found.cam)
-    axes.plot(rpm, [row.measured for row in found.levels], label="published", **style)
-    axes.plot(rpm, [row.fitted for row in found.levels], "o", ms=4, color="0.3", label="fitted")
-    axes.set(xlabel=CAM_SPEED, ylabel=LEVEL, title=found.scene.titles[found.cam])
+    rpm = [row.rpm for row in result.levels]
+    style = line(result.cam)
+    axes.plot(rpm, [row.measured for row in result.levels], label="published", **style)
+    axes.plot(rpm, [row.fitted for row in result.levels], "o", ms=4, color="0.3", label="fitted")
+    axes.set(xlabel=CAM_SPEED, ylabel=LEVEL, title=result.scene.titles[result.cam])
     axes.legend(frameon=False)
     return out
 
@@ -55,10 +56,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     command = parser(__doc__)
     command.add_argument("--write", action="store_true", help="write into the rig file")
     chosen = command.parse_args(argv)
-    found = study()
-    publish(chosen.out, [table(found)], {"calibrate": figure(found)}, found.summary())
+    result = study()
+    publish(chosen.out, [table(result)], {"calibrate": figure(result)}, result.summary())
     if chosen.write:
-        print(f"written to {found.write()}")
+        print(f"written to {result.write()}")
 
 
 if __name__ == "__main__":

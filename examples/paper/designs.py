@@ -16,7 +16,7 @@ CURVE, SPLINE, FINE = LawClass(1, 3, 15), LawClass(8, 3), LawClass(16, 3)
 #: Over all speeds of the paper's figures; no law has a higher peak acceleration than its start.
 SOUND, VIBRATION = "sound_level_rigid@200-400rpm", "residual_vibration@200-400rpm"
 LIMITS = ("peak_acceleration<=start",)
-#: What is designed: the cam, and what is asked.
+#: Cams that are designed, with the goals.
 ASKED = (
     ("bezier15", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=CURVE)),
     ("bezier15", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=CURVE)),
@@ -27,7 +27,10 @@ ASKED = (
 
 
 def paper_designs(cam_set: CamSet) -> list[LawDesign]:
-    """Return the best laws for the cams of the set; none if the extra `design` is missing."""
+    """Return the best laws for the cams of the set.
+
+    The result is empty if the extra `design` is missing.
+    """
     if find_spec("clarabel") is None:
         return []
     cams, rig = cam_set.cams, cam_set.rig

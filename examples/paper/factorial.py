@@ -1,10 +1,10 @@
-"""The question that the paper leaves open: continuity of the law, or its gentler slopes.
+"""Open question of the paper: continuity of the law, or its gentler slopes.
 
 Laws of every class of continuity are built over the same event angles, so that smoother laws are
-also sharper. Then each is built over the angles at which all accelerate alike, so that continuity
-alone differs. Each result y is split into its mean, what the law and what the angle add to it, and
-the rest: y_ij = μ + α_i + β_j + γ_ij. Last, the paper's own cam: how much of its advantage a rigid
-follower has too, and what is left if its event is compressed.
+also sharper. Then each is built over the angles at which all have the same acceleration, so that
+only continuity differs. Each result y is split into its mean, the effects of the law and of the
+angle, and the remainder: y_ij = μ + α_i + β_j + γ_ij. Last, the cam of the paper is studied: the
+part of its advantage that a rigid follower has too, and the advantage if its event is compressed.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import RPM, TURN, FloatArray, rms
 from examples.paper.common import CAMS, RIG, STIFF_RIG, Table, load_laws, parser, publish, titles
 
-#: The paper's own cam, and the spans (°) into which its turn is compressed: 360 as the paper has
-#: it, 297.5 as the other laws take from rise to fall.
+#: The paper's proposed cam, and the spans (°) into which its turn is compressed: 360 as in the
+#: paper, 297.5 as the other laws take from rise to fall.
 PROPOSED, SPANS = "bezier15", (360.0, 330.0, 297.5, 270.0, 240.0)
 #: Lift in m (paper, Table 1), and laws of classes C1, C2, C2, C3, C4.
 LIFT, RISES = 0.05, ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9")
@@ -64,7 +64,10 @@ def as_gentle(rise: str, event: float) -> float:
 
 
 def squeezed(law: cam_rig.Law, span: float) -> cam_rig.Law:
-    """Return a cam's turn compressed into `span` rad, then at rest; of 360° the law itself."""
+    """Return a cam's turn compressed into `span` rad, followed by rest.
+
+    A span of 360° returns the law itself.
+    """
     if span >= TURN:
         return law
     rest = np.full_like(law.ordinates[:, :1], law.ordinates[0, 0])
@@ -194,7 +197,7 @@ class Design:
         return np.asarray(self.values("jump") < EFFECTS[key].fastest)
 
     def part(self, name: str, rows: Sequence[int], columns: Sequence[int]) -> Design | None:
-        """Return some laws and angles; None if fewer than two of either are left."""
+        """Return some laws and angles, or None if fewer than two of either are left."""
         if min(len(rows), len(columns)) < 2:
             return None
         cells = [[self.cells[i][j] for j in columns] for i in rows]
@@ -224,7 +227,7 @@ class Design:
 
 
 class Study(NamedTuple):
-    """Both designs, the cams of Table 2 by name, and the paper's own by its span in °."""
+    """Both designs, the cams of Table 2 by name, and the proposed cam by span in °."""
 
     same_angles: Design
     same_acceleration: Design
@@ -233,7 +236,7 @@ class Study(NamedTuple):
 
 
 def study(run: Callable[..., Iterator[Measures]] = map) -> Study:
-    """Measure every cell of both designs, the cams, and the paper's own compressed.
+    """Measure every cell of both designs, the cams, and the compressed proposed cam.
 
     `run` is `map`, or the `map` of an executor.
     """
@@ -258,9 +261,10 @@ def study(run: Callable[..., Iterator[Measures]] = map) -> Study:
 
 
 class Advantage(NamedTuple):
-    """Advantage of the paper's own cam over `cam`, as factors; noise in dB.
+    """Advantage of the proposed cam over `cam`, as factors, of the noise in dB.
 
-    Shares of the slopes are of logarithms: what a rigid follower has too. The rest is vibration.
+    Shares of the slopes are those of logarithms: the part that a rigid follower has too. The
+    remainder is vibration.
     """
 
     cam: str
@@ -272,10 +276,10 @@ class Advantage(NamedTuple):
     noise: float
 
 
-def advantages(found: Study) -> list[Advantage]:
-    """Compare the paper's own cam with each other cam."""
-    best, rows = found.cams[PROPOSED], []
-    for cam, other in found.cams.items():
+def advantages(result: Study) -> list[Advantage]:
+    """Compare the proposed cam with each other cam."""
+    best, rows = result.cams[PROPOSED], []
+    for cam, other in result.cams.items():
         if cam != PROPOSED:
             jump, slopes = best.jump / other.jump, best.rigid_jump / other.rigid_jump
             less = best.acceleration / other.acceleration
@@ -286,9 +290,9 @@ def advantages(found: Study) -> list[Advantage]:
     return rows
 
 
-def tables(found: Study) -> list[Table]:
+def tables(result: Study) -> list[Table]:
     """Return the analysis of variance by design, jump speeds by law, advantages, compressed cam."""
-    same, alike, names = found.same_angles, found.same_acceleration, titles(found.cams)
+    same, alike, names = result.same_angles, result.same_acceleration, titles(result.cams)
     wholes = [same, alike]
     designs = [part for whole in wholes for part in (whole, whole.smooth) if part is not None]
     means = [np.exp(np.log(one.values("jump")).mean(axis=1)).tolist() for one in wholes]
@@ -317,7 +321,7 @@ def tables(found: Study) -> list[Table]:
                     row.residual,
                     row.noise,
                 )
-                for row in advantages(found)
+                for row in advantages(result)
             ],
             "From slopes: what a rigid follower has too, in logarithms; the rest is vibration. "
             "Above 100 %: at its own, higher jump speed the cam excites more vibration.",
@@ -328,7 +332,7 @@ def tables(found: Study) -> list[Table]:
             "peak acceleration [m/s²] :.1f | residual vibration [µm] :.2f | noise [dB] :.1f",
             [
                 (span, m.jump, m.rigid_jump, m.acceleration, 1e6 * m.residual, m.noise)
-                for span, m in found.squeezed.items()
+                for span, m in result.squeezed.items()
             ],
         ),
     ]
@@ -358,13 +362,13 @@ def variance_table(design: Design) -> Table:
     )
 
 
-def summary(found: Study) -> list[str]:
-    """Return the part of the advantage that is due to slopes, and what governs the vibration."""
-    shares = sorted(row.jump_share for row in advantages(found) if row.jump > 1.0)
-    residual = found.same_acceleration.shares("residual")
-    lost = found.same_acceleration.lost("residual")
+def summary(result: Study) -> list[str]:
+    """Return the shares of the slopes and of the continuity as text."""
+    shares = sorted(row.jump_share for row in advantages(result) if row.jump > 1.0)
+    residual = result.same_acceleration.shares("residual")
+    lost = result.same_acceleration.lost("residual")
     return [
-        f"{PROPOSED} jumps later than {len(shares)} of {len(found.cams) - 1} cams, "
+        f"{PROPOSED} jumps later than {len(shares)} of {len(result.cams) - 1} cams, "
         f"{shares[0]:.0%} to {shares[-1]:.0%} of that from the slopes",
         f"residual vibration at the same acceleration: classes of continuity {residual.classes:.0%}"
         f", law {residual.law:.0%}, angle {residual.angle:.0%} of the sum of squares; "
@@ -378,8 +382,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     out = parser(__doc__).parse_args(argv).out
     with ProcessPoolExecutor() as pool:
-        found = study(pool.map)
-    publish(out, tables(found), {"factorial": factorial_figure.figure(found)}, summary(found))
+        result = study(pool.map)
+    publish(out, tables(result), {"factorial": factorial_figure.figure(result)}, summary(result))
 
 
 if __name__ == "__main__":

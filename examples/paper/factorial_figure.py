@@ -13,29 +13,29 @@ from examples.paper.factorial import EFFECTS, PROPOSED, REFERENCE, RISES, Design
 
 
 @styled
-def figure(found: Study) -> Figure:
+def figure(result: Study) -> Figure:
     """Draw each effect against the event angle by law, and below the shares of its variance."""
     out = empty(9.6)
     parts = out.subfigures(2, 1, height_ratios=[2.6, 1.0], squeeze=False)
-    _effects(parts[0, 0], found)
-    _shares(parts[1, 0], found)
+    _effects(parts[0, 0], result)
+    _shares(parts[1, 0], result)
     return out
 
 
-def _effects(out: FigureBase, found: Study) -> None:
+def _effects(out: FigureBase, result: Study) -> None:
     """Draw the curves of both designs, a hollow marker where contact is lost."""
     shown = [key for key in EFFECTS if key != "noise_in_contact"]
     panels = out.subplots(len(shown), 2, sharey="row")
     for row, key in zip(panels, shown, strict=True):
         effect = EFFECTS[key]
-        for axes, design in zip(row, found[:2], strict=True):
+        for axes, design in zip(row, result[:2], strict=True):
             values, lost = effect.factor * design.values(key), design.lost(key)
             for i, (rise, order) in enumerate(zip(RISES, design.classes, strict=True)):
                 style = line(rise) | marker(rise) | {"ms": 4, "markevery": 1}
                 axes.plot(design.angles, values[i], label=f"{in_words(rise)}, C{order}", **style)
                 hollow = style | {"ls": "", "markerfacecolor": "white", "zorder": 3}
                 axes.plot(np.array(design.angles)[lost[i]], values[i][lost[i]], **hollow)
-            level = effect.factor * getattr(found.cams[PROPOSED], key)
+            level = effect.factor * getattr(result.cams[PROPOSED], key)
             label = f"{in_words(PROPOSED)} as published"
             axes.axhline(level, color="0.35", ls=(0, (1, 2)), label=label)
             if effect.decibels:
@@ -52,10 +52,10 @@ def _effects(out: FigureBase, found: Study) -> None:
     out.legend(handles=[*handles, lost_style], loc="outside lower center", ncols=3, frameon=False)
 
 
-def _shares(out: FigureBase, found: Study) -> None:
+def _shares(out: FigureBase, result: Study) -> None:
     """Draw the shares of the sum of squares as bars."""
-    smooth = found.same_acceleration.smooth
-    designs = [one for one in (*found[:2], smooth) if one is not None]
+    smooth = result.same_acceleration.smooth
+    designs = [one for one in (*result[:2], smooth) if one is not None]
     panels = out.subplots(1, len(designs), sharey=True)
     for axes, design in zip(panels, designs, strict=True):
         _bars(axes, design)

@@ -1,7 +1,8 @@
-"""Speed fluctuation of a flywheel of finite inertia, compared with eq. 10 of the paper.
+"""Speed fluctuation of a flywheel of finite inertia, compared with eq. 10.
 
-Eq. 10 holds the speed of the flywheel, as if its inertia I_v were infinite, and has no preload.
-Here a constant torque, the mean of the load, drives a flywheel of inertia I_v through the shaft.
+Eq. 10 of the paper keeps the speed of the flywheel constant, as if its inertia I_v were infinite,
+and omits the preload. Here a constant torque, the mean of the load, drives a flywheel of inertia
+I_v through the shaft.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Flywheels:
     """Turns of each cam behind each flywheel, and the twist of eq. 10 as printed.
 
     `turns` is indexed by cam and inertia (kg·m²). `without_preload` is by cam, in rad peak to peak
-    at the held speed.
+    at constant speed.
     """
 
     turns: dict[tuple[str, float], FlywheelTurn]
@@ -56,9 +57,9 @@ def study(cams: Sequence[str] = CAMS) -> Flywheels:
     )
 
 
-def tables(found: Flywheels) -> list[Table]:
+def tables(result: Flywheels) -> list[Table]:
     """Return one cam over the inertia, and all cams behind one flywheel."""
-    names = titles(found.without_preload)
+    names = titles(result.without_preload)
     over_inertia = [
         (
             f"{inertia:g}".replace("inf", "∞"),
@@ -68,18 +69,18 @@ def tables(found: Flywheels) -> list[Table]:
             math.degrees(turn.twist),
             turn.torque,
         )
-        for (cam, inertia), turn in found.turns.items()
+        for (cam, inertia), turn in result.turns.items()
         if cam == SHOWN_CAM
     ]
     over_cams = [
         (
             names[cam],
-            100.0 * found.turns[cam, SHOWN].fluctuation,
-            math.degrees(found.turns[cam, SHOWN].twist),
-            math.degrees(found.turns[cam, math.inf].twist),
+            100.0 * result.turns[cam, SHOWN].fluctuation,
+            math.degrees(result.turns[cam, SHOWN].twist),
+            math.degrees(result.turns[cam, math.inf].twist),
             math.degrees(bare),
         )
-        for cam, bare in found.without_preload.items()
+        for cam, bare in result.without_preload.items()
     ]
     return [
         Table(
@@ -104,17 +105,17 @@ def tables(found: Flywheels) -> list[Table]:
 
 
 @styled
-def figure(found: Flywheels) -> Figure:
+def figure(result: Flywheels) -> Figure:
     """Draw fluctuation of the speed and twist of the shaft over the inertia of the flywheel."""
     out = empty(3.3)
     left, right = out.subplots(1, 2)
-    for cam, title in titles(found.without_preload).items():
-        finite = [found.turns[cam, inertia] for inertia in INERTIAS if inertia < math.inf]
+    for cam, title in titles(result.without_preload).items():
+        finite = [result.turns[cam, inertia] for inertia in INERTIAS if inertia < math.inf]
         inertia = np.array([turn.inertia for turn in finite])
         fluctuation = 100.0 * np.array([turn.fluctuation for turn in finite])
         left.loglog(inertia, fluctuation, label=title, **line(cam))
         right.semilogx(inertia, np.degrees([turn.twist for turn in finite]), **line(cam))
-        held = math.degrees(found.turns[cam, math.inf].twist)
+        held = math.degrees(result.turns[cam, math.inf].twist)
         right.axhline(held, color=colour(cam), lw=0.8, ls=":")
     left.set(title="(fastest − slowest)/mean speed", ylabel="fluctuation [%]")
     right.set(title="Twist of the shaft", ylabel="twist, peak to peak [°]")
@@ -127,10 +128,10 @@ def figure(found: Flywheels) -> Figure:
     return out
 
 
-def summary(found: Flywheels) -> list[str]:
+def summary(result: Flywheels) -> list[str]:
     """Return fluctuation and twist of `SHOWN_CAM`."""
-    turn, held = found.turns[SHOWN_CAM, SHOWN], found.turns[SHOWN_CAM, math.inf]
-    bare = found.without_preload[SHOWN_CAM]
+    turn, held = result.turns[SHOWN_CAM, SHOWN], result.turns[SHOWN_CAM, math.inf]
+    bare = result.without_preload[SHOWN_CAM]
     return [
         f"{SHOWN_CAM} behind {SHOWN:g} kg·m²: fluctuation {turn.fluctuation:.2%}, "
         f"twist {math.degrees(turn.twist):.4f}°",
@@ -142,8 +143,8 @@ def summary(found: Flywheels) -> list[str]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    publish(out, tables(found), {"flywheel": figure(found)}, summary(found))
+    result = study()
+    publish(out, tables(result), {"flywheel": figure(result)}, summary(result))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""The TM21's own cam, identified from its published noise: lift, event and nose angle.
+"""The TM21's cam, identified from its published noise: lift, event and nose angle.
 
-No source prints a dimension of that cam. A search over cams of tangent circular arcs finds the one
+No source prints a dimension of that cam. A search over cams of tangent circular arcs finds the cam
 whose simulated level is closest to eq. 20 of the paper. The acoustic constants stay as they were
-calibrated on another cam. The result is a cam that sounds like the published one, not its drawing.
+calibrated on another cam. The result is a cam that sounds like the published cam, not its drawing.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
         method="Nelder-Mead",
         options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200},
     ).x.tolist()
-    # Rounded to what the residual supports: the fewest digits that keep the geometry possible.
+    # Rounded to the fewest digits that keep the geometry possible: the residual supports no more.
     for digits in (2, 3, 4, 6):
         numbers = round(lift, digits + 4), round(event, digits), round(event * fraction, digits)
         left = difference(np.array([numbers[0], numbers[1], numbers[2] / numbers[1]]))
@@ -96,22 +96,22 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
     raise LawError(f"cam {CAM!r}: no arc cam within the limits comes near its published noise")
 
 
-def table(found: Geometry) -> Table:
+def table(result: Geometry) -> Table:
     """Return the identified numbers."""
     return Table(
         f"Geometry of {CAM}, identified from its published noise",
         "lift [mm] :.3f | event [°] :.2f | nose [°] :.2f | r.m.s. [dB] :.2f | trials :d",
-        [found],
+        [result],
         "3 numbers fitted to one cubic. They are in config/cams/tm21.yaml.",
     )
 
 
 @styled
-def figure(found: Geometry) -> Figure:
+def figure(result: Geometry) -> Figure:
     """Draw published and simulated level over the speed."""
     scene = cam_rig.load_scene(SCENE)
     rpm = np.array(scene.scene.program.speeds.numbers)
-    cam = with_geometry(scene.cams[CAM], 1e-3 * found.lift, found.event, found.nose)
+    cam = with_geometry(scene.cams[CAM], 1e-3 * result.lift, result.event, result.nose)
     out = empty(3.3)
     axes = out.subplots()
     axes.plot(rpm, scene.published_levels(CAM, rpm), label="published", **line(CAM))
@@ -126,13 +126,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     command = parser(__doc__)
     command.add_argument("--seed", type=int, default=1, help="of the search (%(default)s)")
     chosen = command.parse_args(argv)
-    found = study(chosen.seed)
-    words = f"{CAM}: lift {found.lift:.3f} mm, event {found.event:.2f}°, nose {found.nose:.2f}°"
+    result = study(chosen.seed)
+    words = f"{CAM}: lift {result.lift:.3f} mm, event {result.event:.2f}°, nose {result.nose:.2f}°"
     publish(
         chosen.out,
-        [table(found)],
-        {"identify": figure(found)},
-        [f"{words}: {found.rms:.2f} dB RMS, {found.trials} trials"],
+        [table(result)],
+        {"identify": figure(result)},
+        [f"{words}: {result.rms:.2f} dB RMS, {result.trials} trials"],
     )
 
 

@@ -8,7 +8,7 @@ from examples.paper.common import Table
 
 
 class Misprint(NamedTuple):
-    """A misprint: its source and place, what is printed, and what is correct."""
+    """Misprint: its source and place, the printed text, and the correct text."""
 
     source: str
     where: str

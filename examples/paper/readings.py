@@ -1,9 +1,9 @@
-"""The paper's Table 2 read in several ways: which rig gives its speeds, and its times.
+"""Readings of the paper's Table 2: rigs that give its speeds and times.
 
-The table prints speeds in steps of 5 rpm. So each cam runs from rest at every such speed. The first
-one at which contact is lost is what the table would print, and the time of the loss its time. How
-much that time tells shows in the number of speeds near the printed one that give it: where the
-force of every turn is alike, hardly any. The readings are in readings.yaml.
+The table prints speeds in steps of 5 rpm, so each cam runs from rest at every such speed. The first
+speed with a loss of contact is what the table would print, and the time of the loss is its time.
+The information in that time depends on the number of speeds near the printed speed that give it.
+There are hardly any if the forces of all turns are nearly equal. The readings are in readings.yaml.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ GRID_RPM = 5.0
 TABLE_2 = {
     cam: (row.rpm, row.time_s) for cam, row in load_tables(tables_path()).table_2_jump.items()
 }
-#: First speed of the grid in rpm, and the last one relative to the printed speed.
+#: First speed of the grid in rpm, and its last speed relative to the printed speed.
 FIRST_RPM, LAST = 200.0, 1.3
 #: Speeds within one step of the printed one at which the time is computed, points per turn there
 #: (16 per period up to 3 kHz at 600 rpm), and speeds computed at once.
@@ -45,7 +45,7 @@ SPEEDS, POINTS, BATCH = 501, 4800, 16
 #: Times just above the jump speed are computed at these relative distances from it: the error of a
 #: solver of differential equations, and a larger one.
 SOLVER, BEYOND = 1e-6, 1e-3
-#: Contact is lost far too early below this part of the printed speed.
+#: Speed relative to the printed speed below which a loss of contact is far too early.
 EARLY = 0.9
 #: Numbers of the follower besides its two masses.
 FOLLOWER = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
@@ -92,12 +92,12 @@ def load_readings() -> tuple[dict[str, Reading], float]:
 
 
 class Row(NamedTuple):
-    """One cam on the rig of a reading.
+    """Results of one cam on the rig of a reading.
 
-    `rpm` is the first speed of the grid with loss of contact, `time` (s) that of the loss, both
-    NaN for none. `jump` (rpm) is the jump speed at any speed, `at_jump` and `beyond` (s) the times
-    `SOLVER` and `BEYOND` above it. `window` (rpm) is the range of speeds that give the printed
-    time, `force` (N) the least force of a run at the printed speed.
+    `rpm` is the first speed of the grid with loss of contact, `time` (s) that of the loss. Both are
+    NaN without a loss. `jump` (rpm) is the jump speed at any speed, `at_jump` and `beyond` (s) the
+    times `SOLVER` and `BEYOND` above it. `window` (rpm) is the range of speeds that give the
+    printed time, `force` (N) the least force of a run at the printed speed.
     """
 
     cam: str
@@ -111,12 +111,12 @@ class Row(NamedTuple):
 
     @property
     def speed_agrees(self) -> bool:
-        """True if the printed speed comes out."""
+        """True if the printed speed is reproduced."""
         return self.rpm == TABLE_2[self.cam][0]
 
     @property
     def time_agrees(self) -> bool:
-        """True if the printed time comes out at the printed speed, within half a turn."""
+        """True if the printed time is reproduced at the printed speed, within half a turn."""
         rpm, time = TABLE_2[self.cam]
         return self.speed_agrees and abs(self.time - time) <= 30.0 / rpm
 
@@ -136,12 +136,12 @@ class Read:
 
     @property
     def speeds(self) -> int:
-        """Number of printed speeds that come out."""
+        """Number of reproduced speeds."""
         return sum(row.speed_agrees for row in self.rows)
 
     @property
     def times(self) -> int:
-        """Number of printed times that come out."""
+        """Number of reproduced times."""
         return sum(row.time_agrees for row in self.rows)
 
     @property
@@ -158,7 +158,7 @@ class Read:
 def first_on_grid(
     law: cam_rig.Law, follower: TwoMassParameters, last_rpm: float, run: float
 ) -> float:
-    """Return the first speed (rpm) of the grid with loss of contact from rest; NaN for none."""
+    """Return the first speed (rpm) of the grid with loss of contact from rest, or NaN."""
     grid = np.arange(FIRST_RPM, last_rpm + 0.5 * GRID_RPM, GRID_RPM).tolist()
     force = force_run(law, follower, run)
     return float(next((rpm for rpm in grid if force.min_output(rpm * RPM) <= 0.0), math.nan))
@@ -188,7 +188,7 @@ def read(
     follower, rows = reading.follower, []
 
     def first_loss(law: cam_rig.Law, speed: float) -> float:
-        """Return the time (s) of the first loss of contact; NaN for none."""
+        """Return the time (s) of the first loss of contact, or NaN."""
         if math.isnan(speed):
             return math.nan
         time = first_lift_off(law, follower, speed, np.zeros(2), run)
@@ -231,11 +231,14 @@ LISTED = (
 )
 
 
-def tables(found: Sequence[Read]) -> list[Table]:
-    """Return the numbers of all readings and what agrees, and each reading on every cam."""
+def tables(result: Sequence[Read]) -> list[Table]:
+    """Return the parameters of all readings, and each reading on every cam.
+
+    The first table also reports the agreement.
+    """
     names = titles(TABLE_2)
     numbers = []
-    for one in found:
+    for one in result:
         texts = []
         for key, _, number_format in LISTED:
             mark = "*" if key in one.reading.fitted else ""
@@ -267,7 +270,7 @@ def tables(found: Sequence[Read]) -> list[Table]:
                     *(row.rpm, row.jump, TABLE_2[row.cam][1]),
                     *(row.time, row.at_jump, row.beyond, row.window, row.force),
                 )
-                for one in found
+                for one in result
                 for row in one.rows
             ],
             "Time: at the first speed of the grid, and above the jump speed by so much of it.\n"
@@ -279,15 +282,15 @@ def tables(found: Sequence[Read]) -> list[Table]:
     ]
 
 
-def summary(found: Sequence[Read]) -> list[str]:
-    """Return what agrees in each reading, the nearest reading, and the widest window."""
-    nearest = min(found, key=lambda one: one.rms)
-    widest = max(row.window for one in found for row in one.rows)
+def summary(result: Sequence[Read]) -> list[str]:
+    """Return the agreement of each reading, the nearest one, and the widest window."""
+    nearest = min(result, key=lambda one: one.rms)
+    widest = max(row.window for one in result for row in one.rows)
     return [
         *(
             f"{one.name}: {one.speeds} of {len(one.rows)} speeds and {one.times} times with "
             f"{len(one.reading.fitted)} fitted"
-            for one in found
+            for one in result
         ),
         f"jump speeds at any speed are nearest on {nearest.name}, {nearest.rms:.2%} r.m.s.",
         f"a printed time comes out over {widest:.2g} of {2 * GRID_RPM:g} rpm about its speed",
@@ -297,8 +300,8 @@ def summary(found: Sequence[Read]) -> list[str]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment: some 20 s."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    publish(out, tables(found), {}, summary(found))
+    result = study()
+    publish(out, tables(result), {}, summary(result))
 
 
 if __name__ == "__main__":

@@ -84,7 +84,10 @@ class Trials:
 
     @classmethod
     def of(cls, cam: str, printed: tuple[float, float]) -> Trials:
-        """Prepare a shipped cam for any event angle and high dwell: a law in u has none."""
+        """Prepare a shipped cam for any event angle and high dwell.
+
+        A law in u has no high dwell.
+        """
         event, high, step = BOUNDS["event"][0], BOUNDS["high_dwell"][0], 0.25
         config = cam_rig.load_cam(cam)
         law, wider, longer = (
@@ -98,11 +101,12 @@ class Trials:
     def misses(
         self, numbers: Mapping[str, FloatArray], run: float, nearby: bool
     ) -> tuple[FloatArray, FloatArray]:
-        """Return by how many rpm each trial misses the printed speed and time, `(b,)` each.
+        """Return the distances (rpm) of each trial from printed speed and time.
 
-        Below the next slower speed of the grid, the envelope of the vibration must keep contact;
-        `nearby` omits this. The miss of the time is the distance of the printed speed from a speed
-        at which the force is zero first in the turn nearest to the printed time.
+        The shape is `(b,)` each. Below the next slower speed of the grid, the envelope of the
+        vibration must keep contact. `nearby` omits this. The miss of the time is the distance of
+        the printed speed from a speed at which the force is zero first in the turn nearest to the
+        printed time.
         """
         event, high = numbers["event"], numbers["high_dwell"]
         spans = self.spans[0] + np.outer(event, self.spans[1]) + np.outer(high, self.spans[2])
@@ -125,7 +129,10 @@ class Trials:
 
 
 def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) -> FloatArray:
-    """Return by how many rpm contact is not lost first in turn `first`, by `MIN_WINDOW` rpm."""
+    """Return the distance (rpm) from a loss of contact first in turn `first`.
+
+    The window of the turn must be `MIN_WINDOW` rpm.
+    """
     lowest, rows = np.minimum.accumulate(force, axis=1), np.arange(force.shape[0])
     there, before = lowest[rows, first] / slope, lowest[rows, first - 1] / slope
     miss = np.maximum(np.maximum(0.0, there + MIN_WINDOW), np.maximum(0.0, -before))
@@ -183,14 +190,14 @@ def search(
 
     limits = [np.log(BOUNDS[key]) if key in LOGARITHMIC else np.array(BOUNDS[key]) for key in free]
     options = EVOLUTION | {"maxiter": generations, "rng": seed, "callback": report}
-    found = differential_evolution(miss, Bounds(*np.stack(limits, axis=1)), **options)
-    best = numbers_at(found.x[:, None])
+    result = differential_evolution(miss, Bounds(*np.stack(limits, axis=1)), **options)
+    best = numbers_at(result.x[:, None])
     numbers = {key: float(best[key][0]) for key in free}
-    return Best(numbers, float(found.fun), (count + 1) * found.population.shape[0])
+    return Best(numbers, float(result.fun), (count + 1) * result.population.shape[0])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Search, and print the best trial by the exact model; a minute or more."""
+    """Search, and print the best trial by the exact model, in a minute or more."""
     readings, run = load_readings()
     command = parser(__doc__)
     command.add_argument("name", choices=sorted(readings), help="reading to search again")

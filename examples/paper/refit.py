@@ -1,8 +1,9 @@
-"""Numbers of the two-mass rig that the paper does not print, fitted to its jump speeds.
+"""Parameters of the two-mass rig, fitted to the jump speeds of the paper.
 
-Event angle of every rise and fall, stem stiffness, share of the roller in the mass, and preload are
-fitted to the four laws of Table 2 that the paper defines. Four numbers fitted to four speeds are an
-identification, not a proof: the fifth law and the times, which were not fitted, are the test.
+The paper does not print them. Event angle of every rise and fall, stem stiffness, share of the
+roller in the mass, and preload are fitted to the four laws of Table 2 that the paper defines. Four
+numbers fitted to four speeds are an identification, not a proof: the fifth law and the times, which
+were not fitted, are the test.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from examples.paper.common import CAMS, RIG, Table, parser, publish
 
 
 def event_of(cams: Iterable[CamConfig]) -> float:
-    """The angle (rad) of a rise, of the first cam that has dwells."""
+    """Return the angle (rad) of a rise of the first cam that has dwells."""
     for cam in cams:
         moving = [s.span.si for s in cam.segments if s.law != "dwell"]
         if len(moving) < len(cam.segments):
@@ -37,10 +38,11 @@ def event_of(cams: Iterable[CamConfig]) -> float:
 
 
 def with_event(cam: CamConfig, event: float, high_dwell: float | None = None) -> CamConfig:
-    """A cam with every rise and fall over ``event`` rad; a whole turn stays.
+    """Return a cam with every rise and fall over ``event`` rad.
 
-    Parts of a rise share its angle as they did. The high dwell takes ``high_dwell`` rad and the
-    low ones what is left; without it all dwells share that as they did.
+    A cam that moves over a whole turn is returned as it is. Parts of a rise share its angle in the
+    same proportion as before. The high dwell takes ``high_dwell`` rad, and the low dwells the
+    remainder. Without it all dwells share the remainder in the same proportion as before.
     """
     if all(s.law != "dwell" for s in cam.segments):
         return cam
@@ -61,7 +63,10 @@ def with_event(cam: CamConfig, event: float, high_dwell: float | None = None) ->
 
 
 def _kinds(cam: CamConfig) -> list[str]:
-    """Of each segment: event, or the dwell it is, high above half the lift."""
+    """Return the kind of each segment: event, low dwell, or high dwell.
+
+    A high dwell is above half the lift.
+    """
     kinds, place = [], 0.0
     for segment in cam.segments:
         place = getattr(segment, "to", place)
@@ -70,23 +75,29 @@ def _kinds(cam: CamConfig) -> list[str]:
     return kinds
 
 
-#: Largest factor on either side of a start, and the step of a numerical derivative.
-REACH, STEP = 3.0, 1e-3
-#: Relative step on either side for the confidence intervals of the numbers.
+#: Largest factor by which a search may leave its start, in either direction.
+REACH = 3.0
+#: Step of a numerical derivative.
+STEP = 1e-3
+#: Relative step on either side for the standard errors of the parameters.
 ABOUT = 0.02
-#: Starts, the file's own first; how far they scatter; and their seed.
-STARTS, SCATTER, SEED = 3, np.array([0.02, 0.4, 0.15, 0.3]), 1
-#: Most steps of one start.
+#: Number of starts. The first is the rig of the file.
+STARTS = 3
+#: Standard deviations of the logarithms of the other starts.
+SCATTER = np.array([0.02, 0.4, 0.15, 0.3])
+#: Seed of the random starts.
+SEED = 1
+#: Largest number of steps of one search.
 MAX_STEPS = 20
-#: A search begins at this part of the published speed.
+#: Start of a search for a jump speed, relative to the published speed.
 BELOW = 0.6
-#: Table 2 prints its speeds in steps of this, rpm.
+#: Step of the speeds in Table 2, rpm.
 ROUNDED_TO = 5.0
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Event angle (rad), stem stiffness (N/m), roller's share of the mass, preload (N)."""
+    """Event angle (rad), stem stiffness (N/m), roller's mass share, preload (N)."""
 
     event: float
     stem_stiffness: float
@@ -94,13 +105,13 @@ class Numbers:
     preload: float
 
     def times(self, x: FloatArray) -> Numbers:
-        """Each number times e^x."""
+        """Return the parameters, each multiplied by e^x."""
         return Numbers(*(np.array(astuple(self)) * np.exp(x)).tolist())
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Numbers, where they come from, and the r.m.s. of the speeds' relative differences."""
+    """Parameters, name of their start, and r.m.s. of the relative differences."""
 
     start: str
     numbers: Numbers
@@ -109,11 +120,11 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """What the search found, its relative differences by cam, and each standard deviation.
+    """Solutions, relative differences by cam, and standard deviations.
 
-    ``deviation`` is the relative standard deviation that the rounding of the published speeds alone
-    leaves on event, stem, share and preload, about the best solution; ``rounding`` is that of the
-    speeds. ``solutions`` are where each start ended, the best first.
+    ``deviation`` is the relative standard deviation of event, stem, share and preload that the
+    rounding of the published speeds alone causes, near the best solution. ``rounding`` is that of
+    the speeds. ``solutions`` are those of each start, the best first.
     """
 
     start: Numbers
@@ -125,12 +136,12 @@ class Refit:
 
     @property
     def numbers(self) -> Numbers:
-        """The best."""
+        """Parameters of the best solution."""
         return self.solutions[0].numbers
 
     @property
     def rms(self) -> tuple[float, float]:
-        """r.m.s. of the relative differences before and after."""
+        """R.m.s. of the relative differences before and after."""
         return rms(list(self.before.values())), rms(list(self.after.values()))
 
 
@@ -141,14 +152,20 @@ def refit(
     duration: float,
     describe: Callable[[str], object] = lambda _text: None,
 ) -> Refit:
-    """Search the four numbers, from the rig's own and scattered about it; ``published`` in rpm."""
+    """Search for the four parameters, from those of the rig and from random starts.
+
+    ``published`` are speeds in rpm.
+    """
     event = event_of(cams[cam] for cam in published)
     share = parameters.roller_mass / (parameters.roller_mass + parameters.end_mass)
     start = Numbers(event, parameters.stem_stiffness, share, parameters.preload)
     best = math.inf
 
     def difference(cam: str, numbers: Numbers) -> float:
-        """Found less published speed, relative; a trial without a jump speed is far off."""
+        """Return the relative difference from the published speed.
+
+        A trial without a jump speed has a large difference.
+        """
         rpm = published[cam]
         laws, trial = refitted({cam: cams[cam]}, parameters, numbers)
         try:
@@ -159,10 +176,10 @@ def refit(
     def differences(x: FloatArray) -> FloatArray:
         nonlocal best
         numbers = start.times(x)
-        found = [difference(cam, numbers) for cam in published]
-        best = min(best, rms(found))
+        values = [difference(cam, numbers) for cam in published]
+        best = min(best, rms(values))
         describe(f"best {100 * best:.3f} % r.m.s.")
-        return np.array(found)
+        return np.array(values)
 
     ended = _solutions(differences, start)
     names = list(published)
@@ -183,7 +200,7 @@ def refit(
 def refitted(
     cams: dict[str, CamConfig], parameters: TwoMassParameters, numbers: Numbers
 ) -> tuple[dict[str, Law], TwoMassParameters]:
-    """The laws and the follower as the numbers make them."""
+    """Return the laws and the follower with these parameters."""
     total = parameters.roller_mass + parameters.end_mass
     follower = replace(
         parameters,
@@ -199,7 +216,7 @@ def refitted(
 def _solutions(
     differences: Callable[[FloatArray], FloatArray], start: Numbers
 ) -> list[OptimizeResult]:
-    """Where several starts end, the rig's own among them; the best first."""
+    """Return the results of all starts, the best first. One start is the rig itself."""
     generator = np.random.default_rng(SEED)
     most = np.log([1.15, REACH, min(REACH, 0.95 / start.roller_share), REACH])
     options = dict[str, Any](diff_step=np.full(4, STEP), x_scale=SCATTER, max_nfev=MAX_STEPS)
@@ -211,17 +228,18 @@ def _solutions(
 
 
 def _slopes(differences: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """``(4, 4)``: how the differences change with each number, over `ABOUT` on either side.
+    """Return the derivatives of the differences by the parameters, ``(4, 4)``.
 
-    A speed may step where another resonance is the first to lift; a wide step sees past that.
+    The step is `ABOUT` on either side. A speed has a step if another resonance is the first to
+    lift. A wide difference averages over it.
     """
     sides = [(differences(x + step), differences(x - step)) for step in ABOUT * np.eye(4)]
     return np.stack([(up - down) / (2.0 * ABOUT) for up, down in sides], axis=1)
 
 
-def tables(found: Refit) -> list[Table]:
+def tables(result: Refit) -> list[Table]:
     """Return the solutions, the rig as it is first, and the standard errors near the best one."""
-    rows = [Solution("as it is", found.start, found.rms[0]), *found.solutions]
+    rows = [Solution("as it is", result.start, result.rms[0]), *result.solutions]
     return [
         Table(
             "Refit of four numbers to four jump speeds",
@@ -229,28 +247,28 @@ def tables(found: Refit) -> list[Table]:
             "| mass split, roller :.5g | preload [N] :.5g",
             [
                 (
-                    one.start,
-                    100.0 * one.rms,
-                    math.degrees(one.numbers.event),
-                    one.numbers.stem_stiffness,
-                    one.numbers.roller_share,
-                    one.numbers.preload,
+                    row.start,
+                    100.0 * row.rms,
+                    math.degrees(row.numbers.event),
+                    row.numbers.stem_stiffness,
+                    row.numbers.roller_share,
+                    row.numbers.preload,
                 )
-                for one in rows
+                for row in rows
             ],
         ),
         Table(
             "Standard errors from the rounding of the paper's Table 2 alone, near the best",
             "event angle [%] :.1f | stem stiffness [%] :.1f | roller share [%] :.1f "
             "| preload [%] :.1f | rounding of a speed [%] :.2f",
-            [(*(100.0 * found.deviation).tolist(), 100.0 * found.rounding)],
+            [(*(100.0 * result.deviation).tolist(), 100.0 * result.rounding)],
         ),
     ]
 
 
-def jumps(found: Refit, duration: float) -> Table:
-    """Return the jump speeds of all cams of Table 2 on the rig that was found."""
-    best, rig = found.numbers, cam_rig.load_rig(RIG)
+def jumps(result: Refit, duration: float) -> Table:
+    """Return the jump speeds of all cams of Table 2 on the refitted rig."""
+    best, rig = result.numbers, cam_rig.load_rig(RIG)
     rig = rig.with_follower(
         stem_stiffness=best.stem_stiffness, roller_share=best.roller_share, preload=best.preload
     )
@@ -264,12 +282,12 @@ def jumps(found: Refit, duration: float) -> Table:
     return Table("Jump speeds on the refitted rig", columns, rows)
 
 
-def summary(found: Refit) -> list[str]:
+def summary(result: Refit) -> list[str]:
     """Return the r.m.s. differences before and after, and that of the rounding alone."""
-    before, after = found.rms
+    before, after = result.rms
     return [
         f"rig as it is: {100 * before:.2f} % r.m.s.; refitted: {100 * after:.2f} % r.m.s.; "
-        f"rounding of Table 2 alone: {100 * found.rounding:.2f} %"
+        f"rounding of Table 2 alone: {100 * result.rounding:.2f} %"
     ]
 
 
@@ -282,11 +300,11 @@ def study(duration: float = FROM_REST, describe: Callable[[str], object] = print
     return refit(cams, speeds, parameters, duration, describe)
 
 
-# What the paper does not print of its fifth law: the degree.
+# Degree of the paper's fifth law, which is not printed.
 
 #: The paper's fifth law.
 BY_SEGMENTS = "bezier_segments"
-#: The half-rises there are (laws thesis, eq. 3.4-3.9).
+#: Degrees of the available half-rises (laws thesis, eq. 3.4-3.9).
 DEGREES = (4, 6, 8)
 _HALF = re.compile(r"bezier\d+_(start|end)")
 
@@ -294,18 +312,21 @@ _HALF = re.compile(r"bezier\d+_(start|end)")
 def jump_by_degree(
     cam: CamConfig, parameters: TwoMassParameters, duration: float
 ) -> dict[int, float]:
-    """Jump speed (rpm) from rest with every half-rise of a cam, if it has any, of each degree."""
+    """Return the jump speed (rpm) from rest with half-rises of each degree.
+
+    The result is empty for a cam without half-rises.
+    """
     if not any(_HALF.fullmatch(segment.law) for segment in cam.segments):
         return {}
-    found = {}
+    result = {}
     for degree in DEGREES:
         segments = [
             segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
             for segment in cam.segments
         ]
         law = build_law(cam.model_copy(update={"segments": segments}))
-        found[degree] = find_jump_speed(law, parameters, duration) / RPM
-    return found
+        result[degree] = find_jump_speed(law, parameters, duration) / RPM
+    return result
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -315,8 +336,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--from-rest", type=float, default=FROM_REST, help="length of a run, s (%(default)s)"
     )
     given = arguments.parse_args(argv)
-    found = study(given.from_rest)
-    publish(given.out, [*tables(found), jumps(found, given.from_rest)], {}, summary(found))
+    result = study(given.from_rest)
+    publish(given.out, [*tables(result), jumps(result, given.from_rest)], {}, summary(result))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from cam_rig.studies.vibration.study import HIGHER, LOWER, Claim
 from examples.paper import factorial, readings
 from examples.paper.common import CAMS, RIG, SCENE, STIFF_RIG, Table
 
-#: The paper's own cam.
+#: Proposed cam of the paper.
 PROPOSED = "bezier15"
 
 
@@ -35,7 +35,7 @@ class Paper:
         self.cam_set = asked_cams(list(CAMS), RIG)
         self.stiff = cam_rig.load_rig(STIFF_RIG)
         self.readings_by_name, self.readings_run = readings.load_readings()
-        #: Cam that stands for the TM21's own, with a geometry identified from its noise.
+        #: Cam in place of the TM21's cam, with a geometry identified from its noise.
         self.arcs = next(
             cam for cam in self.scene.cams if self.scene.fitted_origin(cam) == "identified"
         )
@@ -78,7 +78,7 @@ class Paper:
 
     @property
     def proposed(self) -> str:
-        """Title of the paper's own cam."""
+        """Title of the paper's proposed cam."""
         return self.cam_set.titles[PROPOSED]
 
     @property
@@ -90,7 +90,7 @@ class Paper:
 
 
 def summary_table(paper: Paper) -> Table:
-    """Return what the paper says and what came out, number by number."""
+    """Return the statements of the paper and the results here, number by number."""
     return Table("The report in short", "question | paper | here", list(_summary_rows(paper)))
 
 

@@ -34,14 +34,15 @@ ELEMENTS = (1.0, 2.0, 3.0, 5.0, 9.0, BAR)
 SPEED_RPM, SHOWN_CAM = 300.0, "poly345"
 #: Speeds in rpm at which two masses are compared with the bar: from, and step up to the jump.
 SLOWEST_RPM, STEP_RPM = 100.0, 5.0
-#: Two masses are sufficient if their least force is the bar's within this part of the preload.
+#: Two masses are sufficient if the difference of their least force from the bar's is at most this,
+#: relative to the preload.
 SUFFICIENT = 0.1
 #: The series has harmonics up to this multiple of the stem's frequency, at least `MIN_HARMONICS`.
 HARMONICS_PER_STEM, MIN_HARMONICS = 8.0, 2048
 #: Samples of the law per sample of the series, against aliasing.
 OVERSAMPLING = 4
 #: The jump is searched from 8 resonances below the rigid jump speed to 1.5 times it, in 8 steps
-#: per resonance: a minimum of the least force is then seen by three of them.
+#: per resonance: a minimum of the least force is then sampled by three of them.
 RESONANCES, STEPS, HIGHEST = 8.0, 8.0, 1.5
 
 
@@ -87,7 +88,10 @@ class Stem:
         return load - 0.5 * inertia + self.foot_mass * p**2, moved
 
     def frequencies(self, count: int) -> FloatArray:
-        """Return the lowest natural frequencies in rad/s, undamped, foot held; at most `count`."""
+        """Return the lowest undamped natural frequencies in rad/s, with a fixed foot.
+
+        There are at most `count`.
+        """
         f = self.follower
         if math.isinf(self.elements):  # k₁ γ cos γ + (k₂ − m ω²) sin γ = 0, ω = γ √(k₁/mass)
             square = f.stem_stiffness / self.mass
@@ -253,7 +257,7 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
 
 
 def study(cams: Sequence[str] = CAMS) -> list[StemTables]:
-    """Compare stems of the stiffness identified from Table 2, and of the one in Table 1."""
+    """Compare stems of the stiffnesses identified from Table 2 and given in Table 1."""
     rig, printed = cam_rig.load_rig(RIG), cam_rig.load_rig(STIFF_RIG).follower.stem_stiffness
     assert printed is not None
     rigs = rig, rig.with_follower(stem_stiffness=printed.si)
@@ -273,8 +277,8 @@ def figure() -> Figure:
     left, right = out.subplots(1, 2)
     for mode in range(3):
         n = counts[counts > mode]
-        found = [Stem(follower, float(one)).frequencies(mode + 1)[mode] for one in n]
-        error = 100.0 * np.abs(np.array(found) / limits[mode] - 1.0)
+        result = [Stem(follower, float(one)).frequencies(mode + 1)[mode] for one in n]
+        error = 100.0 * np.abs(np.array(result) / limits[mode] - 1.0)
         left.loglog(n, error, label=f"frequency {mode + 1}", **series_marker(mode))
     left.loglog(counts, 10.0 / counts**2.0, color="0.4", lw=0.8, ls=":", label="∝ 1/n²")
     logarithmic(left.xaxis, left.yaxis)
@@ -307,9 +311,9 @@ class Errors(NamedTuple):
     insufficient: tuple[str, float] | None
 
 
-def errors(found: StemTables) -> Errors:
+def errors(result: StemTables) -> Errors:
     """Return the largest errors of two masses on a stem."""
-    rows = found.over_cams.frame.set_index("law")
+    rows = result.over_cams.frame.set_index("law")
     off, level_off = rows["two masses off [%]"], rows["level off [dB]"]
     speeds = rows["force off from [rpm]"].replace("never", "inf").astype(float)
     first = speeds.idxmin(), float(speeds.min())
@@ -317,17 +321,17 @@ def errors(found: StemTables) -> Errors:
     return Errors(jump, float(level_off.max()), first if math.isfinite(first[1]) else None)
 
 
-def matched_error(found: StemTables) -> float:
+def matched_error(result: StemTables) -> float:
     """Return the largest error in % of the two masses, compared with the softer bar."""
-    rows = found.over_cams.frame
+    rows = result.over_cams.frame
     return float((100.0 * (rows["two masses [rpm]"] / rows["softer bar [rpm]"] - 1.0)).abs().max())
 
 
-def summary(found: StemTables) -> str:
+def summary(result: StemTables) -> str:
     """Return the largest errors of two masses on a stem as text."""
-    (cam, off), level_off, _ = errors(found)
+    (cam, off), level_off, _ = errors(result)
     return (
-        f"stem of {found.stiffness:.3g} N/m: jump speed of two masses off by at most "
+        f"stem of {result.stiffness:.3g} N/m: jump speed of two masses off by at most "
         f"{off:+.2f} % ({cam}), level by {level_off:.2f} dB"
     )
 
@@ -335,9 +339,9 @@ def summary(found: StemTables) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment: some 15 s."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    tables = [table for one in found for table in (one.over_elements, one.over_cams)]
-    publish(out, tables, {"stem": figure()}, map(summary, found))
+    result = study()
+    tables = [table for one in result for table in (one.over_elements, one.over_cams)]
+    publish(out, tables, {"stem": figure()}, map(summary, result))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Timing of the events of the paper's Bézier curve of degree 15, its own caveat.
+"""Timing of the events of the paper's Bézier curve of degree 15: its caveat.
 
 An event is the cam angle θ_p at which a fraction p of the lift h is passed. It moves with an
 ordinate a_j of weight B_j by ∂θ_p/∂a_j = −h B_j(θ_p)/s'(θ_p), exact by implicit differentiation.
@@ -40,7 +40,8 @@ EVENTS = {
     "down_50": "50 % down",
     "down_1": "1 % down",
 }
-#: An ordinate reaches where s changes by more than this fraction of the ordinate's change.
+#: Relative change of s at which an angle is within the reach of an ordinate, per change of the
+#: ordinate.
 REACHED = 1e-3
 #: Degree of the B-spline, and its pieces, of 15° each.
 DEGREE, PIECES = 5, 24
@@ -100,11 +101,11 @@ class Curve:
 
     @cached_property
     def alone(self) -> list[tuple[float, float]]:
-        """What moves one event alone by 1°, to first order, for each of the six events.
+        """Changes that move one event alone by 1°, to first order, for each of six events.
 
-        Of all changes of the free ordinates the one of least sum of squares: its largest ordinate
-        (fraction of the lift), and the part of the turn (°) over which s changes by `REACHED` of
-        its largest change.
+        These are the changes of the free ordinates with the least sum of squares: the largest
+        ordinate (fraction of the lift), and the part of the turn (°) over which s changes by
+        `REACHED` of its largest change.
         """
         changes = np.zeros((self.ordinates.size, len(EVENTS)))
         changes[self.free] = np.radians(1.0) * np.linalg.pinv(self.shifts[:, self.free])
@@ -138,7 +139,7 @@ def spline_with_same_events(curve: Curve) -> Curve:
     at_ends = np.eye(size)[np.r_[:held, size - held : size]]
     extremes = cam_rig.law(curve.cam).to_pandas("extremes").set_index("quantity")
     top = extremes.loc["lift", "largest_at"]
-    tops = np.array([top, TURN - top])  # the curve is its own mirror image
+    tops = np.array([top, TURN - top])  # the curve is symmetric
     conditions = [at_ends, functions(curve.angles), functions(tops), functions(tops, 1)]
     matrix = np.concatenate(conditions)
     values = np.concatenate(
@@ -175,7 +176,10 @@ def events_table(cams: Sequence[str] = CAMS) -> Table:
 
 
 def ordinates_table(curve: Curve) -> Table:
-    """Return the reach of each ordinate, and what it moves; empty cells are beyond its reach."""
+    """Return the reach of each ordinate, and its shifts of the events.
+
+    Cells beyond its reach are empty.
+    """
     reached = curve.basis(curve.angles) > REACHED
     shifts = np.where(reached, 0.01 * np.degrees(curve.shifts), np.nan).T
     return Table(
@@ -260,7 +264,7 @@ def figure(curves: Sequence[Curve]) -> Figure:
 
 
 def summary(curves: Sequence[Curve]) -> list[str]:
-    """Return what it takes to move the 1 % event alone by one degree."""
+    """Return the effort to move the 1 % event alone by one degree."""
     return [
         f"{curve.cam.title}: the 1 % event alone by 1° takes ordinates changed by "
         f"{100.0 * curve.alone[0][0]:.1f} % of the lift, over {curve.alone[0][1]:.0f}° of the turn"
@@ -271,9 +275,9 @@ def summary(curves: Sequence[Curve]) -> list[str]:
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment."""
     out = parser(__doc__).parse_args(argv).out
-    found = study()
-    shown = [events_table(), ordinates_table(found[0]), control_table(found)]
-    publish(out, shown, {"timing": figure(found)}, summary(found))
+    result = study()
+    shown = [events_table(), ordinates_table(result[0]), control_table(result)]
+    publish(out, shown, {"timing": figure(result)}, summary(result))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,8 @@ DERIVATIVES = 14
 #: Points per turn, and points that a period of the vibration needs: with fewer, its envelope is
 #: taken instead.
 TURN_POINTS, PER_PERIOD = 640, 16
-#: Two successive terms of a series below this part of the largest end it: the rest is rounding.
+#: Size of two successive terms of a series, relative to the largest term, at which it ends. The
+#: remainder is rounding.
 SERIES_RTOL = 1e-14
 
 
@@ -156,7 +157,10 @@ def turn_minima(
 def _amplitudes(
     shape: ShapeTable, scale: FloatArray, rigs: Rigs
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the vibration that the joint before each piece adds, `(b, n)`, and the first one."""
+    """Return the vibration that the joint before each piece adds, `(b, n)`.
+
+    The second result is the vibration at the start.
+    """
     count = shape.ends.shape[1] - 1
     series = rigs.end_series(count)
     weights = series[:, None, :] * shape.powers(scale, rigs.force_series(count))

@@ -1,4 +1,4 @@
-"""What an event costs, as the table of docs/accuracy.md has it."""
+"""Cost of events, sweep points, starts and samples, as in docs/accuracy.md."""
 
 import subprocess
 
@@ -14,7 +14,7 @@ from cam_rig.show.tables import to_markdown
 @pytest.mark.long
 @pytest.mark.slow
 def test_events_are_known_to_a_picosecond():
-    """On the soft stem, by both forms of the search, against 50 digits; the errors are the same."""
+    """Both forms of the search have the same error against 50 digits on a soft stem."""
     costs = event_costs(("two_mass_soft",), peer="none", repeats=1)
     forms = [cost.solver.rpartition(", ")[2] for cost in costs]
     assert forms == ["compiled", "compiled", "plain Python", "compiled", "compiled"]
@@ -23,7 +23,7 @@ def test_events_are_known_to_a_picosecond():
 
 
 def test_a_ratio_is_to_the_first_row_of_the_case():
-    """Which is the compiled search, or plain Python's where numba is not there."""
+    """The ratio is relative to the compiled search, or to plain Python without numba."""
     costs = [EventCost("a", 3, "one", 1e-5, 1e-15), EventCost("a", 3, "other", 4e-3, 1e-12)]
     rows = event_table(costs).rows
     assert [row[-1] for row in rows] == [1.0, 400.0]
@@ -31,11 +31,11 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
     assert rows[1][2] == 4e3
 
 
-# -- what a point of settled turns costs, as the table of docs/accuracy.md has it -------------
+# -- cost of a sweep point, as in the table of docs/accuracy.md -------------------------------
 
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
-    """TM21 stays on its cam at 300 rpm and lands once a turn at 450."""
+    """TM21 stays on its cam at 300 rpm and lands once per turn at 450 rpm."""
     costs = settled_costs((300.0, 450.0), repeats=1)
     assert [cost.landings for cost in costs] == [0, 10]
     assert [cost.samples for cost in costs] == [24_000, 16_000]
@@ -46,11 +46,11 @@ def test_the_peer_has_flights_above_the_jump_speed_alone():
     assert rows[1][-1] == ratio
 
 
-# -- what a start costs, as the tables of docs/accuracy.md have it ----------------------------
+# -- cost of a start, as in the tables of docs/accuracy.md ------------------------------------
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():
-    """Its own CPU time, and that of what it has started; beside a bare interpreter."""
+    """The CPU time includes child processes, and a bare interpreter for comparison."""
     child = "import time\nwhile time.process_time() < 0.2: pass"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
     (found,) = start_up.command_times([("busy", ("-c", parent))], repeats=1)
@@ -60,25 +60,25 @@ def test_a_command_counts_with_the_processes_it_waits_for():
 
 
 def test_a_command_that_fails_is_no_measurement():
-    """It ends sooner than it should."""
+    """A command that fails is an error: it ends too early."""
     with pytest.raises(subprocess.CalledProcessError):
         start_up.command_times([("none", ("-c", "raise SystemExit(3)"))], repeats=1)
 
 
 @pytest.mark.ros
 def test_a_forked_node_has_little_left_to_import(monkeypatch):
-    """A third of the modules that it imports by itself, at most."""
+    """A forked node imports at most a third of the modules of a separate start."""
     monkeypatch.setattr(start_up, "NODES", ("follower",))
     (found,) = start_up.node_starts(repeats=1)
     assert 0 < 3 * found.forked_modules < found.alone_modules
     assert start_up.node_table([found]).rows[0][0] == "follower"
 
 
-# -- samples per second beside a copy of the same bytes: what is counted, and what is compared
+# -- samples per second, compared with a copy of the same bytes
 
 
 def test_each_rate_has_its_copy(monkeypatch):
-    """Two models at two speeds in one block, with a copy each; the ratio is that of the two."""
+    """Each model and speed has a copy, and the ratio of the two."""
     monkeypatch.setattr(rate, "REPEATS", 2)
     found = rate.sample_rates(blocks=(2048,))
     assert [(one.model, one.rpm) for one in found] == [
@@ -92,7 +92,10 @@ def test_each_rate_has_its_copy(monkeypatch):
 
 
 def test_a_copy_moves_what_a_block_holds(monkeypatch):
-    """Both are timed on arrays of the same bytes; medians, the ratio's of the pairs."""
+    """Block and copy are timed on the same number of bytes.
+
+    The values are medians; the ratio is the median of the ratios.
+    """
     sizes = []
 
     def timed(*works):

@@ -1,4 +1,4 @@
-"""The campaign of the bench: its peer finds the same speeds, and may be missing."""
+"""Peers: they agree with campaign and references, and may be missing."""
 
 import builtins
 import itertools
@@ -28,8 +28,8 @@ from cam_rig.schema.load import Library, config_root
 from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure_batch
 
 
-def test_the_peer_loses_contact_where_the_campaign_says():
-    """CVODE's contact force of 1.7 s from rest has a root from 1e-4 above the jump speed on."""
+def test_the_peer_loses_contact_at_the_campaign_s_speed():
+    """CVODE's contact force from rest has a root 1e-4 above the jump speed."""
     found = campaign_from(
         {**STUDY, "plan": {"kind": "sobol", "points": 2}}, Library((config_root(),))
     )
@@ -41,13 +41,13 @@ def test_the_peer_loses_contact_where_the_campaign_says():
 
 
 def test_the_peer_halves_down_to_the_speed(monkeypatch):
-    """A loss of contact from 300.1 rpm on, from a bracket about 300."""
+    """The bisection near 300 rpm finds a loss of contact from 300.1 rpm on."""
     monkeypatch.setattr(campaign, "leaves", lambda _p, _law, speed: speed > rad_per_s(300.1))
     assert bisected(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
 
 
-def test_without_joblib_the_campaign_stands_alone(monkeypatch):
-    """With the line that says what is missing, and the remedy."""
+def test_without_joblib_the_campaign_is_alone(monkeypatch):
+    """Without joblib a note names the missing library and the remedy."""
     monkeypatch.setitem(sys.modules, "joblib", None)
     found = campaign_rate(2, True)
     assert (found.processes, found.points, found.ratio) == (1, BATCH, None)
@@ -57,17 +57,17 @@ def test_without_joblib_the_campaign_stands_alone(monkeypatch):
 
 
 def test_the_table_has_the_ratio():
-    """Of 25 points a second to 0.25: a hundred times as long."""
+    """The ratio of 25 points per second to 0.25 is 100."""
     (table,) = campaign_records(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)).to_display()
     assert [row[-1] for row in table.text_rows] == ["1", "100"]
     assert "0.016 rpm" in table.notes[0]
 
 
-# -- the peers converge to the reference: it, they and their right-hand sides are then right
+# -- convergence of the peers to the reference, which verifies both and the right-hand sides
 
 
 BY_TITLE = {peer.title: peer for peer in PEERS}
-#: Case, turns of it, largest error at rtol 1e-10.
+#: Case, number of turns, largest error at rtol 1e-10.
 SOLVED = [
     ("resonance", 2, 1e-6),
     ("torsional", 1, 1e-6),
@@ -81,7 +81,7 @@ SOLVED = [
 @pytest.mark.parametrize("title", ["DOP853", "CVODE BDF", "CVODE Adams", "LSODA"])
 @pytest.mark.parametrize(("name", "turns", "limit"), SOLVED)
 def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
-    """With the same events, in the same order."""
+    """A peer agrees with the reference, with the same events in the same order."""
     if title.startswith("CVODE"):
         pytest.importorskip("sksundae")
     case = cases[name].first_turns(turns)
@@ -92,7 +92,10 @@ def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
 
 
 def test_stretches_are_the_law(cases):
-    """Lift, velocity and acceleration of the peers' cheap functions are those of the law."""
+    """The peers' scalar functions agree with the law.
+
+    These are lift, velocity and acceleration.
+    """
     case = cases["one_mass_arc"]
     for start, interval in intervals(case.law, case.speed, 2):
         local = np.linspace(0.0, interval.duration, 13)[1:-1]
@@ -105,13 +108,13 @@ def test_stretches_are_the_law(cases):
 
 
 def test_peers_restart_at_joints_only(cases):
-    """3-4-5 jumps in its third derivative at four joints; the two dwells at 0° are one."""
+    """3-4-5 has four joints. The two dwells at 0° are one piece."""
     case = cases["resonance"]
     assert len(intervals(case.law, case.speed, 3)) == 3 * 4 + 1
 
 
 def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
-    """Without scikit-sundae there is a note with what to install, and no point."""
+    """Without scikit-sundae a note names the library, and there is no point."""
     true_import = builtins.__import__
 
     def no_sundae(name, *rest, **more):
@@ -127,7 +130,7 @@ def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
 
 
 def test_a_sweep_keeps_to_its_time(cases, monkeypatch):
-    """What would take too long is left out, and the sweep says so; its clock is the test's own."""
+    """A sweep leaves out settings beyond its time, and reports them."""
     seconds = itertools.count()
     monkeypatch.setattr(stored, "time", SimpleNamespace(perf_counter=lambda: next(seconds)))
     case = cases["resonance"].first_turns(1)

@@ -1,4 +1,4 @@
-"""The stored references: made for these numbers, repeatable, and consistent with physics."""
+"""Stored references: valid for these parameters, repeatable, and consistent."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from cam_rig.laws import Law
 
 @pytest.mark.parametrize(("name", "turns"), [("elastic_stem", 1), ("two_mass_soft", 1)])
 def test_a_reference_is_what_50_digits_give(cases, name, turns):
-    """Recomputed over the first turn, it agrees to the last digit of a double."""
+    """A recomputed first turn agrees to the last digit of a double."""
     case = cases[name].first_turns(turns)
     again, kept = exact.solve(case), stored.read(case)
     assert again.error(kept) < 1e-15
@@ -24,7 +24,7 @@ def test_a_reference_is_what_50_digits_give(cases, name, turns):
 
 
 def test_the_torsional_reference_is_repeatable(cases):
-    """Half a turn of it, with joints of the law and twisted passages."""
+    """Half a turn with joints of the law and twisted passages is reproduced."""
     case = cases["torsional"]
     short = replace(case, times=case.times[:25])
     kept = stored.read(short)
@@ -33,7 +33,7 @@ def test_the_torsional_reference_is_repeatable(cases):
 
 
 def test_the_torsional_reference_solves_the_equation(cases):
-    """Central differences of the Taylor solution satisfy eq. 10 with the law at the twist."""
+    """Central differences of the Taylor solution satisfy eq. 10 at the twisted angle."""
     case = cases["torsional"]
     step, at = 2e-6, 0.028
     near = replace(case, times=at + step * np.arange(-1.0, 2.0))
@@ -51,7 +51,7 @@ def test_the_torsional_reference_solves_the_equation(cases):
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_the_follower_flies_in_every_case_of_separation(cases, name):
-    """Events begin with a lift-off, come in order, and landings are among them."""
+    """Events start with a lift-off, are in order, and include landings."""
     events = stored.read(cases[name]).events
     kinds, times = zip(*events, strict=True)
     assert kinds[0] == LIFT_OFF
@@ -60,21 +60,21 @@ def test_the_follower_flies_in_every_case_of_separation(cases, name):
 
 
 def test_a_reference_for_other_numbers_is_refused(cases):
-    """A changed cam or speed must not be measured against an old reference."""
+    """A reference is an error for a changed cam or speed."""
     other = replace(cases["resonance"], speed=cases["resonance"].speed * 1.001)
     with pytest.raises(CamRigError, match=r"made for other numbers.*make_reference"):
         stored.read(other)
 
 
-# -- the reference's closed form of one phase -------------------------------------------------
+# -- closed form of one phase of the reference ------------------------------------------------
 
 
 @pytest.mark.parametrize("spring_damping", [0.0, 89.37064464606817, 1e3])
-def test_a_phase_begins_where_it_is_told_and_obeys_its_equation(spring_damping):
-    """State at the start, and rate against a centred difference of 1e-20 s: to 30 digits.
+def test_a_phase_starts_at_its_state_and_satisfies_its_equation(spring_damping):
+    """A phase has its start state and satisfies its equation to 30 digits.
 
-    Flight of two masses has rates that come in pairs, that are real, and that are real but for
-    the last digit: each counts as what it is.
+    The rate is compared with a centred difference of 1e-20 s. Flight of two masses has complex
+    pairs of rates, real rates, and rates that are real except for the last digit.
     """
     law = Law(
         "one", [0.0, 2.0, 6.283185307179586], [[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]]

@@ -1,4 +1,4 @@
-"""The measure, the comparison and what is written about them."""
+"""Error measure, comparison, and report of the study."""
 
 import json
 
@@ -31,7 +31,7 @@ def point(time_s, error, rtol=None):
 
 @pytest.fixture
 def study(cases):
-    """A case that the rig wins against one peer and a case without the rig's side."""
+    """Study with a case that the rig wins against a peer, and one without the rig."""
     dop853, adams, bdf, *_ = PEERS
     sweeps = [
         Sweep(dop853, [point(0.2, 1e-6, 1e-6), point(0.5, 1e-9, 1e-9)], ["rest left out"]),
@@ -47,13 +47,13 @@ def study(cases):
 
 
 def test_error_is_relative_to_the_largest_value():
-    """The worse of displacement and velocity counts."""
+    """The error is the larger of those of displacement and velocity."""
     assert solution(shift=0.5).error(solution()) == pytest.approx(0.25)
     assert solution().error(solution()) == 0.0
 
 
 def test_a_missed_event_counts_with_its_distance():
-    """Otherwise a solver that finds nothing would be the best."""
+    """A missing event counts as an error, so a solver without events is not the best."""
     two, one = solution([("landing", 1.0), ("landing", 1.5)]), solution([("landing", 1.0)])
     assert one.event_error(two) == pytest.approx(0.5)
     assert two.event_error(one) == pytest.approx(0.5)
@@ -62,7 +62,7 @@ def test_a_missed_event_counts_with_its_distance():
 
 
 def test_a_peer_is_compared_at_its_best(study):
-    """Cheapest among the settings that are no worse, else the most accurate one."""
+    """The compared setting is the cheapest as accurate one, else the most accurate."""
     result = study.cases["resonance"]
     sweep, chosen = result.best("CVODE")
     assert (sweep.peer.method, chosen.time_s) == ("BDF", 0.1)
@@ -71,7 +71,7 @@ def test_a_peer_is_compared_at_its_best(study):
 
 
 def test_json_has_every_point(study):
-    """And is plain data without NaN."""
+    """The JSON has every point, as plain data without NaN."""
     data = json.loads(json.dumps(Comparison(study).data(), allow_nan=False))
     assert [one["solver"] for one in data["points"]].count("rig") == 2
     assert len(data["points"]) == 2 + 5 + 1
@@ -83,7 +83,10 @@ def test_json_has_every_point(study):
 
 
 def test_the_page_has_the_quickest_peer_of_a_case(study):
-    """Behind the rig; a peer that was never measured stands where there is no other."""
+    """The quickest peer follows the rig.
+
+    A peer without points is listed if there is no other.
+    """
     shown = quickest(Comparison(study).tables()[0].records)
     assert [(one.case, one.solver) for one in shown] == [
         ("resonance", "rig"), ("resonance", "CVODE BDF"),
@@ -92,7 +95,7 @@ def test_the_page_has_the_quickest_peer_of_a_case(study):
 
 
 def test_a_ratio_that_is_only_a_bound_is_marked(study):
-    """A peer that never was as good is compared at a larger error: its ratio is a bound."""
+    """The ratio of a peer that is never as accurate is marked as a bound."""
     points, _ = Comparison(study).to_display()
     assert [row[-1] for row in points.text_rows] == ["", "> 50", "10", "", ""]
     assert [row[0] for row in points.text_rows] == ["resonance", "", "", "torsional", ""]
@@ -100,7 +103,7 @@ def test_a_ratio_that_is_only_a_bound_is_marked(study):
 
 
 def test_the_plot_is_a_picture(study, tmp_path):
-    """With something in it."""
+    """The plot is not empty."""
     figure = Comparison(study).plot()
     write(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
@@ -111,7 +114,10 @@ def test_the_plot_is_a_picture(study, tmp_path):
     ("name", "error"), [("elastic_stem", 1e-12), ("resonance", 1e-11), ("torsional", 1e-12)]
 )
 def test_the_rig_is_near_the_reference(cases, name, error):
-    """No case may be wrong: a fast wrong answer is no answer. Those with events: test_bounces."""
+    """The rig agrees with the reference in every case.
+
+    Cases with events are tested in test_bounces.
+    """
     assert rig.solve(cases[name]).error(stored.read(cases[name])) < error
 
 
@@ -123,7 +129,7 @@ def test_a_short_case_is_the_beginning_of_the_long_one(cases):
     np.testing.assert_allclose(short.displacement, whole.displacement[:, :count], atol=1e-15)
 
 
-# -- python -m benchmark.speed: what cannot be written is refused before anything is measured
+# -- python -m benchmark.speed: an invalid output path is an error before any measurement
 
 
 app = typer.Typer()
@@ -139,7 +145,7 @@ app.command()(bench.bench)
     ],
 )
 def test_a_place_is_refused_before_the_study(tmp_path, monkeypatch, arguments, code, words):
-    """A study takes minutes: one line comes first, with the code of a wrong argument."""
+    """An invalid output path is a one-line usage error before the study."""
     monkeypatch.setattr(bench, "measure", lambda *_: pytest.fail("the study ran"))
     (tmp_path / "file").write_text("", encoding="utf-8")
     (tmp_path / "a.png").mkdir()

@@ -1,4 +1,4 @@
-"""Every example runs as it stands, and leaves the pictures that it says or commands the rig."""
+"""Every example runs unchanged, and writes its pictures or commands the rig."""
 
 import ast
 import json
@@ -14,10 +14,10 @@ import pytest
 from matplotlib.figure import Figure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-#: Nodes, which need a rig beside them.
+#: Examples that are nodes. They need a running rig.
 NODES = {"stop_at_lift_off.py"}
 SCRIPTS = sorted({path.name for path in EXAMPLES.glob("*.py")} - NODES)
-#: Something each prints, and the pictures that it leaves in out/.
+#: Part of the output of each script, and the files that it writes into out/.
 LEFT = {
     "fit_cam.py": ("farthest from the truth", {"fit_cam.png", "lifts.csv"}),
     "jump_speed.py": ("rpm", {"jump_speed.png"}),
@@ -33,13 +33,13 @@ LEFT = {
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """Away from the tree, without a screen."""
+    """Run in a temporary folder, without a screen."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
 
 
 def test_all_are_known():
-    """A new example is tested with the others, and stands in their list."""
+    """Every example is tested and listed in examples/README.md."""
     assert set(LEFT) == set(SCRIPTS)
     listed = (EXAMPLES / "README.md").read_text(encoding="utf-8")
     assert all((EXAMPLES / name).is_file() for name in NODES)
@@ -50,7 +50,7 @@ def test_all_are_known():
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_a_script_runs(name, tmp_path, capsys):
-    """It prints its answer and draws its pictures."""
+    """A script prints its answer and draws its pictures."""
     words, pictures = LEFT[name]
     runpy.run_path(str(EXAMPLES / name), run_name="__main__")
     assert words in capsys.readouterr().out
@@ -60,7 +60,10 @@ def test_a_script_runs(name, tmp_path, capsys):
 @pytest.mark.ros
 @pytest.mark.usefixtures("forked")
 def test_a_node_stops_the_drive_at_lift_off(start_rig):
-    """At the first speed of the scene that loses contact; it needs nothing of the package."""
+    """The node stops the drive at the first speed of the scene with a loss of contact.
+
+    It does not import the package.
+    """
     path = EXAMPLES / "stop_at_lift_off.py"
     assert "cam_rig" not in path.read_text(encoding="utf-8")
     rig = start_rig("jump_two_mass", pacing="0.5x", autostart=False)  # a tail of many seconds
@@ -77,7 +80,7 @@ def test_a_node_stops_the_drive_at_lift_off(start_rig):
 
 
 def run_notebook(name):
-    """Run the cells in one namespace, and return the value of each cell's last expression."""
+    """Run the cells in one namespace, and return each cell's last expression."""
     notebook = json.loads((EXAMPLES / name).read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     names, values = {}, []
@@ -96,7 +99,7 @@ def run_notebook(name):
 
 
 def test_the_notebook_runs(capsys):
-    """A picture is a cell's last value."""
+    """The notebook runs, and its pictures are last values of cells."""
     values = run_notebook("one_cam.ipynb")
     assert sum(isinstance(value, Figure) for value in values) == 3
     assert values[0] == ("Polynomial 3-4-5", pytest.approx(0.05))
@@ -104,7 +107,7 @@ def test_the_notebook_runs(capsys):
     assert "dB at 250 rpm (calibrated on poly345)" in capsys.readouterr().out
 
 
-#: Pictures of a lesson's notebook, and values of cells that its lesson prints in its answers.
+#: Pictures of a lesson's notebook, and values of its cells that the lesson prints in its answers.
 LESSONS = {
     "1_motion_laws": (1, [(2, [2.074, 8.135, 120.0]), (5, [[1.44, 67.75], [1.59, 95.45]])]),
     "4_vibration": (2, [(0, (156.9, 0.0034))]),
@@ -116,7 +119,7 @@ LESSONS = {
 
 @pytest.mark.parametrize("lesson", LESSONS)
 def test_the_notebook_of_a_lesson_runs(lesson):
-    """Its numbers are those that the lesson's answers print."""
+    """The values of the notebook are those of the lesson's answers."""
     pictures, shown = LESSONS[lesson]
     values = run_notebook(f"course_{lesson}.ipynb")
     assert sum(isinstance(value, Figure) for value in values) == pictures
@@ -124,8 +127,8 @@ def test_the_notebook_of_a_lesson_runs(lesson):
         np.testing.assert_allclose(values[cell], value, rtol=1e-3)
 
 
-def test_a_lesson_without_a_library_says_in_one_line_what_to_install(monkeypatch):
-    """A notebook opened by another Python than the project's ends at its first cell."""
+def test_a_missing_library_is_reported_in_one_line(monkeypatch):
+    """A missing library ends a notebook at its first cell, with one line of advice."""
     monkeypatch.setitem(sys.modules, "cam_rig", None)
     for lesson in LESSONS:
         with pytest.raises(SystemExit, match=r"^cam_rig is not installed: `make setup`.*venv$"):

@@ -1,7 +1,7 @@
-"""Extending, in docs/architecture.md, as somebody new to the code follows it: edit by edit.
+"""The recipes of Extending in docs/architecture.md, followed edit by edit.
 
-In a copy of the package. Each test touches the files that its recipe names and no other; what the
-recipe promises then works.
+Each test edits a copy of the package, and only the files that its recipe names. The feature that
+the recipe promises then works.
 """
 
 import json
@@ -20,7 +20,7 @@ SLICE = ROOT / "examples" / "least_preload"
 
 
 class Copy:
-    """A copy of the package that is edited; ``touched`` are the files that were."""
+    """Copy of the package that is edited. ``touched`` are the edited files."""
 
     def __init__(self, folder):
         self.folder, self.touched = folder, set()
@@ -29,7 +29,7 @@ class Copy:
             shutil.copytree(ROOT / name, folder / name, ignore=skip)
 
     def insert(self, file, before, text):
-        """A line before the first that contains some words."""
+        """Insert text before the first line that contains ``before``."""
         path = self.folder / file
         found = path.read_text(encoding="utf-8")
         at = found.rindex("\n", 0, found.index(before)) + 1
@@ -37,20 +37,20 @@ class Copy:
         self.touched.add(file)
 
     def add_slice(self):
-        """The example's folder, and its line in the list of commands."""
+        """Add the example's folder, and its line in the list of commands."""
         for file in SLICE.glob("*.py"):
             self.add(file, f"cam_rig/studies/least_preload/{file.name}")
         line = '    "least-preload": "cam_rig.studies.least_preload.command",\n'
         self.insert("cam_rig/cli/main.py", '    "vibration": "', line)
 
     def add(self, source, target):
-        """A new file."""
+        """Add a new file."""
         path = self.folder / target
         path.parent.mkdir(exist_ok=True)
         shutil.copyfile(source, path)
 
     def python(self, *arguments):
-        """What a process prints that finds this copy first."""
+        """Return the output of a Python process that imports this copy."""
         env = os.environ | {"PYTHONPATH": str(self.folder)}
         done = ended(sys.executable, *arguments, cwd=self.folder, env=env)
         assert done.returncode == 0, done.stderr[-2000:]
@@ -63,14 +63,14 @@ def copy(tmp_path):
 
 
 def recipe(heading):
-    """The files that a recipe names."""
+    """Return the files that a recipe names."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     part = text.split(f"### {heading}\n")[1].split("\n### ")[0]
     return set(re.findall(r"`(cam_rig/[^`]*\.py)`", part))
 
 
 def test_an_experiment_is_a_folder_and_a_line(copy):
-    """The example's folder and a line: a command with help, table, JSON and plot, in the help."""
+    """The example's folder and a line add a command with table, JSON, plot and help."""
     copy.add_slice()
     run = ("-m", "cam_rig.cli.main", "least-preload", "poly345", "bezier15", "--rpm", "480")
     found = json.loads(copy.python(*run, "--json", "-", "--plot", "a.png"))
@@ -81,7 +81,7 @@ def test_an_experiment_is_a_folder_and_a_line(copy):
     assert copy.touched <= recipe("A study")
 
 
-#: The least of what the preload is added to, at 100 001 angles.
+#: Code for the least force without the preload, at 100 001 angles.
 FORCE = """
 import json, numpy as np
 from cam_rig import build_law, load_cam, load_rig
@@ -95,7 +95,7 @@ print(json.dumps([least(build_law(load_cam(name))) for name in ("poly345", "bezi
 
 @pytest.mark.long
 def test_an_experiment_is_a_function_of_the_package(copy):
-    """With the command's options, as every command has one; three lines."""
+    """Three lines add the function of the command, with the same options."""
     copy.add_slice()
     face = "cam_rig/__init__.py"
     module = "cam_rig.studies.least_preload.study"
@@ -112,7 +112,7 @@ def test_an_experiment_is_a_function_of_the_package(copy):
 
 @pytest.mark.long
 def test_the_report_shows_an_experiment(copy):
-    """A function, a line and the example's sentences: a section with its figure and table."""
+    """A function and a line add a section with figure and table to the report."""
     copy.add_slice()
     copy.add(SLICE / "section.jinja", "cam_rig/report/templates/scene/least_preload.jinja")
     sections = "cam_rig/report/scene.py"
@@ -150,7 +150,7 @@ print(render("md", "A page", Made("a command"), {section: content}))
 
 @pytest.mark.long
 def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
-    """The mean of s″²: searched for without a line in ``ROWS``, with a bound by one."""
+    """A record adds the mean of s″² as a goal, and a line adds its bound."""
     copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
         "cam_rig/studies/design/rows.py",
@@ -175,7 +175,7 @@ GOAL = """    LawQuantity(
 
 @pytest.mark.long
 def test_a_column_is_a_line(copy):
-    """A column of the jump speeds' table is in the JSON, too."""
+    """A line adds a column to the jump speeds' table and JSON."""
     file = "cam_rig/studies/jump/comparison.py"
     text = (copy.folder / file).read_text(encoding="utf-8")
     line = next(x for x in text.splitlines() if x.strip().startswith('Column("rpm", "rpm", ".2f"'))
@@ -189,7 +189,7 @@ def test_a_column_is_a_line(copy):
 
 @pytest.mark.long
 def test_a_law_known_by_name_is_a_name_and_a_rise(copy):
-    """A rise of Bernstein ordinates: a cam file may name it, and contour and motion take it."""
+    """A rise of Bernstein ordinates can be named in a cam file."""
     file = copy.folder / "cam_rig/schema/segments.py"
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace('["poly345", ', '["poly3", "poly345", '), encoding="utf-8")

@@ -59,7 +59,7 @@ REFUSED = [
     (f"{TORQUE} --starts 0", 2, "allowed: 1 to"),
     (f"{TORQUE} --seed -1", 2, "0 and above"),
     (f"{FIT} --given mas=1", 2, "did you mean"),
-    (f"{FIT} --given mass=nan", 2, "--given mass=nan: 'nan' is no finite number; allowed"),
+    (f"{FIT} --given mass=nan", 2, "--given mass=nan: 'nan' is not a finite number; allowed"),
     (f"{FIT} --given mass=1 --given mass=2", 2, "mass is given twice; allowed: once"),
     (f"{FIT} --given mass=-1", 2, "allowed"),
     (f"{FIT} --topics angle=/a.b", 2, "no meaning"),

@@ -1,1 +1,1 @@
-"""The pictures of this repository's own documents, drawn from a recorded run."""
+"""Generators of the pictures and pages of the documentation."""

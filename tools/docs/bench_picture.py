@@ -1,8 +1,9 @@
-"""The picture of the bench in the documents, as a browser shows it.
+"""Picture of the bench in the documents, as shown by a browser.
 
     .venv/bin/python -m tools.docs.bench_picture
 
-``make pictures`` makes it too. The nodes run, and levels are noted at some speeds: half a minute.
+``make pictures`` makes it too. The nodes run, and levels are noted at several speeds, which takes
+half a minute.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ if TYPE_CHECKING:
 
 PICTURE = Path("docs/bench.png")
 SIZE = {"width": 1600, "height": 1130}
-#: Whether the rig is drawn: until then its canvas is of one colour.
+#: Condition that the rig is drawn. Before that its canvas has a single colour.
 RIG_DRAWN = """() => {
   const canvas = document.querySelector("#rig canvas");
   if (!canvas) return false;
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
   return new Uint32Array(data.buffer).some((pixel, _, all) => pixel !== all[0]);
 }"""
-#: Wall time (ms) after which the turns of the speed before have faded.
+#: Wall time (ms) after which the turns of the previous speed have faded.
 FADE_MS = 3000
-#: Speeds (rpm) at which each of two cams is noted; from the last ones the follower flies.
+#: Speeds (rpm) at which two cams are noted. At the last speeds the follower flies.
 SPEEDS = {"poly345": range(200, 550, 50), "tm21": range(200, 500, 50)}
 
 
@@ -57,7 +58,7 @@ def photograph_bench(path: Path) -> None:
 
 
 def _note(page: Page, cam: str, rpm: int) -> None:
-    """Note the level of a cam at a speed, as soon as it can be."""
+    """Note the level of a cam at a speed, as soon as it is available."""
     page.locator("#rpm").fill(str(rpm))
     page.locator("#rpm").press("Enter")
     page.locator("#rpm").blur()
@@ -72,7 +73,7 @@ def _note(page: Page, cam: str, rpm: int) -> None:
 
 @contextmanager
 def panel_address() -> Iterator[str]:
-    """A panel's address, as long as the context lasts."""
+    """Provide a panel's address while the context is open."""
     command = [str(Path(sys.executable).parent / "cam-rig"), "panel", "--out"]
     with (
         tempfile.TemporaryDirectory() as out,

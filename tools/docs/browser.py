@@ -1,4 +1,4 @@
-"""A real browser without a screen: what one would see of a page, and looking for a colour in it."""
+"""Browser without a window: photographs of pages, and search for colours in them."""
 
 from __future__ import annotations
 
@@ -34,25 +34,25 @@ PLAIN = (
     "--disable-component-update",
     "--disable-sync",
 )
-#: ... and with its own software renderer for it, which needs no graphics card and is slower.
+#: ... and with its software renderer for WebGL, which needs no graphics card and is slower.
 FLAGS = (*PLAIN, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WIDTH, HEIGHT = 1600, 1000
-#: Wall time (s) for a page to be complete, on a slow machine that does other things too.
+#: Wall time (s) for a page to be complete, on a slow and busy machine.
 TIMEOUT_S = 150.0
-#: Wall time (s) between two pictures, in which the page can go on.
+#: Wall time (s) between two pictures, in which the page can continue.
 PAUSE_S = 0.3
-#: A pixel is of a colour when no channel is farther from it than this.
+#: Largest difference of a colour channel of a pixel of that colour.
 MAX_CHANNEL_DIFFERENCE = 14
-#: So many pixels make a curve; a point or a gap is small.
+#: Smallest number of pixels of a curve. A point or a gap is smaller.
 MIN_PIXELS = 12
-#: A curve has settled when its number of pixels differs by no more than this share.
+#: Relative change of its number of pixels below which a curve is complete.
 MAX_CHANGE = 0.01
 
 Pixels = NDArray[np.uint8]
 
 
 def why_no_browser() -> str | None:
-    """What is missing, in words; None where there is a browser."""
+    """Return the reason for a missing browser, or None if there is one."""
     if importlib.util.find_spec("playwright") is None:
         return "playwright is not installed"
     if not any(map(shutil.which, BROWSERS)):
@@ -62,7 +62,7 @@ def why_no_browser() -> str | None:
 
 @contextmanager
 def open_browser(webgl: bool = True) -> Iterator[Browser]:
-    """A Chromium without a window; without WebGL it draws plain pages faster."""
+    """Open a Chromium without a window. Without WebGL it draws plain pages faster."""
     if why := why_no_browser():
         raise CamRigError(f"no browser: {why}")
     from playwright.sync_api import sync_playwright
@@ -80,7 +80,7 @@ def open_browser(webgl: bool = True) -> Iterator[Browser]:
 
 
 def new_page(browser: Browser) -> Page:
-    """An empty page of `WIDTH` by `HEIGHT`, alone in its context."""
+    """Return an empty page of `WIDTH` by `HEIGHT`, in a separate context."""
     context = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT})
     context.add_init_script("console.debug = () => {}")
     context.set_default_timeout(TIMEOUT_S * 1e3)
@@ -88,9 +88,9 @@ def new_page(browser: Browser) -> Page:
 
 
 def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
-    """Pictures ``(h, w, 3)`` of a page, one after the other, until a time of `time.monotonic`.
+    """Yield pictures ``(h, w, 3)`` of a page until a time of `time.monotonic`.
 
-    A browser that is short of time cannot always take one: then it is asked again.
+    A busy browser cannot always take a picture. It is then requested again.
     """
     from playwright.sync_api import Error
 
@@ -111,9 +111,9 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
 
 
 def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
-    """A picture of a page on which all colours 0xRRGGBBAA can be seen at once.
+    """Return a picture of a page on which all colours 0xRRGGBBAA are visible.
 
-    ``settled``: the colour of what grows while the page loads, and then no more.
+    ``settled`` is the colour of a curve that grows while the page loads, and must be complete.
     """
     with open_browser() as browser:
         page, deadline = new_page(browser), time.monotonic() + TIMEOUT_S
@@ -130,7 +130,7 @@ def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
 
 
 def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -> None:
-    """Wait until a condition holds in the page, and another here."""
+    """Wait until a condition is true in the page, and another in this program."""
     deadline = time.monotonic() + TIMEOUT_S
     while not (also() and page.evaluate(condition)):
         if time.monotonic() > deadline:
@@ -147,7 +147,7 @@ def put(picture: Path, photograph: Callable[[Path], None]) -> None:
 
 
 def count(pixels: Pixels, colour: int) -> int:
-    """How many pixels are of a colour 0xRRGGBBAA."""
+    """Return the number of pixels of a colour 0xRRGGBBAA."""
     wanted = np.array([colour >> 24 & 255, colour >> 16 & 255, colour >> 8 & 255])
     difference = np.abs(pixels.astype(np.int16) - wanted).max(axis=2)
     return int((difference <= MAX_CHANNEL_DIFFERENCE).sum())

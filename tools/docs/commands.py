@@ -1,4 +1,4 @@
-"""Write docs/commands.md: every command of cam-rig, as ``--help`` describes it.
+"""Write docs/commands.md: every command of cam-rig, as described by ``--help``.
 
     .venv/bin/python tools/docs/commands.py
 
@@ -18,13 +18,13 @@ from typing import Any, Literal, get_args, get_origin
 from cam_rig.cli.main import COMMANDS, command
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
-#: What stands for the value of an option.
+#: Placeholder for the value of an option, by type.
 KINDS = {str: "TEXT", int: "N", float: "NUMBER", Path: "PATH"}
-#: Examples of a command at most, of those in its help the longest.
+#: Largest number of examples of a command. The longest examples of its help are used.
 MOST_EXAMPLES = 2
-#: Words of an option from which on it is described once for all commands that have it.
+#: Number of words from which on an option of several commands is described only once.
 LONG = 4
-#: What the page's head says of every file, and of every call from Python.
+#: Text that the page's head explains once for all files and Python calls.
 SAID = re.compile(r"(?<=\w) file(s?), or (?:a )?names? in config/\w+")
 EXIT_CODES = re.compile(r"\s+Exit codes:.*?\)\.", re.S)
 CALLED = re.compile(r"In Python: (cam_rig\.\w+)\([^)]*\)")
@@ -55,7 +55,7 @@ more examples.
 
 
 def page() -> str:
-    """The whole page as Markdown."""
+    """Return the whole page as Markdown."""
     every = verbs()
     shared = _shared(every.values())
     parts = [HEAD, "## Shared", "\n".join(shared)]
@@ -64,7 +64,10 @@ def page() -> str:
 
 
 def verbs() -> dict[str, Any]:
-    """Each command by its words; those of a group, such as ``fit cam``, one by one."""
+    """Return each command by its words.
+
+    The commands of a group, such as ``fit cam``, are separate.
+    """
     found: dict[str, Any] = {}
     for name in COMMANDS:
         below = getattr(command(name), "commands", {"": command(name)})
@@ -73,7 +76,10 @@ def verbs() -> dict[str, Any]:
 
 
 def _shared(verbs: Iterable[Any]) -> list[str]:
-    """What several commands have with the same words: of each name the most frequent of those."""
+    """Return the options that several commands describe with the same words.
+
+    For each name it is the most frequent description.
+    """
     items = Counter(_item(one) for verb in verbs for one in _shown(verb))
     long = [
         one for one, n in items.most_common() if n > 1 and len(one.split(": ")[1].split()) >= LONG
@@ -85,7 +91,7 @@ def _shared(verbs: Iterable[Any]) -> list[str]:
 
 
 def section(name: str, verb: Any, shared: Container[str]) -> str:
-    """One command: usage, what it does, its arguments and options, examples."""
+    """Return one command: usage, description, arguments and options, examples."""
     usage = " ".join(
         [f"cam-rig {name}", *(_usage(p) for p in verb.params if p.param_type_name == "argument")]
     )
@@ -108,7 +114,7 @@ def _shown(verb: Any) -> list[Any]:
 
 
 def _item(parameter: Any) -> str:
-    """An argument or option with its default and its meaning, as an item of a list."""
+    """Return an argument or option with its default and description as a list item."""
     names = ", ".join(f"`{name}`" for name in _names(parameter))
     default = _default(parameter)
     return f"- {names}{default and f' ({default})'}: {_words(parameter.help or '')}"
@@ -125,7 +131,7 @@ def _kind(parameter: Any) -> str:
     annotation = parameter.type_descriptor.annotation
     if get_origin(annotation) is Literal:
         return " or ".join(get_args(annotation))
-    annotation, *_ = get_args(annotation) or [annotation]  # what a list is of
+    annotation, *_ = get_args(annotation) or [annotation]  # type of the items of a list
     if issubclass(annotation, Enum):
         return " or ".join(str(choice.value) for choice in annotation)
     return KINDS[annotation]

@@ -1,9 +1,9 @@
-"""The pictures of the lessons, each made by a command of its lesson.
+"""Pictures of the lessons, each made by a command of its lesson.
 
     .venv/bin/python -m tools.docs.course_pictures
 
-``make pictures`` makes them too. A lesson shows ``NAME.png`` where one of its commands writes
-``out/NAME.png``; both languages show the same files.
+``make pictures`` makes them too. A lesson shows ``NAME.png`` if one of its commands writes
+``out/NAME.png``. Both languages show the same files.
 """
 
 from __future__ import annotations
@@ -24,26 +24,27 @@ from cam_rig.show.terminal import console
 COURSE = Path("docs/course")
 SHOWN = re.compile(r"!\[[^\]]+\]\((?:\.\./)?(\w+)\.png\)")
 FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```', re.M | re.S)
-#: A command of a lesson, and the picture that it writes.
+#: Command of a lesson, and the picture that it writes.
 DRAWN = re.compile(r"^\$ (cam-rig .*--(?:plot|out) out/(\w+)\.png.*)$", re.M)
-#: A plot has few colours: so many, and so wide, and it is a fifth of what the command writes.
+#: Number of colours and width of a picture. A plot has few colours, and is then a fifth of the
+#: size.
 COLOURS, WIDTH = 32, 1000
 
 
 def lessons() -> list[Path]:
-    """The pages of the lessons in English."""
+    """Return the pages of the lessons in English."""
     return sorted(COURSE.glob("[1-9]*.md"))
 
 
 def pictures(lesson: Path) -> dict[str, str]:
-    """The commands of a lesson whose pictures it shows, by the picture's name."""
+    """Return the commands of a lesson whose pictures it shows, by the picture's name."""
     text = lesson.read_text(encoding="utf-8")
     made = {name: command for command, name in DRAWN.findall(text)}
     return {name: made[name] for name in SHOWN.findall(text)}
 
 
 def draw(lesson: Path) -> None:
-    """Run the commands of a lesson that make its pictures, with its files in a folder of theirs."""
+    """Run the commands of a lesson that make its pictures, in a separate folder."""
     with temporary_folder() as folder:
         for name, content in FILE.findall(lesson.read_text(encoding="utf-8")):
             (folder / name).write_text(content, encoding="utf-8")
@@ -61,7 +62,7 @@ def draw(lesson: Path) -> None:
 
 
 def draw_all() -> None:
-    """The pictures of every lesson."""
+    """Draw the pictures of every lesson."""
     for lesson in lessons():
         draw(lesson)
 

@@ -1,7 +1,7 @@
-"""Docstrings of the package as griffe wants them.
+"""Docstrings of the package in the form that griffe requires.
 
-An entry reads "name : what it is", its type standing in the signature. By the letter of numpydoc
-the words after the colon would be the type; here they become the description. A field's comment of
+An entry reads "name : description", and its type is in the signature. In strict numpydoc the
+text after the colon would be the type. Here it becomes the description. A field's comment of
 ``#:`` is its docstring.
 """
 
@@ -19,10 +19,13 @@ ENTRY = re.compile(r"^([\w*, .]+?) : (.*)$", re.M)
 
 
 class Descriptions(Extension):
-    """Moves the words behind an entry's colon to the line below."""
+    """Extension that moves the text after an entry's colon to the line below."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
-        """Change an object's docstring before it is parsed; an attribute's may be its comment."""
+        """Change an object's docstring before it is parsed.
+
+        The docstring of an attribute may be its comment.
+        """
         if obj.docstring is None and obj.is_attribute and (words := _commented(obj)):
             obj.docstring = Docstring(words, parent=obj)
         if obj.docstring is not None:
@@ -30,7 +33,7 @@ class Descriptions(Extension):
 
 
 def _commented(obj: Object) -> str:
-    """What ``#:`` says behind an attribute, or in the lines above it."""
+    """Return the ``#:`` comment after an attribute, or in the lines above it."""
     if obj.lineno is None or obj.endlineno is None or not isinstance(obj.filepath, Path):
         return ""
     lines = obj.lines_collection[obj.filepath]

@@ -1,8 +1,9 @@
-"""Draw what the theory pages show: a cam with its forces, the models, the laws; the rooms.
+"""Draw the figures of the theory pages: a cam with forces, models, laws, rooms.
 
     .venv/bin/python tools/docs/drawings.py
 
-Cam and laws are the package's own; the files in docs/ are written anew, the same every time.
+Cam and laws are those of the package. The files in docs/ are regenerated, with the same content
+every time.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from cam_rig.schema.load import config_root, load_cam
 from cam_rig.show.figure import colour, line
 
 DOCS = Path(__file__).parents[2] / "docs"
-#: The cam of the drawing, and the angle (deg) it is drawn at: in the rise, well inclined.
+#: Cam of the drawing, and its angle (deg), in the rise with a large inclination.
 CAM, AT_DEG = "poly345", 75.0
 STEEL, INK, FORCE, SIZE = "#d5dbe1", "#222222", "#D55E00", "#0072B2"
 PACKAGE = DOCS.parent / "cam_rig"
@@ -40,7 +41,7 @@ SHOWN = ("constant_velocity", "simple_harmonic", "cycloidal", "poly345", "poly45
 
 
 def cam_and_forces(path: Path) -> None:
-    """The cam turned by θ, its follower on it, lengths in blue and forces in red."""
+    """Draw the cam turned by θ with its follower, lengths in blue and forces in red."""
     config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
     law = build_law(config)
     theta = np.radians(AT_DEG)
@@ -78,7 +79,7 @@ def cam_and_forces(path: Path) -> None:
 def lengths(
     axes: Axes, base: float, roller: float, centre: complex, contact: complex, normal: complex
 ) -> None:
-    """Angle θ, speed ω, base radius, lift s, pressure angle."""
+    """Draw angle θ, speed ω, base radius, lift s and pressure angle."""
     at = -0.104
     arrow(axes, at + 1j * (base + roller), at + 1j * centre.imag, SIZE, "<->")
     for height in (base + roller, centre.imag):
@@ -101,7 +102,7 @@ def lengths(
 
 
 def forces(axes: Axes, contact: complex, normal: complex, centre: complex, top: float) -> None:
-    """What acts on the follower."""
+    """Draw the forces on the follower."""
     arrow(axes, contact - 0.045 * normal, contact, FORCE, "-|>", 2.2)
     note(axes, contact - 0.05 * normal + 0.012, "$F/\\cos α$", FORCE)
     for x, name in ((0.035, "$k\\,s + F_0$"), (0.075, "$c\\,\\dot s$"), (0.105, "$m\\,\\ddot s$")):
@@ -110,7 +111,7 @@ def forces(axes: Axes, contact: complex, normal: complex, centre: complex, top: 
 
 
 def words(axes: Axes, base: float, top: float) -> None:
-    """Names of the parts."""
+    """Draw the names of the parts."""
     note(axes, -0.052 + 1j * (top + 0.022), "return spring $k$\npreload $F_0$", INK)
     note(axes, -0.04 + 1j * (top - 0.036), "guide", INK)
     note(axes, 0.03 - 0.02j - 0.02j, "cam", INK)
@@ -118,7 +119,7 @@ def words(axes: Axes, base: float, top: float) -> None:
 
 
 def models(path: Path) -> None:
-    """The lumped models side by side."""
+    """Draw the lumped models side by side."""
     figure, axes = plt.subplots(1, 4, figsize=(10.0, 3.9), layout="constrained")
     draw = (one_mass, elastic_stem, two_masses, shaft)
     names = ("kinetostatic, one_mass", "elastic_stem (eq. 5)", "two_mass (eq. 14-19)",
@@ -132,14 +133,14 @@ def models(path: Path) -> None:
 
 
 def one_mass(axes: Axes) -> None:
-    """A rigid follower under its spring and damper."""
+    """Draw a rigid follower under its spring and damper."""
     cam_below(axes)
     mass(axes, 1.6, "m")
     to_ground(axes, 2.6, "k", "c")
 
 
 def elastic_stem(axes: Axes) -> None:
-    """A mass that the cam moves through the stem."""
+    """Draw a mass that the cam moves through the stem."""
     cam_below(axes)
     axes.plot([-0.8, 0.8], [0.57] * 2, color=INK, lw=2)
     spring(axes, 0.0, 0.57, 2.0, 0.22)
@@ -149,7 +150,7 @@ def elastic_stem(axes: Axes) -> None:
 
 
 def two_masses(axes: Axes) -> None:
-    """A roller mass that may leave the cam, the stem, the end mass."""
+    """Draw a roller mass that may leave the cam, the stem and the end mass."""
     cam_below(axes)
     mass(axes, 0.75, "m₁", "z", 0.7)
     spring(axes, -0.4, 1.45, 2.6, 0.2)
@@ -161,7 +162,7 @@ def two_masses(axes: Axes) -> None:
 
 
 def shaft(axes: Axes) -> None:
-    """Flywheel, elastic shaft, cam."""
+    """Draw flywheel, elastic shaft and cam."""
     for y, name in ((0.6, "flywheel, $θ_v = ω t$"), (3.6, "cam, $θ = ω t + φ$")):
         axes.fill([-0.9, 0.9, 0.9, -0.9], [y, y, y + 0.7, y + 0.7], fc=STEEL, ec=INK)
         note(axes, 0.35 + 1j * (y + (1.15 if y > 1 else -0.4)), name, INK)
@@ -174,7 +175,7 @@ def shaft(axes: Axes) -> None:
 
 
 def cam_below(axes: Axes) -> None:
-    """The cam's surface, moving by s."""
+    """Draw the cam's surface, which moves by s."""
     x = np.linspace(-1.0, 1.0, 60)
     y = 0.55 - 0.3 * x**2
     axes.fill([*x, 1.0, -1.0], [*y, -0.5, -0.5], fc=STEEL, ec=INK)
@@ -183,7 +184,7 @@ def cam_below(axes: Axes) -> None:
 
 
 def mass(axes: Axes, y: float, name: str, moves: str = "", height: float = 1.0) -> None:
-    """A block at a height; one that rests on the cam stands on a foot."""
+    """Draw a block at a height. A block that rests on the cam has a foot."""
     if not moves or moves == "z":
         axes.plot([0, 0], [0.55, y], color=INK, lw=4)
     axes.fill([-0.8, 0.8, 0.8, -0.8], [y, y, y + height, y + height], fc="white", ec=INK, lw=1.6)
@@ -194,7 +195,7 @@ def mass(axes: Axes, y: float, name: str, moves: str = "", height: float = 1.0) 
 
 
 def to_ground(axes: Axes, y: float, stiffness: str, damping: str) -> None:
-    """Spring and damper from a block to what stands still above."""
+    """Draw spring and damper from a block to the fixed ground above."""
     spring(axes, -0.4, y, y + 1.4, 0.2)
     dashpot(axes, 0.4, y, y + 1.4)
     axes.plot([-1.0, 1.0], [y + 1.4] * 2, color=INK, lw=3)
@@ -203,7 +204,7 @@ def to_ground(axes: Axes, y: float, stiffness: str, damping: str) -> None:
 
 
 def laws(path: Path) -> None:
-    """Rises of unit lift over a unit span, with three derivatives."""
+    """Draw rises of unit lift over a unit span, with three derivatives."""
     figure, panels = plt.subplots(1, 4, figsize=(11.0, 3.3), layout="constrained")
     for name in SHOWN:
         style = {"color": colour(name), "ls": line(name)["ls"]}
@@ -226,9 +227,10 @@ def laws(path: Path) -> None:
 
 
 def rooms(path: Path) -> None:
-    """The rooms on their floors, each in its own words, and what each needs of those below.
+    """Draw the rooms on their floors, each with its purpose and its direct imports.
 
-    Floors are those of the import contract; what is reached by another way is not drawn twice.
+    Floors are those of the import contract. A room that is reached through another is not drawn
+    twice.
     """
     floors = floors_of_rooms()
     figure, axes = plt.subplots(figsize=(9.6, 0.92 * len(floors)), layout="constrained")
@@ -256,7 +258,7 @@ def rooms(path: Path) -> None:
 
 
 def floors_of_rooms() -> list[list[str]]:
-    """The folders of each floor, from the top; without the modules of the ground."""
+    """Return the folders of each floor from the top, without the shared modules."""
     contracts = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
     layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
     floors = [
@@ -266,13 +268,13 @@ def floors_of_rooms() -> list[list[str]]:
 
 
 def words_of(room: str) -> str:
-    """The first clause of its docstring."""
+    """Return the first clause of a room's docstring."""
     text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text("utf-8"))) or ""
     return text.splitlines()[0].rstrip(".").replace("`", "")
 
 
 def direct_needs(rooms: Iterable[str]) -> dict[str, set[str]]:
-    """The rooms that each imports and reaches in no other way."""
+    """Return the rooms that each room imports and does not reach through others."""
     needs: dict[str, set[str]] = {}
     for room in rooms:
         trees = (ast.parse(file.read_text("utf-8")) for file in (PACKAGE / room).rglob("*.py"))
@@ -289,24 +291,24 @@ def direct_needs(rooms: Iterable[str]) -> dict[str, set[str]]:
 
 
 def is_own(node: ast.ImportFrom) -> bool:
-    """Whether it imports from a room."""
+    """Return True if a module is imported from a room."""
     return (node.module or "").startswith("cam_rig.")
 
 
 def circle(axes: Axes, centre: complex, radius: float, **style: object) -> None:
-    """A circle; hollow unless a face colour is given."""
+    """Draw a circle, hollow unless a face colour is given."""
     look = {"fc": "none", "ec": "none", "lw": 1.0} | style
     axes.add_patch(mpl.patches.Circle((centre.real, centre.imag), radius, **look))
 
 
 def spring(axes: Axes, x: float, low: float, high: float, width: float = 0.008) -> None:
-    """A zigzag from one height to another."""
+    """Draw a zigzag from one height to another."""
     y = np.linspace(low, high, 14)
     axes.plot(x + width * np.array([0, 0, *([1, -1] * 5), 0, 0]), y, color=INK, lw=1.4)
 
 
 def dashpot(axes: Axes, x: float, low: float, high: float) -> None:
-    """A piston in a cup."""
+    """Draw a piston in a cup."""
     middle, width = 0.5 * (low + high), 0.2
     axes.plot([x, x], [low, middle - 0.2], color=INK, lw=1.4)
     cup = [middle + 0.2, middle - 0.2, middle - 0.2, middle + 0.2]
@@ -318,13 +320,13 @@ def dashpot(axes: Axes, x: float, low: float, high: float) -> None:
 def arrow(
     axes: Axes, start: complex, end: complex, colour: str, head: str, width: float = 1.3
 ) -> None:
-    """An arrow in the plane."""
+    """Draw an arrow in the plane."""
     look = {"arrowstyle": head, "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops=look)
 
 
 def note(axes: Axes, at: complex, text: str, colour: str) -> None:
-    """Words about a point."""
+    """Draw text near a point."""
     axes.text(at.real, at.imag, text, color=colour, ha="center", va="center", fontsize=10)
 
 

@@ -1,7 +1,7 @@
-"""The equations of the documents on the site: their TeX as MathML, which browsers draw themselves.
+"""Equations of the documents on the site: TeX as MathML, which browsers draw.
 
-GitHub draws ``$...$``; a site without another machine has no library for it. The few words of TeX
-that the pages use become the line of text of which the report makes its equations.
+GitHub draws ``$...$``. A site without external scripts has no library for it. The few TeX commands
+that the pages use are converted to the text notation of the report's equations.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import re
 
 from cam_rig.report.equations import mathml
 
-#: What is no equation, whatever is in it.
+#: Text that contains no equation.
 CODE = re.compile(r"(^```.*?^```|^ {4,}\S[^\n]*$|`[^`\n]+`)", re.M | re.S)
 EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\\\w$])\$([^$\n]+?)\$(?!\w)", re.S)
-#: Where a display goes on in another line, and what only spaces.
+#: Continuation of a display in another line, and commands that only add space.
 APART, SPACES = re.compile(r"\\q?quad"), re.compile(r"\\[,;! ]|\\(?:bigl|bigr|left|right)\b")
 _TOKEN = re.compile(r"\\[A-Za-z]+|\d+(?:\.\d+)?|'+|[^\\\s]")
 ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302", "bar": "\u0304"}
@@ -23,13 +23,13 @@ SIGNS = {
     "pi": "π", "rho": "ρ", "sigma": "σ", "theta": "θ", "varphi": "φ", "approx": "≈", "cdot": "·",
     "ge": "≥", "int": "∫", "jmath": "ȷ", "le": "≤", "sum": "Σ",
 }  # fmt: skip
-#: Names that stand upright, as they are.
+#: Names that are upright.
 NAMES = {"arctan", "lg", "min", "tan", "tanh"}
 PLAIN = {"-": "−", "'": "′", "''": "″", "'''": "‴"}
 
 
 def drawn(page: str) -> str:
-    """A page of Markdown with MathML in place of its equations."""
+    """Return a page of Markdown with MathML in place of its equations."""
     parts = CODE.split(page)
     parts[::2] = [EQUATION.sub(lambda found: _math(*found.groups()), part) for part in parts[::2]]
     return "".join(parts)
@@ -43,7 +43,10 @@ def _math(display: str | None, inline: str | None) -> str:
 
 
 def line(tex: str) -> str:
-    """An equation as the report's line of text; a word of TeX that is not known is a KeyError."""
+    """Return an equation as the report's line of text.
+
+    An unknown TeX command is a KeyError.
+    """
     tokens = _TOKEN.findall(SPACES.sub(" ", tex))[::-1]
     parts = []
     while tokens:
@@ -52,7 +55,7 @@ def line(tex: str) -> str:
 
 
 def _part(tokens: list[str]) -> str:
-    """The next sign or group; ``tokens`` are reversed, and what is read is taken from them."""
+    """Return the next sign or group, and remove it from the reversed ``tokens``."""
     token = tokens.pop()
     if token == "{":
         return f"({_group(tokens)})"
@@ -71,7 +74,10 @@ def _part(tokens: list[str]) -> str:
 
 
 def _group(tokens: list[str]) -> str:
-    """What stands up to a closing brace; letters alone are a word, as ``stem`` below a k."""
+    """Return the text up to a closing brace.
+
+    Letters alone are a word, as ``stem`` below a k.
+    """
     inside = []
     while tokens[-1] != "}":
         inside.append(_part(tokens))

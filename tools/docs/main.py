@@ -1,4 +1,4 @@
-"""The pictures of the documents, from a recorded run: `make pictures`."""
+"""Pictures of the documents from a recorded run: `make pictures`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
-#: The photographs of the viewer, the drawing board and the bench.
+#: Photographs of the viewer and the bench.
 VIEWER, BENCH = "viewer.png", bench_picture.PICTURE.name
 
 
@@ -36,10 +36,10 @@ def pictures(
     ] = None,
     to: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("docs"),
 ) -> None:
-    """Draw a run for the documents: an animation, cams side by side, noise against rpm.
+    """Draw a run for the documents: animation, cams side by side, noise against rpm.
 
-    Files of the same names are replaced. Where Chromium is installed, the Rerun viewer and
-    the pages of the panel are photographed in it too. Pictures of the lessons go to docs/course.
+    Files of the same names are replaced. If Chromium is installed, the Rerun viewer and
+    the pages of the panel are photographed too. Pictures of the lessons go to docs/course.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def _draw(bag: Path, to: Path) -> None:
 
 
 def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
-    """The last turns of a bag, and its levels against speed."""
+    """Return the last turns of a bag, and its levels against speed."""
     with make_progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         archive = read_turns(bag, lambda: bar.advance(task))

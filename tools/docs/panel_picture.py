@@ -1,4 +1,4 @@
-"""The pictures of drawing board and lab sheet in the documents, as a browser shows them.
+"""Pictures of drawing board and lab sheet in the documents, as shown by a browser.
 
     .venv/bin/python -m tools.docs.panel_picture
 
@@ -21,28 +21,28 @@ from tools.docs.browser import new_page, open_browser, put, until
 
 BOARD, LAB = Path("docs/panel.png"), Path("docs/lab.png")
 CAM, RIG, SECOND = "bezier15", "paper_table2", "poly345"
-#: The handle that is moved, how, and how often.
+#: Index of the moved handle, key that moves it, and number of key presses.
 HANDLE, KEY, TIMES = 2, "PageDown", 4
 HEIGHT = 910
-#: Whether all numbers are there, and of the law that is shown.
+#: Condition that all numbers are there, and belong to the law that is shown.
 READY = """() => ["jump_rigid", "jump", "residual", "level"].every((id) => {
   const place = document.getElementById(id);
   return place && place.textContent !== "–" && !place.classList.contains("stale");
 })"""
 
 
-#: Down to the table of readings; where they are kept is this machine's.
+#: Size down to the table of readings. The path of the readings, below it, differs by machine.
 SIZE = {"width": 1600, "height": 792}
-#: By how much (rpm) readings are beside the jump speed, one after the other.
+#: Differences (rpm) of successive readings from the jump speed.
 BESIDE = (1.0, 0.0, 2.0)
-#: Whether the force is that of the speed which is set.
+#: Condition that the force is that of the set speed.
 SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
   === document.getElementById("rpm").valueAsNumber"""
 LINE = "() => document.querySelector('#plot .theory').getAttribute('d')"
 
 
 def photograph_panel(path: Path) -> None:
-    """Write the drawing board with an ordinate that the keyboard has moved, and a second law."""
+    """Write the drawing board with an ordinate moved by key, and a second law."""
     board = Board(load_cam(cam_path(CAM)), load_rig(rig_path(RIG)), Path("out"))
     with serve(BoardPages(board)) as served, open_browser(webgl=False) as browser:
         page = new_page(browser)
@@ -58,9 +58,9 @@ def photograph_panel(path: Path) -> None:
 
 
 def photograph_lab(path: Path) -> None:
-    """Write a lab sheet with its readings and the theory's line.
+    """Write a lab sheet with its readings and the line of the theory.
 
-    Readings are taken at the knob's whole speeds, a little beside the jump speed as a person's are.
+    Readings are taken at whole speeds of the knob, close to the jump speed, as a person would.
     """
     sheet = JumpSheet(load_cam(cam_path(SECOND)), load_rig(rig_path("tm21")))
     with temporary_folder() as folder, open_browser(webgl=False) as browser:

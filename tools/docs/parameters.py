@@ -16,7 +16,7 @@ FOLDER = Path(__file__).parents[2] / "config" / "params"
 
 
 def text(node: str) -> str:
-    """The parameter file of a node, in whatever namespace it is."""
+    """Return the parameter file of a node, valid in any namespace."""
     lines = [
         f"# The parameters of {node} with their defaults; {node} --help tells what is allowed.",
         f"#   ros2 run cam_rig {node} --ros-args --params-file config/params/{node}.yaml",
@@ -29,7 +29,7 @@ def text(node: str) -> str:
 
 
 def _lines(spec: Spec) -> list[str]:
-    # JSON is YAML too: a text stays one, whatever is in it
+    # JSON is YAML too, and keeps any text a text
     return [f"    # {spec.description}", f"    {spec.name}: {json.dumps(spec.default)}"]
 
 

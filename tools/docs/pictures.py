@@ -1,4 +1,4 @@
-"""The pictures of the documents: an animation of a turn, and cams side by side."""
+"""Pictures of the documents: an animation of a turn, and cams side by side."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from tools.docs import stills
 from tools.docs.turn_archive import TurnArchive, gap
 
 ANIMATION, SIDE_BY_SIDE = "turning.webp", "side_by_side.png"
-#: Frames of the animation, one turn, and how long each is shown, ms.
+#: Frames of the animation of one turn, and duration of each, ms.
 FRAMES, FRAME_MS = 72, 50
 #: Dots per inch of the animation.
 DPI = 108
 
 
 def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: Path) -> list[Path]:
-    """Write the animation, the cams side by side and the noise plot; gives their paths.
+    """Write animation, cams side by side and noise plot, and return their paths.
 
-    Animated is the cam whose follower is farthest off it at the highest speed.
+    The animation shows the cam with the largest gap at the highest speed.
 
-    ``archive``: the last turn of every cam at every speed of a run; ``noise``: draws noise against
-    rpm into a file; ``folder``: must exist.
+    ``archive`` has the last turn of every cam at every speed of a run. ``noise`` draws noise
+    against rpm into a file. ``folder`` must exist.
     """
     rpm = compared_rpm(archive.loaded.scene.program.speeds.si_list, None)
     turns = [archive.turn(cam, rpm) for cam in archive.loaded.cams]
@@ -43,7 +43,7 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
 
 @styled
 def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
-    """One turn: the rig left, lift and contact force with a cursor right."""
+    """Draw one turn: the rig left, lift and contact force with a cursor right."""
     figure = empty(3.35)
     parts = figure.add_gridspec(2, 2, width_ratios=[2, 3])
     rig, lift, force = (
@@ -54,7 +54,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
     rig.set_title(f"{title}, {turn.rpm:.0f} rpm")
     cursors = stills.draw_curves(lift, force, archive.loaded, turn)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # it would be laid out anew for every frame
+    figure.set_layout_engine("none")  # it would repeat the layout for every frame
     frames = []
     for sample in np.linspace(0, turn.angle.size, FRAMES, endpoint=False).astype(int):
         drawn = stills.draw_rig(rig, archive, turn, int(sample))
@@ -76,7 +76,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
 
 @styled
 def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
-    """All cams at one speed, each where its contact force is at its maximum, and their curves."""
+    """Draw all cams at one speed, at their largest contact force, with their curves."""
     figure = empty(4.5)
     axes = figure.subplots(3, len(turns), height_ratios=[3, 2, 2], squeeze=False)
     for (rig, lift, force), turn in zip(axes.T, turns, strict=True):

@@ -1,4 +1,4 @@
-"""Write docs/results.md: what every result has, table by table, as JSON, CSV and pandas name it.
+"""Write docs/results.md: tables and keys of every result in JSON, CSV and pandas.
 
     .venv/bin/python tools/docs/results.py
 
@@ -19,7 +19,7 @@ from tools.docs.commands import verbs
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "results.md"
-#: What gives a result whose schema is not called as a command is.
+#: Commands of the results whose schema does not have the name of a command.
 GIVEN_BY = {
     "bounce_basins": "bounce --basins",
     "fit_arcs": "fit cam TABLES --shape arcs",
@@ -33,7 +33,7 @@ GIVEN_BY = {
     "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
 }
-#: So many columns that end two tables of a result alike are listed once.
+#: Number of equal columns at the end of two tables of a result from which on they are listed once.
 REPEATED = 4
 HEAD = """# Results
 
@@ -53,7 +53,7 @@ where the key does not say it. A number without a unit is a ratio or a count.
 
 
 def results() -> list[type[Result]]:
-    """Every class of the package that is a result, by its schema."""
+    """Return every result class of the package, by its schema."""
     for file in sorted((ROOT / "cam_rig").rglob("*.py")):
         if 'schema = "cam_rig.' in file.read_text(encoding="utf-8"):
             import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
@@ -69,7 +69,7 @@ def _below(kind: type[Result]) -> Iterator[type[Result]]:
 
 
 def given_by(result: type[Result]) -> list[str]:
-    """The commands and the functions of `import cam_rig` that give it."""
+    """Return the commands and the functions of `import cam_rig` that return a result."""
     _, name, _ = result.schema.split(".")
     functions = (getattr(cam_rig, word) for word in cam_rig.__all__ if word[0] != "_")
     calls = [
@@ -84,12 +84,12 @@ def given_by(result: type[Result]) -> list[str]:
 
 
 def page() -> str:
-    """The whole page as Markdown."""
+    """Return the whole page as Markdown."""
     return "\n\n".join([HEAD.strip(), *(section(one) for one in results())]) + "\n"
 
 
 def section(result: type[Result]) -> str:
-    """One result: its schema, what gives it, its tables."""
+    """Return the section of one result: its schema, its commands, its tables."""
     whose = ", ".join(f"`{one}`" for one in given_by(result))
     first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
     parts = [f"## {result.schema}", f"{whose}: {first}"]
@@ -102,7 +102,7 @@ def section(result: type[Result]) -> str:
 
 
 def _item(column: Column) -> str:
-    """A column: its key, its unit, and its heading as far as the key does not say it."""
+    """Return a column: key, unit, and heading unless the key states it."""
     unit = f" \\[{column.si_unit}\\]" if column.si_unit not in ("", "1", column.key) else ""
     heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
     said = _letters(column.key)
@@ -112,13 +112,13 @@ def _item(column: Column) -> str:
 
 
 def _letters(words: str) -> set[str]:
-    """The words of a key or of a heading that has letters; of a heading of signs the signs."""
+    """Return the words of a key or of a heading, or its signs if it has no letters."""
     parts = re.split(r"[\s_,-]+", words.lower().replace(".", ""))
     return {part for part in parts if part}
 
 
 def _without_repeated(items: list[str], before: dict[str, list[str]]) -> list[str]:
-    """Columns, but for those at the end that stand so at the end of a table before."""
+    """Return the columns without those at the end that end an earlier table too."""
     for table, others in before.items():
         same = 0
         for one, other in zip(reversed(items), reversed(others), strict=False):

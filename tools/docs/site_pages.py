@@ -1,4 +1,4 @@
-"""What mkdocs does besides: README as the first page, an API page for each room, equations."""
+"""Hooks of mkdocs: README as the first page, an API page per room, equations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import cam_rig
 from tools.docs.equations import drawn
 
 ROOT = Path(__file__).parents[2]
-#: Rooms whose public names are documented, in the order of the menu; the face comes first.
+#: Rooms whose public names are documented, in the order of the menu. The public interface comes
+#: first.
 ROOMS = (
     "laws",
     "profile",
@@ -24,12 +25,12 @@ ROOMS = (
     "bag",
     "messages",
 )
-#: The names of ``import cam_rig``.
+#: Names of ``import cam_rig``.
 FACE = [f"cam_rig.{name}" for name in cam_rig.__all__ if not name.startswith("_")]
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the API pages where the menu says ``api``."""
+    """Put the API pages at the entry ``api`` of the menu."""
     pages = [{"cam_rig": "api/cam_rig.md"}, *({room: f"api/{room}.md"} for room in ROOMS)]
     for section in config.nav or []:
         for entries in section.values():
@@ -40,7 +41,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Make index.md of README.md, and the API pages."""
+    """Generate index.md from README.md, and the API pages."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     pages = {"index.md": re.sub(r"\]\(docs/", "](", readme)}
     pages["api/cam_rig.md"] = "# cam_rig\n\n" + "\n".join(f"::: {name}" for name in FACE)
@@ -52,5 +53,5 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Draw the equations: no page of the site asks another machine for a library."""
+    """Convert the equations, so that no page of the site loads an external library."""
     return drawn(markdown)

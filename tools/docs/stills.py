@@ -1,4 +1,7 @@
-"""Cam, follower, gap and force at one instant, and curves over a turn, with matplotlib."""
+"""Cam, follower, gap and force at one time, and curves over a turn.
+
+They are drawn with matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from tools.docs.turn_archive import TurnArchive, gap
 
 
 def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[Artist]:
-    """The cam and its follower at one sample of a turn, mm; gives what was drawn."""
+    """Draw the cam and its follower at one sample of a turn, mm. Return the artists."""
     loaded, cam = archive.loaded, archive.loaded.cams[turn.cam]
     law = loaded.laws[turn.cam]
     shape = follower_shape(cam, law)
@@ -61,7 +64,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
 
 
 def frame_rig(axes: Axes, archive: TurnArchive, turn: Turn) -> None:
-    """Room for the whole of cam and follower, without axes."""
+    """Set the limits to the whole of cam and follower, without axes."""
     law = archive.loaded.laws[turn.cam]
     side = follower_shape(archive.loaded.cams[turn.cam], law).reach * MM
     low = 1.05 * float(np.hypot(*archive.profiles[turn.cam].T).max()) * MM
@@ -70,12 +73,15 @@ def frame_rig(axes: Axes, archive: TurnArchive, turn: Turn) -> None:
 
 
 def degrees(turn: Turn) -> FloatArray:
-    """``(n,)`` cam angle within the turn, from 0."""
+    """Return the cam angles within the turn, from 0, ``(n,)``."""
     return np.asarray(np.degrees(turn.angle - turn.angle[0]))
 
 
 def draw_curves(lift: Axes, force: Axes, loaded: LoadedScene, turn: Turn) -> list[Line2D]:
-    """Lift of law and follower, and contact force, over a turn; gives the cursors."""
+    """Draw lift of law and follower, and contact force, over a turn.
+
+    Return the cursors.
+    """
     x, law = degrees(turn), loaded.laws[turn.cam](turn.angle)
     lift.plot(x, turn.lift * MM, color=web(colours.LIFT), lw=2.4, label="follower")
     lift.plot(x, law * MM, "--", color=web(colours.LAW), lw=1.0, label="law")

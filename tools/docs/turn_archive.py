@@ -1,4 +1,4 @@
-"""The last turn at each speed of each cam of a bag, and the cams' contours: what pictures show."""
+"""Last turn at each speed of each cam of a bag, and the cams' contours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cam_rig.viewer.timeline import Turn, TurnCollector, sample_angles
 
 @dataclass
 class TurnArchive:
-    """Takes a run as a drawing does, and keeps a turn for each cam and speed (rpm)."""
+    """Receiver of a run that stores a turn for each cam and speed (rpm)."""
 
     loaded: LoadedScene
     profiles: dict[str, FloatArray] = field(default_factory=dict)
@@ -31,7 +31,7 @@ class TurnArchive:
         self._newest = TurnCollector(self.loaded.scene.program.ticks_per_turn)
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Take one tick."""
+        """Store one tick."""
         if not start.holds_until(end):
             return
         self._newest.add(start, sample_angles(start, end, Samples(rows).time), rows)
@@ -40,26 +40,26 @@ class TurnArchive:
             self.turns[turn.cam, round(turn.rpm, 9)] = turn
 
     def sound(self, end_ns: int, level: float, pressure: float) -> None:
-        """Take nothing of the sound."""
+        """Ignore the sound."""
 
     def close(self) -> None:
-        """Nothing is left over."""
+        """Do nothing: there is no remaining data."""
 
     def turn(self, cam: str, rpm: float) -> Turn:
-        """The last turn of a cam at a speed."""
+        """Return the last turn of a cam at a speed."""
         if (cam, rpm) not in self.turns:
             raise BagError(f"no whole turn of {cam!r} at {rpm:g} rpm; was the run interrupted?")
         return self.turns[cam, rpm]
 
 
 def read_turns(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArchive:
-    """The turns of a bag; ``on_tick`` is called after each tick."""
+    """Return the turns of a bag. ``on_tick`` is called after each tick."""
     archive = TurnArchive(read_scene(bag))
     feed_bag(bag, archive.loaded, RunFeed(archive), on_tick)
     return archive
 
 
 def gap(loaded: LoadedScene, turn: Turn) -> FloatArray:
-    """``(n,)`` how far (m) the follower is off the cam; 0 in contact."""
+    """Return the gap between follower and cam (m), 0 in contact, ``(n,)``."""
     off = turn.force == 0.0
     return np.where(off, turn.lift - loaded.laws[turn.cam](turn.angle), 0.0)

@@ -1,1 +1,1 @@
-"""A rig's numbers from what was measured on it."""
+"""Identification of a rig's parameters from measurements."""

@@ -1,4 +1,4 @@
-"""cam-rig fit rig: a follower's numbers from a measured run, or from a table of jump speeds."""
+"""Command ``cam-rig fit rig``: follower parameters from a run or from jump speeds."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Source = Annotated[
     typer.Argument(help="Bag of a measured run (folder, .mcap, .db3), or .csv of jump speeds."),
 ]
 CamOrScene = Annotated[
-    str, typer.Argument(help="Cam that was on: a file, a name in config/cams, or a scene's.")
+    str, typer.Argument(help="Cam of the measured rig: file, name in config/cams, or scene.")
 ]
 Topics = Annotated[
     str | None,
     typer.Option(
         metavar="LINE",
-        help="Where angle, lift and force are in a bag of another program, as for compare.",
+        help="Topics of angle, lift and force in a bag of another program, as for compare.",
     ),
 ]
 OneCam = Annotated[str | None, typer.Option("--cam", help="Cam of a scene or a bag with several.")]
@@ -32,19 +32,19 @@ Model = Annotated[
     str | None,
     typer.Option(
         metavar="one_mass or two_mass",
-        help="One rigid mass, or two and a stem; by default the likelier.",
+        help="One rigid mass, or two masses and a stem (default: the likelier).",
     ),
 ]
 Given = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=VALUE", help="A number that is known, in SI: mass=1.3."),
+    typer.Option(metavar="NAME=VALUE", help="Known parameter in SI, such as mass=1.3."),
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(metavar="RPM", help="Error of a jump speed; by default from the residuals."),
+    typer.Option(metavar="RPM", help="Error of a jump speed (default: from the residuals)."),
 ]
 Out = Annotated[
-    Path | None, typer.Option(metavar="RIG.yaml", help="Write a rig file of what was found.")
+    Path | None, typer.Option(metavar="RIG.yaml", help="Write the identified rig to a file.")
 ]
 
 
@@ -63,14 +63,14 @@ def fit_rig(
     *,
     progress: Progress,
 ) -> Result:
-    """Find a follower's numbers from a run measured on it, or from its jump speeds.
+    """Identify a follower's parameters from a measured run, or from its jump speeds.
 
-    From a bag with cam angle, and lift or contact force or both, at some steady speeds: mass,
-    spring, preload, damping, restitution, and the stem where it shows. From a table: columns of
-    mass put on, spring, preload as far as there are, and of the jump speed. Each number has its
-    standard error and correlations; what is not identifiable gets no number, and a reason. The
-    encoder's zero, an error of the sensors' clock, the lift's zero offset and its backlash are
-    found beside them.
+    A bag must contain the cam angle, and lift or contact force or both, at several steady speeds.
+    The fit returns mass, spring, preload, damping, restitution, and the stem if it is visible. A
+    table must contain the jump speeds. It can contain columns of the added mass, the spring and the
+    preload. Each parameter has its standard error and correlations. A parameter that is not
+    identifiable has no value, and a reason. The encoder's zero, the error of the sensors' clock,
+    and the zero offset and backlash of the lift are fitted too.
 
     In Python: cam_rig.fit_rig(source, cam, topics, …, given, tolerance, out)
 
@@ -82,7 +82,7 @@ def fit_rig(
     """
     from cam_rig.studies.fit_rig import study
 
-    found = study.fit_rig(
+    result = study.fit_rig(
         source,
         cam,
         topics=topics,
@@ -90,29 +90,32 @@ def fit_rig(
         namespace=namespace,
         rig=rig,
         model=model,
-        given=_known(given),
+        given=_parse_given(given),
         tolerance=tolerance,
         out=out,
         progress=progress,
     )
     if out is not None:
         say(f"rig: {out}")
-    return found
+    return result
 
 
-def _known(given: list[str] | None) -> dict[str, float]:
-    """Numbers by name, of words as ``mass=1.3``; which names there are, the fit knows."""
-    found = dict[str, float]()
-    for words in given or []:
-        name, _, text = (part.strip() for part in words.partition("="))
-        if name in found:
-            raise ConfigError(f"--given {words}: {name} is given twice; allowed: once")
+def _parse_given(given: list[str] | None) -> dict[str, float]:
+    """Return the values by name of options such as ``mass=1.3``.
+
+    The names are checked by the fit.
+    """
+    values = dict[str, float]()
+    for option in given or []:
+        name, _, text = (part.strip() for part in option.partition("="))
+        if name in values:
+            raise ConfigError(f"--given {option}: {name} is given twice; allowed: once")
         try:
-            found[name] = float(text)
+            values[name] = float(text)
         except ValueError:
-            found[name] = math.nan
-        if not math.isfinite(found[name]):
+            values[name] = math.nan
+        if not math.isfinite(values[name]):
             raise ConfigError(
-                f"--given {words}: {text!r} is no finite number; allowed: NAME=NUMBER, in SI"
+                f"--given {option}: {text!r} is not a finite number; allowed: NAME=NUMBER, in SI"
             )
-    return found
+    return values

@@ -1,4 +1,4 @@
-"""What was measured on a rig and what the fit makes of it, speed by speed, or jump by jump."""
+"""Figures of a fitted rig: measurement, model and residual."""
 
 from __future__ import annotations
 
@@ -13,26 +13,31 @@ from cam_rig.studies.fit_rig.jump_fit import JumpFit
 from cam_rig.studies.fit_rig.result import RigFit
 from cam_rig.units import TURN
 
-#: Speeds that are shown, at most; points of a curve.
-MOST_SPEEDS, POINTS = 3, 1440
+#: Largest number of speeds in the figure.
+MAX_SPEEDS = 3
+#: Number of points of a fitted curve over one turn.
+CURVE_POINTS = 1440
 
 
 @styled
 def rig_figure(fit: RigFit) -> Figure:
-    """Force, or lift where none was measured, of some speeds over one turn; residuals below."""
-    holds = fit.solution.holds
-    force = any(hold.force.value.size for hold in holds)
-    order = sorted(range(len(holds)), key=lambda i: holds[i].speed)
+    """Draw the contact force of up to three speeds over a turn, with residuals below.
+
+    A run without a force is drawn by its lift.
+    """
+    segments = fit.solution.segments
+    force = any(segment.force.value.size for segment in segments)
+    order = sorted(range(len(segments)), key=lambda i: segments[i].speed)
     picked = sorted(
-        {order[round(k)] for k in np.linspace(0, len(order) - 1, MOST_SPEEDS)}, key=order.index
+        {order[round(k)] for k in np.linspace(0, len(order) - 1, MAX_SPEEDS)}, key=order.index
     )
     out = empty(3.8)
     panels = out.subplots(
         2, len(picked), sharex=True, sharey="row", squeeze=False, height_ratios=(2.0, 1.0)
     )
     for column, i in enumerate(picked):
-        panels[0, column].set_title(f"{fit.holds[i].rpm:.4g} rpm")
-        _hold(panels[0, column], panels[1, column], fit, i, force)
+        panels[0, column].set_title(f"{fit.segments[i].rpm:.4g} rpm")
+        _draw_segment(panels[0, column], panels[1, column], fit, i, force)
         panels[1, column].set_xlabel(CAM_ANGLE)
     panels[0, 0].set_ylabel("contact force [N]" if force else "lift [mm]")
     panels[1, 0].set_ylabel(f"residual [{'N' if force else 'µm'}]")
@@ -40,39 +45,47 @@ def rig_figure(fit: RigFit) -> Figure:
     return out
 
 
-def _hold(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
+def _draw_segment(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
+    """Draw one steady segment: measured and fitted values, and residuals below."""
     predicted = fit.solution.predicted[i]
     assert predicted is not None  # a search ends at steady turns
-    shown, factor, fine, colour = (
+    signal, factor, fine, colour = (
         (predicted.force, 1.0, 1.0, colours.FORCE)
         if force
         else (predicted.lift, 1e3, 1e6, colours.LIFT)
     )
-    degrees, measured = np.degrees(np.mod(shown.angle, TURN)), shown.value - shown.left
+    degrees, measured = np.degrees(np.mod(signal.angle, TURN)), signal.value - signal.residual
     above.plot(degrees, measured * factor, ".", ms=2.5, color=web(colour), label="measured")
-    turn = np.linspace(0.0, TURN, POINTS, endpoint=False)
-    curve = predicted.turn.at(turn)[1 if force else 0]
+    turn = np.linspace(0.0, TURN, CURVE_POINTS, endpoint=False)
+    curve = predicted.turn.evaluate(turn)[1 if force else 0]
     above.plot(np.degrees(turn), curve * factor, color="0.1", lw=1.0, label="fitted")
     below.axhline(0.0, color="0.1", lw=0.8)
-    below.plot(degrees, -shown.left * fine, ".", ms=2.0, color=web(colours.LIMIT))
+    below.plot(degrees, -signal.residual * fine, ".", ms=2.0, color=web(colours.LIMIT))
     turn_axis(above)
     turn_axis(below)
 
 
 @styled
 def jump_figure(fit: JumpFit) -> Figure:
-    """Jump speeds as read over those of the numbers found; residuals below."""
-    read, found = fit.read.rpm, np.array(fit.speeds)
+    """Draw the measured jump speeds over the fitted ones, with residuals below."""
+    read, fitted = fit.read.rpm, np.array(fit.speeds)
     out = empty(5.4)
     above, below = out.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-    ends = [min(read.min(), found.min()), max(read.max(), found.max())]
+    ends = [min(read.min(), fitted.min()), max(read.max(), fitted.max())]
     above.plot(ends, ends, color="0.1", lw=0.8, label="as fitted")
     above.errorbar(
-        found, read, yerr=fit.error, fmt="o", ms=4, capsize=2, color=web(colours.LIFT), label="read"
+        fitted,
+        read,
+        yerr=fit.error,
+        fmt="o",
+        ms=4,
+        capsize=2,
+        color=web(colours.LIFT),
+        label="read",
     )
     above.set_ylabel("jump speed, read [rpm]")
     above.legend(loc="upper left")
     below.axhline(0.0, color="0.1", lw=0.8)
-    below.errorbar(found, read - found, yerr=fit.error, fmt="o", ms=4, color=web(colours.LIMIT))
+    below.errorbar(fitted, read - fitted, yerr=fit.error, fmt="o", ms=4, color=web(colours.LIMIT))
     below.set(xlabel="jump speed, fitted [rpm]", ylabel="residual [rpm]")
     return out

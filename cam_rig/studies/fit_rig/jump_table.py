@@ -1,4 +1,4 @@
-"""Tables of jump speeds as a bench gives them: mass put on, spring, speed at which it jumps."""
+"""Tables of measured jump speeds: added mass, spring, and jump speed."""
 
 from __future__ import annotations
 
@@ -14,17 +14,21 @@ from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.tables import pluralize
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-#: Quantities of a heading to the numbers of a rig, and the unit if the heading has none.
+#: Parameter of the rig by quantity of a heading.
 NUMBERS = {"speed": "speed", "mass": "mass", "stiffness": "spring_stiffness", "preload": "preload"}
+#: Unit and factor to SI by quantity, for a heading without a unit.
 ASSUMED_UNITS = {"speed": ("rpm", RPM), "mass": ("kg", 1.0), "stiffness": ("N/m", 1.0)}
 ASSUMED_UNITS["preload"] = ("N", 1.0)
-#: Lines without a reading that are named.
-MOST_LINES = 5
+#: Largest number of lines without a reading that a note lists.
+MAX_LISTED_LINES = 5
 
 
 @dataclass(frozen=True)
 class JumpReading:
-    """A jump speed (rad/s) and what was put on for it, SI; ``line`` of the file."""
+    """Jump speed in rad/s, and the values of its set-up in SI.
+
+    ``line`` is its line in the file. ``known`` are the parameters that the table gives.
+    """
 
     line: int
     speed: float
@@ -32,13 +36,16 @@ class JumpReading:
 
     @property
     def rpm(self) -> float:
-        """The jump speed in rpm."""
+        """Jump speed in rpm."""
         return to_rpm(self.speed)
 
 
 @dataclass(frozen=True)
 class JumpTable:
-    """A file of jump speeds; ``columns`` are the numbers it gives, ``notes`` how it was read."""
+    """Table of jump speeds.
+
+    ``columns`` are the parameters that it gives. ``notes`` report how it was read.
+    """
 
     file: str
     readings: tuple[JumpReading, ...]
@@ -47,7 +54,7 @@ class JumpTable:
 
     @property
     def rpm(self) -> FloatArray:
-        """The jump speeds, ``(n,)``."""
+        """Jump speeds in rpm, ``(n,)``."""
         return np.array([reading.rpm for reading in self.readings])
 
 
@@ -58,20 +65,20 @@ def read_jump_table(path: Path) -> JumpTable:
 
 
 class _JumpReader(CellTable):
-    """A file of jump speeds; `table` makes numbers of its cells."""
+    """Reader of a file of jump speeds."""
 
     def table(self) -> JumpTable:
-        """Headings to columns, cells to numbers."""
+        """Return the readings of the file."""
         if self.first is None or self.first == 0:
             raise self.refused(
                 "has no heading over its numbers; allowed: a heading, such as mass_kg, "
                 "spring_N/m, rpm"
             )
         headings = self.headings(len(self.rows[self.first][1]))
-        found, notes = self._assign(headings)
+        columns_by_name, notes = self._assign(headings)
         body = self.rows[self.first :]
-        used = [index for index, _ in found.values()]
-        speed, readings, empty = found["speed"][0], list[JumpReading](), list[int]()
+        used = [index for index, _ in columns_by_name.values()]
+        speed, readings, empty = columns_by_name["speed"][0], list[JumpReading](), list[int]()
         for line, cells in body:
             texts = self.numbers(line, cells, headings, used)
             if texts[speed] == NOTHING and not cells[speed]:
@@ -79,29 +86,31 @@ class _JumpReader(CellTable):
                 continue
             values = {
                 name: self._value(line, name, cells[index], texts[index], factor)
-                for name, (index, factor) in found.items()
+                for name, (index, factor) in columns_by_name.items()
             }
             readings.append(JumpReading(line, values.pop("speed"), values))
         read = self.how_read(body, used)
         if not readings:
             raise self.refused("has no jump speed; allowed: one or more")
         if empty:
-            where = ", ".join(map(str, empty[:MOST_LINES])) + ", …" * (len(empty) > MOST_LINES)
-            notes.append(
-                f"{pluralize(len(empty), 'empty cell')} of the speed: no reading in {where}"
+            lines = ", ".join(map(str, empty[:MAX_LISTED_LINES])) + ", …" * (
+                len(empty) > MAX_LISTED_LINES
             )
-        columns = tuple(name for name in found if name != "speed")
+            notes.append(
+                f"{pluralize(len(empty), 'empty cell')} of the speed: no reading in {lines}"
+            )
+        columns = tuple(name for name in columns_by_name if name != "speed")
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
     def _assign(self, headings: list[Heading]) -> tuple[dict[str, tuple[int, float]], list[str]]:
-        """Return column and factor of each number, and notes on assumed units."""
-        found, notes = dict[str, tuple[int, float]](), list[str]()
+        """Return column and factor of each quantity, and notes on assumed units."""
+        columns, notes = dict[str, tuple[int, float]](), list[str]()
         for index, heading in enumerate(headings):
             name = NUMBERS.get(heading.quantity)
             if name is None:
                 continue
-            if name in found:
-                other = shown(headings[found[name][0]].text)
+            if name in columns:
+                other = shown(headings[columns[name][0]].text)
                 raise self.refused(
                     f"{shown(heading.text)} and {other} both hold a {name}; allowed: one of them"
                 )
@@ -109,15 +118,15 @@ class _JumpReader(CellTable):
             if factor is None:
                 unit, factor = ASSUMED_UNITS[heading.quantity]
                 notes.append(f"no unit in {heading.text!r}: {unit} assumed")
-            found[name] = index, factor
-        self.require_clear(headings, [index for index, _ in found.values()])
-        if "speed" not in found:
+            columns[name] = index, factor
+        self.require_clear(headings, [index for index, _ in columns.values()])
+        if "speed" not in columns:
             texts = ", ".join(heading.text for heading in headings)
             raise self.refused(
                 f"columns are {shown(texts)}; allowed: one of the jump speed, such as rpm, and "
                 "those of what was put on: mass_kg, spring_N/m, preload_N"
             )
-        return found, notes
+        return columns, notes
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         if not cell:

@@ -1,6 +1,7 @@
-"""Which follower is sought: one rigid mass, a force sensor that vibrates, two masses and a stem.
+"""Choice of the model: one mass, vibrating force sensor, or masses with a stem.
 
-Each begins where the one before it ended, and the likelier stays; then its restitution is profiled.
+Each search starts from the result of the previous one, and the likelier model is chosen. Then the
+profile likelihood of the restitution is computed.
 """
 
 from __future__ import annotations
@@ -13,415 +14,455 @@ import numpy as np
 
 from cam_rig.errors import ConfigError
 from cam_rig.show.result import Progress
-from cam_rig.studies.fit_rig.numbers import NUMBERS, OF_TWO, ONE_MASS, TWO_MASSES, WITHIN_95
+from cam_rig.studies.fit_rig.numbers import NUMBERS, ONE_MASS, TWO_MASS_ONLY, TWO_MASSES, WITHIN_95
 from cam_rig.studies.fit_rig.residuals import BACKLASH, RATIO, RESONANCE, ZERO
 from cam_rig.studies.fit_rig.search import (
     FIRST_GUARD,
     Candidate,
     FitSolution,
-    continued,
-    contradict,
-    inflation,
-    lever,
+    continue_from,
+    contradicts,
+    design_matrix,
     log_ratio,
     log_ratio_of_all,
     search,
     uncertainty,
+    variance_inflation,
 )
 from cam_rig.studies.fit_rig.start import (
-    LEAST_FLYING,
+    MIN_FLYING_SAMPLES,
     SMALL_BOUNCE,
     SQUARE_95,
-    bounce_beside,
+    add_zero_offset,
+    estimate_restitution,
+    find_stem,
+    find_zero_in_flight,
     forces_in_flight,
-    freed,
-    leaves_a_pattern,
-    likely_stem,
+    free_restitution,
+    has_pattern,
     pattern,
-    with_bounces,
-    with_zero_offset,
-    zero_in_flight,
+    search_restitution,
 )
 from cam_rig.units import TURN
 
-One = TypeVar("One", bound=Candidate)
-#: What vibrates is sought where the logarithm of its likelihood ratio is above this.
-CLEARLY_LIKELIER = 30.0
-#: A gauge's backlash is sought where it is beyond so many standard errors, and beyond this part of
-#: the lift: less is rounding.
-CLEAR_BACKLASH, LEAST_BACKLASH = 6.0, 1e-7
-#: A pattern up to so many times another's is of the same noise.
-NO_MORE = 2.0
-#: Restitutions from which lifts alone are searched.
-BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
+AnyCandidate = TypeVar("AnyCandidate", bound=Candidate)
+#: Log likelihood ratio above which an elastic model replaces a simpler one.
+MIN_ELASTIC_LOG_RATIO = 30.0
+#: Size of a gauge's backlash in standard errors above which it is a free parameter.
+MIN_BACKLASH_ERRORS = 6.0
+#: Smallest backlash relative to the lift. Less is rounding.
+MIN_BACKLASH_FRACTION = 1e-7
+#: Ratio of two pattern strengths up to which both are of the same noise.
+MAX_PATTERN_RATIO = 2.0
+#: Restitutions from which a fit of lifts alone starts.
+START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
 
 
-def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
-    """One rigid mass; the restitution once there are landings to tell it."""
-    if not _forces(aligned):
-        return _of_lifts(aligned, given)
-    still = _calm(aligned, _smooth(given), _begun(aligned, given))
-    found = _everywhere(aligned, still, given)
-    if _has_backlash(found):
-        start = continued(found, found.likelihood.sought, found.values, backlash=True)
-        found = replace(search(start), bounce=found.bounce)
-    return still if still is not None and contradict(still, found) else found
+def fit_one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
+    """Return one rigid mass. The restitution is free if there are landings."""
+    if not _has_force(aligned):
+        return _fit_lifts(aligned, given)
+    still = _fit_in_contact(aligned, _without_restitution(given), _start_values(aligned, given))
+    fit = _fit_all(aligned, still, given)
+    if _has_backlash(fit):
+        start = continue_from(fit, fit.likelihood.free, fit.values, backlash=True)
+        fit = replace(search(start), bounce=fit.bounce)
+    return still if still is not None and contradicts(still, fit) else fit
 
 
-def _smooth(given: dict[str, float], names: tuple[str, ...] = ONE_MASS) -> tuple[str, ...]:
+def _without_restitution(
+    given: dict[str, float], names: tuple[str, ...] = ONE_MASS
+) -> tuple[str, ...]:
     return tuple(name for name in names if name not in given and name != "restitution")
 
 
-def _begun(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
+def _start_values(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
     return aligned.values | {"restitution": 0.0} | given
 
 
-def _calm(one: Candidate, sought: tuple[str, ...], values: dict[str, float]) -> FitSolution | None:
-    """One mass at the speeds on the cam alone; None where these are all, or have no force."""
-    here = _on_the_cam(one)
-    if len(here) == len(one.holds) or not _forces(one, here):
+def _fit_in_contact(
+    one_mass: Candidate, free: tuple[str, ...], values: dict[str, float]
+) -> FitSolution | None:
+    """Return one mass fitted to the speeds in contact only.
+
+    The result is None if all speeds are in contact, or these speeds have no force.
+    """
+    indices = _contact_segments(one_mass)
+    if len(indices) == len(one_mass.segments) or not _has_force(one_mass, indices):
         return None
-    return search(continued(one, sought, values, here, zero_offset=False))
+    return search(continue_from(one_mass, free, values, indices, zero_offset=False))
 
 
-def _everywhere(
+def _fit_all(
     aligned: FitSolution, still: FitSolution | None, given: dict[str, float]
 ) -> FitSolution:
-    """One rigid mass at all speeds, from those without landings where there are any."""
-    start = _of_all(aligned, still) if still is not None else None
+    """Return one rigid mass at all speeds.
+
+    The search starts from the fit of the speeds without landings, if there is one.
+    """
+    start = _extend(aligned, still) if still is not None else None
     if start is None or not any(start.landings):
-        found = search(start or continued(aligned, _smooth(given), _begun(aligned, given)))
-        if not any(found.landings):
-            return found
-        start = found
-    return with_bounces(with_zero_offset(start), given)
+        fit = search(
+            start
+            or continue_from(aligned, _without_restitution(given), _start_values(aligned, given))
+        )
+        if not any(fit.landings):
+            return fit
+        start = fit
+    return search_restitution(add_zero_offset(start), given)
 
 
-def _of_all(one: Candidate, still: FitSolution) -> Candidate:
-    """What was found at some speeds, at all of ``one``: a search may begin there.
+def _extend(one_mass: Candidate, still: FitSolution) -> Candidate:
+    """Return the solution of some speeds as a candidate for all segments of ``one``.
 
-    The phases of all holds are on a line through those of some, ψ = a + b ω t. One hold tells no
-    line: then all phases are moved as its own is.
+    The phases of all segments are on the line through those of some, ψ = a + b ω t. A single
+    segment gives no line. All phases are then shifted by the change of its phase.
     """
     like = still.likelihood
-    start = continued(
-        one, like.sought, still.values, resonance=like.resonance, zero_offset=like.zero_offset
+    start = continue_from(
+        one_mass, like.free, still.values, resonance=like.resonance, zero_offset=like.zero_offset
     )
     new, x = start.likelihood, start.x
     phases = np.unwrap(still.x[like.instruments.phases])
     if phases.size > 1:
-        line = np.linalg.lstsq(lever(still), phases, rcond=None)[0]
-        x[new.instruments.phases] = lever(start) @ line
+        line = np.linalg.lstsq(design_matrix(still), phases, rcond=None)[0]
+        x[new.instruments.phases] = design_matrix(start) @ line
     else:
-        at = new.instruments.phases.start + new.holds.index(still.holds[0])
-        x[new.instruments.phases] += phases[0] - x[at]
-    for name, at in new.instruments.at.items():
-        x[at] = like.single(still.x, name)
+        index = new.instruments.phases.start + new.segments.index(still.segments[0])
+        x[new.instruments.phases] += phases[0] - x[index]
+    for name, index in new.instruments.index.items():
+        x[index] = like.single(still.x, name)
     return start
 
 
-def _on_the_cam(found: Candidate) -> list[int]:
-    """The holds at which the follower stays on the cam.
+def _contact_segments(fit: Candidate) -> list[int]:
+    """Return the indices of the segments in which the follower stays on the cam.
 
-    By the forces too: on a stem it leaves a cam with steps of acceleration at slower speeds than
-    one rigid mass does.
+    The forces are used too. On a stem a follower leaves a cam with acceleration steps at lower
+    speeds than a rigid mass.
     """
-    still = [i for i, landings in enumerate(found.landings) if not landings]
-    return [i for i in still if found.holds[i].presses] or still
+    still = [i for i, landings in enumerate(fit.landings) if not landings]
+    return [i for i in still if fit.segments[i].presses] or still
 
 
-def _forces(found: Candidate, holds: list[int] | None = None) -> bool:
-    there = range(len(found.holds)) if holds is None else holds
-    return any(found.holds[i].force.value.size for i in there)
+def _has_force(fit: Candidate, segments: list[int] | None = None) -> bool:
+    indices = range(len(fit.segments)) if segments is None else segments
+    return any(fit.segments[i].force.value.size for i in indices)
 
 
-def _of_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
-    """One rigid mass from lifts alone: flights and bounces are told together or not at all.
+def _fit_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
+    """Return one rigid mass fitted to lifts alone.
 
-    So from several restitutions on, and the least that is missed stays.
+    Flights and bounces are identifiable together or not at all. The search therefore starts from
+    several restitutions, and the best result is returned.
     """
-    sought = tuple(name for name in ONE_MASS if name not in given)
-    bounces = [given["restitution"]] if "restitution" in given else BOUNCES_TRIED
-    values = _begun(aligned, given)
-    found = [search(continued(aligned, sought, values | {"restitution": b})) for b in bounces]
-    steady = [one for one in found if len(one.steady) == len(one.holds)]
+    free = tuple(name for name in ONE_MASS if name not in given)
+    bounces = [given["restitution"]] if "restitution" in given else START_RESTITUTIONS
+    values = _start_values(aligned, given)
+    fits = [search(continue_from(aligned, free, values | {"restitution": b})) for b in bounces]
+    steady = [fit for fit in fits if len(fit.steady) == len(fit.segments)]
     if not steady:
         raise ConfigError(
-            "no follower comes near the lifts and moves alike from turn to turn at every speed; "
+            "no follower fits the lifts with a periodic motion at every speed; "
             "needed: a contact force too, or speeds at which it bounces less"
         )
-    return min(steady, key=lambda one: one.likelihood.lift_noise)
+    return min(steady, key=lambda fit: fit.likelihood.lift_noise)
 
 
-def _two_masses(
-    one: Candidate, still: Candidate, stem: dict[str, float], given: dict[str, float]
+def _search_two_masses(
+    one_mass: Candidate, still: Candidate, stem: dict[str, float], given: dict[str, float]
 ) -> FitSolution:
-    """Two masses, from a stem and the numbers of one mass ``still`` at some speeds of ``one``."""
-    sought = _smooth(given, TWO_MASSES)
+    """Return two masses, from a stem and one mass ``still`` fitted to some speeds."""
+    free = _without_restitution(given, TWO_MASSES)
     start = still.values | {"restitution": given.get("restitution", 0.0)} | stem | given
-    quiet = _quiet(still, sought, start)
+    quiet = _fit_two_masses_in_contact(still, free, start)
     if quiet is None:
-        found = search(continued(one, sought, start))
-        if "restitution" not in given and any(found.landings):
-            found = with_bounces(found, given)
-        return found
-    return quiet if "restitution" in given else _beside_flights(one, quiet)
+        fit = search(continue_from(one_mass, free, start))
+        if "restitution" not in given and any(fit.landings):
+            fit = search_restitution(fit, given)
+        return fit
+    return quiet if "restitution" in given else _add_restitution(one_mass, quiet)
 
 
-def _beside_flights(one: Candidate, quiet: FitSolution) -> FitSolution:
-    """Numbers of the speeds on the cam, with what those that lift off say of the restitution."""
-    if len(quiet.holds) == len(one.holds):
+def _add_restitution(one_mass: Candidate, quiet: FitSolution) -> FitSolution:
+    """Return the solution in contact, with the restitution of the speeds with flights."""
+    if len(quiet.segments) == len(one_mass.segments):
         return quiet
-    flying = _of_all(one, quiet)
+    flying = _extend(one_mass, quiet)
     if not any(flying.landings):
         return quiet
-    rings = any(hold.rings for hold in flying.holds)
-    zero = None if rings else zero_in_flight(flying)
-    return replace(quiet, bounce=bounce_beside(flying) if zero is None else None, zero=zero)
+    rings = any(segment.rings for segment in flying.segments)
+    zero = None if rings else find_zero_in_flight(flying)
+    return replace(quiet, bounce=estimate_restitution(flying) if zero is None else None, zero=zero)
 
 
-def _quiet(
-    still: Candidate, sought: tuple[str, ...], start: dict[str, float]
+def _fit_two_masses_in_contact(
+    still: Candidate, free: tuple[str, ...], start: dict[str, float]
 ) -> FitSolution | None:
-    """Two masses at the speeds without landings; None where there is none with a force.
+    """Return two masses at the speeds without landings, or None if there is no force.
 
-    Bounces on a stem depend on every number at once, and their likelihood has a valley for each: a
-    curvature there tells nothing of the others. On the cam the motion is linear. The fastest speed
-    is left out as long as what is left of the forces has a pattern. What is left out may have
-    led to a wrong stem, so one is looked for without it too. A pattern that is as strong with fewer
-    speeds is no flight's, but noise that is correlated: so the most speeds are kept that have it.
+    Bounces on a stem depend on every parameter at once, and their likelihood has a local maximum
+    for each. Its curvature there does not identify the others. On the cam the motion is linear. The
+    fastest speed is left out while the force residual has a pattern. The speeds left out may have
+    led to a wrong stem, so a stem is also searched for without them. A pattern that is as strong
+    with fewer speeds is that of correlated noise, not of flights. The largest number of speeds with
+    it is therefore kept.
     """
-    here, tried = _on_the_cam(still), list[FitSolution]()
-    while _forces(still, here):
-        found = search(continued(still, sought, start, here, zero_offset=False))
-        if len(here) < len(still.holds):
-            found = _anew(still, found, here)
-        start, flying = found.values, found.landings
+    indices, tried = _contact_segments(still), list[FitSolution]()
+    while _has_force(still, indices):
+        fit = search(continue_from(still, free, start, indices, zero_offset=False))
+        if len(indices) < len(still.segments):
+            fit = _restart_from_stem(still, fit, indices)
+        start, flying = fit.values, fit.landings
         if any(flying):
-            here, tried = [i for i, landings in zip(here, flying, strict=True) if not landings], []
+            indices, tried = (
+                [i for i, landings in zip(indices, flying, strict=True) if not landings],
+                [],
+            )
             continue
-        tried.append(found)
-        if len(here) == 1 or not leaves_a_pattern(found):
-            return next(one for one in tried if _strength(one) <= NO_MORE * _strength(found))
-        fastest = max(here, key=lambda i: still.holds[i].speed)
-        here = [i for i in here if i != fastest]
+        tried.append(fit)
+        if len(indices) == 1 or not has_pattern(fit):
+            limit = MAX_PATTERN_RATIO * _pattern_strength(fit)
+            return next(trial for trial in tried if _pattern_strength(trial) <= limit)
+        fastest = max(indices, key=lambda i: still.segments[i].speed)
+        indices = [i for i in indices if i != fastest]
     return None
 
 
-def _strength(found: Candidate) -> float:
-    squares, parts = pattern(found)
+def _pattern_strength(fit: Candidate) -> float:
+    squares, parts = pattern(fit)
     return squares / max(parts, 1.0)
 
 
-def _anew(still: Candidate, found: FitSolution, here: list[int]) -> FitSolution:
-    """Two masses at some holds: found, or from a stem that clearly shows beside one mass there."""
-    rigid = search(continued(still, still.smooth, still.values, here, zero_offset=False))
-    stem, gain = likely_stem(rigid)
-    if gain < CLEARLY_LIKELIER:
-        return found
-    sought = found.likelihood.sought
-    begin = rigid.values | stem | found.likelihood.given
-    other = search(continued(still, sought, begin, here, zero_offset=False))
-    return other if log_ratio(other, found) > 0.0 else found
+def _restart_from_stem(still: Candidate, fit: FitSolution, indices: list[int]) -> FitSolution:
+    """Return two masses at some segments: the solution, or a likelier one.
+
+    The other search starts from the stem that clearly improves one mass at these segments.
+    """
+    rigid = search(continue_from(still, still.smooth, still.values, indices, zero_offset=False))
+    stem, gain = find_stem(rigid)
+    if gain < MIN_ELASTIC_LOG_RATIO:
+        return fit
+    free = fit.likelihood.free
+    begin = rigid.values | stem | fit.likelihood.fixed
+    other = search(continue_from(still, free, begin, indices, zero_offset=False))
+    return other if log_ratio(other, fit) > 0.0 else fit
 
 
-def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:
-    values = one.values
+def _search_resonance(one_mass: FitSolution, stem: dict[str, float]) -> FitSolution:
+    values = one_mass.values
     end = values["mass"] * (1.0 - stem["roller_share"])
     rate = math.sqrt((stem["stem_stiffness"] + values["spring_stiffness"]) / end)
-    start = continued(one, one.likelihood.sought, values, resonance=True)
-    at = start.likelihood.instruments.at
-    start.x[at[RESONANCE]] = math.log(rate / TURN)
-    start.x[at[RATIO]] = 0.5 * stem["stem_damping"] / (end * rate)
-    return replace(search(start), bounce=one.bounce)
+    start = continue_from(one_mass, one_mass.likelihood.free, values, resonance=True)
+    index = start.likelihood.instruments.index
+    start.x[index[RESONANCE]] = math.log(rate / TURN)
+    start.x[index[RATIO]] = 0.5 * stem["stem_damping"] / (end * rate)
+    return replace(search(start), bounce=one_mass.bounce)
 
 
-def two_masses(aligned: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
-    """Two masses and a stem, asked for: of one mass only as much is searched as they begin from."""
-    rigid = {name: value for name, value in given.items() if name not in OF_TWO}
-    still = _calm(aligned, _smooth(rigid), _begun(aligned, rigid))
-    one = one_mass(aligned, rigid) if still is None else _of_all(aligned, still)
-    begin = _where_it_shows(one)
-    progress.describe("two masses and a stem")
-    return _two_masses(one, begin, likely_stem(begin)[0], given)
+def fit_two_masses(
+    aligned: FitSolution, given: dict[str, float], progress: Progress
+) -> FitSolution:
+    """Return two masses and a stem, if this model is requested.
 
-
-def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
-    """What vibrates: the force sensor, where that explains all, else the stem; or nothing.
-
-    It is looked for at the speeds on the cam, if it shows there, as bounces of a rigid mass on what
-    has a stem tell nothing.
+    One mass is searched for only as far as the start requires.
     """
-    if any(hold.rings for hold in one.holds):
+    rigid = {name: value for name, value in given.items() if name not in TWO_MASS_ONLY}
+    still = _fit_in_contact(aligned, _without_restitution(rigid), _start_values(aligned, rigid))
+    one_mass = fit_one_mass(aligned, rigid) if still is None else _extend(aligned, still)
+    begin = _with_pattern(one_mass)
+    progress.describe("two masses and a stem")
+    return _search_two_masses(one_mass, begin, find_stem(begin)[0], given)
+
+
+def fit_elastic(one_mass: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
+    """Return the likeliest of one mass, a vibrating force sensor, and a stem.
+
+    The vibration is identified at the speeds in contact, if it is visible there. Bounces of a rigid
+    mass on data of an elastic stem identify nothing.
+    """
+    if any(segment.rings for segment in one_mass.segments):
         progress.describe("a resonance of the force sensor")
-        return _ringing(one)
-    if not leaves_a_pattern(one):
-        return one
-    still = _where_it_shows(one)
-    stem, gain = likely_stem(still)
-    if gain < CLEARLY_LIKELIER:
-        return one
-    best = one
+        return _fit_ringing(one_mass)
+    if not has_pattern(one_mass):
+        return one_mass
+    still = _with_pattern(one_mass)
+    stem, gain = find_stem(still)
+    if gain < MIN_ELASTIC_LOG_RATIO:
+        return one_mass
+    best = one_mass
     progress.describe("a resonance of the force sensor")
-    sensor = _with_resonance(still, stem)
-    if not leaves_a_pattern(sensor):
-        sensor = sensor if still is one else _with_resonance(one, stem)
-        if log_ratio(sensor, one) > CLEARLY_LIKELIER:
+    sensor = _search_resonance(still, stem)
+    if not has_pattern(sensor):
+        sensor = sensor if still is one_mass else _search_resonance(one_mass, stem)
+        if log_ratio(sensor, one_mass) > MIN_ELASTIC_LOG_RATIO:
             best = sensor
-            if not leaves_a_pattern(sensor):
+            if not has_pattern(sensor):
                 return sensor
     progress.describe("two masses and a stem")
-    two = _two_masses(one, still, stem, given)
-    return two if log_ratio(two, best) > CLEARLY_LIKELIER else best
+    two = _search_two_masses(one_mass, still, stem, given)
+    return two if log_ratio(two, best) > MIN_ELASTIC_LOG_RATIO else best
 
 
-def _where_it_shows(one: One) -> One | FitSolution:
-    """One mass at the speeds on the cam alone, if what is left of the force has a pattern there."""
-    calm = _calm(one, one.smooth, one.values)
-    return one if calm is None or not leaves_a_pattern(calm) else calm
+def _with_pattern(one_mass: AnyCandidate) -> AnyCandidate | FitSolution:
+    """Return one mass at the speeds in contact, if its force residual has a pattern."""
+    calm = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values)
+    return one_mass if calm is None or not has_pattern(calm) else calm
 
 
-def _ringing(one: FitSolution) -> FitSolution:
-    """One mass under a force sensor that shows pulls: no cam does, so no stem is sought.
+def _fit_ringing(one_mass: FitSolution) -> FitSolution:
+    """Return one mass under a force sensor that shows pulls.
 
-    From the speeds on the cam, for a landing rings all that comes after it.
+    No cam pulls, so no stem is searched for. The speeds in contact are used, because a landing
+    excites the sensor for the rest of the turn.
     """
-    likelier = calm = _calm(one, one.smooth, one.values) or one
-    if leaves_a_pattern(calm):
-        sensor = _with_resonance(calm, likely_stem(calm)[0])
-        likelier = sensor if log_ratio(sensor, calm) > CLEARLY_LIKELIER else calm
-    return likelier if calm is one else _beside_flights(one, likelier)
+    likelier = calm = _fit_in_contact(one_mass, one_mass.smooth, one_mass.values) or one_mass
+    if has_pattern(calm):
+        sensor = _search_resonance(calm, find_stem(calm)[0])
+        likelier = sensor if log_ratio(sensor, calm) > MIN_ELASTIC_LOG_RATIO else calm
+    return likelier if calm is one_mass else _add_restitution(one_mass, likelier)
 
 
-def _has_backlash(found: FitSolution) -> bool:
-    """Whether what is left of the lift stands apart after rises and after falls."""
-    if ZERO not in found.likelihood.instruments.at:
+def _has_backlash(fit: FitSolution) -> bool:
+    """Return True if the lift residuals after rises and after falls differ."""
+    if ZERO not in fit.likelihood.instruments.index:
         return False
-    start = continued(found, found.likelihood.sought, found.values, backlash=True)
+    start = continue_from(fit, fit.likelihood.free, fit.values, backlash=True)
     new, x = start.likelihood, start.x
     slopes, residuals = new.slopes(x), new.residuals(x)
-    at = new.instruments.at[BACKLASH]
+    index = new.instruments.index[BACKLASH]
     step, *_ = np.linalg.lstsq(slopes, -residuals, rcond=1e-12)
-    error = uncertainty(FitSolution(new, x, slopes, residuals + slopes @ step)).errors[at]
-    return bool(abs(step[at]) > max(CLEAR_BACKLASH * error, LEAST_BACKLASH * new.law.lift))
+    error = uncertainty(FitSolution(new, x, slopes, residuals + slopes @ step)).errors[index]
+    return bool(
+        abs(step[index]) > max(MIN_BACKLASH_ERRORS * error, MIN_BACKLASH_FRACTION * new.law.lift)
+    )
 
 
-# How sure a restitution is, by the profile of its likelihood; the others where no bounce is. A
-# force that comes to lie in a bounce changes the residuals at once, so along the restitution the
-# likelihood is level here and steep there: its curvature at one place does not say how wide it is.
-# The ratio of likelihoods does, the other numbers sought anew at each restitution.
+# Interval of the restitution by its profile likelihood. A force sample that enters a bounce changes
+# the residuals abruptly, so along the restitution the likelihood has plateaus and steps. Its
+# curvature at a point is no measure of its width. The likelihood ratio is one. The other parameters
+# are searched for again at each restitution.
 
-#: First step from the likeliest restitution, each next one twice it; halvings of the last.
-FIRST_STEP, HALVINGS = 0.01, 3
-#: Looks about, each from the likeliest of the one before where that is by this log ratio.
-LOOKS, LIKELIER = 4, 1.0
-#: By what a sample that is three standard deviations off makes a log ratio larger.
-ONE_SAMPLE = 0.5 * 3.0**2
-#: Restitutions at which a narrow interval is held against all that lies beside it.
-ELSEWHERE = (0.1, 0.3, 0.5, 0.7, 0.9)
+#: First step from the likeliest restitution. Each further step is twice the previous one.
+FIRST_STEP = 0.01
+#: Number of bisections of the last step.
+HALVINGS = 3
+#: Largest number of searches for the interval, each from the best restitution of the previous one.
+MAX_RESTARTS = 4
+#: Log likelihood ratio above which a better restitution starts another search.
+MIN_RESTART_LOG_RATIO = 1.0
+#: Change of a log ratio by one sample with a residual of three standard deviations.
+SAMPLE_LOG_RATIO = 0.5 * 3.0**2
+#: Restitutions outside a narrow interval that are compared with it.
+OTHER_RESTITUTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
-def profiled(found: FitSolution) -> FitSolution:
-    """The restitution in the middle of its interval of 95 %, the others of what no bounce reaches.
+def profile_restitution(fit: FitSolution) -> FitSolution:
+    """Return the solution with the restitution in the middle of its interval of 95 %.
 
-    Of two masses there is none: their bounces depend on every number at once.
+    The other parameters are fitted to the samples that no bounce affects. Two masses have no such
+    interval, because their bounces depend on every parameter at once.
     """
-    if "roller_share" in found.values or not any(found.landings):
-        return found
+    if "roller_share" in fit.values or not any(fit.landings):
+        return fit
     bounce = None
-    if "restitution" in found.likelihood.sought:
-        found, low, high = _interval(found)
-        value = found.values["restitution"]
-        # Near none, none is said: what is known is the end.
+    if "restitution" in fit.likelihood.free:
+        fit, low, high = _restitution_interval(fit)
+        value = fit.values["restitution"]
+        # A restitution near 0 is reported as 0: only the upper limit is known.
         middle = 0.5 * (low + high) if value >= SMALL_BOUNCE else 0.0
         bounce = middle, (high - middle) / WITHIN_95
-        found = _at(found, middle)
-    return replace(search(_settled(found)), bounce=bounce)
+        fit = _fit_at(fit, middle)
+    return replace(search(_without_landings(fit)), bounce=bounce)
 
 
-def _settled(found: FitSolution) -> Candidate:
-    """A search of the samples that no bounce reaches; of the force's zero too, where these show it.
+def _without_landings(fit: FitSolution) -> Candidate:
+    """Return a candidate for the samples that no bounce affects.
 
-    Late in a series of bounces a landing passes samples within a standard error of a number: the
-    sum of squares has a cliff there, and its curvature is that of a narrow valley.
+    The force's zero is free if these samples identify it. Late in a series of bounces a landing
+    passes samples within a standard error of a parameter. The sum of squares is discontinuous
+    there, and its curvature is that of a narrow local minimum.
     """
-    start = Candidate(found.likelihood.settled(found.x, FIRST_GUARD), found.x)
-    shown = forces_in_flight(start).size >= LEAST_FLYING
-    zero_offset = found.likelihood.zero_offset and shown
-    return continued(start, found.likelihood.sought, found.values, zero_offset=zero_offset)
+    start = Candidate(fit.likelihood.without_landings(fit.x, FIRST_GUARD), fit.x)
+    shown = forces_in_flight(start).size >= MIN_FLYING_SAMPLES
+    zero_offset = fit.likelihood.zero_offset and shown
+    return continue_from(start, fit.likelihood.free, fit.values, zero_offset=zero_offset)
 
 
-def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
-    """The likeliest of all that is tried on the way to the interval's ends; and these.
+def _restitution_interval(fit: FitSolution) -> tuple[FitSolution, float, float]:
+    """Return the likeliest solution, and the limits of the restitution's interval.
 
-    A search ends in the valley it began in. One that is likelier beside another restitution is
-    where the next look begins.
+    A search stops in a local maximum. If another restitution is likelier, the next search starts
+    there.
     """
-    sought = found.likelihood.sought
-    at, number = sought.index("restitution"), NUMBERS["restitution"]
-    for _ in range(LOOKS):
-        level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
-        (low, down), (high, up) = (_end(found, at, to, level) for to in (number.low, number.high))
-        best = min((*down, *up), key=lambda trial: log_ratio_of_all(found, trial), default=found)
-        if log_ratio_of_all(found, best) > -LIKELIER:
+    free = fit.likelihood.free
+    index, number = free.index("restitution"), NUMBERS["restitution"]
+    for _ in range(MAX_RESTARTS):
+        level = 0.5 * SQUARE_95 * max(1.0, variance_inflation(fit, index))
+        (low, down), (high, up) = (
+            _interval_end(fit, index, to, level) for to in (number.low, number.high)
+        )
+        best = min((*down, *up), key=lambda trial: log_ratio_of_all(fit, trial), default=fit)
+        if log_ratio_of_all(fit, best) > -MIN_RESTART_LOG_RATIO:
             break
-        found = freed(best, sought)
-    return found, *_widened(found, at, low, high, level)
+        fit = free_restitution(best, free)
+    return fit, *_widen(fit, index, low, high, level)
 
 
-def _widened(
-    found: FitSolution, at: int, low: float, high: float, level: float
+def _widen(
+    fit: FitSolution, index: int, low: float, high: float, level: float
 ) -> tuple[float, float]:
-    """The interval with what is as likely beside it, taken together.
+    """Return the interval, extended to equally likely restitutions outside it.
 
-    Where hardly a sample is in a bounce, the likelihood is nearly level, and the best of its many
-    narrow valleys is likelier by chance. A valley outweighs a level as wide as the restitution's
-    range only if it is likelier by more than the logarithm of the ratio of their widths.
+    If hardly a sample is in a bounce, the likelihood is nearly constant, and the best of its many
+    narrow maxima is likelier by chance. A maximum outweighs the whole range of the restitution only
+    if its log ratio exceeds the logarithm of the ratio of their widths.
     """
     number = NUMBERS["restitution"]
     least = FIRST_STEP / 2.0**HALVINGS
     outweighs = level + math.log((number.high - number.low) / max(high - low, least))
     beside = [
-        there
-        for there in ELSEWHERE
-        if not low <= there <= high and _likely(found, _at(found, there), outweighs)
+        other
+        for other in OTHER_RESTITUTIONS
+        if not low <= other <= high and _is_likely(fit, _fit_at(fit, other), outweighs)
     ]
     return min([low, *beside]), max([high, *beside])
 
 
-def _at(found: Candidate, bounce: float) -> FitSolution:
-    return search(continued(found, found.smooth, found.values | {"restitution": bounce}))
+def _fit_at(fit: Candidate, bounce: float) -> FitSolution:
+    return search(continue_from(fit, fit.smooth, fit.values | {"restitution": bounce}))
 
 
-def _end(
-    found: FitSolution, at: int, limit: float, level: float
+def _interval_end(
+    fit: FitSolution, index: int, limit: float, level: float
 ) -> tuple[float, list[FitSolution]]:
-    """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``.
+    """Return the last likely restitution towards ``limit``, and the likely trials.
 
-    With it what was likely on the way there.
+    A trial is likely if its log ratio is below ``level``.
     """
-    inside = float(found.x[at])
+    inside = float(fit.x[index])
     likely = list[FitSolution]()
     step, outside, halvings = FIRST_STEP, None, HALVINGS
     while inside != limit and (outside is None or halvings > 0):
         if outside is None:
-            there = inside + math.copysign(min(step, abs(limit - inside)), limit - inside)
+            trial_value = inside + math.copysign(min(step, abs(limit - inside)), limit - inside)
         else:
-            there, halvings = 0.5 * (inside + outside), halvings - 1
-        trial = _at(likely[-1] if likely else found, there)
-        if _likely(found, trial, level):
-            inside, step = there, 2.0 * step
+            trial_value, halvings = 0.5 * (inside + outside), halvings - 1
+        trial = _fit_at(likely[-1] if likely else fit, trial_value)
+        if _is_likely(fit, trial, level):
+            inside, step = trial_value, 2.0 * step
             likely.append(trial)
         else:
-            outside = there
+            outside = trial_value
     return inside if outside is None else outside, likely
 
 
-def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
-    """Whether every hold stays steady and the ratio of likelihoods is near one.
+def _is_likely(fit: FitSolution, trial: FitSolution, level: float) -> bool:
+    """Return True if every segment is periodic and the log ratio is below ``level``.
 
-    Beside a landing a single sample comes near or far at once, by chance: that alone is no end.
+    A single sample may be on either side of a landing by chance. This alone does not end the
+    interval.
     """
-    if len(trial.holds) < len(found.holds) or log_ratio(found, trial) >= level:
+    if len(trial.segments) < len(fit.segments) or log_ratio(fit, trial) >= level:
         return False
-    return log_ratio_of_all(found, trial) < level + ONE_SAMPLE
+    return log_ratio_of_all(fit, trial) < level + SAMPLE_LOG_RATIO

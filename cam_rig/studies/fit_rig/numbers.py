@@ -1,4 +1,4 @@
-"""The numbers of a follower that a fit looks for, and what is shown of those that it found."""
+"""Parameters of a follower in a fit, and the display of their estimates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ Follower = FollowerParameters | TwoMassParameters
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a rig file: its unit, its limits, and whether it is sought by its logarithm."""
+    """Parameter of a rig file: unit and limits.
+
+    ``logarithm`` is True if a search uses its logarithm.
+    """
 
     unit: str
     low: float
@@ -28,7 +31,7 @@ class Number:
     logarithm: bool = False
 
 
-#: By their keys in a rig file.
+#: Parameters by their keys in a rig file.
 NUMBERS = {
     "mass": Number("kg", 1e-6, 1e6, logarithm=True),
     "spring_stiffness": Number("N/m", 1e-6, 1e12, logarithm=True),
@@ -41,12 +44,12 @@ NUMBERS = {
 }
 ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
 TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
-#: Those that one rigid mass has not.
-OF_TWO = ("roller_share", "stem_damping")
+#: Parameters that one rigid mass does not have.
+TWO_MASS_ONLY = ("roller_share", "stem_damping")
 
 
-def require_in_model(given: Mapping[str, float], model: str | None) -> None:
-    """Refuse numbers that no follower has, or not one of the model that is asked for."""
+def check_fixed(given: Mapping[str, float], model: str | None) -> None:
+    """Raise an error if a fixed value is outside its limits or not in the model."""
     for name, value in given.items():
         limits = NUMBERS[name]
         if not limits.low <= value <= limits.high:
@@ -54,16 +57,17 @@ def require_in_model(given: Mapping[str, float], model: str | None) -> None:
                 f"{name}: {value:g} {limits.unit} is given; allowed: from {limits.low:g} to "
                 f"{limits.high:g} {limits.unit}"
             )
-    if model != "two_mass" and (odd := [name for name in given if name in OF_TWO]):
+    if model != "two_mass" and (odd := [name for name in given if name in TWO_MASS_ONLY]):
         raise ConfigError(
             f"{odd[0]}: is given, a number of two masses and a stem; allowed with --model two_mass"
         )
 
 
-def follower_of(values: dict[str, float], stem_stiffness: float | None) -> Follower:
-    """The follower of some numbers: two masses where they say how the mass splits.
+def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Follower:
+    """Return the follower with these values.
 
-    ``stem_stiffness`` (N/m) is that of one mass, which only a landing's pulse feels.
+    It has two masses if the values contain ``roller_share``. ``stem_stiffness`` (N/m) is that of
+    one mass. It affects only the pulse of a landing.
     """
     v = values
     if "roller_share" not in v:
@@ -76,40 +80,46 @@ def follower_of(values: dict[str, float], stem_stiffness: float | None) -> Follo
 
 
 def to_search(name: str, value: float) -> float:
-    """The number as it is sought."""
+    """Return a value in the form in which it is searched for."""
     return float(np.log(value)) if NUMBERS[name].logarithm else value
 
 
 def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
-    """What is sought, ``(n,)``, and perhaps more behind it, as numbers of the rig."""
-    found = zip(names, x.tolist(), strict=False)
-    return {n: float(np.exp(v)) if NUMBERS[n].logarithm else v for n, v in found}
+    """Return search variables as values by name.
+
+    ``x`` has the shape ``(n,)`` or is longer. The variables after the first n are ignored.
+    """
+    pairs = zip(names, x.tolist(), strict=False)
+    return {n: float(np.exp(v)) if NUMBERS[n].logarithm else v for n, v in pairs}
 
 
 def slope(name: str, value: float) -> float:
-    """The number's change with what is sought."""
+    """Return the derivative of a value with respect to its search variable."""
     return value if NUMBERS[name].logarithm else 1.0
 
 
 def search_limits(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest of what is sought, ``(n,)`` each."""
+    """Return the lower and upper limits of the search variables, ``(n,)`` each."""
     low = [to_search(name, NUMBERS[name].low) for name in names]
     return np.array(low), np.array([to_search(name, NUMBERS[name].high) for name in names])
 
 
-# A number that a fit found, or why it has none: as tables, sentences and rig files have it.
+# Estimate of a parameter, for tables, sentences and rig files.
 
-#: 95 % of a normal distribution lie within so many standard deviations.
+#: Half the width in standard deviations of the interval with 95 % of a normal distribution.
 WITHIN_95 = 1.96
-#: An error of more than this part of a value is warned of; below this a number is identified.
-CAUTION, TOLD = 1.0 / 3.0, 0.5
+#: Relative standard error above which an identified value has a warning.
+CAUTION_RELATIVE_ERROR = 1.0 / 3.0
+#: Relative standard error below which a parameter is identified.
+MAX_RELATIVE_ERROR = 0.5
 
 
 @dataclass(frozen=True)
-class FoundNumber:
-    """One number, SI: given; identified, with its standard error; or not identified, and why.
+class ParameterEstimate:
+    """Estimate of one parameter in SI: given, identified, or not identified.
 
-    ``within`` is how many standard errors its interval of 95 % reaches to either side.
+    An identified parameter has a standard error. A parameter that is not identified has a reason.
+    ``within`` is half the width of its interval of 95 % in standard errors.
     """
 
     name: str
@@ -120,63 +130,76 @@ class FoundNumber:
     within: float = WITHIN_95
 
     @classmethod
-    def unidentified(cls, name: str, reason: str, error: float | None = None) -> FoundNumber:
-        """One without a value; ``error`` is what a search would have stated."""
+    def unidentified(cls, name: str, reason: str, error: float | None = None) -> ParameterEstimate:
+        """Return an estimate without a value.
+
+        ``error`` is the standard error that the search computed.
+        """
         return cls(name, None, error, "not identified", reason)
 
     @property
     def unit(self) -> str:
-        """Of both."""
+        """Unit of value and error."""
         return NUMBERS[self.name].unit
 
     @property
     def shown(self) -> str:
-        """The value, to two digits of its standard error where it has one; empty without one."""
+        """Value as text, with two digits of its standard error.
+
+        It is empty without a value.
+        """
         return "" if self.value is None else rounded_to_error(self.value, self.error or 0.0)
 
     @property
     def shown_error(self) -> str:
-        """The standard error, to two digits; empty without a value."""
+        """Standard error as text with two digits, or empty without a value."""
         if self.value is None or self.error is None:
             return ""
         return rounded_to_error(self.error, self.error)
 
     @property
     def caution(self) -> str:
-        """What stands beside a value whose error is a third of it or more, or larger than it."""
-        if self.value is None or self.error is None or self.error < CAUTION * self.value:
+        """Warning for an error of a third of the value or more, or larger than the value.
+
+        It is empty for a smaller error.
+        """
+        if (
+            self.value is None
+            or self.error is None
+            or self.error < CAUTION_RELATIVE_ERROR * self.value
+        ):
             return ""
         half = self.within * self.error
-        words = interval_words(self.value, half, self.unit)
-        return f"{'may be 0' if self.value < half else 'uncertain'}: {words}"
+        text = interval_text(self.value, half, self.unit)
+        return f"{'may be 0' if self.value < half else 'uncertain'}: {text}"
 
     @property
     def gist(self) -> str:
-        """In words: 1.2995 ± 0.0008 kg."""
+        """Value, error and unit as text, such as 1.2995 ± 0.0008 kg."""
         return self._with_caution(f"{self.shown} ± {self.shown_error} {self.unit}")
 
-    def in_a_sentence(self) -> str:
-        """The number by its name, or that it is not identified, and why."""
+    def to_sentence(self) -> str:
+        """Return the name and value, or the reason why the parameter is not identified."""
         if self.value is not None:
             return self._with_caution(f"{self.name} {self.shown} {self.unit}")
         end = "" if self.reason.endswith("?") else "."
         return f"{self.name}: not identified, {self.reason}{end}"
 
-    def _with_caution(self, words: str) -> str:
-        return words.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
+    def _with_caution(self, text: str) -> str:
+        return text.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
 
 
-def interval_words(value: float, half: float, unit: str) -> str:
-    """An interval of 95 % of a number that is not below zero, in words."""
+def interval_text(value: float, half: float, unit: str) -> str:
+    """Return an interval of 95 % as text, for a parameter that is not negative."""
     low, end = value - half, f"{value + half:.3g} {unit}".removesuffix(" 1")
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoundNumbers(Result):
-    """What readings say of a follower, and a ``model``, one_mass or two_mass.
+class RigParameters(Result):
+    """Estimates of a follower's parameters, and its model: one_mass or two_mass.
 
-    ``correlation`` ``(n, n)`` is of the numbers that were sought and found, in their order.
+    ``correlation`` ``(n, n)`` is that of the identified free parameters, in their order.
     """
 
     columns: ClassVar = {
@@ -191,7 +214,7 @@ class FoundNumbers(Result):
             Column("unit"),
             Column("origin", cell=lambda n: "; ".join(filter(None, (n.origin, n.caution)))),
             Column("caution", hidden=True),
-            Column("reason", hidden=True, doc="why it has no value"),
+            Column("reason", hidden=True, doc="reason for a missing value"),
         ),
         "correlation": (
             Column("number", of="0"),
@@ -202,16 +225,19 @@ class FoundNumbers(Result):
 
     law: Law
     model: str
-    numbers: tuple[FoundNumber, ...]
+    numbers: tuple[ParameterEstimate, ...]
     correlation: FloatArray
 
     @property
-    def identified(self) -> tuple[FoundNumber, ...]:
-        """The numbers that the readings tell."""
+    def identified(self) -> tuple[ParameterEstimate, ...]:
+        """Identified parameters."""
         return tuple(n for n in self.numbers if n.origin == "identified")
 
     def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
-        """A row a number; the correlation of the errors of those of ``names``, if several."""
+        """Return a table with one row per parameter, and a table of correlations.
+
+        The correlations are those of ``names``. The table is empty for a single name.
+        """
         pairs = [
             (names[i], names[k], float(self.correlation[i, k]))
             for i, k in product(range(len(names)), repeat=2)
@@ -224,10 +250,13 @@ class FoundNumbers(Result):
         ]
 
 
-def correlation_of(covariance: FloatArray) -> FloatArray:
-    """``(n, n)``; of a number without an error 0, of any other with itself exactly 1."""
+def correlation_matrix(covariance: FloatArray) -> FloatArray:
+    """Return the correlation matrix ``(n, n)`` of a covariance.
+
+    The diagonal is exactly 1, or 0 for a parameter without an error.
+    """
     square = np.diag(covariance)
     deviation = np.maximum(np.sqrt(square), 1e-300)
-    found = covariance / np.outer(deviation, deviation)
-    np.fill_diagonal(found, np.where(square > 0.0, 1.0, 0.0))
-    return np.asarray(found)
+    correlation = covariance / np.outer(deviation, deviation)
+    np.fill_diagonal(correlation, np.where(square > 0.0, 1.0, 0.0))
+    return np.asarray(correlation)

@@ -1,8 +1,9 @@
-"""How far a follower of some numbers is from what was measured, and how that changes with them.
+"""Residuals of a follower against the measured samples, and their derivatives.
 
-Beside the numbers sought there are those of the instruments, told by the same samples: in each hold
-the phase of the samples against the encoder and how far its speed is off, one error of the sensors'
-clock, the zero of the lift, and where asked its backlash.
+The same samples identify the errors of the instruments. These are, for each segment, the phase of
+the samples against the encoder and the error of its speed. For all segments together they are the
+error of the sensors' clock, the zero of the lift, and optionally its backlash, the zero of the
+force and a resonance of the force sensor.
 """
 
 from __future__ import annotations
@@ -17,87 +18,93 @@ from numpy.typing import NDArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.laws import Law
-from cam_rig.studies.fit_rig.numbers import NUMBERS, follower_of, from_search, to_search
+from cam_rig.studies.fit_rig.numbers import NUMBERS, build_follower, from_search, to_search
 from cam_rig.studies.fit_rig.steady_turn import (
     PeriodicTurn,
     TwoMassTurn,
-    bounces_of,
+    list_bounces,
     one_mass_turn,
-    resonant,
+    sensor_response,
     two_mass_turn,
 )
-from cam_rig.studies.fit_rig.turns import HoldSamples, MeasuredHold
+from cam_rig.studies.fit_rig.turns import MeasuredSegment, SegmentSamples
 from cam_rig.units import TURN, FloatArray
 
-#: Step of what is sought, of its size; of an angle, rad.
-STEP, ANGLE_STEP = 1e-5, 1e-6
-#: The clock's error is sought in parts of this.
+#: Step of a search variable for derivatives, relative to its scale.
+RELATIVE_STEP = 1e-5
+#: Step of an angle for derivatives, rad.
+ANGLE_STEP = 1e-6
+#: Unit of the clock's error in a search.
 PPM = 1e-6
-#: What is off by a little at a landing is off by more at its bounces: of the angle since.
-SERIES = 0.5
-#: Places beside a sample at which a force is looked for. What is off by as much as a landing in a
-#: series is no wider than half of it, so none of these places is beside the series alone.
-ABOUT = 65
+#: Error of the angle of a bounce, relative to the angle since the first landing of its series. A
+#: small error at a landing grows at its bounces.
+BOUNCE_ANGLE_FRACTION = 0.5
+#: Number of angles near a sample at which the force is evaluated. The error of a landing in a
+#: series is at most half the width of the series, so some of these angles are outside it.
+FORCE_POINTS = 65
 #: Residual, in standard deviations, of a follower without a steady turn.
-FAR = 1e3
-#: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), the
-#: force's zero (N), a resonance of the force sensor (logarithm of its frequency in Hz, and damping
-#: ratio).
-CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO = SINGLE = (
+NO_TURN_RESIDUAL = 1e3
+#: Instrument errors that all segments share: error of the sensors' clock (ppm), zero and backlash
+#: of the lift (m), zero of the force (N), and resonance of the force sensor (logarithm of its
+#: frequency in Hz, and damping ratio).
+CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO = SHARED = (
     *("clock", "zero", "backlash", "force_zero"),
     *("sensor_frequency", "sensor_damping"),
 )
-#: Cam angles (rad) at which the side of a backlash is known; slower than this part a cam stands.
-SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
+#: Cam angles (rad) at which the side of a backlash is computed.
+SIDE_ANGLES = np.linspace(0.0, TURN, 4097)
+#: |s'| relative to its maximum, below which the lift is a dwell.
+MIN_SLOPE_FRACTION = 1e-6
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """Where the numbers of the instruments stand behind those of the follower.
+    """Positions of the instruments' errors behind the follower's parameters.
 
-    ``first`` is how many those are, ``single`` the names of what there is once for all holds.
+    ``first`` is the number of the latter. ``single`` are the names of the errors that all segments
+    share.
     """
 
     first: int
-    holds: int
+    segments: int
     single: tuple[str, ...]
 
     @property
     def phases(self) -> slice:
-        """Of each hold, rad."""
-        return slice(self.first, self.first + self.holds)
+        """Slice of the phases of the segments, rad."""
+        return slice(self.first, self.first + self.segments)
 
     @property
     def speeds(self) -> slice:
-        """Of each hold: how far its speed is off, in standard errors of the encoder's."""
-        return slice(self.first + self.holds, self.first + 2 * self.holds)
+        """Slice of the speed errors of the segments, in their standard errors."""
+        return slice(self.first + self.segments, self.first + 2 * self.segments)
 
     @cached_property
-    def at(self) -> dict[str, int]:
-        """Where those of `SINGLE` stand that are sought."""
+    def index(self) -> dict[str, int]:
+        """Index of each free error of `SHARED`."""
         return {name: self.speeds.stop + i for i, name in enumerate(self.single)}
 
     @property
     def size(self) -> int:
-        """How many numbers there are, the follower's among them."""
-        return self.first + 2 * self.holds + len(self.single)
+        """Number of search variables, including the follower's."""
+        return self.first + 2 * self.segments + len(self.single)
 
 
 @dataclass(frozen=True, eq=False)
 class PredictedSignal:
-    """One quantity at the samples of a hold that count, as the numbers make it, ``(n,)`` each.
+    """Computed quantity at the counted samples of a segment, ``(n,)`` each.
 
-    ``left``: ``value`` less what was measured; ``angle``: of the cam, rad.
+    ``residual`` is ``value`` less the measured value. ``angle`` is the cam angle in rad.
     """
 
     angle: FloatArray
     value: FloatArray
-    left: FloatArray
+    residual: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """A hold as the numbers make it."""
+    """Computed turn, lift and force of a segment."""
 
     turn: PeriodicTurn
     lift: PredictedSignal
@@ -106,19 +113,20 @@ class Predicted:
 
 @dataclass(eq=False)
 class Likelihood:
-    """Residuals in standard deviations, and their slopes.
+    """Residuals in standard deviations, and their derivatives.
 
-    ``sought``, ``given``: the follower's numbers that are sought, by name, and the others;
-    ``lift_noise``, ``force_noise``: m and N, one standard deviation, and ``force_part`` in parts of
-    the force beside it; ``backlash``, ``resonance``, ``zero_offset``: whether the gauge has a
-    backlash, the force sensor a resonance, a zero; ``kept``, ``pressing``: of each hold, which
-    samples of force count, all by default, and the forces (N) that their noise is in proportion to.
+    ``free`` are the names of the follower's free parameters, ``fixed`` the values of the others.
+    ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations. ``force_part`` is the noise
+    of the force relative to the force, which is added to it. ``backlash``, ``resonance`` and
+    ``zero_offset`` are True if the gauge has a backlash, and the force sensor a resonance and a
+    zero offset. ``force_masks`` are masks of the force samples that count, one per segment, by
+    default all True. ``pressing`` are the forces (N) to which their noise is proportional.
     """
 
     law: Law
-    holds: tuple[MeasuredHold, ...]
-    sought: tuple[str, ...]
-    given: dict[str, float]
+    segments: tuple[MeasuredSegment, ...]
+    free: tuple[str, ...]
+    fixed: dict[str, float]
     stem_stiffness: float | None
     lift_noise: float = 1e-5
     force_noise: float = 1.0
@@ -126,59 +134,63 @@ class Likelihood:
     backlash: bool = False
     resonance: bool = False
     zero_offset: bool = False
-    kept: list[NDArray[np.bool_]] = field(default_factory=list)
+    force_masks: list[NDArray[np.bool_]] = field(default_factory=list)
     pressing: list[FloatArray] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        sizes = [hold.force.since.size for hold in self.holds]
-        self.kept = self.kept or [np.ones(size, dtype=bool) for size in sizes]
+        sizes = [segment.force.since.size for segment in self.segments]
+        self.force_masks = self.force_masks or [np.ones(size, dtype=bool) for size in sizes]
         self.pressing = self.pressing or [np.zeros(size) for size in sizes]
 
-    def samples(self, i: int) -> tuple[HoldSamples, HoldSamples]:
-        """What counts of a hold: its lift, and its force beside no landing."""
-        return self.holds[i].lift, self.holds[i].force.where(self.kept[i])
+    def samples(self, i: int) -> tuple[SegmentSamples, SegmentSamples]:
+        """Return the counted samples of a segment: lift, and force away from landings."""
+        return self.segments[i].lift, self.segments[i].force.where(self.force_masks[i])
 
     def sizes(self, i: int) -> tuple[int, int]:
-        """How many samples of lift and of force count in a hold."""
-        return self.holds[i].lift.value.size, int(self.kept[i].sum())
+        """Return the numbers of counted samples of lift and force in a segment."""
+        return self.segments[i].lift.value.size, int(self.force_masks[i].sum())
 
     @property
     def noise(self) -> tuple[float, float, float]:
-        """Of lift (m) and force (N), and the force's in proportion to it."""
+        """Noise of lift (m) and force (N), and relative noise of the force."""
         return self.lift_noise, self.force_noise, self.force_part
 
     def force_deviation(self, i: int) -> FloatArray:
-        """Standard deviation (N) of the forces of a hold that count."""
-        part = self.force_part * self.pressing[i][self.kept[i]]
+        """Return the standard deviation (N) of the counted forces of a segment."""
+        part = self.force_part * self.pressing[i][self.force_masks[i]]
         return np.asarray(np.hypot(self.force_noise, part))
 
     @cached_property
     def instruments(self) -> Instruments:
-        """Where the instruments' numbers stand."""
-        lift = any(hold.lift.since.size for hold in self.holds)
-        there = True, lift, lift and self.backlash, self.zero_offset, self.resonance, self.resonance
-        single = tuple(name for name, known in zip(SINGLE, there, strict=True) if known)
-        return Instruments(len(self.sought), len(self.holds), single)
+        """Positions of the instruments' errors."""
+        lift = any(segment.lift.since.size for segment in self.segments)
+        is_free = (True, lift, lift and self.backlash, self.zero_offset, *[self.resonance] * 2)
+        single = tuple(name for name, free in zip(SHARED, is_free, strict=True) if free)
+        return Instruments(len(self.free), len(self.segments), single)
 
     def single(self, x: FloatArray, name: str) -> float:
-        """The value of one of `SINGLE`; none where it is not sought."""
-        at = self.instruments.at.get(name)
-        return 0.0 if at is None else float(x[at])
+        """Return the value of an error of `SHARED`, or 0 if it is not free."""
+        index = self.instruments.index.get(name)
+        return 0.0 if index is None else float(x[index])
 
     def values(self, x: FloatArray) -> dict[str, float]:
-        """The follower's numbers, sought and given."""
-        return self.given | from_search(self.sought, x)
+        """Return the follower's parameters, free and fixed."""
+        return self.fixed | from_search(self.free, x)
 
     def speed_of(self, x: FloatArray, i: int) -> float:
-        """The speed (rad/s) of a hold."""
-        hold = self.holds[i].hold
-        return hold.speed + float(x[self.instruments.speeds][i]) * hold.speed_error
+        """Return the speed (rad/s) of a segment."""
+        segment = self.segments[i].line
+        return segment.speed + float(x[self.instruments.speeds][i]) * segment.speed_error
 
     def steady(
         self, x: FloatArray, i: int, near: PeriodicTurn | None = None
     ) -> PeriodicTurn | None:
-        """A hold's turn that is as the one before; None where none is, or a follower chatters."""
-        follower, speed = follower_of(self.values(x), self.stem_stiffness), self.speed_of(x, i)
+        """Return the periodic turn of a segment, or None if no turn repeats.
+
+        A follower that chatters has no periodic turn. ``near`` is a turn of nearly the same
+        follower.
+        """
+        follower, speed = build_follower(self.values(x), self.stem_stiffness), self.speed_of(x, i)
         try:
             if isinstance(follower, FollowerParameters):
                 return one_mass_turn(self.law, follower, speed)
@@ -190,179 +202,202 @@ class Likelihood:
     def predicted(
         self, x: FloatArray, i: int, near: PeriodicTurn | None = None
     ) -> Predicted | None:
-        """A hold as the numbers make it; None where they make no steady turn."""
+        """Return lift and force of a segment, or None without a periodic turn."""
         turn = self.steady(x, i, near)
         if turn is None:
             return None
         measured = self.samples(i)
         angles = [self.angles(x, i, part.since) for part in measured]
-        lift = turn.at(angles[0])[0] + self.single(x, ZERO)
+        lift = turn.evaluate(angles[0])[0] + self.single(x, ZERO)
         if (backlash := self.single(x, BACKLASH)) != 0.0:
-            lift = lift - 0.5 * backlash * side_of(self.law, angles[0])
+            lift = lift - 0.5 * backlash * backlash_side(self.law, angles[0])
         values = lift, self._sensed(x, turn, i)(angles[1])
-        shown = (
+        signals = (
             PredictedSignal(angle, value, value - part.value)
             for angle, value, part in zip(angles, values, measured, strict=True)
         )
-        return Predicted(turn, *shown)
+        return Predicted(turn, *signals)
 
     def _sensed(
         self, x: FloatArray, turn: PeriodicTurn, i: int
     ) -> Callable[[FloatArray], FloatArray]:
-        """The force (N) over the cam angle (rad) as the sensor shows it."""
+        """Return the force (N) that the sensor shows, by cam angle (rad)."""
         zero = self.single(x, FORCE_ZERO)
         if not self.resonance:
-            return lambda angle: turn.at(angle)[1] + zero
+            return lambda angle: turn.evaluate(angle)[1] + zero
         frequency = float(np.exp(self.single(x, RESONANCE)))
-        shown = resonant(turn, self.speed_of(x, i), frequency, self.single(x, RATIO))
-        return lambda angle: shown(angle) + zero
+        response = sensor_response(turn, self.speed_of(x, i), frequency, self.single(x, RATIO))
+        return lambda angle: response(angle) + zero
 
     def angles(self, x: FloatArray, i: int, since: FloatArray) -> FloatArray:
-        """Cam angle (rad) at times since a hold's middle (s)."""
+        """Return the cam angles (rad) at times since a segment's middle (s)."""
         clock = PPM * self.single(x, CLOCK)
-        begin = self.holds[i].angle + float(x[self.instruments.phases][i])
+        begin = self.segments[i].angle + float(x[self.instruments.phases][i])
         return np.asarray(begin + self.speed_of(x, i) * (1.0 + clock) * since)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """All of them; far off where there is no steady turn."""
-        found = list[FloatArray]()
-        for i in range(len(self.holds)):
-            there = self.predicted(x, i)
-            if there is None:
-                found.append(np.full(sum(self.sizes(i)), FAR))
+        """Return all residuals. Segments without a periodic turn have `NO_TURN_RESIDUAL`."""
+        blocks = list[FloatArray]()
+        for i in range(len(self.segments)):
+            predicted = self.predicted(x, i)
+            if predicted is None:
+                blocks.append(np.full(sum(self.sizes(i)), NO_TURN_RESIDUAL))
             else:
-                found.append(there.lift.left / self.lift_noise)
-                found.append(there.force.left / self.force_deviation(i))
-        return np.concatenate([*found, x[self.instruments.speeds]])
+                blocks.append(predicted.lift.residual / self.lift_noise)
+                blocks.append(predicted.force.residual / self.force_deviation(i))
+        return np.concatenate([*blocks, x[self.instruments.speeds]])
 
     def slopes(self, x: FloatArray) -> FloatArray:
-        """The residuals' slopes, ``(m, n)``."""
-        blocks = [self._slopes_of(x, i) for i in range(len(self.holds))]
-        last = np.zeros((len(self.holds), x.size))
-        last[:, self.instruments.speeds] = np.eye(len(self.holds))
+        """Return the derivatives of the residuals, ``(m, n)``."""
+        blocks = [self._slopes_of(x, i) for i in range(len(self.segments))]
+        last = np.zeros((len(self.segments), x.size))
+        last[:, self.instruments.speeds] = np.eye(len(self.segments))
         return np.vstack([*blocks, last])
 
     def _slopes_of(self, x: FloatArray, i: int) -> FloatArray:
-        base, where = self.predicted(x, i), self.instruments
+        base, instruments = self.predicted(x, i), self.instruments
         lifts, forces = self.sizes(i)
         out = np.zeros((lifts + forces, x.size))
         if base is None:
             return out
-        for k in (*range(where.first), where.speeds.start + i):
-            step = STEP * self._size(x, k)
+        for k in (*range(instruments.first), instruments.speeds.start + i):
+            step = RELATIVE_STEP * self._size(x, k)
             beside = self.predicted(x + step * (np.arange(x.size) == k), i, base.turn)
             if beside is not None:
                 out[:lifts, k] = (beside.lift.value - base.lift.value) / step
                 out[lifts:, k] = (beside.force.value - base.force.value) / step
         by_angle = self._by_angle(x, i, base)
-        out[:, where.phases.start + i] = by_angle
+        out[:, instruments.phases.start + i] = by_angle
         since = np.concatenate([part.since for part in self.samples(i)])
-        for name, at in where.at.items():
+        for name, index in instruments.index.items():
             if name == CLOCK:
-                out[:, at] = by_angle * self.speed_of(x, i) * since * PPM
+                out[:, index] = by_angle * self.speed_of(x, i) * since * PPM
             elif name == ZERO:
-                out[:lifts, at] = 1.0
+                out[:lifts, index] = 1.0
             elif name == BACKLASH:
-                out[:lifts, at] = -0.5 * side_of(self.law, base.lift.angle)
+                out[:lifts, index] = -0.5 * backlash_side(self.law, base.lift.angle)
             elif name == FORCE_ZERO:
-                out[lifts:, at] = 1.0
+                out[lifts:, index] = 1.0
             else:
-                beside_it = x + STEP * (np.arange(x.size) == at)
+                beside_it = x + RELATIVE_STEP * (np.arange(x.size) == index)
                 force = self._sensed(beside_it, base.turn, i)(base.force.angle)
-                out[lifts:, at] = (force - base.force.value) / STEP
+                out[lifts:, index] = (force - base.force.value) / RELATIVE_STEP
         out[:lifts] /= self.lift_noise
         out[lifts:] /= self.force_deviation(i)[:, None]
         return out
 
     def _size(self, x: FloatArray, k: int) -> float:
-        """What a step of something sought is to be measured by."""
-        if k >= len(self.sought):
+        """Return the scale of a search variable."""
+        if k >= len(self.free):
             return 10.0
-        number = NUMBERS[self.sought[k]]
+        number = NUMBERS[self.free[k]]
         return 1.0 if number.logarithm or number.high < 1.0 else max(abs(float(x[k])), 1.0)
 
     def _by_angle(self, x: FloatArray, i: int, base: Predicted) -> FloatArray:
-        """What lift and force change with the angle, by differences on both sides of a sample."""
-        shown = self._sensed(x, base.turn, i)
+        """Return the derivatives of lift and force by the angle, as central differences."""
+        sensed = self._sensed(x, base.turn, i)
         both = (ANGLE_STEP, -ANGLE_STEP)
-        lift = [base.turn.at(base.lift.angle + d)[0] for d in both]
-        force = [shown(base.force.angle + d) for d in both]
+        lift = [base.turn.evaluate(base.lift.angle + d)[0] for d in both]
+        force = [sensed(base.force.angle + d) for d in both]
         return np.concatenate([(up - down) / (2.0 * ANGLE_STEP) for up, down in (lift, force)])
 
     def start(self, values: dict[str, float], phase: float, zero: float) -> FloatArray:
-        """What is sought, of numbers, one phase (rad) for all holds, and the lift's zero (m)."""
-        where = self.instruments
-        x = np.zeros(where.size)
-        x[: where.first] = [to_search(name, values[name]) for name in self.sought]
-        x[where.phases] = phase
-        if ZERO in where.at:
-            x[where.at[ZERO]] = zero
+        """Return the search variables of parameter values.
+
+        ``phase`` (rad) is that of all segments, ``zero`` the zero of the lift (m).
+        """
+        instruments = self.instruments
+        x = np.zeros(instruments.size)
+        x[: instruments.first] = [to_search(name, values[name]) for name in self.free]
+        x[instruments.phases] = phase
+        if ZERO in instruments.index:
+            x[instruments.index[ZERO]] = zero
         return x
 
     def keep_clear(self, x: FloatArray, guard: float) -> bool:
-        """Leave out the force next to landings (rad), where it jumps; whether that changed."""
-        before, self.kept, self.pressing = self.kept, [], []
-        for i, hold in enumerate(self.holds):
-            turn, angle = self.steady(x, i), self.angles(x, i, hold.force.since)
-            self.kept.append(self._beside(turn, angle, guard) == 0.0)
-            pressing = np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1])
+        """Leave out forces next to landings, and return True if their set changed.
+
+        The force jumps at a landing. ``guard`` is the distance in rad.
+        """
+        before, self.force_masks, self.pressing = self.force_masks, [], []
+        for i, segment in enumerate(self.segments):
+            turn, angle = self.steady(x, i), self.angles(x, i, segment.force.since)
+            self.force_masks.append(self._landing_errors(turn, angle, guard) == 0.0)
+            pressing = np.zeros(angle.size) if turn is None else np.abs(turn.evaluate(angle)[1])
             self.pressing.append(pressing)
-        return any((a != b).any() for a, b in zip(before, self.kept, strict=True))
+        return any((a != b).any() for a, b in zip(before, self.force_masks, strict=True))
 
-    def _beside(self, turn: PeriodicTurn | None, angle: FloatArray, guard: float) -> FloatArray:
-        """By how much (rad) a landing beside each of ``angle`` may be off; 0 beside none."""
-        found = np.zeros(angle.size)
-        for at, begun in () if self.resonance else bounces_of(turn):
-            wide = guard + SERIES * (at - begun)
-            inside = ~_outside(angle, at - wide, at + wide)
-            found[inside] = np.maximum(found[inside], wide)
-        return found
+    def _landing_errors(
+        self, turn: PeriodicTurn | None, angle: FloatArray, guard: float
+    ) -> FloatArray:
+        """Return the possible error (rad) of the landing next to each angle, or 0."""
+        errors = np.zeros(angle.size)
+        for landing, first in () if self.resonance else list_bounces(turn):
+            wide = guard + BOUNCE_ANGLE_FRACTION * (landing - first)
+            inside = ~_outside(angle, landing - wide, landing + wide)
+            errors[inside] = np.maximum(errors[inside], wide)
+        return errors
 
-    def beside(self, x: FloatArray, i: int, guard: float) -> FloatArray:
-        """By how much (rad) a landing beside each force of a hold may be off; 0 beside none."""
-        return self._beside(self.steady(x, i), self.angles(x, i, self.holds[i].force.since), guard)
+    def landing_errors(self, x: FloatArray, i: int, guard: float) -> FloatArray:
+        """Return the possible error (rad) of the landing next to each force, or 0."""
+        return self._landing_errors(
+            self.steady(x, i), self.angles(x, i, self.segments[i].force.since), guard
+        )
 
     def forces_about(
         self, x: FloatArray, i: int, some: NDArray[np.intp], wide: FloatArray
     ) -> FloatArray:
-        """``(2, n)``: least and largest force shown within ``wide`` (rad) of some samples."""
+        """Return the extreme forces within ``wide`` (rad) of samples, ``(2, n)``.
+
+        The first row is the smallest, the second the largest force.
+        """
         turn = self.steady(x, i)
         if turn is None:
             return np.array([[-np.inf], [np.inf]]) * np.ones(some.size)
-        angle = self.angles(x, i, self.holds[i].force.since[some])
-        about = angle + wide * np.linspace(-1.0, 1.0, ABOUT)[:, None]
-        shown = self._sensed(x, turn, i)(about.ravel()).reshape(about.shape)
-        return np.stack([shown.min(axis=0), shown.max(axis=0)])
+        angle = self.angles(x, i, self.segments[i].force.since[some])
+        about = angle + wide * np.linspace(-1.0, 1.0, FORCE_POINTS)[:, None]
+        forces = self._sensed(x, turn, i)(about.ravel()).reshape(about.shape)
+        return np.stack([forces.min(axis=0), forces.max(axis=0)])
 
-    def settled(self, x: FloatArray, guard: float) -> Likelihood:
-        """The same without what is from ``guard`` (rad) before a landing to behind its bounces.
+    def without_landings(self, x: FloatArray, guard: float) -> Likelihood:
+        """Return a copy without the samples of landings and their bounces.
 
-        There the follower is on the cam again, and what it does depends on no landing.
+        They are left out from ``guard`` (rad) before a landing to the end of its bounces. Then the
+        follower is on the cam again, and its motion does not depend on the landing.
         """
-        holds = tuple(self._settled(x, i, guard) for i in range(len(self.holds)))
-        return replace(self, holds=holds, kept=[], pressing=[])
+        segments = tuple(
+            self._segment_without_landings(x, i, guard) for i in range(len(self.segments))
+        )
+        return replace(self, segments=segments, force_masks=[], pressing=[])
 
-    def _settled(self, x: FloatArray, i: int, guard: float) -> MeasuredHold:
-        hold, bounces = self.holds[i], bounces_of(self.steady(x, i))
+    def _segment_without_landings(self, x: FloatArray, i: int, guard: float) -> MeasuredSegment:
+        segment, bounces = self.segments[i], list_bounces(self.steady(x, i))
         parts = []
-        for part in (hold.lift, hold.force):
+        for part in (segment.lift, segment.force):
             angle = self.angles(x, i, part.since)
             clear = np.ones(angle.size, dtype=bool)
-            for at, begun in bounces:
-                clear &= _outside(angle, begun - guard, at + guard + SERIES * (at - begun))
+            for landing, first in bounces:
+                clear &= _outside(
+                    angle,
+                    first - guard,
+                    landing + guard + BOUNCE_ANGLE_FRACTION * (landing - first),
+                )
             parts.append(part.where(clear))
-        return replace(hold, lift=parts[0], force=parts[1])
+        return replace(segment, lift=parts[0], force=parts[1])
 
 
-def side_of(law: Law, angle: FloatArray) -> FloatArray:
-    """1 after a rise and -1 after a fall at cam angles (rad): where backlash is taken up."""
-    slope = law.motion_at(SIDES)[1]
-    moving = np.abs(slope) > STILL * np.abs(slope).max()
+def backlash_side(law: Law, angle: FloatArray) -> FloatArray:
+    """Return 1 after a rise and -1 after a fall at cam angles (rad).
+
+    This is the side on which backlash is taken up.
+    """
+    slope = law.motion_at(SIDE_ANGLES)[1]
+    moving = np.abs(slope) > MIN_SLOPE_FRACTION * np.abs(slope).max()
     last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
     last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
-    return np.asarray(np.sign(slope[last])[np.searchsorted(SIDES, np.mod(angle, TURN)) - 1])
+    return np.asarray(np.sign(slope[last])[np.searchsorted(SIDE_ANGLES, np.mod(angle, TURN)) - 1])
 
 
 def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:
-    """Whether cam angles (rad) of any turn are beyond ``low`` to ``high``."""
+    """Return True for cam angles (rad) outside ``low`` to ``high`` in any turn."""
     return np.asarray(np.mod(angle - low, TURN) > high - low)

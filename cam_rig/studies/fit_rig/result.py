@@ -1,4 +1,4 @@
-"""What a run that was measured on a rig says of it: numbers, residuals by speed, instruments."""
+"""Result of a fit to a measured run: parameters, residuals by speed, instruments."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from cam_rig.show.result import SI_UNITS, Column, Records
 from cam_rig.show.tables import format_number
 from cam_rig.simulation.instruments import MeasuredRun
-from cam_rig.studies.fit_rig.models import LEAST_BACKLASH
-from cam_rig.studies.fit_rig.numbers import FoundNumbers
+from cam_rig.studies.fit_rig.models import MIN_BACKLASH_FRACTION
+from cam_rig.studies.fit_rig.numbers import RigParameters
 from cam_rig.studies.fit_rig.search import FitSolution
 from cam_rig.units import rounded_to_error
 
-#: What the samples say of the instruments: words, unit as shown, and of the data.
+#: Instrument errors by key: description, displayed unit, SI unit.
 INSTRUMENTS = {
     "encoder_offset": ("encoder at θ = 0", "°", "rad"),
     "clock_fast_by": ("sensors' clock, fast by", "ppm", "1"),
@@ -33,8 +33,11 @@ INSTRUMENTS = {
 
 
 @dataclass(frozen=True)
-class HoldFit:
-    """What is left at one speed: r.m.s. of lift (m) and force (N), and what the follower does."""
+class SegmentFit:
+    """Residuals at one speed, r.m.s. of lift (m) and force (N), and its lift-offs.
+
+    ``lift_offs`` are counted per turn.
+    """
 
     rpm: float
     turns: float
@@ -46,7 +49,10 @@ class HoldFit:
 
 @dataclass(frozen=True)
 class InstrumentNumber:
-    """What the same samples say of an instrument, one of `INSTRUMENTS`: SI, with standard error."""
+    """Estimate of an instrument error in SI, with its standard error.
+
+    ``key`` is a key of `INSTRUMENTS`.
+    """
 
     key: str
     value: float
@@ -54,13 +60,13 @@ class InstrumentNumber:
 
     @property
     def scale(self) -> float:
-        """One of the unit that is shown, in SI."""
+        """SI value of one displayed unit."""
         shown = INSTRUMENTS[self.key][1]
         return 1e-6 if shown == "ppm" else SI_UNITS.get(shown, ("", 1.0))[1]
 
     @property
     def shown(self) -> str:
-        """To the digits of its error, if it has one; in the unit that is shown."""
+        """Value in the displayed unit, with the digits of its error."""
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")
@@ -68,21 +74,21 @@ class InstrumentNumber:
 
     @property
     def shown_error(self) -> float | None:
-        """In the unit that is shown."""
+        """Standard error in the displayed unit."""
         return None if self.error is None else self.error / self.scale
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RigFit(FoundNumbers):
-    """What a run says of its rig.
+class RigFit(RigParameters):
+    """Follower parameters and instrument errors, identified from a measured run.
 
-    ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose motion told nothing but
-    perhaps the restitution.
+    ``correlation_lengths`` are those of `Uncertainty`. ``left_out`` are the speeds in rpm that
+    identify no parameter, or only the restitution.
     """
 
     schema = "cam_rig.fit_rig.1"
     plot_function = "cam_rig.studies.fit_rig.figures:rig_figure"
-    columns: ClassVar = FoundNumbers.columns | {
+    columns: ClassVar = RigParameters.columns | {
         "speeds": (
             Column("rpm", "rpm", ".2f", "speed"),
             Column("turns", "", ".1f"),
@@ -92,123 +98,124 @@ class RigFit(FoundNumbers):
             Column("lift_offs_per_turn", "", "d", "lift-offs a turn", "lift_offs"),
         ),
         "instruments": (
-            Column("quantity", of="key", cell=lambda one: INSTRUMENTS[one.key][0]),
-            Column("value", "", ".4g", cell=lambda one: one.shown),
-            Column("standard_error", "", ".2g", of="error", cell=lambda one: one.shown_error),
+            Column("quantity", of="key", cell=lambda number: INSTRUMENTS[number.key][0]),
+            Column("value", "", ".4g", cell=lambda number: number.shown),
+            Column("standard_error", "", ".2g", of="error", cell=lambda number: number.shown_error),
             Column(
                 "unit",
-                of=lambda one: INSTRUMENTS[one.key][2],
-                cell=lambda one: INSTRUMENTS[one.key][1],
+                of=lambda number: INSTRUMENTS[number.key][2],
+                cell=lambda number: INSTRUMENTS[number.key][1],
             ),
         ),
         "fit": (
             Column("source", of=lambda fit: str(fit.run.source)),
             Column("cam", of="law.name"),
             Column("model"),
-            Column("left_out", "rpm", doc="speeds that told nothing but perhaps the restitution"),
+            Column("left_out", "rpm", doc="speeds that identify nothing, or only the restitution"),
             Column("notes", of="run.notes", doc="how the run was read"),
             Column("conclusions", of=lambda fit: [*fit.conclusions()]),
         ),
     }
 
     run: MeasuredRun
-    holds: tuple[HoldFit, ...]
+    segments: tuple[SegmentFit, ...]
     instruments: tuple[InstrumentNumber, ...]
     solution: FitSolution
-    alike: tuple[float, float]
+    correlation_lengths: tuple[float, float]
     left_out: tuple[float, ...]
     assumed: tuple[str, ...] = ()
 
     @property
     def residual(self) -> str:
-        """In words, for a rig file."""
-        shown = {one.key: f"{one.value / one.scale:.3g}" for one in self.instruments}
+        """R.m.s. residuals as text for a rig file."""
+        shown = {number.key: f"{number.value / number.scale:.3g}" for number in self.instruments}
         names = (("lift_noise", "µm"), ("force_noise", "N"))
         left = [f"{shown[key]} {unit}" for key, unit in names if float(shown.get(key, 0.0))]
-        return f"{' and '.join(left)} r.m.s. over {len(self.holds)} speeds"
+        return f"{' and '.join(left)} r.m.s. over {len(self.segments)} speeds"
 
     def tables(self) -> list[Records]:
-        """The follower's numbers, what is left at each speed, and the instruments' numbers."""
+        """Return the tables of parameters, residuals by speed, and instrument errors."""
         caption, gauges = f"{Path(self.run.source).name}: the follower", self.instruments
-        sought = self.solution.likelihood.sought
-        names = tuple(n.name for n in self.identified if n.name in sought)
+        free = self.solution.likelihood.free
+        names = tuple(n.name for n in self.identified if n.name in free)
         return [
             *self.number_tables(caption, names),
-            self.table("speeds", "Residuals, r.m.s.", self.holds),
+            self.table("speeds", "Residuals, r.m.s.", self.segments),
             self.table("instruments", "The instruments, by the same samples", gauges),
             self.table("fit", "The fit", [self], single=True, hidden=True),
         ]
 
     def summary(self) -> list[str]:
-        """How the run was read, the answer, and what stands in its way."""
+        """Return the notes on how the run was read, the parameters, and warnings."""
         return [*self.run.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
-        """The answer first, then what stands in its way."""
-        found = ", ".join(number.in_a_sentence() for number in self.identified)
+        """Yield the identified parameters, then reasons and warnings."""
+        parameters = ", ".join(number.to_sentence() for number in self.identified)
         model = "two masses and a stem" if self.model == "two_mass" else "one rigid mass"
         yield (
-            f"Identified as {model}: {found}."
-            if found
+            f"Identified as {model}: {parameters}."
+            if parameters
             else f"Nothing of the follower is identifiable, as {model}."
         )
         reasons = {number.reason for number in self.numbers if number.value is None}
         if len(reasons) == 1 and not self.identified:
             yield f"Not identified: {reasons.pop()}"
         else:
-            yield from (n.in_a_sentence() for n in self.numbers if n.value is None)
+            yield from (n.to_sentence() for n in self.numbers if n.value is None)
         if self.left_out:
             speeds = ", ".join(f"{rpm:.4g}" for rpm in self.left_out)
             alone = self.solution.bounce is not None
-            if alone and not any(hold.lift_offs for hold in self.holds):
-                what = "the follower lifts off: these speeds identify the restitution alone."
+            if alone and not any(segment.lift_offs for segment in self.segments):
+                consequence = "the follower lifts off: these speeds identify the restitution alone."
             else:
-                what = "no such follower moves as was measured: these speeds are left out."
-            yield f"At {speeds} rpm {what}"
-        if self.model == "two_mass" and any(hold.lift_offs for hold in self.holds):
+                consequence = "no such follower moves as was measured: these speeds are left out."
+            yield f"At {speeds} rpm {consequence}"
+        if self.model == "two_mass" and any(segment.lift_offs for segment in self.segments):
             yield (
                 "Bounces on an elastic stem depend on every number at once: trust the intervals of "
                 "a fit without the speeds that lift off more."
             )
-        known = any(number.key == "force_zero" for number in self.instruments)
-        taken = "" if known else ", its zero offset is in the preload"
+        has_zero = any(number.key == "force_zero" for number in self.instruments)
+        taken = "" if has_zero else ", its zero offset is in the preload"
         yield (
             f"The gain of the force sensor is taken as true{taken}; so is the encoder's clock: 100 "
             "ppm of it are 200 ppm of a mass."
         )
-        yield from _oddities(self)
+        yield from _warnings(self)
 
 
-# What looks odd in the residuals: another cam, backlash, outliers, correlation.
+# Anomalies of the residuals: another cam, backlash, outliers, correlation.
 
-#: Neighbours that err alike over more samples than this are no noise.
-COLOURED = 1.5
-#: A backlash is one beyond so many standard errors.
-CLEAR_BACKLASH = 2.0
-#: A residual larger than this part of the lift is not a gauge's.
-WRONG_CAM = 0.01
-#: A lift that is so near, in parts of itself, is no gauge's: what is left is rounding.
-EXACT = 1e-9
-#: A peak of a spectrum stands out that has this part of all of it in its eight lines.
-STANDS_OUT = 0.3
-#: A sample that is off by so many standard deviations is an outlier; a standard deviation by the
-#: median of what is off, which outliers do not move.
-OUTLIER, TO_DEVIATION = 10.0, 1.4826
+#: Correlation length of residuals, in samples, above which they are not white noise.
+MIN_CORRELATION_LENGTH = 1.5
+#: Size of a backlash in standard errors above which it is reported.
+MIN_BACKLASH_ERRORS = 2.0
+#: Lift residual above which another cam is suspected, relative to the lift.
+MAX_LIFT_NOISE = 0.01
+#: Lift residual below which it is rounding and no gauge's noise, relative to the lift.
+ROUNDING_FRACTION = 1e-9
+#: Fraction of the power in eight spectral lines above which a peak is reported.
+MIN_PEAK_FRACTION = 0.3
+#: Residual of an outlier in standard deviations.
+OUTLIER_DEVIATIONS = 10.0
+#: Standard deviation of normal noise per median absolute residual. Outliers do not affect it.
+MEDIAN_TO_DEVIATION = 1.4826
 
 
-def _oddities(fit: RigFit) -> Iterator[str]:
-    """What looks odd, a sentence each; of another cam that alone."""
+def _warnings(fit: RigFit) -> Iterator[str]:
+    """Yield a sentence per anomaly, or only the suspicion of another cam."""
     gauges = {number.key: number for number in fit.instruments}
     noise = gauges["lift_noise"].value if "lift_noise" in gauges else None
-    if noise is not None and noise > WRONG_CAM * fit.law.lift:
+    if noise is not None and noise > MAX_LIFT_NOISE * fit.law.lift:
         yield (
             f"The lift is {noise * 1e3:.3g} mm r.m.s. from the law of {fit.law.name}: another cam, "
             "or turned the other way?"
         )
         return
     play = gauges.get("lift_backlash")
-    least = LEAST_BACKLASH * fit.law.lift
-    if play and abs(play.value) > max(CLEAR_BACKLASH * (play.error or 0.0), least):
+    least = MIN_BACKLASH_FRACTION * fit.law.lift
+    if play and abs(play.value) > max(MIN_BACKLASH_ERRORS * (play.error or 0.0), least):
         yield (
             f"The lift reads {abs(play.value) * 1e3:.3g} mm "
             f"{'less' if play.value > 0.0 else 'more'} in rises than in falls: backlash, "
@@ -219,17 +226,17 @@ def _oddities(fit: RigFit) -> Iterator[str]:
             f"The force rings at {gauges['force_sensor_resonance'].value:.4g} Hz as a sensor or "
             "its mount does, and not as a stem: it is fitted with."
         )
-    exact = noise is not None and noise < EXACT * fit.law.lift
+    exact = noise is not None and noise < ROUNDING_FRACTION * fit.law.lift
     if not exact:
         yield from _outliers(fit)
-    for name, length in zip(("lift", "force"), fit.alike, strict=True):
-        if length > COLOURED and not exact:
+    for name, length in zip(("lift", "force"), fit.correlation_lengths, strict=True):
+        if length > MIN_CORRELATION_LENGTH and not exact:
             yield (
                 f"The residuals of the {name} are correlated over {length:.2g} samples"
-                f"{_frequency_words(fit, name)}. The standard errors take account of it, but the "
+                f"{_frequency_text(fit, name)}. The standard errors take account of it, but the "
                 "noise is not white or the model lacks something."
             )
-    ripple = max(hold.hold.ripple for hold in fit.solution.holds)
+    ripple = max(segment.line.ripple for segment in fit.solution.segments)
     if ripple > np.radians(0.3):
         yield (
             f"The cam's angle is up to {np.degrees(ripple):.2g} deg from a steady turn: the speed "
@@ -239,38 +246,42 @@ def _oddities(fit: RigFit) -> Iterator[str]:
 
 def _outliers(fit: RigFit) -> Iterator[str]:
     likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
-    for i, there in enumerate(fit.solution.predicted):
-        if there is not None:
-            parts["lift"].append(there.lift.left / likelihood.lift_noise)
-            parts["force"].append(there.force.left / likelihood.force_deviation(i))
-    for name, found in parts.items():
-        off = np.abs(np.concatenate(found))
-        deviation = TO_DEVIATION * float(np.median(off)) if off.size else 0.0
-        count = int(np.count_nonzero(off > OUTLIER * deviation))
+    for i, predicted in enumerate(fit.solution.predicted):
+        if predicted is not None:
+            parts["lift"].append(predicted.lift.residual / likelihood.lift_noise)
+            parts["force"].append(predicted.force.residual / likelihood.force_deviation(i))
+    for name, arrays in parts.items():
+        off = np.abs(np.concatenate(arrays))
+        deviation = MEDIAN_TO_DEVIATION * float(np.median(off)) if off.size else 0.0
+        count = int(np.count_nonzero(off > OUTLIER_DEVIATIONS * deviation))
         if count and deviation > 0.0:
             yield (
-                f"{count} of {off.size} samples of the {name} are more than {OUTLIER:g} standard "
-                "deviations off, outliers: they move the numbers, so leave them out."
+                f"{count} of {off.size} samples of the {name} are more than "
+                f"{OUTLIER_DEVIATIONS:g} standard deviations off, outliers: they move the "
+                "numbers, so leave them out."
             )
 
 
-def _frequency_words(fit: RigFit, name: str) -> str:
-    """Where the spectrum of what is left stands out, of the hold with most samples."""
-    best, found = STANDS_OUT, None
-    for i, there in enumerate(fit.solution.predicted):
+def _frequency_text(fit: RigFit, name: str) -> str:
+    """Return the peak of the residual spectrum as text, or an empty text without one.
+
+    The spectrum is that of the segment with the clearest peak.
+    """
+    best, frequency = MIN_PEAK_FRACTION, None
+    for i, predicted in enumerate(fit.solution.predicted):
         since = fit.solution.likelihood.samples(i)[name == "force"].since
-        if there is None or since.size < 64:
+        if predicted is None or since.size < 64:
             continue
-        left = getattr(there, name).left
+        residuals = getattr(predicted, name).residual
         step = float(np.median(np.diff(since)))
         even = np.zeros(round((since[-1] - since[0]) / step) + 1)
-        even[np.rint((since - since[0]) / step).astype(int)] = left - left.mean()
+        even[np.rint((since - since[0]) / step).astype(int)] = residuals - residuals.mean()
         power = np.abs(np.fft.rfft(even)) ** 2
-        at = int(np.argmax(power))
-        part = float(power[max(0, at - 4) : at + 5].sum() / power.sum())
-        if part > best:
-            best, found = part, at / (even.size * step)
-    if found is None:
+        peak = int(np.argmax(power))
+        fraction = float(power[max(0, peak - 4) : peak + 5].sum() / power.sum())
+        if fraction > best:
+            best, frequency = fraction, peak / (even.size * step)
+    if frequency is None:
         return ""
     cause = "a resonance of the sensor or its mount?" if name == "force" else "the gauge's?"
-    return f", most at {found:.3g} Hz ({cause})"
+    return f", most at {frequency:.3g} Hz ({cause})"

@@ -1,4 +1,4 @@
-"""The rig of the paper's jump speeds, and runs of the paper's scripts."""
+"""Fixtures: the rig of the paper's jump speeds, and runs of the paper's scripts."""
 
 import pytest
 
@@ -24,7 +24,7 @@ def two_mass(table2):
 
 @pytest.fixture
 def printed_by(tmp_path, capsys):
-    """Run a script, and return what it prints; its figure is written."""
+    """Run a script, and return its output. Its figure is written."""
 
     def run(script):
         script.main(["--out", str(tmp_path)])

@@ -21,7 +21,7 @@ ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
 
 
 def random_law(seed, lift=0.02):
-    """A whole turn of one Bézier curve that joins its own start with C²."""
+    """Return a whole turn of one Bézier curve, closed with C²."""
     ordinates = np.zeros(14)
     ordinates[4:10] = lift * np.random.default_rng(seed).uniform(0.0, 1.0, 6)
     return Law(f"random {seed}", [0.0, 2.0 * np.pi], ordinates[:, None])
@@ -34,8 +34,8 @@ def followed_by(laws):
     return [(law, followed_law(law, BASE, ROLLER)) for law in made]
 
 
-def test_a_roller_put_on_the_contour_stands_there(followed_by):
-    """The finished contour as points, the roller lowered onto it: nothing of the law is used."""
+def test_a_roller_put_on_the_contour_has_the_lift(followed_by):
+    """A roller lowered onto the points of the finished contour has the computed lift."""
     point, at = GuidedCentre.on_base(BASE, 0.0, 0.0), ANGLES[::4]
     for law, found in followed_by:
         outline = Contour.of(Disc("", point), Motion.uniform(law, 7200)).points
@@ -44,7 +44,7 @@ def test_a_roller_put_on_the_contour_stands_there(followed_by):
 
 
 def test_fifty_digits():
-    """Lift and three derivatives against mpmath, which finds the contact and differentiates."""
+    """Lift and three derivatives agree with mpmath, which finds the contact."""
     law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER)
     ordinates = [mp.mpf(float(y)) for y in law.ordinates[:, 0]]
     with mp.workdps(50):
@@ -70,7 +70,10 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """It stands above s, at its extremes on it, with s''/(1 − R_r s''/(ρ (ρ + R_r))) there."""
+    """The lift is at least s, and equal to s at its extremes.
+
+    The acceleration there is s''/(1 − R_r s''/(ρ (ρ + R_r))).
+    """
     at = np.array([np.pi])
     for law, found in followed_by:
         assert (found(ANGLES) - law(ANGLES)).min() > -1e-14
@@ -84,7 +87,10 @@ def test_lift_is_kept_and_never_below(followed_by):
 
 
 def test_limits_and_refusals(laws):
-    """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order."""
+    """The lift of a point is s; that of a large cam has the first-order difference.
+
+    It is R_r s'²/(2 ρ (ρ + R_r)).
+    """
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0)(ANGLES) - law(ANGLES)).max() < 1e-15
     base = 50.0
@@ -96,7 +102,7 @@ def test_limits_and_refusals(laws):
         followed_law(laws["poly345"], 0.020, 0.020)
 
 
-# -- what the roller does on the rig
+# -- the roller on the rig
 
 
 @pytest.fixture(scope="module")
@@ -107,14 +113,14 @@ def bezier():
 
 
 def test_a_point_changes_nothing(bezier):
-    """With no roller the cam is the one that was drawn, whatever its base circle."""
+    """A roller of radius 0 follows s on any base circle."""
     found = cut_at("bezier15", bezier.drawn, 0.04, 0.0)
     assert found.cut.jump == pytest.approx(bezier.drawn.jump, rel=1e-5)
     assert np.abs(found.change).max() < 1e-9 and found.above[0] < 1e-15
 
 
 def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
-    """Contact is lost just above it, and not just below."""
+    """Contact is lost just above the jump speed, and not just below."""
     for factor, leaves in ((1.0 + 1e-5, True), (1.0 - 1e-5, False)):
         speed = factor * bezier.cut.jump * RPM
         run = first_lift_off(bezier.cut.law, two_mass, speed, np.zeros(2), 1.7)
@@ -122,14 +128,14 @@ def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
 
 
 def test_numbers_of_the_report(bezier):
-    """The row of Bézier 15, to the report's digits; radii as in the cam's file."""
+    """The row of Bézier 15 agrees with the report, at the radii of the cam's file."""
     row = ["65", "10", "0.866", "-39.12", "-37.41", "569.05", "584.16", "-0.027", "+0.023"]
     assert table([bezier], "").for_report.text_rows == [["Bézier degree 15", *row, "–", "–"]]
 
 
 @pytest.mark.slow
 def test_jump_speeds_and_landings_of_the_other_cams():
-    """Jump speed of s and as cut, and the speeds from which s and the cut cam land."""
+    """Jump speeds and lowest speeds with landings, of s and as cut, are as reported."""
     rows = table(study(script.CAMS[1:]), "").for_report.text_rows
     assert [row[6:8] + row[-2:] for row in rows] == [
         ["413.44", "413.07", "–", "–"],
@@ -140,7 +146,7 @@ def test_jump_speeds_and_landings_of_the_other_cams():
 
 
 def test_it_grows_with_the_roller_and_falls_with_the_base(bezier, monkeypatch):
-    """As the first order does, R_r s'²/(2 ρ (ρ + R_r))."""
+    """The difference follows the first order, R_r s'²/(2 ρ (ρ + R_r))."""
     monkeypatch.setattr(script, "BASES", (0.05, 0.08))
     monkeypatch.setattr(script, "ROLLERS", (0.005, 0.015))
     rows = script.over_sizes(bezier)
@@ -151,7 +157,7 @@ def test_it_grows_with_the_roller_and_falls_with_the_base(bezier, monkeypatch):
 
 
 def test_the_script(bezier, printed_by, monkeypatch):
-    """Both tables, the summary and the figure."""
+    """The script prints both tables and the summary, and draws the figure."""
     monkeypatch.setattr(script, "study", lambda: [bezier])
     monkeypatch.setattr(script, "over_sizes", lambda found: [found])
     assert "0.866 mm too high, noise within 0.027 dB" in printed_by(script)

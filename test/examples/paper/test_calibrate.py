@@ -1,4 +1,4 @@
-"""The rig's sound from one published curve, and the TM21's cam from its own."""
+"""Calibration of the rig's sound, and identification of the TM21's cam."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from examples.paper.identify import Geometry, levels, study, with_geometry
 
 
 def test_calibration_repeats_the_rig_file(printed_by):
-    """The shipped constants are those of the script, which writes nothing by itself."""
+    """The script gives the shipped constants, and does not write by default."""
     printed = printed_by(calibrate)
     assert "gain 9.86e-05 Pa·s/N, corner 18.42 Hz; 0.634 dB RMS over 21 speeds" in printed
     assert "written" not in printed

@@ -1,4 +1,4 @@
-"""The factorial study: laws as they are meant, known effects, sums of squares that add up."""
+"""Factorial study: the laws of its designs, effects, and sums of squares."""
 
 import math
 
@@ -28,7 +28,7 @@ def no_faulty_figure():
 
 @pytest.fixture(scope="module")
 def found():
-    """The study with fewer angles, spans and speeds."""
+    """Study with fewer angles, spans and speeds."""
     with pytest.MonkeyPatch.context() as patch:
         for key, levels in {
             "EVENTS": (105.0, 135.0),
@@ -44,7 +44,7 @@ def found():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_up_and_down(rise):
-    """It rises and falls by the lift over the angle, dwells in between, its class at the joints."""
+    """A law rises and falls by the lift over the angle, with its class at the joints."""
     law = up_and_down(rise, math.radians(100.0), 0.05)
     at = np.radians([0.0, 39.9, 140.1, 180.0, 219.9, 320.1])
     assert law(at) == pytest.approx([0.0, 0.0, 0.05, 0.05, 0.05, 0.0], abs=1e-12)
@@ -53,7 +53,7 @@ def test_up_and_down(rise):
 
 
 def test_no_dwell_is_left_at_180():
-    """Rise and fall of half a turn each: simple harmonic becomes an eccentric, smooth for ever."""
+    """At 180° there are no dwells: simple harmonic becomes a smooth eccentric."""
     law = up_and_down("simple_harmonic", math.pi, 0.05)
     assert law.spans.size == 2
     assert all(joint.continuity >= 4 for joint in joints(law))
@@ -61,7 +61,7 @@ def test_no_dwell_is_left_at_180():
 
 @pytest.mark.parametrize("rise", RISES)
 def test_as_gentle(rise):
-    """Over its angle each law has the peak acceleration of the reference."""
+    """Each law has the peak acceleration of the reference over its angle."""
     event = math.radians(120.0)
     reference = up_and_down("poly345", event, 0.05)
     law = up_and_down(rise, script.as_gentle(rise, event), 0.05)
@@ -69,7 +69,7 @@ def test_as_gentle(rise):
 
 
 def test_squeezed(laws):
-    """All of the cam's turn in 240°, rest for the remaining 120°, slopes in proportion."""
+    """The turn is compressed into 240° with slopes in proportion, then at rest."""
     law = script.squeezed(laws["bezier15"], math.radians(240.0))
     angle = np.linspace(0.0, TURN, 99, endpoint=False)
     assert law(angle * 240.0 / 360.0) == pytest.approx(laws["bezier15"](angle), abs=1e-15)
@@ -80,14 +80,17 @@ def test_squeezed(laws):
 
 
 def test_sharper_is_worse(found):
-    """For every law shorter events mean an earlier jump, and more acceleration and noise."""
+    """Shorter events lower the jump speed, and raise acceleration and noise.
+
+    This is true for every law.
+    """
     for key, sign in (("jump", -1), ("acceleration", 1), ("noise", 1)):
         values = found.same_angles.values(key)
         assert (sign * (values[:, 0] - values[:, 1]) > 0.0).all()
 
 
 def test_ringing_falls_with_continuity(found):
-    """At equal acceleration each higher class rings less at every angle; noise is of the slopes."""
+    """At equal acceleration each higher class vibrates less at every angle."""
     design = found.same_acceleration
     values = design.values("residual")
     order = np.argsort(design.classes, kind="stable")
@@ -97,7 +100,7 @@ def test_ringing_falls_with_continuity(found):
 
 
 def test_advantage_adds_up(found):
-    """Slopes and ringing make up all of the advantage, by the definition of the rigid follower."""
+    """The shares of slopes and vibration add up to the whole advantage."""
     for row in script.advantages(found):
         best, other = found.cams["bezier15"], found.cams[row.cam]
         gained, others = (math.log(cam.jump / cam.rigid_jump) for cam in (best, other))
@@ -106,19 +109,22 @@ def test_advantage_adds_up(found):
         assert 0.5 < row.jump_share < 1.1
 
 
-def test_cells_stand_in_their_places(found):
-    """A cell of a design is the measure of its law and angle."""
+def test_cells_are_the_measures_of_law_and_angle(found):
+    """A cell of a design has the results of its law and angle."""
     law = up_and_down("cycloidal", math.radians(135.0), 0.05)
     assert found.same_angles.cells[2][1].jump == script.measure(law).jump
     assert found.squeezed[360.0] == found.cams["bezier15"]
 
 
 def test_cells_that_leave(found):
-    """A cell leaves whose jump speed is below its effect's fastest; the rest is a full table."""
+    """A cell is lost if its jump speed is below its effect's fastest speed.
+
+    The remaining cells are a complete table.
+    """
     design = found.same_acceleration
     jumps = np.array([[m.jump for m in row] for row in design.cells])
     assert (design.lost("residual") == (jumps < 400.0)).all()
-    assert design.lost("residual")[0].all()  # the one law with a jump of acceleration
+    assert design.lost("residual")[0].all()  # the law with acceleration jumps
     stay = design.in_contact("residual")
     assert not stay.lost("residual").any()
     assert len(stay.cells) == len(stay.rises) >= 2
@@ -127,7 +133,7 @@ def test_cells_that_leave(found):
 
 
 def test_the_script(found, printed_by, monkeypatch):
-    """Tables, summary and figure."""
+    """The script prints tables and summary, and draws the figure."""
     monkeypatch.setattr(script, "study", lambda _: found)
     printed = printed_by(script)
     assert "bezier15 jumps later than 2 of 2 cams" in printed
@@ -136,7 +142,7 @@ def test_the_script(found, printed_by, monkeypatch):
 
 @pytest.mark.slow
 def test_numbers_of_the_report():
-    """Shares of slopes and of continuity, and jump speeds by law, to the report's digits."""
+    """Shares of slopes and continuity, and jump speeds, agree with the report."""
     found = study()
     by_caption = {table.caption: table.for_report.text_rows for table in script.tables(found)}
     advantage = next(rows for key, rows in by_caption.items() if key.startswith("Advantage"))
@@ -162,7 +168,7 @@ def test_numbers_of_the_report():
 
 
 def test_up_and_down_with_another_high_dwell():
-    """The dwell has its width, at the lift; the low one takes the rest of the turn."""
+    """The high dwell has its width, and the low dwell the rest of the turn."""
     event, high = math.radians(100.0), math.radians(20.0)
     law = up_and_down("poly345", event, 0.05, high)
     middle = 0.5 * (2.0 * math.pi - 2.0 * event - high) + event
@@ -182,7 +188,10 @@ TABLES = arrays(np.float64, (3, 4), elements=st.floats(-100.0, 100.0))
 
 @given(TABLES)
 def test_shares_add_up(values):
-    """Rows, columns and interaction are all of the variation about the mean; turned, they swap."""
+    """Rows, columns and interaction add up to the variation about the mean.
+
+    Those of the transposed table are exchanged.
+    """
     found, turned = shares_of(values, range(3)), shares_of(values.T, range(4))
     assert found.total == pytest.approx(((values - values.mean()) ** 2).sum(), abs=1e-9)
     assert found.law + found.angle + found.interaction == pytest.approx(1.0) or found.total < 1e-9
@@ -191,7 +200,7 @@ def test_shares_add_up(values):
 
 
 def test_known_tables():
-    """Effects that add; opposite corners; nothing that varies; rows that differ in one class."""
+    """Tables with known effects have these shares."""
     rows, columns = np.array([-2.0, 0.0, 2.0]), np.array([-1.0, 1.0])
     added = shares_of(5.0 + rows[:, None] + columns, range(3))
     assert (added.law, added.angle, added.total) == pytest.approx((16 / 22, 6 / 22, 22.0))
@@ -203,7 +212,10 @@ def test_known_tables():
 
 @given(arrays(np.float64, (2, 2, 2), elements=st.floats(-100.0, 100.0)))
 def test_shares_of_two_levels_are_of_all(values):
-    """Every factor and interaction once; a two-way table gives the same two shares."""
+    """Every factor and interaction counts once.
+
+    A two-way table gives the same two shares.
+    """
     shares = two_levels(values)
     total = ((values - values.mean()) ** 2).sum()
     assert len(shares) == 7

@@ -1,4 +1,4 @@
-"""Speed fluctuation of a flywheel: the handbook's formula, eq. 10's limit, and the preload."""
+"""Speed fluctuation of a flywheel: handbook formula, limit of eq. 10, and preload."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ def turns(found):
 
 
 def test_the_last_row_is_equation_10(found, laws, table2):
-    """An infinite flywheel does not fluctuate; its twist is the vibration study's."""
+    """An infinite flywheel has no fluctuation, and the twist of the vibration study."""
     last = turns(found)[-1]
     assert last.fluctuation == 0.0 == last.formula
     twist = np.ptp(steady_twist(laws["poly345"], shaft_of(table2), SPEED)[1])
@@ -34,7 +34,7 @@ def test_the_last_row_is_equation_10(found, laws, table2):
 
 
 def test_a_heavier_flywheel_fluctuates_less(found):
-    """Towards 1/I_v, and the twist towards eq. 10's as 1/I_v."""
+    """Fluctuation tends to 0, and the twist to that of eq. 10, as 1/I_v."""
     rows = turns(found)
     assert np.all(np.diff([turn.fluctuation for turn in rows]) < 0.0)
     five, twenty = rows[-3], rows[-2]
@@ -45,14 +45,14 @@ def test_a_heavier_flywheel_fluctuates_less(found):
 
 @pytest.mark.parametrize("cam", ["poly4567", "tm21", "bezier15"])
 def test_the_handbook_formula_holds_on_a_rigid_shaft(laws, table2, cam):
-    """ΔE/(I ω²) for a flywheel so heavy that the load is that of even speed."""
+    """The fluctuation is ΔE/(I ω²) for a heavy flywheel on a rigid shaft."""
     shaft = replace(shaft_of(table2), shaft_stiffness=1e6, shaft_damping=5.0)
     turn = flywheel_turn(laws[cam], shaft, 50.0, SPEED)
     assert turn.fluctuation == pytest.approx(turn.formula, rel=2e-3)
 
 
 def test_surplus_without_damping_is_kinetic_and_potential(laws, table2):
-    """No damper: ΔE is the largest of ½ m ω² s'² + ½ k s² + F₀ s."""
+    """Without damping ΔE is the largest of ½ m ω² s'² + ½ k s² + F₀ s."""
     shaft = shaft_of(table2)
     f = replace(shaft.follower, damping=0.0)
     law, angles = laws["cycloidal"], np.linspace(0.0, 2.0 * np.pi, 20_001)
@@ -63,14 +63,14 @@ def test_surplus_without_damping_is_kinetic_and_potential(laws, table2):
 
 
 def test_the_preload_twists_the_shaft(found):
-    """Eq. 10 has no preload: 0.1432 degrees with it, 0.1115 without, at 300 rpm."""
+    """At 300 rpm the twist is 0.1432° with preload, 0.1115° without it (eq. 10)."""
     with_it = math.degrees(turns(found)[-1].twist)
     without = math.degrees(found.without_preload["poly345"])
     assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
 
 
 def test_the_script(found, printed_by, monkeypatch):
-    """One row per inertia and per cam, the digits of the report, the summary and the figure."""
+    """The script prints one row per inertia and per cam, and draws the figure."""
     over_inertia, over_cams = tables(found)
     assert [row[0] for row in over_inertia.rows][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS

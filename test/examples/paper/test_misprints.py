@@ -1,4 +1,7 @@
-"""Every misprint of the sources: what is printed breaks an identity that the right form keeps."""
+"""Misprints of the sources: the printed text breaks an identity.
+
+The correct text satisfies it.
+"""
 
 from math import comb
 
@@ -14,13 +17,13 @@ from examples.paper.misprints import MISPRINTS
 U = np.linspace(0.0, 1.0, 201)
 THETA = np.linspace(0.1, 6.0, 60)
 STEP = 1e-5
-#: Of a central difference of the second order, with numbers of the order of one.
+#: Error of a central difference of the second order, for values of the order of 1.
 DIFFERENCE = 1e-8
 PRINTED_JUMPS = (570, 415, 390, 410, 400)  # rpm, Table 2 of the paper
 
 
 def difference(function, at):
-    """The derivative by a central difference."""
+    """Return the derivative by a central difference."""
     return (function(at + STEP) - function(at - STEP)) / (2.0 * STEP)
 
 
@@ -29,7 +32,7 @@ def largest(error):
 
 
 def eq_2():
-    """Coefficients are ordinates times binomials; with them the curve is the law's."""
+    """Coefficients are ordinates times binomials, and the curve is then the law's."""
     law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
     ordinates = np.zeros(16)
     for number, value in ((4, 1.5), (5, 1.5), (6, 0.868), (7, 0.868)):
@@ -47,7 +50,7 @@ def eq_2():
 
 
 def eq_20():
-    """Bézier 15 and TM21 are equally loud at 335 rpm, as the paper says."""
+    """Bézier 15 and TM21 are equally loud at 335 rpm, as the paper states."""
     published = load_published(config_root() / "published" / "tm21_noise.yaml")
     apart = published.level("bezier15", 335) - published.level("tm21", 335)
     return abs(apart + 2593808 - 25.93808), abs(apart), 0.05  # dB: printed digits
@@ -64,7 +67,7 @@ def ordinates_of_bezier_15():
 
 
 def table_1():
-    """13 kg leave the spring below the lowest speed printed; with 1.3 kg it can be reached. rpm."""
+    """Return the speeds (rpm) missing to the lowest printed one, with 13 and 1.3 kg."""
     laws = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
     def missing(mass):
@@ -147,7 +150,7 @@ def eq_2_13():
 
 
 def distance(angle):
-    """How far the follower is from its mean (m), as a function of the cam angle."""
+    """Return the follower's distance from its mean (m), by cam angle."""
     return 0.05 + 0.01 * np.sin(angle) + 0.003 * np.cos(2.0 * angle)
 
 
@@ -224,7 +227,7 @@ def part_a():
 
 
 def part_b():
-    """The rise from 0 at θ/β = 1 to 1 at θ/β = 2, the example's own boundary conditions."""
+    """The rise from 0 at θ/β = 1 to 1 at θ/β = 2, the conditions of the example."""
 
     def error(sign):
         rise = 0.5 * (1.0 + sign * np.cos(np.pi * np.array([1.0, 2.0])))
@@ -233,7 +236,7 @@ def part_b():
     return error(-1), error(1), 1e-15
 
 
-#: In the order of `MISPRINTS`.
+#: Checks in the order of `MISPRINTS`.
 CHECKS = (
     *(eq_2, eq_20, ordinates_of_bezier_15, table_1, eq_3_6, eq_3_7),
     *(eq_2_1, eq_2_13, eq_2_17, eq_2_33, eq_2_39, part_a, part_b),
@@ -241,8 +244,8 @@ CHECKS = (
 
 
 @pytest.mark.parametrize("check", CHECKS)
-def test_what_is_printed_is_wrong_and_what_is_right_holds(check):
-    """The identity is broken by far more than the right form misses it."""
+def test_printed_text_is_wrong_and_correct_text_is_right(check):
+    """The printed text breaks the identity by far more than the correct text."""
     printed, right, tolerance = check()
     assert right <= tolerance
     assert printed > 1e3 * right
@@ -250,7 +253,7 @@ def test_what_is_printed_is_wrong_and_what_is_right_holds(check):
 
 
 def test_the_page_on_theory_lists_them_all():
-    """The same table, row by row; and each has a check."""
+    """The page on theory has the same table, and each row has a check."""
     assert len(CHECKS) == len(MISPRINTS)
     page = (config_root().parent / "docs" / "theory.md").read_text(encoding="utf-8")
     rows = ["| " + " | ".join(misprint) + " |" for misprint in MISPRINTS]

@@ -1,4 +1,4 @@
-"""Readings of Table 2: what the table's grid shows of a rig, and the search for one."""
+"""Readings of Table 2: loss of contact on the table's grid, and the search."""
 
 import math
 
@@ -21,7 +21,7 @@ CAMS = {cam: cam_rig.load_cam(cam) for cam in TABLE_2}
 
 
 def test_the_shipped_reading_is_the_shipped_rig():
-    """One rig, told twice: the numbers of paper_table2 and of its cams."""
+    """The shipped reading has the parameters of paper_table2 and of its cams."""
     reading = READINGS["shipped"]
     assert reading.follower == TwoMassParameters.from_rig(cam_rig.load_rig("paper_table2"))
     for name, cam in CAMS.items():
@@ -29,8 +29,8 @@ def test_the_shipped_reading_is_the_shipped_rig():
 
 
 @pytest.mark.parametrize("cam", CAMS)
-def test_events_and_high_dwell_are_what_was_asked(cam):
-    """Rise, high dwell and fall by the law itself: where it moves, and where it is high."""
+def test_events_and_high_dwell_are_as_requested(cam):
+    """Rise, high dwell and fall of the law have the requested angles."""
     law = build_law(with_event(CAMS[cam], 2.0, 0.9))
     if cam == "bezier15":
         assert law.spans.size == 1
@@ -43,7 +43,10 @@ def test_events_and_high_dwell_are_what_was_asked(cam):
 
 
 def test_the_first_speed_of_the_grid_by_the_exact_model():
-    """Contact is lost at it, and at no slower speed of the grid: 3-4-5 on a stem that vibrates."""
+    """Contact is lost at the first speed, and at no slower speed of the grid.
+
+    The law is 3-4-5 on a stem that vibrates.
+    """
     law = build_law(CAMS["poly345"])
     follower = TwoMassParameters(0.5, 0.8, 1.26e6, 4030.0, 0.5, 0.5, 20.0)
     rpm = first_on_grid(law, follower, 500.0, 1.0)
@@ -55,12 +58,15 @@ def test_the_first_speed_of_the_grid_by_the_exact_model():
     assert math.isnan(first_on_grid(law, follower, rpm - 5.0, 1.0))
 
 
-#: Lightly damped: vibration of 3-4-5 builds up for ten turns about 415 rpm.
+#: Follower with little damping: the vibration of 3-4-5 grows for ten turns near 415 rpm.
 LIGHT = TwoMassParameters(0.634, 0.666, 2.424962e6, 4030.0, 0.0105, 0.0105, 14.29)
 
 
-def test_damping_decides_how_much_a_time_tells():
-    """With the printed damping turns are alike: no speed about 415 rpm gives 1.50 s."""
+def test_damping_determines_the_window_of_a_time():
+    """With the printed damping no speed near 415 rpm gives 1.50 s.
+
+    All turns are then nearly equal.
+    """
     law = build_law(CAMS["poly345"])
     damped = TwoMassParameters(0.5, 0.8, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
     printed = (415.0, 1.5)
@@ -68,7 +74,7 @@ def test_damping_decides_how_much_a_time_tells():
 
 
 def test_a_window_by_the_exact_model():
-    """It loses contact about the printed time at as many speeds as the window says."""
+    """Contact is lost at the printed time over the computed range of speeds."""
     law = build_law(CAMS["poly345"])
     printed = (415.0, 1.2)
     speeds = np.linspace(410.0, 420.0, 501)
@@ -81,8 +87,8 @@ def test_a_window_by_the_exact_model():
     assert window(law, LIGHT, printed, 2.0) == pytest.approx(exact, abs=0.04)
 
 
-def test_a_trial_that_shows_the_table_misses_nothing():
-    """At the speed of the exact model a trial misses nothing, 5 rpm from it does."""
+def test_a_trial_that_shows_the_table_has_no_miss():
+    """A trial at the speed of the exact model has no miss, 5 rpm from it has one."""
     reading = READINGS["shipped"]
     numbers = {key: np.array([getattr(reading, key).si]) for key in BOUNDS}
     numbers |= {"mass": np.array([1.3]), "spring_stiffness": np.array([4030.0])}
@@ -94,7 +100,7 @@ def test_a_trial_that_shows_the_table_misses_nothing():
 
 
 def test_a_search_finds_a_rig_that_shows_the_table(capsys):
-    """Speeds made by a known rig: the search for two of its numbers ends at no miss."""
+    """The search for two parameters of a known rig ends without a miss."""
     reading = READINGS["shipped"]
     made = {
         cam: (first_on_grid(reading.law(cam), reading.follower, 650.0, RUN), 1.0)
@@ -111,12 +117,12 @@ def test_a_search_finds_a_rig_that_shows_the_table(capsys):
 
 @pytest.fixture(scope="module")
 def shipped():
-    """The reading of the shipped rig on every cam."""
+    """Reading of the shipped rig on every cam."""
     return read("shipped", READINGS["shipped"], RUN)
 
 
 def test_numbers_of_the_report(shipped):
-    """Jump speeds and times of the shipped reading, to the report's digits; fitted numbers."""
+    """Jump speeds and times of the shipped reading agree with the report."""
     readings, cams = tables([shipped])
     assert "".join(readings.rows[0][:8]).count("*") == len(shipped.reading.fitted) == 4
     assert readings.for_report.text_rows[0][8:] == ["4", "4", "0", "0.41"]
@@ -133,7 +139,10 @@ def test_numbers_of_the_report(shipped):
 
 @pytest.mark.slow
 def test_what_agrees_in_each_reading():
-    """Speeds, times and r.m.s. (%) of every reading; the widest window of a printed time."""
+    """Speeds, times and r.m.s. (%) of every reading are as reported.
+
+    The widest window of a printed time is as reported too.
+    """
     found = script.study()
     assert [(one.name, one.speeds, one.times, round(100.0 * one.rms, 2)) for one in found] == [
         ("printed_stem", 2, 0, 3.97),
@@ -151,7 +160,7 @@ def test_what_agrees_in_each_reading():
 
 
 def test_the_scripts(shipped, tmp_path, capsys, monkeypatch):
-    """The table of the readings and its summary; a search of one generation."""
+    """The scripts print their tables and summary. The search has one generation."""
     monkeypatch.setattr(script, "study", lambda: [shipped])
     script.main(["--out", str(tmp_path)])
     assert "nearest on shipped, 0.41% r.m.s." in capsys.readouterr().out

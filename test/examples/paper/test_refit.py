@@ -15,8 +15,11 @@ from examples.paper.refit import jumps, main, refit, refitted, study, tables, wi
 FOUR = ("bezier15", "poly345", "poly4567", "cycloidal")
 
 
-def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
-    """Four numbers to four speeds may have several solutions: each start's end, the best first."""
+def test_every_start_of_a_refit_is_reported(cams, laws, two_mass, monkeypatch):
+    """The result of every start is reported, the best first.
+
+    Four parameters fitted to four speeds may have several solutions.
+    """
     monkeypatch.setattr(jump_refit, "STARTS", 2)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
     speeds = {
@@ -32,7 +35,10 @@ def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
 
 
 def test_with_event(cams):
-    """Other event angles: still a turn, both halves of a rise alike; a whole turn stays."""
+    """Other event angles keep the turn, and the halves of a rise equal.
+
+    A cam that moves over a whole turn is unchanged.
+    """
     for name, halves in (("poly345", 1), ("bezier_segments", 2)):
         changed = with_event(cams[name], np.radians(100.0))
         moving = [np.degrees(s.span.si) for s in changed.segments if s.law != "dwell"]
@@ -42,7 +48,7 @@ def test_with_event(cams):
 
 
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
-    """Speeds made with known numbers give these numbers back, from a start somewhat off."""
+    """Speeds of known parameters give these parameters from a different start."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in FOUR}
@@ -54,7 +60,7 @@ def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
 
 
 def test_the_script_prints_its_tables(tmp_path, monkeypatch, capsys):
-    """Of a short search: the rig as it is first, and the jump speeds of all five cams."""
+    """A short search prints the original rig first, and the jump speeds of five cams."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 1)
     found = study(0.2, lambda _text: None)

@@ -1,4 +1,4 @@
-"""The paper's report: every section with its figures and tables, and the numbers of the paper."""
+"""Report of the paper: every section with figures and tables, and its numbers."""
 
 import re
 from concurrent.futures import Future
@@ -9,15 +9,15 @@ from examples.paper import as_cut, factorial, flywheel, readings, report, sectio
 
 from ...cli.test_report import numbered, sentences, too_long, untypeset
 
-#: Names of cams and rises that are no words; a rig has that of a cam.
+#: Names of cams and rises that are not words. A rig has the name of a cam.
 NAMES = r"(?<!rig )\b(tm21|bezier\d+|poly\d+|bezier_segments|simple_harmonic)\b"
 
-#: In place of a picture, which takes a second or two.
+#: Replacement of a picture, which takes a second or two.
 PICTURE = "data:image/svg+xml;base64,AAAA"
 
 
 class Here:
-    """An executor that computes in this process."""
+    """Executor that computes in this process."""
 
     def __enter__(self):
         return self
@@ -33,12 +33,12 @@ class Here:
 
 @pytest.fixture
 def no_faulty_figure():
-    """Do not check the figures, which the scripts' tests check."""
+    """Do not check the figures, which are checked by the tests of the scripts."""
 
 
 @pytest.fixture
 def fewer(monkeypatch):
-    """A few cases of each long study, and no figure is drawn."""
+    """Reduce each long study to a few cases, and draw no figure."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.drawn", pictures)
     monkeypatch.setattr("examples.paper.designs.ASKED", ())
@@ -58,7 +58,7 @@ def fewer(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("fewer")
 def test_the_page(tmp_path, capsys):
-    """Of a few cases, with no figure drawn; the title of each section is printed."""
+    """A page of a few cases is complete, and the title of each section is printed."""
     check_page(tmp_path, figures=18)  # without that of the best law
     printed = capsys.readouterr().out
     assert all(section.title in printed for section in sections.SECTIONS)
@@ -67,20 +67,20 @@ def test_the_page(tmp_path, capsys):
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_whole_page(tmp_path):
-    """Of all speeds, readings and laws, with its figures."""
+    """The page of all speeds, readings and laws has its figures."""
     check_page(tmp_path, figures=19)
 
 
 def check_page(tmp_path, figures):
-    """Every section with its figures inside, tables 1 to 3, origins; figures in order.
+    """Check a page: every section, figures in order, tables 1 to 3, and origins.
 
-    It opens with what the paper says and what came out here; no sentence is over 30 words.
+    It starts with the statements of the paper and the results here. No sentence has over 30 words.
     """
     out = tmp_path / "out" / "paper.html"
     report.main(["--out", str(out)])
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="([^"]{,40})', page)
-    assert page.count("<figure ") == figures < len(pictures)  # tall ones in strips
+    assert page.count("<figure ") == figures < len(pictures)  # tall pictures in strips
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
         assert words in page
@@ -103,7 +103,7 @@ def check_page(tmp_path, figures):
 
 @pytest.mark.slow
 def test_numbers_of_the_summary():
-    """What the paper says and what came out, to the digits of the page."""
+    """The statements of the paper and the results agree with the page."""
     paper = shared.Paper(factorial.study)
     rows = {question: here for question, _, here in shared.summary_table(paper).rows}
     assert list(rows.values()) == [
@@ -119,7 +119,7 @@ def test_numbers_of_the_summary():
 
 
 def test_table_1():
-    """The paper's numbers, and those of both rigs."""
+    """Table 1 has the paper's parameters and those of both rigs."""
     rows = sections.table_1(shared.Paper(factorial.study)).for_report.text_rows
     assert rows == [
         ["return spring [N/m]", "4030", "4030", "4030"],
@@ -131,7 +131,7 @@ def test_table_1():
 
 
 def test_another_kind_of_page(tmp_path, capsys):
-    """Is refused before anything runs."""
+    """Another suffix is an error before anything runs."""
     with pytest.raises(SystemExit):
         report.main(["--out", str(tmp_path / "a.pdf")])
     assert "unknown kind of page; allowed: .html, .md" in capsys.readouterr().err

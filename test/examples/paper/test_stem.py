@@ -19,10 +19,11 @@ from examples.paper.stem import BAR, Stem, stem_jump, stem_turn
 
 
 def chain_response(law, stem, speed):
-    """A chain in contact through the rig's exact solver; outputs contact force and head, N and m.
+    """Return a chain in contact for the rig's exact solver.
 
-    The state is displacement and velocity of each node behind the foot about their static place
-    under the lift, in turn from the foot on: so the lift's rounding is not multiplied by the stem.
+    The outputs are contact force and head, in N and m. The state is displacement and velocity of
+    each node behind the foot about their static position under the lift, from the foot on. The
+    rounding of the lift is then not multiplied by the stem.
     """
     f, n = stem.follower, int(stem.elements)
     masses = np.full(n, stem.mass / n)
@@ -54,7 +55,7 @@ def chain_response(law, stem, speed):
 
 
 def exact(law, stem, speed, count):
-    """Force and head of a steady turn, ``(2, count)``."""
+    """Return force and head of a steady turn, ``(2, count)``."""
     model, outputs = chain_response(law, stem, speed)
     return sample(model, model.periodic(), 0.0, 0.0, TURN / speed / count, count, outputs)
 
@@ -63,7 +64,7 @@ SPEED = 300.0 * RPM
 
 
 def some_follower(seed):
-    """A damped follower by chance, as stiff as its speeds can be resolved."""
+    """Return a random damped follower, as stiff as its speeds can be resolved."""
     rng = np.random.default_rng(seed)
     return TwoMassParameters(
         *rng.uniform(0.2, 1.5, 2), 10.0 ** rng.uniform(5.5, 7.0), rng.uniform(1e3, 1e4),
@@ -72,7 +73,7 @@ def some_follower(seed):
 
 
 def test_masses_and_static_stiffness_are_kept(two_mass):
-    """However many masses: their sum, and what a slow lift meets."""
+    """Any number of masses has the same sum and the same static stiffness."""
     for elements in (1.0, 2.0, 7.0, BAR):
         stem = Stem(two_mass, elements)
         total = stem.foot_mass + stem.mass + stem.head_mass
@@ -85,7 +86,7 @@ def test_masses_and_static_stiffness_are_kept(two_mass):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(3))
 def test_one_element_is_the_two_mass_follower(law, seed):
-    """The same contact force, to rounding, on rigs by chance."""
+    """One element has the contact force of two masses, to rounding, on random rigs."""
     p = some_follower(seed)
     model = contact_response(law, p, SPEED)
     step = TURN / SPEED / 500
@@ -95,7 +96,7 @@ def test_one_element_is_the_two_mass_follower(law, seed):
 
 @pytest.mark.parametrize("elements", [1.0, 2.0, 5.0])
 def test_natural_frequencies_are_those_of_the_matrix(laws, two_mass, elements):
-    """Without damping the chain's matrix has them as its imaginary eigenvalues."""
+    """The frequencies are the imaginary eigenvalues of the undamped chain's matrix."""
     undamped = Stem(replace(two_mass, stem_damping=0.0, damping=0.0), elements)
     model = chain_response(laws["poly345"], undamped, SPEED)[0]
     rates = np.sort(np.abs(np.linalg.eigvals(model.matrix).imag))[::2]
@@ -103,7 +104,10 @@ def test_natural_frequencies_are_those_of_the_matrix(laws, two_mass, elements):
 
 
 def test_a_fixed_free_bar(two_mass):
-    """Neither head nor spring: (i + ½) π √(k/m); the chain's √(4 n² k/m) sin((i + ½) π/2n)."""
+    """A bar without head and spring has the frequencies (i + ½) π √(k/m).
+
+    Those of the chain are √(4 n² k/m) sin((i + ½) π/2n).
+    """
     free = replace(two_mass, roller_mass=0.65, end_mass=0.65, spring_stiffness=1e-9)
     rate, mode = math.sqrt(free.stem_stiffness / 1.3), np.arange(4) + 0.5
     bar = Stem(free, BAR).frequencies(4)
@@ -114,7 +118,10 @@ def test_a_fixed_free_bar(two_mass):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
-    """Frequencies and transfers alike: twice the masses, a quarter of the error."""
+    """Twice the number of masses has a quarter of the error.
+
+    This is true for frequencies and transfer functions.
+    """
     p, rates = some_follower(seed), 1j * np.array([300.0, 900.0, 2500.0])
     limit, bar = Stem(p, BAR).frequencies(3), Stem(p, BAR).transfer(rates)
     errors = []
@@ -130,7 +137,7 @@ def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("elements", [1.0, 3.0, 8.0])
 def test_the_series_is_the_exact_solver(laws, seed, elements):
-    """Two ways to one turn: harmonic by harmonic, and piece by piece in closed form."""
+    """The turn by harmonics agrees with the turn in closed form, piece by piece."""
     law, stem = laws[("poly4567", "bezier15")[seed % 2]], Stem(some_follower(seed), elements)
     turn = stem_turn(law, stem, SPEED)
     force, head = exact(law, stem, SPEED, turn.angle.size)
@@ -141,7 +148,7 @@ def test_the_series_is_the_exact_solver(laws, seed, elements):
 
 
 def test_a_bar_transmits_no_faster_than_sound(two_mass):
-    """A short pulse on the foot comes to the head after √(m/k), and not before."""
+    """A short pulse on the foot reaches the head after √(m/k), and not before."""
     stem = Stem(replace(two_mass, stem_damping=0.0), BAR)
     travel, period = math.sqrt(stem.mass / two_mass.stem_stiffness), 0.05
     count, decay = 2**13, 200.0  # off the imaginary axis, so that one period is not the next
@@ -156,7 +163,7 @@ def test_a_bar_transmits_no_faster_than_sound(two_mass):
     assert travel < arrives < 1.5 * travel
 
 
-# -- from which speed on two masses are not enough: jump speed, vibration and level of a bar
+# -- speed from which two masses are not sufficient: jump speed, vibration and level of a bar
 
 
 @pytest.fixture(scope="module")
@@ -167,20 +174,23 @@ def found(laws, table2):
 
 @pytest.fixture(scope="module")
 def rows(found):
-    """The stems of more and more masses."""
+    """Stems with an increasing number of masses."""
     return found.over_elements.frame
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
 def test_one_element_jumps_as_two_masses(laws, two_mass, table2, cam):
-    """The jump study's steady state, found by its own search and exact proof."""
+    """One element has the jump speed of two masses in the jump study.
+
+    That study has a separate search with an exact proof.
+    """
     expected = find_jump(laws[cam], two_mass, None).rpm
     assert stem_jump(laws[cam], Stem(two_mass, 1.0), table2) == pytest.approx(expected, rel=2e-5)
 
 
 @pytest.mark.parametrize("elements", [2.0, 5.0])
 def test_the_exact_solver_loses_contact_there(laws, two_mass, table2, elements):
-    """A chain's least force through the rig's solver changes its sign at the jump speed."""
+    """The least force by the rig's solver changes its sign at the jump speed."""
     law, stem = laws["cycloidal"], Stem(two_mass, elements)
     jump = stem_jump(law, stem, table2) * RPM
     below, above = (exact(law, stem, jump * (1.0 + s), 8000)[0].min() for s in (-1e-4, 1e-4))
@@ -188,7 +198,7 @@ def test_the_exact_solver_loses_contact_there(laws, two_mass, table2, elements):
 
 
 def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2, two_mass):
-    """Level by harmonics, and by the exact steady structure under the force of eq. 9."""
+    """The level by harmonics agrees with that of the exact structure under eq. 9."""
     law, follower = laws["poly4567"], FollowerParameters.from_rig(table2)
     radiation = RadiationParameters.from_rig(table2)
     stiff = replace(two_mass, stem_stiffness=1e10)
@@ -199,7 +209,7 @@ def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2, two
 
 
 def test_the_rows_tend_to_the_bar(rows):
-    """Frequency, jump speed, vibration and level: closer with every mass from three on."""
+    """All results converge to those of the bar from three masses on."""
     away = (rows.iloc[1:-1, 1:] - rows.iloc[-1, 1:]).abs().astype(float)
     assert (np.diff(away.drop(columns="off [%]"), axis=0) < 0.0).all()
     five, nine = away["jump speed [rpm]"].iloc[-2:]
@@ -207,7 +217,7 @@ def test_the_rows_tend_to_the_bar(rows):
 
 
 def test_numbers_of_the_report(found, rows):
-    """The values that the report shows, to its digits: 3-4-5 on the identified stem."""
+    """The values of 3-4-5 on the identified stem agree with the report."""
     assert rows["first natural frequency [Hz]"].iloc[[0, -1]].round(1).tolist() == [202.6, 221.9]
     jumps = [414.5, 369.9, 374.2, 376.4, 377.2, 377.6]
     assert rows["jump speed [rpm]"].astype(float).round(1).tolist() == jumps
@@ -217,7 +227,10 @@ def test_numbers_of_the_report(found, rows):
 
 
 def test_where_two_masses_are_not_sufficient(found, laws, two_mass):
-    """At the speed given they miss the bar's least force by a tenth of the preload, not below."""
+    """At the reported speed the least force differs by a tenth of the preload.
+
+    Below it the difference is smaller.
+    """
     rpm = float(found.over_cams.frame["force off from [rpm]"][0])
 
     def missed(at):
@@ -239,14 +252,14 @@ def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, two_mass)
 
 
 def test_vibration_is_read_in_the_low_dwell(laws, two_mass):
-    """The head moves less in the low dwell than over the turn."""
+    """The vibration is that in the low dwell, which is less than over the turn."""
     law = laws["poly345"]
     turn = stem_turn(law, Stem(two_mass, BAR), SPEED)
     assert 0.0 < np.ptp(turn.head[low_dwell(law).holds(turn.angle)]) < np.ptp(turn.head)
 
 
 def test_the_script(found, printed_by, monkeypatch):
-    """Both tables, the summary and the figure; the bar is the last row."""
+    """The script prints both tables and the summary. The bar is the last row."""
     monkeypatch.setattr(script, "study", lambda: [found])
     printed = printed_by(script)
     assert "two masses off by at most +9.78 % (Polynomial 3-4-5), level by 0.54 dB" in printed

@@ -14,7 +14,7 @@ def curves():
 
 
 def changed(curve, change):
-    """The curve with other ordinates; ``change`` in fractions of the lift."""
+    """Return the curve with other ordinates, changed by ``change`` in lifts."""
     ordinates = (curve.ordinates + change).tolist()
     segment = curve.cam.segments[0].model_dump(exclude_none=True)
     segment["ordinates"] = ordinates
@@ -23,7 +23,10 @@ def changed(curve, change):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_shifts_are_derivatives(curves, which):
-    """Differences of the angles of the cam built anew; upwards, so that the lowest place stays."""
+    """The shifts agree with differences of the angles of changed cams.
+
+    The changes are positive, so that the lowest point stays.
+    """
     curve, step = curves[which], 1e-5
     for j in range(1, curve.ordinates.size - 1):  # the first and last would step at the joint
         unit = np.eye(curve.ordinates.size)[j] * step
@@ -34,20 +37,29 @@ def test_shifts_are_derivatives(curves, which):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_all_together_lift_the_law(curves, which):
-    """Basis functions add up to one: all ordinates together move an event by −h/s'."""
+    """All ordinates together move an event by −h/s'.
+
+    The basis functions add up to one.
+    """
     curve = curves[which]
     total = curve.shifts.sum(axis=1)
     assert total == pytest.approx(-curve.cam.lift.si / curve.law(curve.angles, 1), rel=1e-12)
 
 
 def test_reach_of_the_first(curves):
-    """(1 − u)^15 > r up to u = 1 − r^(1/15); sampled every 0.005°."""
+    """The first ordinate reaches up to u = 1 − r^(1/15), where (1 − u)^15 = r.
+
+    It is sampled every 0.005°.
+    """
     exact = 360.0 * (1.0 - REACHED ** (1.0 / 15.0))
     assert curves[0].reaches[[0, -1]] == pytest.approx([exact, exact], abs=0.005)
 
 
 def test_the_b_spline_has_lift_and_events_of_the_curve(curves):
-    """Its greatest lift, six angles, and the ends at rest; the laws are 1e-3 of the lift apart."""
+    """The B-spline has the curve's lift, its six angles, and its ends at rest.
+
+    The laws differ by 1e-3 of the lift.
+    """
     curve, spline = curves
     assert spline.angles == pytest.approx(curve.angles, abs=1e-11)
     assert spline.law.lift == pytest.approx(curve.law.lift, rel=1e-12)
@@ -57,7 +69,7 @@ def test_the_b_spline_has_lift_and_events_of_the_curve(curves):
 
 
 def test_control_is_local(curves):
-    """A B-spline's ordinate reaches no farther than n + 1 knot spans; a Bézier curve's do."""
+    """A B-spline's ordinate reaches at most n + 1 knot spans, a Bézier curve's more."""
     curve, spline = curves
     support = (DEGREE + 1) * 360.0 / PIECES
     assert spline.reaches[spline.free].max() <= support < curve.reaches[curve.free].min()
@@ -65,7 +77,7 @@ def test_control_is_local(curves):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_one_event_alone(curves, which):
-    """A thousandth of the change moves that event by a thousandth of a degree, the others not."""
+    """A thousandth of the change moves its event by a thousandth of a degree only."""
     curve = curves[which]
     for k, (largest, _) in enumerate(curve.alone):
         change = np.zeros(curve.ordinates.size)
@@ -76,7 +88,7 @@ def test_one_event_alone(curves, which):
 
 
 def test_numbers_of_the_report(curves):
-    """The table of the control, to the report's digits."""
+    """The table of the control agrees with the report."""
     rows = [row[1:] for row in control_table(curves).for_report.text_rows]
     assert rows == [
         ["8", "234", "256", "3.5", "99.50", "330", "26.83", "314", "1.30", "307"],
@@ -89,7 +101,7 @@ def test_numbers_of_the_report(curves):
 
 
 def test_the_script(printed_by):
-    """Tables, the summary and the figure; every event of the cams of Table 2."""
+    """The script prints tables with every event of the cams of Table 2, and a summary."""
     printed = printed_by(script)
     assert "the 1 % event alone by 1° takes ordinates changed by 99.5 % of the lift" in printed
     assert "43.663" in printed

@@ -1,4 +1,4 @@
-"""Random machines, measured: what of a fit's intervals holds the truth is counted over these."""
+"""Random simulated machines for a count of the intervals that contain the truth."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from cam_rig.studies.fit_rig.numbers import WITHIN_95
 from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.units import to_rpm
 
-#: With dwells and without, smooth and with steps of acceleration.
+#: Cams with and without dwells, smooth and with steps of acceleration.
 CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex", "tm21", "arcs_straight")
-#: Speeds in parts of the rigid jump speed; near it a follower presses little in parts of a turn.
+#: Speeds relative to the rigid jump speed. Near it a follower presses little in parts of a turn.
 SPEEDS = {
     ("one_mass", "in contact"): (0.3, 0.5, 0.7, 0.85, 0.95),
     ("one_mass", "mixed"): (0.35, 0.55, 0.75, 0.95, 1.08),
@@ -29,21 +29,26 @@ SPEEDS = {
     ("two_mass", "mixed"): (0.35, 0.5, 0.65, 1.05),
 }
 NOISES = ("normal", "Laplace", "correlated")
-#: Of ten machines in their turn, model and speeds; those that take least time come most often.
+#: Model and speeds of ten machines in sequence. Combinations that take little time are more
+#: frequent.
 TURNS = (
     *(("one_mass", "in contact"), ("one_mass", "mixed"), ("one_mass", "in contact")),
     *(("one_mass", "landings"), ("one_mass", "in contact"), ("two_mass", "in contact")),
     *(("one_mass", "mixed"), ("one_mass", "landings"), ("one_mass", "in contact")),
     ("two_mass", "mixed"),
 )
-#: How far each speed scatters, and the correlation of neighbours where noise has one.
-SCATTER, ALIKE = 0.02, (0.5, 0.95)
-#: Noise of the force in parts of its largest, and of the lift (m).
-FORCE_NOISE, LIFT_NOISE = 0.01, 10e-6
+#: Largest random change of a speed, relative to the jump speed.
+SCATTER = 0.02
+#: Range of the correlation of neighbours in correlated noise.
+CORRELATIONS = (0.5, 0.95)
+#: Noise of the force, relative to its maximum.
+FORCE_NOISE = 0.01
+#: Noise of the lift, m.
+LIFT_NOISE = 10e-6
 
 
 class Score(NamedTuple):
-    """One number of one machine: by how many of its standard errors it is off."""
+    """Error of a parameter of a machine, in its standard errors."""
 
     seed: int
     kind: tuple[str, str, str]
@@ -52,28 +57,28 @@ class Score(NamedTuple):
 
 
 def jump_rpm(law, rig):
-    """The jump speed of a rig's rigid follower."""
+    """Return the jump speed (rpm) of a rig's rigid follower."""
     return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
 
 
 def noise_of(kind, random, size):
-    """Noise ``(size,)`` of unit deviation."""
+    """Return noise ``(size,)`` of unit standard deviation."""
     if kind == "normal":
         return random.standard_normal(size)
     if kind == "Laplace":
         return random.laplace(size=size) / np.sqrt(2.0)
-    alike = random.uniform(*ALIKE)
-    own = random.standard_normal(size + 500)
-    return np.sqrt(1.0 - alike**2) * lfilter([1.0], [1.0, -alike], own)[500:]
+    correlation = random.uniform(*CORRELATIONS)
+    white = random.standard_normal(size + 500)
+    return np.sqrt(1.0 - correlation**2) * lfilter([1.0], [1.0, -correlation], white)[500:]
 
 
 def numbers_of(rig, *more):
-    """The numbers of a rig's rigid follower, and some more, SI."""
+    """Return the parameters of a rig's rigid follower, and the named others, SI."""
     return {name: getattr(rig.follower, name).si for name in (*RIGID, *more)}
 
 
 def rig_of(model, random):
-    """The follower's numbers, each its own."""
+    """Return a rig with random parameters of the follower."""
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
     numbers = {n: v * float(random.uniform(0.6, 1.6)) for n, v in numbers_of(rig).items()}
     if model == "one_mass":
@@ -87,7 +92,7 @@ def rig_of(model, random):
 
 
 def measured(law, rig, kind, rpms, random, rate):
-    """A run of a machine, with the noise of its kind."""
+    """Return a run of a machine, with noise of its kind."""
     errors = InstrumentErrors(rate=rate, encoder_rate=rate, force_noise=0.0, lift_noise=0.0)
     run = measured_run(law, rig, kind[0], rpms, errors, int(random.integers(1 << 30)))
     size = run.force.value.size
@@ -98,7 +103,7 @@ def measured(law, rig, kind, rpms, random, rate):
 
 
 def scores_of(seed: int, rate: int = 500) -> list[Score]:
-    """A machine of the kind and the cam that are its seed's turn, measured and fitted."""
+    """Return the scores of a fit to the simulated machine of a seed."""
     random = np.random.default_rng(seed)
     kind = (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
@@ -114,5 +119,5 @@ def scores_of(seed: int, rate: int = 500) -> list[Score]:
 
 
 def coverage(scores: Iterable[Score]) -> float:
-    """Part of the intervals of 95 % that hold the truth."""
+    """Return the fraction of intervals of 95 % that contain the truth."""
     return float(np.mean([abs(score.off) < WITHIN_95 for score in scores]))

@@ -1,4 +1,4 @@
-"""cam-rig fit rig: a number that was found, in tables and files; the command as it is used."""
+"""Estimates in tables and files, and the command cam-rig fit rig."""
 
 import json
 import re
@@ -8,34 +8,39 @@ import pytest
 import yaml
 
 import cam_rig
-from cam_rig.studies.fit_rig.numbers import FoundNumber, FoundNumbers
+from cam_rig.studies.fit_rig.numbers import ParameterEstimate, RigParameters
 from cam_rig.studies.fit_rig.study import fitted_rig
 
 from ...cli.conftest import call, done
 
-SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
-UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
-OPEN = FoundNumber("restitution", 0.04123, 0.03, "identified")
-NONE = FoundNumber.unidentified("stem_stiffness", "a rigid stem explains it", 1e7)
+SURE = ParameterEstimate("preload", 14.947876, 0.0323, "identified")
+UNSURE = ParameterEstimate("damping", 8.6234, 3.1, "identified")
+OPEN = ParameterEstimate("restitution", 0.04123, 0.03, "identified")
+UNIDENTIFIED = ParameterEstimate.unidentified("stem_stiffness", "a rigid stem explains it", 1e7)
 
 
 def table(*numbers):
-    return FoundNumbers(None, "one_mass", numbers, None).number_tables("rig", ())[0]
+    return RigParameters(None, "one_mass", numbers, None).number_tables("rig", ())[0]
 
 
 def test_a_number_has_the_digits_of_its_error():
-    """In the table; one that is not identified has no value there, nor in JSON."""
-    numbers = table(SURE, UNSURE, OPEN, NONE)
+    """A value has two digits of its error in the table.
+
+    A parameter that is not identified has no value there, and null in JSON.
+    """
+    numbers = table(SURE, UNSURE, OPEN, UNIDENTIFIED)
     rows = {row[0]: row for row in numbers.to_display()[0].rows}
     assert rows["preload"][1:3] == ("14.948", "0.032")
     assert rows["damping"][1:3] == ("8.6", "3.1")
-    assert table(NONE).to_display()[0].rows == (("stem_stiffness", "N/m", "not identified"),)
+    assert table(UNIDENTIFIED).to_display()[0].rows == (
+        ("stem_stiffness", "N/m", "not identified"),
+    )
     assert numbers.rows()[-1]["value"] is None
 
 
 @pytest.mark.parametrize(("found", "words"), [(UNSURE, "uncertain"), (OPEN, "may be 0")])
-def test_a_wide_error_is_warned_of_beside_the_value(found, words):
-    """A third of the value or more, or its sign open: in the row, in the file, in JSON."""
+def test_a_wide_error_has_a_warning(found, words):
+    """Row, file and JSON warn of an error of a third of the value, or an open sign."""
     (row,) = table(found).to_display()[0].rows
     assert re.match(rf"identified; {words}: with 95 % it is", row[-1])
     assert words in found.gist
@@ -44,8 +49,10 @@ def test_a_wide_error_is_warned_of_beside_the_value(found, words):
 
 
 def test_a_rig_file_has_the_digits_of_the_error(rig):
-    """14.948, and 14.948 ± 0.032 N beside it; of what is not identified another rig's, assumed."""
-    text, _ = fitted_rig("bench", [SURE, NONE], rig, "cam-rig fit rig a.csv", "1 rpm a reading")
+    """The file has 14.948 with ± 0.032 N, and takes other parameters from a rig."""
+    text, _ = fitted_rig(
+        "bench", [SURE, UNIDENTIFIED], rig, "cam-rig fit rig a.csv", "1 rpm a reading"
+    )
     follower = yaml.safe_load(text)["follower"]
     assert follower["preload"]["identified"] == 14.948
     assert "14.948 ± 0.032 N" in follower["preload"]["residual"]
@@ -67,7 +74,10 @@ def jumps(tmp_path):
 
 
 def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
-    """Table to rig file, picture and JSON; what was found is identified, the rest assumed."""
+    """The command writes rig file, figure and JSON.
+
+    Identified parameters have that origin in the rig file. The others are assumed.
+    """
     out = tmp_path / "bench.yaml"
     files = "--out", out, "--plot", tmp_path / "j.png", "--json", tmp_path / "j.json"
     done("fit", "rig", jumps, "poly345", "--given", "damping=8.6", *files)
@@ -87,7 +97,7 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
 
 
 def test_an_empty_speed_is_no_reading(tmp_path, jumps):
-    """As an empty lift of a gauge; a mass that is empty beside a speed is refused."""
+    """A line without a speed is skipped; an empty mass in another line is an error."""
     jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
     result = done("fit", "rig", jumps, "poly345", "--given", "damping=8.6")
     assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())

@@ -1,4 +1,4 @@
-"""Numbers of a rig from jump speeds."""
+"""Identification from jump speeds."""
 
 import math
 from dataclasses import replace
@@ -13,45 +13,49 @@ from cam_rig.laws import build_law
 from cam_rig.studies.fit_rig import jump_fit
 from cam_rig.studies.fit_rig.jump_fit import fit_jumps
 from cam_rig.studies.fit_rig.jump_table import JumpReading, JumpTable
-from cam_rig.studies.fit_rig.numbers import follower_of
+from cam_rig.studies.fit_rig.numbers import build_follower
 from cam_rig.units import RPM
 
 from ...conftest import dwell, rise
 from .machines import numbers_of
 
-OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0
-MACHINE = {"mass": OWN, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
-#: What a table may give of each reading.
+OWN_MASS, DAMPING, PRELOAD = 1.1, 8.0, 25.0
+MACHINE = {"mass": OWN_MASS, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
+#: Combinations of columns that a table may have.
 COLUMNS = [c for n in (3, 2) for c in combinations(("mass", "spring_stiffness", "preload"), n)]
-#: What is put on for nine readings.
+#: Set-ups of nine readings.
 SET_UPS = [{"mass": m, "spring_stiffness": k} for m in (0.0, 0.3, 0.9) for k in (2e3, 4e3, 9e3)]
 
 
 def table_of(law, machine, set_ups):
-    """The exact jump speeds of a machine with what is put on, and where it jumps (rad)."""
+    """Return the exact jump speeds of a machine in set-ups, and their angles (rad)."""
     readings, angles = [], []
     for line, known in enumerate(set_ups, 2):
         of = machine | known | {"mass": machine["mass"] + known.get("mass", 0.0)}
-        jump = find_jump(law, follower_of(of, 1e8), None)
+        jump = find_jump(law, build_follower(of, 1e8), None)
         readings.append(JumpReading(line, jump.speed, known))
         angles.append(jump.angle)
     return JumpTable("jumps.csv", tuple(readings), tuple(set_ups[0]), ()), angles
 
 
 def moved(read, by):
-    """A table whose readings are off by so many rpm."""
+    """Return a table with errors in rpm added to its readings."""
     off = zip(read.readings, by, strict=True)
     return replace(read, readings=tuple(replace(r, speed=r.speed + d * RPM) for r, d in off))
 
 
 def table(law, noise=0.0, seed=0):
-    """Readings of a follower with 1.1 kg of its own, 25 N and 8 N·s/m, with noise in rpm."""
+    """Return readings of a follower of 1.1 kg, 25 N and 8 N·s/m, with noise in rpm."""
     read, _ = table_of(law, MACHINE, SET_UPS)
     return moved(read, noise * np.random.default_rng(seed).standard_normal(len(SET_UPS)))
 
 
 def random_table(random, columns, make_cam):
-    """A random machine on a cam of one rise and fall, its exact jump speeds and where it jumps."""
+    """Return a random machine with a random cam of one rise and one fall.
+
+    The results are the law, the exact jump speeds, the parameters, and the range (deg) of the jump
+    angles.
+    """
     first, second = random.uniform(60.0, 140.0, 2).round()
     laws = ["cycloidal", "poly345", "poly4567", "modified_sine", "simple_harmonic"]
     up, down = random.choice(laws, 2)
@@ -75,10 +79,10 @@ def values(fit):
     return {n.name: n.value for n in fit.numbers}
 
 
-def test_exact_speeds_give_the_numbers_back(law, rig):
-    """Nine speeds tell three numbers, to the rounding of a search."""
+def test_exact_speeds_identify_the_parameters(law, rig):
+    """Nine exact speeds identify three parameters to the rounding of a search."""
     found = values(fit_jumps(law, table(law), rig))
-    assert found["mass"] == pytest.approx(OWN, rel=1e-4)
+    assert found["mass"] == pytest.approx(OWN_MASS, rel=1e-4)
     assert found["preload"] == pytest.approx(PRELOAD, rel=1e-3)
     assert found["damping"] == pytest.approx(DAMPING, rel=1e-3)
     assert found["restitution"] is None
@@ -87,11 +91,11 @@ def test_exact_speeds_give_the_numbers_back(law, rig):
 @pytest.mark.parametrize("seed", range(80))
 @pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.variants(12)
-def test_the_start_does_not_decide(make_cam, rig, columns, seed):
-    """Damping raises the jump speeds of a rise and lowers those of a fall: two least squares.
+def test_result_does_not_depend_on_the_start(make_cam, rig, columns, seed):
+    """The fit returns the true parameters from any start.
 
-    On whichever the machine jumps with all that is put on, and however far its numbers are from
-    the rig's where the search begins, they come back.
+    Damping raises the jump speeds of a rise and lowers those of a fall, so the sum of squares has
+    two minima.
     """
     random, apart = np.random.default_rng(seed), math.inf
     while apart > 20.0:
@@ -99,13 +103,16 @@ def test_the_start_does_not_decide(make_cam, rig, columns, seed):
     fit = fit_jumps(law, read, rig)
     found = values(fit)
     assert found["mass"] == pytest.approx(truth["mass"], rel=1e-4)
-    assert np.abs(fit.left).max() < 1e-5 * read.rpm.max()
+    assert np.abs(fit.residuals).max() < 1e-5 * read.rpm.max()
     if found["damping"] is not None:
         assert found["damping"] == pytest.approx(truth["damping"], rel=1e-2)
 
 
-def test_a_roller_s_share_comes_back_without_being_given(laws, paper_rig):
-    """Exact speeds of two masses: the start that misses them least leads to another follower."""
+def test_roller_share_is_identified(laws, paper_rig):
+    """Exact speeds of two masses identify the share of the roller.
+
+    The best single start leads to another follower.
+    """
     law, truth = laws["cycloidal"], numbers_of(paper_rig, "stem_stiffness", "roller_share")
     truth |= {"stem_damping": truth["damping"], "restitution": 0.0}
     read, _ = table_of(law, truth, SET_UPS)
@@ -116,19 +123,22 @@ def test_a_roller_s_share_comes_back_without_being_given(laws, paper_rig):
 
 
 @pytest.mark.long
-def test_intervals_hold_the_truth(law, rig):
-    """Readings off by 0.5 rpm, said to be: 20 tables with damping given."""
+def test_intervals_contain_the_truth(law, rig):
+    """At least 16 of 20 intervals contain the truth, with readings off by 0.5 rpm."""
     inside = 0
     for seed in range(10):
         read = table(law, noise=0.5, seed=seed)
         fit = fit_jumps(law, read, rig, given={"damping": DAMPING}, error=0.5)
-        for number, truth in ((fit.numbers[0], OWN), (fit.numbers[1], PRELOAD)):
+        for number, truth in ((fit.numbers[0], OWN_MASS), (fit.numbers[1], PRELOAD)):
             inside += abs(number.value - truth) < 1.96 * number.error
     assert inside >= 16
 
 
-def test_without_masses_only_ratios_are_told(law, rig):
-    """F = 0 is homogeneous in m, c, k and preload."""
+def test_without_masses_no_parameter_is_identifiable(law, rig):
+    """Without a column of masses no parameter is identifiable.
+
+    F = 0 is homogeneous in m, c, k and preload.
+    """
     read = table(law)
     same = replace(read.readings[4], known={})
     one = replace(read, columns=(), readings=(same,) * 5)
@@ -137,10 +147,11 @@ def test_without_masses_only_ratios_are_told(law, rig):
     assert any("not identifiable apart" in words for words in fit.conclusions())
 
 
-def test_a_mass_that_is_not_told_has_its_own_value_and_student_s_interval(law, rig):
-    """One spring: five speeds to 1 rpm do not tell the mass apart; it is no total mass either.
+def test_an_unidentified_mass_has_student_s_interval(law, rig):
+    """A mass with too large an error has no value, and Student's interval.
 
-    The interval is that of an error from two readings more than numbers, whichever are given.
+    Five speeds with errors of 1 rpm and one spring do not identify it. The interval is that of an
+    error from the degrees of freedom, which rise with each given parameter.
     """
     machine = MACHINE | {"mass": 0.8, "spring_stiffness": 4e3}
     read, _ = table_of(law, machine, [{"mass": on} for on in (0.0, 0.2, 0.4, 0.8, 1.2)])
@@ -154,10 +165,12 @@ def test_a_mass_that_is_not_told_has_its_own_value_and_student_s_interval(law, r
     assert "reach 3.18 standard errors" in " ".join(fit.conclusions())
 
 
-def test_a_total_mass_in_place_of_what_was_put_on_is_asked_about(law, rig):
-    """Nothing is left for the follower's own."""
+def test_a_column_of_total_masses_is_detected(law, rig):
+    """A column of total masses leaves no mass for the follower, and a question."""
     read = table(law)
-    total = [replace(r, known=r.known | {"mass": OWN + r.known["mass"]}) for r in read.readings]
+    total = [
+        replace(r, known=r.known | {"mass": OWN_MASS + r.known["mass"]}) for r in read.readings
+    ]
     fit = fit_jumps(law, replace(read, readings=tuple(total)), rig, error=0.5)
     assert fit.numbers[0].reason.endswith("beside what was put on: is that the total mass?")
 
@@ -171,14 +184,14 @@ def test_too_few_readings_are_refused(law, rig):
 
 @pytest.mark.long
 def test_an_outlier_is_named(law, rig):
-    """One reading 30 rpm off: its line."""
+    """The line of a reading that is 30 rpm off is reported."""
     wrong = moved(table(law, noise=0.3), 30.0 * (np.arange(9) == 4))
     fit = fit_jumps(law, wrong, rig, error=0.3)
     assert any("Line 6" in words for words in fit.conclusions())
 
 
-def test_a_speed_that_spoils_the_fit_is_named(law, rig):
-    """One reading 30 % too high: no follower has them all, and its line is in the refusal."""
+def test_error_names_a_wrong_speed(law, rig):
+    """The error names the line of a reading that is 30 % too high."""
     read = table(law)
     wrong = moved(read, 0.3 * read.rpm * (np.arange(9) == 4))
     with pytest.raises(ConfigError, match=r"from any follower .* line 6 the farthest by"):
@@ -194,8 +207,8 @@ def test_a_speed_that_spoils_the_fit_is_named(law, rig):
         ({"known": {"spring_stiffness": 1e280}}, r"spring_stiffness is 1e\+280 N/m; allowed"),
     ],
 )
-def test_what_no_follower_has_is_refused(law, rig, change, words):
-    """A speed that no jump has, a number beyond the limits: its line, the value, the limit."""
+def test_readings_outside_the_limits_are_errors(law, rig, change, words):
+    """The error names line, value and limit of a reading outside the limits."""
     read = table(law)
     wrong = (*read.readings[:-1], replace(read.readings[-1], **change))
     with pytest.raises(ConfigError, match=f"line 10: {words}"):
@@ -204,9 +217,9 @@ def test_what_no_follower_has_is_refused(law, rig, change, words):
 
 @pytest.mark.long
 def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
-    """A thousand readings of each of nine set-ups: as many solutions as of one of each.
+    """A thousand readings of nine set-ups need as many solutions as nine readings.
 
-    The numbers are those of all readings: of a set-up read twice, with the mean of both.
+    The parameters are those of all readings: each set-up counts with the mean of its readings.
     """
     count = 0
 

@@ -1,4 +1,4 @@
-"""Numbers of a rig from simulated machines, whose truth is known."""
+"""Identification of simulated machines, whose true parameters are known."""
 
 import re
 from dataclasses import replace
@@ -11,13 +11,13 @@ from scipy.signal import lfilter
 import cam_rig
 from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.errors import ConfigError
-from cam_rig.studies.fit_rig.search import noise_of
+from cam_rig.studies.fit_rig.search import estimate_noise
 from cam_rig.studies.fit_rig.study import fit_run
 
 from .machines import jump_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
-#: Half the samples of the default, to be quick.
+#: Half the default sample rates, for speed.
 QUICK = InstrumentErrors(rate=800, encoder_rate=800)
 
 
@@ -30,40 +30,40 @@ def gauge(fit, key):
 
 
 def require_true(fit, rig, *names):
-    """These are identified, and of all that are no number is four standard errors off."""
+    """Check that ``names`` are identified, with no error above four standard errors."""
     found = {n.name: (n.value - getattr(rig.follower, n.name).si) / n.error for n in fit.identified}
     assert set(names) <= set(found)
     assert found and max(map(abs, found.values())) < 4.0, found
 
 
 def machine(cam, rig, **changes):
-    """A law, a rig with other numbers, and the jump speed (rpm) of a rigid follower."""
+    """Return a law, a rig with changed parameters, and its rigid jump speed (rpm)."""
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     rig = cam_rig.load_rig(rig).with_follower(**changes)
     return law, rig, jump_rpm(law, rig)
 
 
-def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
-    """scipy's curve_fit of force and lift in closed form, all instruments free."""
+def test_fit_agrees_with_scipy(law, rig):
+    """The fit agrees with scipy's curve_fit of force and lift in closed form."""
     errors = replace(QUICK, counts=0)
     run = measured_run(law, rig, "one_mass", IN_CONTACT, errors, 3)
     fit = fit_run(law, run, rig, "one_mass")
     like, x = fit.solution.likelihood, fit.solution.x
-    count = len(like.holds)
+    count = len(like.segments)
     speeds = [like.speed_of(x, i) for i in range(count)]
-    data = np.concatenate([v for h in like.holds for v in (h.lift.value, h.force.value)])
+    data = np.concatenate([v for h in like.segments for v in (h.lift.value, h.force.value)])
     deviations = (
-        (np.full(hold.lift.value.size, like.lift_noise), like.force_deviation(i))
-        for i, hold in enumerate(like.holds)
+        (np.full(segment.lift.value.size, like.lift_noise), like.force_deviation(i))
+        for i, segment in enumerate(like.segments)
     )
     sigma = np.concatenate([part for both in deviations for part in both])
 
     def shown(_, m, k, preload, c, zero, clock, *phases):
         parts = []
-        for hold, speed, phase in zip(like.holds, speeds, phases, strict=True):
-            rate, begin = speed * (1.0 + 1e-6 * clock), hold.angle + phase
-            parts.append(law.motion_at(begin + rate * hold.lift.since)[0] + zero)
-            s, slope, bend = law.motion_at(begin + rate * hold.force.since)
+        for segment, speed, phase in zip(like.segments, speeds, phases, strict=True):
+            rate, begin = speed * (1.0 + 1e-6 * clock), segment.angle + phase
+            parts.append(law.motion_at(begin + rate * segment.lift.since)[0] + zero)
+            s, slope, bend = law.motion_at(begin + rate * segment.force.since)
             parts.append(m * speed**2 * bend + c * speed * slope + k * s + preload)
         return np.concatenate(parts)
 
@@ -83,10 +83,10 @@ def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
 
 
 @pytest.mark.long
-def test_flights_tell_the_restitution(law, rig):
-    """Above the jump speed all five numbers are told, and the instruments' errors.
+def test_flights_identify_the_restitution(law, rig):
+    """Speeds above the jump speed identify all five parameters and the instruments.
 
-    In flight there is no force: what the sensor shows is its zero, and not preload.
+    In flight there is no force. The sensor then shows its zero, which is not in the preload.
     """
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
@@ -95,14 +95,17 @@ def test_flights_tell_the_restitution(law, rig):
     assert gauge(fit, "clock_fast_by") == pytest.approx(200e-6, abs=5e-6)
     assert np.degrees(gauge(fit, "encoder_offset")) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
     assert gauge(fit, "lift_noise") == pytest.approx(10e-6, rel=0.05)
-    assert [hold.lift_offs > 0 for hold in fit.holds] == [False, False, True]
+    assert [segment.lift_offs > 0 for segment in fit.segments] == [False, False, True]
     fit = fit_run(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
     assert gauge(fit, "force_zero") == pytest.approx(-12.0, abs=0.5)
     assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
 
 
 def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
-    """100 counts a turn: of the lift's noise alone it was some 20 errors off; the clock as well."""
+    """The zero of an encoder with 100 counts per turn has the error of its steps.
+
+    With the error of the lift's noise alone it was 20 standard errors off, and the clock as well.
+    """
     errors = replace(QUICK, counts=100)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT[:2], errors, 1), rig)
     true = {"encoder_offset": errors.offset - np.pi / errors.counts, "clock_fast_by": errors.clock}
@@ -111,8 +114,11 @@ def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
     assert max(map(abs, off.values())) < 4.0, off
 
 
-def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
-    """Nor does its lift tell anything: it is the law's, whatever the follower."""
+def test_contact_identifies_no_restitution(law, rig):
+    """A follower that stays in contact has no restitution.
+
+    Its lift alone identifies no parameter, because it is that of the law.
+    """
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
     fit = fit_run(law, run, rig)
     assert numbers(fit)["restitution"].value is None
@@ -124,10 +130,10 @@ def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
 
 
 @pytest.mark.long
-def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
-    """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow.
+def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
+    """Lifts alone identify k/m, c/m and preload/m, and all parameters of a given mass.
 
-    Several followers fly alike at a single speed: none is told.
+    Several followers have the same flights at a single speed, so no parameter is identified.
     """
     other = rig.with_follower(restitution=0.3)
     rpms = (*WITH_FLIGHTS, 500.0)
@@ -143,8 +149,8 @@ def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
     assert "a single speed that lifts off" in numbers(single)["spring_stiffness"].reason
 
 
-def test_a_backlash_is_fitted_with(law, rig):
-    """0.2 mm between rise and fall shift the phase as damping does; found, they do not."""
+def test_backlash_is_identified(law, rig):
+    """A backlash of 0.2 mm is identified, and does not change the damping."""
     errors = replace(QUICK, backlash=2e-4)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
     assert gauge(fit, "lift_backlash") == pytest.approx(2e-4, rel=0.02)
@@ -154,7 +160,7 @@ def test_a_backlash_is_fitted_with(law, rig):
 
 @pytest.mark.long
 def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
-    """300 Hz, 2 % damped: named as the sensor's, and the numbers are those of one mass."""
+    """A sensor with 300 Hz and 2 % damping is identified, with one mass."""
     errors = InstrumentErrors(sensor_frequency=300.0)
     run = measured_run(law, rig, "one_mass", (150.0, 250.0, 330.0, 400.0), errors, 5)
     fit = fit_run(law, run, rig)
@@ -165,7 +171,7 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 
 @pytest.mark.slow
 def test_a_stem_shows_in_the_force(law, rig, paper_rig):
-    """Two masses are found by themselves, with stem, share and stem damping."""
+    """Two masses are identified without --model, with stem, share and stem damping."""
     run = measured_run(law, paper_rig, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
     fit = fit_run(law, run, rig)
     assert fit.model == "two_mass"
@@ -174,10 +180,10 @@ def test_a_stem_shows_in_the_force(law, rig, paper_rig):
 
 @pytest.mark.long
 def test_a_stem_that_leaves_a_cam_of_arcs():
-    """Steps of acceleration ring the stem: it leaves the cam at 0.7 of the rigid jump speed.
+    """No parameter of a stem on a cam of arcs is four standard errors off.
 
-    Not told that there is a stem, no number is more than four standard errors off. A load cell off
-    zero gives no preload: in flights it shows what it is off by; all else is as it would be.
+    Steps of acceleration excite the stem, and it leaves the cam at 0.7 of the rigid jump speed. A
+    force sensor with a zero error gives no preload, because in flight it shows its zero.
     """
     law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
     like = cam_rig.load_rig("tm21")
@@ -190,29 +196,32 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
     require_true(fit, rig, "mass", "spring_stiffness")
 
 
-def test_noise_is_a_floor_and_a_part():
-    """Both found again from 20 000 residuals."""
+def test_noise_has_a_floor_and_a_relative_part():
+    """20 000 residuals identify the floor and the relative part of the noise."""
     random = np.random.default_rng(1)
     force = random.uniform(0.0, 200.0, 20_000)
     residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
-    assert noise_of(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
+    assert estimate_noise(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
 
 
 def with_force(run, value):
-    """The run with another force."""
+    """Return the run with another force."""
     return replace(run, force=replace(run.force, value=value))
 
 
 def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
-    """All around: no zero at which a mass or a spring would be below none."""
+    """A force alone identifies the encoder's zero, at any angle.
+
+    At a wrong zero a mass or a spring would be negative.
+    """
     errors = replace(QUICK, offset=np.radians(140.0))
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], errors, 7)
     fit = fit_run(law, replace(run, lift=None), rig, "one_mass")
     require_true(fit, rig)
 
 
-def test_what_cannot_be_fitted_is_refused(law, rig):
-    """Nothing measured, a dead or reversed channel, a number that no follower has."""
+def test_invalid_runs_are_errors(law, rig):
+    """Missing, constant or reversed signals and impossible values are errors."""
     run = measured_run(law, rig, "one_mass", (200.0,), QUICK, 1)
     force = run.force.value
     for measured, given, words in (
@@ -225,8 +234,8 @@ def test_what_cannot_be_fitted_is_refused(law, rig):
             fit_run(law, measured, rig, given=given)
 
 
-def test_what_does_not_fit_gets_no_numbers(law, laws, rig):
-    """The law of another cam: every number is refused with the size of what is left."""
+def test_another_cam_identifies_no_parameter(law, laws, rig):
+    """With the law of another cam no parameter is identified."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
     fit = fit_run(laws["bezier15"], run, rig)
     assert fit.identified == ()
@@ -236,7 +245,7 @@ def test_what_does_not_fit_gets_no_numbers(law, laws, rig):
 
 @pytest.mark.slow
 def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
-    """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
+    """Parameters of a stem are accepted with two masses only, and need a force."""
     run = measured_run(law, paper_rig, "two_mass", (200.0, 300.0), QUICK, 1)
     with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
         fit_run(law, run, rig, None, {"roller_share": 0.4})
@@ -249,7 +258,7 @@ def test_a_stem_s_numbers_need_a_stem(law, rig, paper_rig):
 
 @pytest.mark.long
 def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig):
-    """Two masses in contact, noise of 2 N and correlation 0.9ᵏ, a pattern at each speed."""
+    """Noise of 2 N and correlation 0.9ᵏ leaves out no speed in contact."""
     run = measured_run(law, paper_rig, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
     steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
     run = with_force(run, run.force.value + lfilter([1.0], [1.0, -0.9], steps))
@@ -260,8 +269,8 @@ def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig)
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
-def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
-    """Every number half as large or half more: each that is told holds the truth."""
+def test_lifts_identify_a_rig_far_from_the_start(seed):
+    """Lifts identify parameters of 0.6 to 1.6 times those of the start."""
     random = np.random.default_rng(seed)
     base = cam_rig.load_rig("tm21")
     names = ("spring_stiffness", "preload", "damping")
@@ -274,8 +283,8 @@ def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
     require_true(fit, other, "spring_stiffness", "restitution")
 
 
-def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
-    """The search of all begins at its numbers and its phase: none of the others is left out."""
+def test_one_speed_in_contact_is_enough(rig):
+    """One speed in contact is enough: no speed with flights is left out."""
     law, other, _ = machine("tm21", "tm21", mass=1.8)
     run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
     fit = fit_run(law, run, rig, given={"restitution": 0.0})
@@ -284,26 +293,29 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
 
 
 def test_a_follower_that_bounces_at_random_is_refused(law, rig, paper_rig):
-    """No turn is as the one before: refused in a moment, with the reason."""
+    """A run without a periodic turn is an error that names the reason."""
     run = measured_run(law, paper_rig, "two_mass", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
         fit_run(law, run, rig)
 
 
-def test_outliers_of_the_force_are_named(law, rig):
-    """Spikes of 20 standard deviations in half a per cent: least squares follows them."""
+def test_outliers_of_the_force_are_reported(law, rig):
+    """Spikes of 20 standard deviations in 0.5 % of the samples are reported."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
     force = run.force.value.copy()
     force[::200] += 0.2 * force.max()
     fit = fit_run(law, with_force(run, force), rig, "one_mass")
-    count = sum(hold.force.value.size for hold in fit.solution.likelihood.holds)
+    count = sum(segment.force.value.size for segment in fit.solution.likelihood.segments)
     (words,) = [words for words in fit.conclusions() if "outliers" in words]
     assert f"of {count} samples of the force" in words
     assert not any("outliers" in words for words in fit_run(law, run, rig).conclusions())
 
 
-def test_a_force_that_presses_on_a_dwell_alone_is_fitted(rig):
-    """Hardly any preload on a cam with a dwell: at some phase nothing but the dwell presses."""
+def test_force_on_a_dwell_alone_is_fitted(rig):
+    """A follower with hardly any preload on a cam with a dwell is identified.
+
+    At some phases all samples in contact are on the dwell.
+    """
     law, other, jump = machine("tm21", "tm21", preload=0.2)
     run = measured_run(law, other, "one_mass", (0.5 * jump, 0.9 * jump), QUICK, 103)
     require_true(fit_run(law, run, rig, "one_mass"), other)

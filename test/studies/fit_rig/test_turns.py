@@ -1,4 +1,4 @@
-"""Steady speeds from an encoder's counts; a turn that comes back to itself beside models' runs."""
+"""Steady segments of an encoder's counts, and periodic turns of the models."""
 
 from dataclasses import replace
 
@@ -11,21 +11,22 @@ from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import MeasuredRun, Signal
-from cam_rig.studies.fit_rig.numbers import follower_of
-from cam_rig.studies.fit_rig.residuals import FAR, Likelihood
+from cam_rig.studies.fit_rig.numbers import build_follower
+from cam_rig.studies.fit_rig.residuals import NO_TURN_RESIDUAL, Likelihood
 from cam_rig.studies.fit_rig.search import Candidate, search
-from cam_rig.studies.fit_rig.start import IN_A_PERIOD, MOST_POINTS, PressingSamples
-from cam_rig.studies.fit_rig.steady_turn import one_mass_turn, resonant, two_mass_turn
-from cam_rig.studies.fit_rig.turns import measured_holds, steady_holds
+from cam_rig.studies.fit_rig.start import MAX_POINTS, POINTS_PER_PERIOD, PressingSamples
+from cam_rig.studies.fit_rig.steady_turn import one_mass_turn, sensor_response, two_mass_turn
+from cam_rig.studies.fit_rig.turns import find_steady_segments, measured_segments
 from cam_rig.units import NS, RPM, TURN
 
 from .machines import numbers_of
 
 
-def course(random, rate, counts, ramp):
-    """A cam at four random speeds, 3 to 12 turns each, ``ramp`` s between: its angle, its speeds.
+def speed_profile_run(random, rate, counts, ramp):
+    """Return a run of a cam at four random speeds, 3 to 12 turns each.
 
-    Also the times of the corners, where a speed begins and ends.
+    A ramp of ``ramp`` s is between them. The other results are the speeds and the times of the
+    corners, at which a speed starts or stops.
     """
     speeds = np.repeat(random.uniform(100.0, 600.0, 4) * RPM, 2)
     lengths = random.uniform(3.0, 12.0, 4) * TURN / speeds[::2]
@@ -47,35 +48,35 @@ def course(random, rate, counts, ramp):
 @pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
 @pytest.mark.variants(3)
 def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
-    """Two holds meet at a corner, whose readings lie on both lines to a count: both are found.
+    """Two segments that meet at a corner are both found, with their errors.
 
-    Every speed once, in its order, with its error, and over nearly all of its time.
+    Near the corner the readings lie on both lines, to a count.
     """
     random = np.random.default_rng(7)
     for _ in range(3):
-        run, speeds, corners = course(random, rate, counts, ramp)
-        holds = steady_holds(run)
-        assert [hold.rpm for hold in holds] == pytest.approx(speeds / RPM, rel=3e-3)
-        ends = [hold.end for hold in holds]
-        assert all(hold.begin >= end for hold, end in zip(holds[1:], ends, strict=False))
+        run, speeds, corners = speed_profile_run(random, rate, counts, ramp)
+        segments = find_steady_segments(run)
+        assert [segment.rpm for segment in segments] == pytest.approx(speeds / RPM, rel=3e-3)
+        ends = [segment.end for segment in segments]
+        assert all(segment.begin >= end for segment, end in zip(segments[1:], ends, strict=False))
         length = corners[1::2] - corners[::2]
         assert np.array(ends) == pytest.approx(corners[1::2], abs=0.1 * length.min())
         if counts:
-            off = [(h.speed - w) / h.speed_error for h, w in zip(holds, speeds, strict=True)]
+            off = [(h.speed - w) / h.speed_error for h, w in zip(segments, speeds, strict=True)]
             assert np.abs(off).max() < 4.0
 
 
-def test_a_speed_that_is_left_out_is_said(law, rig):
-    """With too few samples, or with a lift that differs from turn to turn: which, and why."""
+def test_a_speed_that_is_left_out_is_reported(law, rig):
+    """A note reports each speed with too few samples or an unsteady lift."""
     run = measured_run(law, rig, "kinetostatic", (200.0, 250.0, 300.0), InstrumentErrors(rate=400))
-    first, second, _ = (hold for hold in steady_holds(run))
+    first, second, _ = (segment for segment in find_steady_segments(run))
     time, lift = run.lift.time, run.lift.value.copy()
     inside = (time > second.begin) & (time < second.end)
     lift[inside] += 0.1 * law.lift * np.random.default_rng(0).standard_normal(inside.sum())
     kept = time > first.end - 0.02
     run = replace(run, lift=Signal(time[kept], lift[kept], "lift"), force=None)
-    read, holds = measured_holds(run)
-    assert [round(hold.hold.rpm) for hold in holds] == [300]
+    read, segments = measured_segments(run)
+    assert [round(segment.line.rpm) for segment in segments] == [300]
     assert read.notes == (
         "left out: 200 rpm (fewer than 20 samples)",
         "left out: 250 rpm (the lift differs from turn to turn)",
@@ -83,18 +84,19 @@ def test_a_speed_that_is_left_out_is_said(law, rig):
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():
-    """A ramp over the whole run has no speed to fit at."""
+    """A ramp over the whole run is an error."""
     time = np.linspace(0.0, 3.0, 3000)
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
     with pytest.raises(ConfigError, match=r"nowhere turns steadily.*needed"):
-        steady_holds(run)
+        find_steady_segments(run)
 
 
 def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
-    """Steps that drift in two or three strands, at nearly k/n counts a reading, are no noise.
+    """Encoder steps that drift in strands do not exceed the standard errors.
 
-    By a scatter of free readings one speed in twenty was more than four of its errors off; so was
-    the encoder's zero. Half a count is the angle's lag in the mean, no error.
+    This happens at nearly k/n counts per reading. With the scatter of independent readings one
+    speed in twenty was more than four of its errors off, and so was the encoder's zero. Half a
+    count is the lag of the angle in the mean, which is not an error.
     """
     random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
     off = []
@@ -104,10 +106,12 @@ def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
         time = np.arange(0.0, 4.0 * 2.0 * np.pi / speed, 1.0 / 500.0)
         start = random.uniform(0.0, 2.0 * np.pi)
         angle = np.floor((start + speed * time) / count) * count
-        (hold,) = steady_holds(MeasuredRun("steps", "cam", Signal(time, angle, "encoder")))
-        middle = hold.angle + hold.speed * (hold.middle - hold.begin) + 0.5 * count
-        missed = middle - start - speed * hold.middle
-        off.append(((hold.speed - speed) / hold.speed_error, missed / hold.angle_error))
+        (segment,) = find_steady_segments(
+            MeasuredRun("steps", "cam", Signal(time, angle, "encoder"))
+        )
+        middle = segment.angle + segment.speed * (segment.middle - segment.begin) + 0.5 * count
+        missed = middle - start - speed * segment.middle
+        off.append(((segment.speed - speed) / segment.speed_error, missed / segment.angle_error))
     assert np.abs(off).max() < 4.0
     assert np.std(off, axis=0).min() > 0.3
 
@@ -116,9 +120,9 @@ SETTLE = 80
 
 
 def force_off(law, model, parameters, speed, turn, rate=5000):
-    """Return how far a steady turn's force is off the last of many turns from rest, of its peak.
+    """Return the force error of a steady turn relative to its peak, after many turns.
 
-    The lifts must agree to 1e-9 m.
+    The reference is the last of many turns from rest. The lifts must agree to 1e-9 m.
     """
     begin = round(SETTLE * TURN / speed * NS)
     first = Interval(0, begin, 0.0, speed)
@@ -126,7 +130,7 @@ def force_off(law, model, parameters, speed, turn, rate=5000):
     at = first.angle_at(first.duration)
     last = Interval(begin, begin + round(TURN / speed * NS), at, speed)
     _, block = MODELS[model].advance(law, parameters, state, last, rate)
-    lift, force = turn.at(at + speed * (block.time - begin / NS))
+    lift, force = turn.evaluate(at + speed * (block.time - begin / NS))
     assert np.abs(lift - block.lift).max() < 1e-9
     return np.abs(force - block.force) / block.force.max()
 
@@ -134,7 +138,7 @@ def force_off(law, model, parameters, speed, turn, rate=5000):
 @pytest.mark.parametrize("rpm", [200.0, 430.0, 470.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
 def test_one_mass(law, rig, rpm, restitution):
-    """On the cam and above the jump speed, plastic and with bounces."""
+    """One mass agrees with the model in contact and with flights and bounces."""
     parameters = MODELS["one_mass"].parameters(rig.with_follower(restitution=restitution))
     turn = one_mass_turn(law, parameters, rpm * RPM)
     away = force_off(law, "one_mass", parameters, rpm * RPM, turn)
@@ -143,36 +147,42 @@ def test_one_mass(law, rig, rpm, restitution):
 
 @pytest.mark.parametrize("rpm", [250.0, 420.0])
 def test_two_masses(law, two_mass, rpm):
-    """In contact and with lift-offs: the fixed point is where many turns from rest end."""
+    """Two masses agree with many turns from rest, in contact and with lift-offs."""
     turn = two_mass_turn(law, two_mass, rpm * RPM)
     assert bool(turn.events) == (rpm > 400.0)
     assert np.median(force_off(law, "two_mass", two_mass, rpm * RPM, turn)) < 1e-6
 
 
-def test_a_stem_damped_beyond_all_measure_has_no_turn(laws):
-    """A search came there: a flight that barely opens was followed in steps of 1e-12 s, an hour."""
+def test_a_stem_with_excessive_damping_has_no_turn(laws):
+    """A stem with excessive damping has no periodic turn.
+
+    Its flight opened slowly and was followed in steps of 1e-12 s for an hour.
+    """
     parameters = TwoMassParameters(0.0156, 0.839, 1.06, 4511.0, 9.69e8, 7.1, 30.0, 0.0)
     assert two_mass_turn(laws["bezier15"], parameters, 18.2) is None
 
 
 def test_a_turn_is_found_from_its_neighbour(law, two_mass):
-    """From the turn of nearly the same follower, the same as from nothing."""
+    """A search from the turn of a similar follower gives the same turn."""
     near, other = two_mass_turn(law, two_mass, 420.0 * RPM), replace(two_mass, preload=30.7)
     angle = np.linspace(0.0, TURN, 500)
-    one = two_mass_turn(law, other, 420.0 * RPM, near).at(angle)[1]
-    two = two_mass_turn(law, other, 420.0 * RPM).at(angle)[1]
+    one = two_mass_turn(law, other, 420.0 * RPM, near).evaluate(angle)[1]
+    two = two_mass_turn(law, other, 420.0 * RPM).evaluate(angle)[1]
     assert np.median(np.abs(one - two)) < 1e-6
 
 
 def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
-    """Order by order 1/(1 + 2iζr − r²); far above the orders of the force it shows the force."""
+    """The response of the sensor is 1/(1 + 2iζr − r²) for each order.
+
+    Far above the orders of the force it shows the force.
+    """
     parameters = MODELS["one_mass"].parameters(rig)
     turn, speed = one_mass_turn(law, parameters, 300.0 * RPM), 300.0 * RPM
     angle = np.linspace(0.0, TURN, 4096, endpoint=False)
-    force = turn.at(angle)[1]
-    stiff = resonant(turn, speed, 1e5, 0.5)(angle)
+    force = turn.evaluate(angle)[1]
+    stiff = sensor_response(turn, speed, 1e5, 0.5)(angle)
     assert np.abs(stiff - force).max() < 2e-3 * force.max()
-    shown = np.fft.rfft(resonant(turn, speed, 40.0, 0.1)(angle))[:60]
+    shown = np.fft.rfft(sensor_response(turn, speed, 40.0, 0.1)(angle))[:60]
     r = np.arange(60) * 5.0 / 40.0
     wanted = np.fft.rfft(force)[:60] / (1.0 - r**2 + 0.2j * r)
     assert np.abs(shown - wanted).max() < 1e-4 * np.abs(wanted).max()
@@ -180,8 +190,10 @@ def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
 
 @pytest.mark.parametrize("cam", ["poly345", "arcs_straight", "tm21"])
 def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
-    """Tried by harmonics, a stem shows the force of the exact motion: 1 % of its vibration off, or
-    more by the square of its periods a turn where these are more than can be looked at."""
+    """The force by harmonics agrees with the exact motion to 1 % of the vibration.
+
+    With more periods per turn than points allow, the error grows with their square.
+    """
     random, law = np.random.default_rng(len(cam)), laws[cam]
     for frequency in (9.0, *np.exp(random.uniform(np.log(20.0), np.log(2900.0), 20))):
         speed = np.exp(random.uniform(np.log(20.0), np.log(6000.0))) * RPM
@@ -193,26 +205,26 @@ def test_a_stem_is_in_series_with_the_end_mass(laws, two_mass, cam):
         )
         angle = random.uniform(-TURN, 3.0 * TURN, 400)
         pressing = PressingSamples.of(law, [(speed, angle)], np.zeros(400))
-        exact, shown = two_mass_turn(law, p, speed).at(angle)[1], pressing.on_a_stem(p)
+        exact, shown = two_mass_turn(law, p, speed).evaluate(angle)[1], pressing.on_a_stem(p)
         mass = p.end_mass + p.roller_mass
         rigid = pressing.parts @ [mass, p.damping, p.spring_stiffness, p.share * p.preload]
         off = np.abs(shown - exact).max() / np.abs(exact - rigid).max()
-        periods, most = TURN * frequency / speed, MOST_POINTS / IN_A_PERIOD
+        periods, most = TURN * frequency / speed, MAX_POINTS / POINTS_PER_PERIOD
         assert off < 0.01 * max(1.0, periods / most) ** 2
 
 
 def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
-    """A candidate of a search without a motion is far off; the search goes on at what has one."""
+    """A search continues if a candidate has no motion at a speed."""
     monkeypatch.setattr(OneMassTrajectory, "max_events", 0)  # one that lifts off chatters
     run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
     values = numbers_of(rig) | {"restitution": 0.0}
     loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
-    like = Likelihood(law, measured_holds(run)[1], ("spring_stiffness",), values, None)
+    like = Likelihood(law, measured_segments(run)[1], ("spring_stiffness",), values, None)
     start = Candidate(like, like.start(loose, 0.0, 0.0))
     with pytest.raises(EndlessEventsError, match="allowed: 0 per turn"):
-        one_mass_turn(law, follower_of(start.values, None), 300.0 * RPM)
+        one_mass_turn(law, build_follower(start.values, None), 300.0 * RPM)
     assert start.steady == [0]
-    assert (like.residuals(start.x) == FAR).any()
+    assert (like.residuals(start.x) == NO_TURN_RESIDUAL).any()
     found = search(start)
     assert found.steady == [0, 1]
     spring = found.likelihood.values(found.x)["spring_stiffness"]
