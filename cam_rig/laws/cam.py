@@ -94,8 +94,8 @@ def _require_declared_lift(cam: CamConfig, law: Law) -> None:
     raise LawError(
         f"cam {cam.name!r}: {below if start > STEP_TOLERANCE else ''}the law rises by "
         f"{law.lift * 1e3:.6g} mm, lift is {declared * 1e3:.6g} mm; allowed: the same within "
-        f"{tolerance * 100:.6g} %, so add a segment that falls to 0, or scale the segment's numbers "
-        "so that the law rises to 1"
+        f"{tolerance * 100:.6g} %, so add a segment that falls to 0, or scale the segment's "
+        "numbers so that the law rises to 1"
     )
 
 

@@ -321,8 +321,8 @@ class _Steps:
         for index in jumps:
             if abs(abs(self._excess(index)) - 360.0) <= 0.5 + self._scatter[index]:
                 raise BagError(
-                    f"{where}: the angle jumps by 360 rad at {self.time[index + 1]:.6g} s; allowed: "
-                    "an angle in the unit of the mapping, so add :deg for an angle in degrees"
+                    f"{where}: the angle jumps by 360 rad at {self.time[index + 1]:.6g} s; "
+                    "allowed: turns of 2π rad, so add :deg for an angle in degrees"
                 )
 
     def corrections(
