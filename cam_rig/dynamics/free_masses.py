@@ -88,7 +88,7 @@ class TwoMassParameters:
             If a damping ratio is above `MAX_DAMPING_RATIO`.
         """
         follower = rig.follower
-        share, stem, stem_damping = (rig.need(key, BY, ONE_MASS).si for key in NEEDED)
+        share, stem, stem_damping = (n.si for n in rig.need_all(NEEDED, BY, ONE_MASS))
         roller = follower.mass.si * share
         parameters = cls(
             roller_mass=roller,

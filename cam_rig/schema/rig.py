@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -226,10 +226,17 @@ class RigConfig(Strict):
         instead : str
             Remedy other than to add the number, for the message.
         """
-        number: Quantity | None = getattr(self.follower, key)
-        if number is None:
-            raise self.missing(f"follower.{key}", by, instead)
-        return number
+        return self.need_all((key,), by, instead)[0]
+
+    def need_all(self, keys: Sequence[str], by: str, instead: str = "") -> list[Quantity]:
+        """Return optional numbers of the follower. Raise ConfigError that names all missing ones.
+
+        The arguments are those of `need`, with several keys.
+        """
+        numbers: dict[str, Quantity | None] = {key: getattr(self.follower, key) for key in keys}
+        if missing := [f"follower.{key}" for key, number in numbers.items() if number is None]:
+            raise self.missing(missing, by, instead)
+        return [number for number in numbers.values() if number is not None]
 
     def need_radiation(self, by: str) -> Radiation:
         """Return the section ``radiation``. Raise ConfigError if it is missing.
@@ -237,7 +244,7 @@ class RigConfig(Strict):
         `by` is the quantity that needs it, for the message.
         """
         if self.radiation is None:
-            raise self.missing("radiation", by)
+            raise self.missing(["radiation"], by)
         return self.radiation
 
     def missing_for_sound(self, lands: bool) -> tuple[str, ...]:
@@ -251,13 +258,14 @@ class RigConfig(Strict):
             keys.append("follower.stem_stiffness")
         return tuple(keys)
 
-    def missing(self, key: str, by: str, instead: str = "") -> ConfigError:
-        """Return the error for a missing key that is needed, see `need`."""
+    def missing(self, keys: Sequence[str], by: str, instead: str = "") -> ConfigError:
+        """Return the error for missing keys that are needed, see `need`."""
         other = f", or {instead}" if instead else ""
-        python = f"rig.replace({key.rpartition('.')[2]}=...)"
+        python = ", ".join(f"{key.rpartition('.')[2]}=..." for key in keys)
+        are, them = ("is", "it") if len(keys) == 1 else ("are", "them")
         return ConfigError(
-            f"rig {self.name}: {key}: is missing; needed by {by}; so add it to the rig file, in "
-            f"Python by {python}{other}"
+            f"rig {self.name}: {', '.join(keys)}: {are} missing; needed by {by}; so add {them} to "
+            f"the rig file, in Python by rig.replace({python}){other}"
         )
 
     def with_follower(self, **numbers: float) -> RigConfig:

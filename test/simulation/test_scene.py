@@ -146,6 +146,16 @@ def test_a_model_needs_exactly_its_documented_keys(model):
         assert "so add it" in message and "\n" not in message
 
 
+def test_all_missing_keys_are_named_at_once():
+    """The remedy in Python names all of them too."""
+    with pytest.raises(ConfigError) as caught:
+        simulate("two_mass", [])
+    keys = ["restitution", "roller_share", "stem_stiffness", "stem_damping"]
+    message = str(caught.value)
+    assert message.startswith(f"rig mine: {', '.join(f'follower.{key}' for key in keys)}: are ")
+    assert f"rig.replace({', '.join(f'{key}=...' for key in keys)})" in message
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_a_level_needs_the_numbers_of_the_sound(model):
     """It needs ``radiation``, and the stiffness of the stem for a model with landings."""

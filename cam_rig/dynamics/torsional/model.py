@@ -138,7 +138,7 @@ def from_rig(rig: RigConfig) -> TorsionalParameters:
         If the damping ratio of the shaft is above `MAX_DAMPING_RATIO`.
     """
     if rig.shaft is None:
-        raise rig.missing("shaft", "the model torsional", "take another model")
+        raise rig.missing(["shaft"], "the model torsional", "take another model")
     flywheel = rig.shaft.flywheel_inertia
     parameters = TorsionalParameters(
         follower=FollowerParameters.from_rig(rig),

@@ -139,7 +139,7 @@ OVER = {"over": RESTITUTION}
         (OVER | {"values": [1.0], "restitution": None}, DynamicsError, r"is 1\.0; allowed"),
         (OVER | {"values": [0.5]}, ConfigError, "restitution: is what is swept"),
         ({"over": MASS, "values": [1.0], "rpm": [1, 2]}, ConfigError, "are 2 speeds over mass"),
-        ({"model": "two_mass"}, ConfigError, "roller_share: is missing; needed by two masses"),
+        ({"model": "two_mass"}, ConfigError, "stem_damping: are missing; needed by two masses"),
         ({"model": "torsional"}, ConfigError, "is 'torsional'; allowed: one_mass, two_mass"),
     ],
 )

@@ -185,4 +185,5 @@ def test_a_rig_of_four_numbers_has_a_jump_speed(tmp_path, rig):
     refused = call("poly345", "--rig", path)
     assert refused.exit_code == 2
     words = " ".join(refused.stderr.split())
-    assert "rig mine: follower.stem_stiffness: is missing; needed by two masses" in words
+    missing = "follower.stem_stiffness, follower.stem_damping: are missing"
+    assert f"rig mine: {missing}; needed by two masses" in words
