@@ -27,6 +27,7 @@ from ezdxf.entities import (
 )
 from ezdxf.lldxf.const import DXFError
 from ezdxf.path import make_path
+from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 from shapely import LineString, segmentize
 
@@ -54,8 +55,6 @@ MAX_ENTITIES = 100_000
 ARC_ERROR, ARC_POINTS = 1e-9, 20_000
 #: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
 ARC_SEGMENTS = 96
-#: Points of a spline for each of its control points.
-PER_CONTROL_POINT = 16
 #: Points of a curve before its last refinement.
 MAX_POINTS = 1_000_000
 #: Ends of entities that are nearer than this (m) are joined. Programs write 3 to 16 decimals of mm.
@@ -201,27 +200,70 @@ def _of_layer(path: Path, entities: list[DXFEntity], layer: str | None) -> list[
 
 def _curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
     """Return an entity as a curve; `factor` is the drawing's unit in m."""
-    if isinstance(entity, Spline):  # the outer knots of an unclamped one lie beyond its range
-        tool = entity.construction_tool()
-        knots, degree = tool.knots(), tool.degree
-        count = PER_CONTROL_POINT * len(tool.control_points)
-        on = tool.points(np.linspace(knots[degree], knots[-degree - 1], count).tolist())
-        points = factor * np.array([(p.x, p.y) for p in on]).reshape(-1, 2)
+    if isinstance(entity, Spline):
+        points = _flattened(path, entity, factor)
         require_size(path, points)
         return _Curve(points, True)
     outline = make_path(entity, segments=ARC_SEGMENTS)
     control = factor * np.array([(p.x, p.y) for p in outline.control_vertices()]).reshape(-1, 2)
     if not control.size or not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
-        raise ProfileError(
-            f"{path}: {_name(entity)} has no finite points within {MAX_SIZE:g} m; allowed: a "
-            "contour of a cam, so check unit and bulges"
-        )
+        raise _no_finite_points(path, entity)
     vertices = islice(outline.flattening(ARC_ERROR / factor), MAX_POINTS)
     points = factor * np.array([(p.x, p.y) for p in vertices]).reshape(-1, 2)
     is_closed = isinstance(entity, LWPolyline | Polyline) and entity.is_closed
     if is_closed and not np.array_equal(points[0], points[-1]):
         points = np.append(points, points[:1], axis=0)
     return _Curve(points, outline.has_curves)
+
+
+def _flattened(path: Path, entity: Spline, factor: float) -> FloatArray:
+    """Return points `(n, 2)` of a spline (m) whose chords are within `ARC_ERROR` of it.
+
+    Each chord is divided into thirds until the spline at both thirds is that near. A cubic curve
+    that is on its chord there is straight.
+    """
+    tool = entity.construction_tool()
+    control = factor * np.array([(p.x, p.y) for p in tool.control_points])
+    if not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
+        raise _no_finite_points(path, entity)
+    weight = np.array(tool.weights() or np.ones(len(control)))[:, None]
+    if not (weight > 0.0).all():
+        raise ValueError("a weight is not positive")
+    knots, degree = np.array(tool.knots()), tool.degree
+    spline = BSpline(knots, np.hstack([control * weight, weight]), degree)
+    # the outer knots of an unclamped spline lie beyond its range
+    at = np.unique(knots[degree : len(knots) - degree])
+    points = _on_spline(spline, at)
+    divided = np.arange(len(at) - 1)  # chords that are not known to be short enough
+    while divided.size and len(at) < MAX_POINTS:
+        thirds = at[divided, None] + np.diff(at)[divided, None] * np.array([1.0, 2.0]) / 3.0
+        inner = _on_spline(spline, thirds.ravel()).reshape(-1, 2, 2)
+        start, chord = points[divided, None], np.diff(points, axis=0)[divided, None]
+        foot = start + chord * np.array([1.0, 2.0])[:, None] / 3.0
+        (x, y), (u, v) = np.moveaxis(inner - foot, -1, 0), np.moveaxis(chord, -1, 0)
+        length = np.hypot(u, v)
+        across = np.abs(u * y - v * x) / np.maximum(length, ARC_ERROR)
+        distance = np.where(length > ARC_ERROR, across, np.hypot(x, y))
+        far = (distance > ARC_ERROR).any(axis=1)
+        where = np.repeat(divided[far] + 1, 2)
+        at = np.insert(at, where, thirds[far].ravel())
+        points = np.insert(points, where, inner[far].reshape(-1, 2), axis=0)
+        first = divided[far] + 2 * np.arange(np.count_nonzero(far))
+        divided = (first[:, None] + np.arange(3)).ravel()
+    return points
+
+
+def _on_spline(spline: BSpline, at: FloatArray) -> FloatArray:
+    """Return points `(n, 2)` of a spline with homogeneous coordinates."""
+    x, y, weight = spline(at).T
+    return np.column_stack([x / weight, y / weight])
+
+
+def _no_finite_points(path: Path, entity: DXFEntity) -> ProfileError:
+    return ProfileError(
+        f"{path}: {_name(entity)} has no finite points within {MAX_SIZE:g} m; allowed: a "
+        "contour of a cam, so check unit and bulges"
+    )
 
 
 def _name(entity: DXFEntity) -> str:

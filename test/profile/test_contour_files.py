@@ -127,6 +127,27 @@ def test_circles_and_ellipses_are_exact(drawing):
     np.testing.assert_allclose(height(read_dxf(path).curves[0]), expected, atol=3e-9)
 
 
+def test_rational_splines_are_exact(drawing):
+    """A circle of 9 control points, and a spline of degree 1, are read to 5 nm."""
+    corner = math.sqrt(0.5)
+    turn = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+
+    def draw(document):
+        circle = document.modelspace().add_spline(degree=2)
+        circle.control_points = [(50.0 * x, 50.0 * y - 20.0, 0.0) for x, y in turn]
+        circle.weights = [1.0, corner] * 4 + [1.0]
+        circle.knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
+        lines = document.modelspace().add_spline(degree=1)
+        lines.control_points = [(0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (9.0, 9.0, 0.0), (0.0, 0.0, 0.0)]
+        lines.knots = [0, 0, 1, 2, 3, 3]
+
+    circle, lines = read_dxf(drawing(draw)).curves
+    expected = 0.050 - 0.020 * np.cos(ANGLES)
+    np.testing.assert_allclose(height(circle), expected, rtol=0, atol=5e-9)
+    assert np.ptp(np.hypot(circle[0], circle[1] + 0.020)) < 5e-9
+    assert np.abs(lines).max() == pytest.approx(0.009, abs=1e-12)
+
+
 def test_lines_alone_are_points_of_a_smooth_curve(drawing):
     """360 lines give the same contour as one closed polyline, in any order and direction."""
     points = np.column_stack([X, Y])
