@@ -106,7 +106,7 @@ def read_dxf(
     placement
         Unit of a drawing without one, axis and zero direction.
     layer
-        Only this layer is read, by default all.
+        Only this layer is read, even if it is off or frozen. By default, all visible entities.
     count
         Number of contours that are wanted. If there are more, the frame of the drawing, and
         those inside of another, such as a bore, are left out.
@@ -118,8 +118,13 @@ def read_dxf(
     """
     document, every = _read(path)
     unit = _unit(path, document, placement)
-    entities = _of_layer(path, every, layer)
+    entities = _visible(document, every) if layer is None else _of_layer(path, every, layer)
     curves, loose, notes = list[_Curve](), list[_Curve](), list[str]()
+    if hidden := len(every) - len(entities) if layer is None else 0:
+        notes.append(
+            f"{hidden} {'entity' if hidden == 1 else 'entities'} ignored: invisible, or on a layer "
+            "that is off or frozen (--layer reads them)"
+        )
     for entity in entities:
         if isinstance(entity, CURVES):
             try:
@@ -130,7 +135,8 @@ def read_dxf(
     chains, ends = _chained(loose)
     curves += chains
     if not curves:
-        raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}")
+        more = "".join(f" {note}" for note in notes)
+        raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}{more}")
     outer = curves if count is None or len(curves) <= count else _outer(curves)
     if len(outer) < len(curves):
         notes.append(
@@ -189,9 +195,26 @@ def _unit(path: Path, document: Drawing, placement: Placement) -> str:
     return name
 
 
-def _of_layer(path: Path, entities: list[DXFEntity], layer: str | None) -> list[DXFEntity]:
-    if layer is None:
-        return entities
+def _visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
+    """Return the entities that a CAD program shows."""
+    off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
+    frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
+
+    def is_visible(entity: DXFEntity) -> bool:
+        names = list[str]()  # layers of the entity and of the blocks around it
+        part: DXFEntity | None = entity
+        while part is not None:
+            if part.dxf.get("invisible", 0):
+                return False
+            names.append(part.dxf.get("layer", "0").lower())
+            part = part.source_block_reference
+        name = next((name for name in names if name != "0"), "0")  # layer 0 is that of the block
+        return name not in off and frozen.isdisjoint(names)
+
+    return [entity for entity in entities if is_visible(entity)]
+
+
+def _of_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXFEntity]:
     layers = sorted({entity.dxf.get("layer", "0") for entity in entities})
     if layer not in layers:
         raise ProfileError(f"{path}: has no layer {layer!r}; allowed: {', '.join(layers[:20])}")

@@ -185,6 +185,31 @@ def test_bore_is_left_out_and_layer_selected(drawing):
         read_dxf(path, layer="X")
 
 
+def test_hidden_entities_are_ignored(drawing):
+    """Invisible entities and layers that are off or frozen are read only with their layer."""
+
+    def draw(document, visible=True):
+        document.layers.add("OFF").off()
+        document.layers.add("FROZEN").freeze()
+        document.blocks.new("B").add_circle((0.0, 0.0), 50.0)
+        space = document.modelspace()
+        if visible:
+            space.add_circle((0.0, 0.0), 20.0)
+        space.add_circle((0.0, 0.0), 30.0, dxfattribs={"layer": "off"})
+        space.add_circle((0.0, 0.0), 40.0, dxfattribs={"layer": "FROZEN"})
+        space.add_blockref("B", (0.0, 0.0), dxfattribs={"layer": "OFF"})
+        space.add_circle((0.0, 0.0), 60.0, dxfattribs={"invisible": 1})
+
+    path, note = drawing(draw), "4 entities ignored: invisible, or on a layer that is off or frozen"
+    found = read_dxf(path)
+    assert len(found.curves) == 1 and np.hypot(*found.curves[0]) == pytest.approx(0.020)
+    assert any(note in text for text in found.notes)
+    (frozen,) = read_dxf(path, layer="FROZEN").curves
+    assert np.hypot(*frozen) == pytest.approx(0.040)
+    with pytest.raises(ProfileError, match=f"no closed curve: .*{note}"):
+        read_dxf(drawing(lambda document: draw(document, visible=False)))
+
+
 def test_drawing_without_a_contour(drawing):
     """The error lists the entities of the drawing."""
 
