@@ -19,6 +19,8 @@ from cam_rig.units import TURN, FloatArray
 MAX_BYTES = 8 * MIB
 #: Largest distance of a contour from the cam's axis that is read, and smallest, m.
 MAX_SIZE, MIN_SIZE = 10.0, 1e-5
+#: Largest difference of z of a plane contour, m: above the rounding of other programs.
+MAX_HEIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,7 @@ def read_contour_table(path: Path, placement: Placement = AS_IT_IS) -> ContourFi
         notes.append(placement.note())
     require_size(path, points)
     discs = table.discs(headings)
+    table.require_plane(headings, factor, discs)
     names = list(dict.fromkeys(discs))
     curves = [points[:, [disc == name for disc in discs]] for name in names]
     return ContourFile(curves, True, notes)
@@ -167,6 +170,22 @@ class _ContourTable(CellTable):
                 )
             rows.append([float(texts[i]) for i in used])
         return np.array(rows).reshape(-1, 2).T
+
+    def require_plane(self, headings: list[Heading], factor: float, discs: list[str]) -> None:
+        """Raise ConfigError if z varies within a disc. `factor` is the unit of x and y in m."""
+        column = next((i for i, heading in enumerate(headings) if heading.quantity == "z"), None)
+        if column is None:
+            return
+        unit, first = headings[column].factor or factor, dict[str, float]()
+        for disc, (line, cells) in zip(discs, self.rows[self.first :], strict=True):
+            if (text := plain_number(cells[column])) is None:
+                continue
+            height = unit * float(text) - first.setdefault(disc, unit * float(text))
+            if abs(height) > MAX_HEIGHT:
+                raise self.refused(
+                    f"line {line}: {shown(headings[column].text)} differs by {height * 1e3:.4g} mm "
+                    "from the first point; allowed: points of a contour in the xy plane"
+                )
 
     def discs(self, headings: list[Heading]) -> list[str]:
         """Return the name of the disc of each row, empty without such a column."""

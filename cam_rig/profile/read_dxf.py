@@ -36,6 +36,7 @@ from cam_rig.files import read_bytes
 from cam_rig.profile.contour_files import (
     AS_IT_IS,
     MAX_BYTES,
+    MAX_HEIGHT,
     MAX_SIZE,
     ContourFile,
     Placement,
@@ -68,10 +69,12 @@ class _Curve:
     """Points `(n, 2)` of one or several joined entities, in m of the drawing.
 
     `is_exact` is True if there are arcs or splines in it, so that its lines are straight.
+    `tilted` names an entity of it that is not in a plane of constant z, or is empty.
     """
 
     points: FloatArray
     is_exact: bool
+    tilted: str = ""
 
     @property
     def is_closed(self) -> bool:
@@ -138,6 +141,8 @@ def read_dxf(
         more = "".join(f" {note}" for note in notes)
         raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}{more}")
     outer = curves if count is None or len(curves) <= count else _outer(curves)
+    if tilted := next((curve.tilted for curve in outer if curve.tilted), ""):
+        raise ProfileError(f"{path}: {tilted}; allowed: a drawing in the xy plane")
     if len(outer) < len(curves):
         notes.append(
             f"{len(curves) - len(outer)} closed curves left out: frames, or inside of another"
@@ -226,7 +231,8 @@ def _curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
     if isinstance(entity, Spline):
         points = _flattened(path, entity, factor)
         require_size(path, points)
-        return _Curve(points, True)
+        z = factor * np.array([p.z for p in entity.construction_tool().control_points])
+        return _Curve(points, True, _tilted(entity, z))
     outline = make_path(entity, segments=ARC_SEGMENTS)
     control = factor * np.array([(p.x, p.y) for p in outline.control_vertices()]).reshape(-1, 2)
     if not control.size or not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
@@ -236,7 +242,8 @@ def _curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
     is_closed = isinstance(entity, LWPolyline | Polyline) and entity.is_closed
     if is_closed and not np.array_equal(points[0], points[-1]):
         points = np.append(points, points[:1], axis=0)
-    return _Curve(points, outline.has_curves)
+    z = factor * np.array([p.z for p in outline.control_vertices()])
+    return _Curve(points, outline.has_curves, _tilted(entity, z))
 
 
 def _flattened(path: Path, entity: Spline, factor: float) -> FloatArray:
@@ -289,6 +296,14 @@ def _no_finite_points(path: Path, entity: DXFEntity) -> ProfileError:
     )
 
 
+def _tilted(entity: DXFEntity, z: FloatArray) -> str:
+    """Return the name of an entity whose z (m) varies, and by how much, or an empty text."""
+    height = float(np.ptp(z))
+    if height <= MAX_HEIGHT:
+        return ""
+    return f"{_name(entity)} is not parallel to the xy plane: its z varies by {height * 1e3:.4g} mm"
+
+
 def _name(entity: DXFEntity) -> str:
     return f"{entity.dxftype()} of layer {entity.dxf.get('layer', '0')!r}"
 
@@ -310,7 +325,9 @@ def _chained(loose: list[_Curve]) -> tuple[list[_Curve], str]:
         entered = [*before, 2 * first, *behind]  # the end at which the chain enters each curve
         parts = [loose[end // 2].points[:: 1 if end % 2 == 0 else -1] for end in entered]
         points = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
-        chain = _Curve(points, any(loose[end // 2].is_exact for end in entered))
+        members = [loose[end // 2] for end in entered]
+        tilted = next((curve.tilted for curve in members if curve.tilted), "")
+        chain = _Curve(points, any(curve.is_exact for curve in members), tilted)
         (closed if chain.is_closed else open_chains).append(chain)
     if not open_chains:
         return closed, ""

@@ -210,6 +210,37 @@ def test_hidden_entities_are_ignored(drawing):
         read_dxf(drawing(lambda document: draw(document, visible=False)))
 
 
+def test_curves_that_are_not_plane_are_refused(drawing):
+    """Each kind of entity whose z varies is refused by name, unless it is not the contour."""
+    turn, lift = np.column_stack([X, Y]), 2.0 * np.cos(CIRCLE)
+    points = np.column_stack([turn, lift])
+    ends = list(zip(points.tolist(), np.roll(points, -1, axis=0).tolist(), strict=True))
+
+    def lines(document):
+        for pair in ends:
+            document.modelspace().add_line(*pair)
+
+    def spline(document):
+        document.modelspace().add_spline().set_closed(points.tolist(), degree=3)
+
+    tilted = {"layer": "CAM", "extrusion": (0.0, -0.01, 1.0)}
+    for draw, kind in (
+        (in_space("add_circle", (0.0, 0.0), 20.0, dxfattribs=tilted), "CIRCLE of layer 'CAM'"),
+        (in_space("add_polyline3d", points.tolist(), close=True), "POLYLINE of layer '0'"),
+        (lines, "LINE of layer '0'"),
+        (spline, "SPLINE of layer '0'"),
+    ):
+        with pytest.raises(ProfileError, match=f"{kind} is not parallel to the xy plane: its z"):
+            read_dxf(drawing(draw))
+
+    def flat(document):
+        level = np.column_stack([turn, 0.0 * CIRCLE + 5.0])
+        document.modelspace().add_polyline3d(level.tolist(), close=True)
+        document.modelspace().add_line((0.0, 0.0, -9.0), (0.0, 0.0, 9.0))
+
+    assert len(read_dxf(drawing(flat)).curves) == 1
+
+
 def test_drawing_without_a_contour(drawing):
     """The error lists the entities of the drawing."""
 
@@ -354,6 +385,7 @@ def test_tables_without_a_contour_are_rejected(tmp_path):
         ("a.csv", "x_mm,y_in\n1,2\n", "'x_mm' and 'y_in' have different units"),
         ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "line 3: y_mm is 'no'; allowed: a number"),
         ("a.csv", "x_mm,y_mm\n1,2\n3,\n", "line 3: has the row '3,'; allowed: finite numbers"),
+        ("a.csv", "x,y,z\n1,2,5\n3,4,5.002\n", "line 3: 'z' differs by 0.002 mm from the first"),
         ("a.csv", "x_mm,y_mm\n1,2\n3\n", "line 3: has 1 cells under 2 columns"),
         ("a.csv", "x_mm,y_mm\n1e9,2\n3,4\n", "reaches 1e+06 m from the cam's axis"),
         ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
