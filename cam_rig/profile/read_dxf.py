@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -132,8 +132,11 @@ def read_dxf(
         if isinstance(entity, CURVES):
             try:
                 curve = _curve(path, entity, UNITS["length"][unit])
+            except ProfileError:
+                raise
             except DAMAGE as error:
-                raise ProfileError(f"{path}: {_name(entity)} cannot be read ({error})") from None
+                text = str(error) or type(error).__name__
+                raise ProfileError(f"{path}: {_name(entity)} cannot be read ({text})") from None
             (curves if curve.is_closed else loose).append(curve)
     chains, ends = _chained(loose)
     curves += chains
@@ -144,9 +147,9 @@ def read_dxf(
     if tilted := next((curve.tilted for curve in outer if curve.tilted), ""):
         raise ProfileError(f"{path}: {tilted}; allowed: a drawing in the xy plane")
     if len(outer) < len(curves):
-        notes.append(
-            f"{len(curves) - len(outer)} closed curves left out: frames, or inside of another"
-        )
+        number = len(curves) - len(outer)
+        noun = "closed curve" if number == 1 else "closed curves"
+        notes.append(f"{number} {noun} left out: frames, or inside of another")
     if ends:
         notes.append(f"left out{ends}")
     notes.append(f"unit {unit}; {placement.note()}")
@@ -171,16 +174,34 @@ def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
         read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
+        count = _count(document, drawn, {})
         every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
-        entities = list(islice(every, MAX_ENTITIES + 1))
+        entities = list(islice(every, MAX_ENTITIES + 1 if count <= MAX_ENTITIES else 0))
     except DAMAGE as error:
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).split()) or type(error).__name__
         raise ProfileError(f"{path}: cannot be read as DXF ({text})") from None
     except RecursionError:
         raise ProfileError(f"{path}: a block contains itself; allowed: blocks of curves") from None
-    if len(entities) > MAX_ENTITIES:
+    if max(count, len(entities)) > MAX_ENTITIES:
         raise ProfileError(f"{path}: has more than {MAX_ENTITIES} entities; allowed: fewer")
     return document, entities
+
+
+def _count(document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str, int]) -> int:
+    """Return the number of entities, those of blocks among them, without drawing the blocks.
+
+    An empty block counts as an entity. `of_blocks` has the numbers of the blocks that were counted.
+    """
+    total = 0
+    for entity in entities:
+        number = 1
+        if isinstance(entity, Insert):
+            name = entity.dxf.name
+            if name not in of_blocks:
+                of_blocks[name] = _count(document, document.blocks.get(name) or (), of_blocks)
+            number = entity.mcount * max(1, of_blocks[name])
+        total += number
+    return total
 
 
 def _unit(path: Path, document: Drawing, placement: Placement) -> str:

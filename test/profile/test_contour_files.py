@@ -283,20 +283,29 @@ def test_excessive_files_are_rejected(drawing, tmp_path):
                 outer.add_blockref(chr(ord(name) - 1), (i, 0.0))
         document.modelspace().add_blockref("G", (0.0, 0.0))
 
+    def empty(document):
+        document.blocks.new("E")
+        spaced = {"row_count": 1000, "column_count": 1000, "row_spacing": 1, "column_spacing": 1}
+        document.modelspace().add_blockref("E", (0.0, 0.0), dxfattribs=spaced)
+
     os.mkfifo(tmp_path / "pipe.dxf")
     (tmp_path / "large.dxf").write_bytes(b"0\n" * MAX_BYTES)
     (tmp_path / "no.dxf").write_text("no drawing")
+    whole = drawing(in_space("add_circle", (0.0, 0.0), 2.0)).read_bytes()
+    (tmp_path / "cut.dxf").write_bytes(whole[:4000])
     bulge = [(0.0, 0.0, 1e6), (8.0, 0.0, 0.0), (8.0, 8.0, 0.0)]
     for path, words in (
         (tmp_path / "pipe.dxf", "is a pipe or a device"),
         (tmp_path / "large.dxf", "MiB; allowed: 8 MiB"),
         (tmp_path / "no.dxf", "cannot be read as DXF"),
+        (tmp_path / "cut.dxf", r"cannot be read as DXF \(\w+"),
         (tmp_path / "none.dxf", "cannot be read as DXF"),
     ):
         with pytest.raises(ProfileError, match=words):
             read_dxf(path)
     for draw, words in (
         (nested, f"more than {MAX_ENTITIES} entities"),
+        (empty, f"more than {MAX_ENTITIES} entities"),
         (in_space("add_lwpolyline", bulge, format="xyb", close=True), "no finite points within"),
         (in_space("add_circle", (0.0, 0.0), 1e300), "no finite points within"),
         (in_space("add_circle", (0.0, 0.0), math.nan), "no finite points within|cannot be read"),

@@ -14,6 +14,7 @@ from cam_rig.files import writing
 from cam_rig.profile.contour_files import AS_IT_IS, Placement
 from cam_rig.show.command import check_outputs
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.show.tables import pluralize
 from cam_rig.show.terminal import say
 from cam_rig.units import TURN, rms
 
@@ -306,8 +307,8 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
             say(f"warning: {request.source}: {warning}")
     if len(file.curves) != len(plates):
         raise OutputError(
-            f"{request.source}: has {len(file.curves)} closed curves; allowed: {len(plates)}, one "
-            f"for each contour of a {cam.follower.type} follower; --layer reads one layer"
+            f"{request.source}: has {pluralize(len(file.curves), 'closed curve')}; allowed: "
+            f"{len(plates)}, one for each contour of a {cam.follower.type} follower; --layer reads one layer"
         )
     curves = [closed_curve(points) for points in file.curves]
     for note in file.notes:
