@@ -63,6 +63,14 @@ class Placement:
             turned = -turned.conj()
         return np.array([turned.real, turned.imag])
 
+    def in_file(self, points: FloatArray) -> FloatArray:
+        """Return points `(2, n)` (m) of the frame of the cam in the frame of the file."""
+        z = points[0] + 1j * points[1]
+        turned = -z.conj() if self.is_mirrored else z
+        x, y = self.axis
+        placed = turned * np.exp(1j * (self.zero - 0.25 * TURN)) + complex(x, y)
+        return np.array([placed.real, placed.imag])
+
 
 #: Placement without options.
 AS_IT_IS = Placement()

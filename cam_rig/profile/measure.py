@@ -15,6 +15,7 @@ from shapely import LinearRing
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
 from cam_rig.profile.contact import Element, turn_angles
+from cam_rig.profile.contour_files import Placement
 from cam_rig.profile.disc import Disc, contours
 from cam_rig.profile.faces import GuidedCentre, SwungCentre
 from cam_rig.schema.cam import Follower
@@ -179,6 +180,35 @@ def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, floa
 MAX_STEP_RATIO = 10.0
 #: Least number of points of a contour.
 MIN_POINTS = 36
+
+
+#: Smallest area of a contour, as a fraction of its squared extent: above the rounding of a line.
+MIN_AREA_FRACTION = 1e-6
+
+
+def require_axis_inside(points: FloatArray, placement: Placement) -> None:
+    """Raise ProfileError if the points ``(2, n)`` (m) do not enclose the axis, or have no area.
+
+    The points are in the frame of the cam. The error has the coordinates of the file.
+    """
+    z = points[0] + 1j * points[1]
+    following = np.roll(z, -1)
+    low, high = placement.in_file(points).min(axis=1), placement.in_file(points).max(axis=1)
+    area, extent = 0.5 * abs(np.sum((z.conj() * following).imag)), float(np.hypot(*(high - low)))
+    reach = ", ".join(
+        f"{name} {1e3 * a:.6g} to {1e3 * b:.6g}" for name, a, b in zip("xy", low, high, strict=True)
+    )
+    if area < MIN_AREA_FRACTION * extent**2:
+        raise ProfileError(
+            f"the contour ({reach} mm) encloses no area; allowed: points around the cam"
+        )
+    turns = np.sum(np.angle(following * z.conj())) / TURN
+    if abs(turns) < 0.5:
+        x, y = (1e3 * coordinate for coordinate in placement.axis)
+        raise ProfileError(
+            f"the axis of the cam ({x:g}, {y:g} mm) is outside of the contour ({reach} mm); "
+            "allowed: --axis X,Y inside of it"
+        )
 
 
 def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:

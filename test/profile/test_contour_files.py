@@ -14,7 +14,7 @@ from cam_rig.errors import CamRigError, ConfigError, ProfileError
 from cam_rig.profile import turn_angles
 from cam_rig.profile.contour_files import MAX_BYTES, Placement, read_contour_table
 from cam_rig.profile.faces import GuidedCentre, GuidedFace
-from cam_rig.profile.measure import closed_curve, find_rotation, rest
+from cam_rig.profile.measure import closed_curve, find_rotation, require_axis_inside, rest
 from cam_rig.profile.read_dxf import MAX_ENTITIES, read_dxf
 
 ANGLES = turn_angles(90)
@@ -422,6 +422,22 @@ def test_placement_restores_the_contour(x, y, zero, is_mirrored):
     placement = Placement(None, (1e-3 * x, 1e-3 * y), math.radians(zero), is_mirrored)
     points = placement.place(np.array([drawn.real, drawn.imag]))
     np.testing.assert_allclose(points, cam, atol=1e-15)
+    np.testing.assert_allclose(placement.in_file(points), [drawn.real, drawn.imag], atol=1e-15)
+
+
+def test_axis_outside_of_the_contour_is_refused():
+    """The error has the axis and the contour in coordinates of the file, and the remedy."""
+    points = 1e-3 * np.array([X + 120.0, Y + 80.0])
+    placement = Placement(None, (0.12, 0.08), 1.0, True)
+    require_axis_inside(placement.place(points), placement)
+    wrong = Placement(None, (0.1, 0.06), 1.0, True)
+    words = (
+        r"axis of the cam \(100, 60 mm\) is outside .* \(x 90 to 150, y 60 to 100 mm\); .*--axis"
+    )
+    with pytest.raises(ProfileError, match=words):
+        require_axis_inside(wrong.place(points), wrong)
+    with pytest.raises(ProfileError, match=r"\(x -15 to 15, y 5 to 5 mm\) encloses no area"):
+        require_axis_inside(1e-3 * np.array([np.arange(-15, 16), np.full(31, 5.0)]), Placement())
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])
