@@ -57,8 +57,8 @@ def closed_curve(points: FloatArray) -> Curve:
     distinct = points[:, step > 1e-9 * step.max(initial=0.0)]  # without repeated points
     if distinct.shape[1] < 8:
         raise ProfileError(
-            f"contour has {distinct.shape[1]} different points; allowed: at least 8, and for a "
-            "measurement some hundreds"
+            f"contour has {max(1, distinct.shape[1])} different points; allowed: at least 8, and "
+            "for a measurement some hundreds"
         )
     distinct = np.append(distinct, distinct[:, :1], axis=1)
     arc_length = np.append(0.0, np.cumsum(np.hypot(*np.diff(distinct, axis=1))))

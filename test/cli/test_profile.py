@@ -124,7 +124,7 @@ def test_points_that_are_not_a_contour_are_refused(tmp_path):
     """A few points, a line, and a contour next to the axis give an error with the file's name."""
     circle = [(30.0 * math.cos(0.1 * i), 30.0 * math.sin(0.1 * i)) for i in range(63)]
     for points, words in (
-        (circle[:1], "contour has 0 different points"),
+        (circle[:1], "contour has 1 different points"),
         (circle[:2], "contour has 2 different points"),
         (circle[:3], "contour has 3 different points"),
         (circle[:7], "contour has 7 different points"),

@@ -383,10 +383,54 @@ def test_missing_unit_is_assumed_or_given(tmp_path):
     assert "no unit of length in 'y': mm assumed" in found.notes
     given_cm = read_contour_table(tmp_path / "a.csv", Placement(unit="cm"))
     np.testing.assert_allclose(given_cm.curves[0], 10.0 * found.curves[0])
+    (tmp_path / "a.csv").write_text(table("x_in,y_in", (X, Y)))
+    given_in = read_contour_table(tmp_path / "a.csv", Placement(unit="in"))
+    np.testing.assert_allclose(given_in.curves[0], 25.4 * found.curves[0])
+    with pytest.raises(ConfigError, match=r"'y_in' has another unit than mm; allowed: --unit for"):
+        read_contour_table(tmp_path / "a.csv", Placement(unit="mm"))
+
+
+def test_polar_points_are_placed_like_x_and_y(tmp_path):
+    """Axis, zero direction and side apply to polar points, in the frame of the file."""
+    x, y = X + 5.0, Y - 3.0
+    (tmp_path / "xy.csv").write_text(table("x_mm,y_mm", (x, y)))
+    polar = (np.degrees(np.arctan2(x, y)) % 360.0, np.hypot(x, y))
+    (tmp_path / "polar.csv").write_text(table("angle_deg,radius_mm", polar))
+    for placement in (
+        Placement(axis=(0.005, -0.003)),
+        Placement(zero=0.3),
+        Placement(is_mirrored=True),
+        Placement(axis=(0.005, -0.003), zero=4.0, is_mirrored=True),
+    ):
+        (expected,) = read_contour_table(tmp_path / "xy.csv", placement).curves
+        (points,) = read_contour_table(tmp_path / "polar.csv", placement).curves
+        np.testing.assert_allclose(closest(points, expected), 0.0, atol=3e-8)
+
+
+def closest(points, others):
+    """Distances (m) of points from the closest of other points."""
+    return np.hypot(*(points[:, :, None] - others[:, None])).min(axis=1)
+
+
+def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
+    """Shuffled rows give the contour of sorted rows, and a crank angle is twice the cam angle."""
+    angle, radius = 4.5 * np.arange(80), 30.0 + np.cos(CIRCLE)
+    (tmp_path / "a.csv").write_text(table("angle_deg,radius_mm", (angle, radius)))
+    (expected,) = read_contour_table(tmp_path / "a.csv").curves
+    mixed = np.random.default_rng(2).permutation(80)
+    (tmp_path / "a.csv").write_text(table("angle_deg,radius_mm", (angle[mixed], radius[mixed])))
+    found = read_contour_table(tmp_path / "a.csv")
+    np.testing.assert_array_equal(found.curves[0], expected)
+    assert "rows sorted by angle" in found.notes
+    (tmp_path / "a.csv").write_text(table("crank deg,radius mm", (2.0 * angle, radius)))
+    found = read_contour_table(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.curves[0], expected, rtol=0, atol=1e-15)
+    assert any("angle of the crank" in note and "halved" in note for note in found.notes)
 
 
 def test_tables_without_a_contour_are_rejected(tmp_path):
     """The error is one line with the file's name, the fault and the remedy."""
+    turns = "".join(f"{angle},30\n" for angle in range(0, 720, 10))
     for name, text, words in (
         ("a.csv", "", "is empty; allowed: a heading and"),
         ("a.csv", "1,2\n3,4\n", "has no heading above numbers"),
@@ -395,6 +439,12 @@ def test_tables_without_a_contour_are_rejected(tmp_path):
         ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "line 3: y_mm is 'no'; allowed: a number"),
         ("a.csv", "x_mm,y_mm\n1,2\n3,\n", "line 3: has the row '3,'; allowed: finite numbers"),
         ("a.csv", "x,y,z\n1,2,5\n3,4,5.002\n", "line 3: 'z' differs by 0.002 mm from the first"),
+        ("a.csv", "deg,r\n" + turns, "angles cover 710 deg; allowed: one turn"),
+        (
+            "a.csv",
+            "deg,r\n0,3\n9,4\n18,4\n0,5\n9,5\n",
+            "the angle 0 deg has several radii, and the rows",
+        ),
         ("a.csv", "x_mm,y_mm\n1,2\n3\n", "line 3: has 1 cells under 2 columns"),
         ("a.csv", "x_mm,y_mm\n1e9,2\n3,4\n", "reaches 1e+06 m from the cam's axis"),
         ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
