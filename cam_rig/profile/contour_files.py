@@ -90,6 +90,13 @@ class ContourFile:
     notes: list[str] = field(default_factory=list)
 
 
+def encloses_axis(points: FloatArray) -> bool:
+    """Return True if a closed contour `(2, n)` in the frame of the cam turns around its axis."""
+    z = points[0] + 1j * points[1]
+    turned = np.sum(np.angle(np.roll(z, -1) * z.conj()))
+    return bool(abs(turned) > 0.5 * TURN)
+
+
 def require_size(path: Path, curve: FloatArray) -> None:
     """Refuse a contour that is not finite, or is larger or smaller than a cam."""
     size = float(np.abs(curve).max(initial=0.0)) if np.isfinite(curve).all() else math.inf

@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from shapely import LinearRing
+from shapely import LinearRing, Polygon
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
 from cam_rig.profile.contact import Element, turn_angles
-from cam_rig.profile.contour_files import Placement
+from cam_rig.profile.contour_files import Placement, encloses_axis
 from cam_rig.profile.disc import Disc, contours
 from cam_rig.profile.faces import GuidedCentre, SwungCentre
 from cam_rig.schema.cam import Follower
@@ -191,10 +191,9 @@ def require_axis_inside(points: FloatArray, placement: Placement) -> None:
 
     The points are in the frame of the cam. The error has the coordinates of the file.
     """
-    z = points[0] + 1j * points[1]
-    following = np.roll(z, -1)
-    low, high = placement.in_file(points).min(axis=1), placement.in_file(points).max(axis=1)
-    area, extent = 0.5 * abs(np.sum((z.conj() * following).imag)), float(np.hypot(*(high - low)))
+    drawn = placement.in_file(points)
+    low, high = drawn.min(axis=1), drawn.max(axis=1)
+    area, extent = Polygon(points.T).area, float(np.hypot(*(high - low)))
     reach = ", ".join(
         f"{name} {1e3 * a:.6g} to {1e3 * b:.6g}" for name, a, b in zip("xy", low, high, strict=True)
     )
@@ -202,8 +201,7 @@ def require_axis_inside(points: FloatArray, placement: Placement) -> None:
         raise ProfileError(
             f"the contour ({reach} mm) encloses no area; allowed: points around the cam"
         )
-    turns = np.sum(np.angle(following * z.conj())) / TURN
-    if abs(turns) < 0.5:
+    if not encloses_axis(points):
         x, y = (1e3 * coordinate for coordinate in placement.axis)
         raise ProfileError(
             f"the axis of the cam ({x:g}, {y:g} mm) is outside of the contour ({reach} mm); "

@@ -40,6 +40,7 @@ from cam_rig.profile.contour_files import (
     MAX_SIZE,
     ContourFile,
     Placement,
+    encloses_axis,
     require_size,
 )
 from cam_rig.schema.quantity import UNITS
@@ -60,6 +61,8 @@ ARC_SEGMENTS = 96
 MAX_POINTS = 1_000_000
 #: Ends of entities that are nearer than this (m) are joined. Programs write 3 to 16 decimals of mm.
 JOIN_DISTANCE = 5e-6
+#: Radii of a circle around the axis differ at most by this distance, m.
+MAX_ECCENTRICITY = 1e-6
 #: A closed curve of fewer straight lines is a frame or a keyway, if there are others.
 MIN_LINES = 12
 
@@ -156,7 +159,27 @@ def read_dxf(
     placed = [placement.place(curve.outline()) for curve in outer]
     for points in placed:
         require_size(path, points)
+    chosen = set(map(id, outer))
+    others = [placement.place(curve.points.T) for curve in curves if id(curve) not in chosen]
+    if any(_is_cam_inside(other, circle) for circle in placed for other in others):
+        raise ProfileError(
+            f"{path}: has a circle around the axis and, inside of it, another curve around the "
+            "axis; allowed: one contour, so read its layer with --layer, or delete the circle"
+        )
     return ContourFile(placed, False, notes)
+
+
+def _is_centred(points: FloatArray) -> bool:
+    """Return True if points `(2, n)` are on a circle around the axis, a cam without lift."""
+    return bool(np.ptp(np.hypot(*points)) <= MAX_ECCENTRICITY)
+
+
+def _is_cam_inside(points: FloatArray, circle: FloatArray) -> bool:
+    """Return True if a contour inside of a circle around the axis could be that of the cam."""
+    is_inside = np.hypot(*points).max() < np.hypot(*circle).max()
+    return bool(
+        is_inside and _is_centred(circle) and encloses_axis(points) and not _is_centred(points)
+    )
 
 
 #: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.

@@ -185,6 +185,31 @@ def test_bore_is_left_out_and_layer_selected(drawing):
         read_dxf(path, layer="X")
 
 
+@pytest.mark.parametrize("is_ambiguous", [False, True])
+def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
+    """A circle around the axis is not measured if an eccentric curve in it could be the cam."""
+
+    def draw(document):
+        space = document.modelspace()
+        space.add_circle((0.0, 0.0), 80.0, dxfattribs={"layer": "BLANK"})
+        space.add_circle((0.0, 0.0), 8.0)
+        space.add_lwpolyline([(-99, -99), (120, -99), (120, 99), (-99, 99)], close=True)
+        if is_ambiguous:
+            space.add_circle((0.0, -20.0), 50.0)
+
+    path = drawing(draw)
+    if is_ambiguous:
+        with pytest.raises(
+            ProfileError, match=r"a circle around the axis and, inside of it, .*--l"
+        ):
+            read_dxf(path, count=1)
+    else:
+        found = read_dxf(path, count=1)
+        assert "2 closed curves left out: frames, or inside of another" in found.notes
+    (cam,) = read_dxf(path, layer="0", count=1).curves
+    assert height(cam).max() == pytest.approx(0.070 if is_ambiguous else 0.008, abs=1e-8)
+
+
 def test_hidden_entities_are_ignored(drawing):
     """Invisible entities and layers that are off or frozen are read only with their layer."""
 
