@@ -19,6 +19,10 @@ from cam_rig.units import TURN, FloatArray
 MAX_BYTES = 8 * MIB
 #: Largest distance of a contour from the cam's axis that is read, and smallest, m.
 MAX_SIZE, MIN_SIZE = 10.0, 1e-5
+#: Largest range of the angles of a polar table, rad: a turn and its rounding.
+MAX_TURN = TURN * (1.0 + 1e-6)
+#: Largest difference of z of a plane contour, m: above the rounding of other programs.
+MAX_HEIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,14 @@ class Placement:
             turned = -turned.conj()
         return np.array([turned.real, turned.imag])
 
+    def in_file(self, points: FloatArray) -> FloatArray:
+        """Return points `(2, n)` (m) of the frame of the cam in the frame of the file."""
+        z = points[0] + 1j * points[1]
+        turned = -z.conj() if self.is_mirrored else z
+        x, y = self.axis
+        placed = turned * np.exp(1j * (self.zero - 0.25 * TURN)) + complex(x, y)
+        return np.array([placed.real, placed.imag])
+
 
 #: Placement without options.
 AS_IT_IS = Placement()
@@ -78,6 +90,13 @@ class ContourFile:
     notes: list[str] = field(default_factory=list)
 
 
+def encloses_axis(points: FloatArray) -> bool:
+    """Return True if a closed contour `(2, n)` in the frame of the cam turns around its axis."""
+    z = points[0] + 1j * points[1]
+    turned = np.sum(np.angle(np.roll(z, -1) * z.conj()))
+    return bool(abs(turned) > 0.5 * TURN)
+
+
 def require_size(path: Path, curve: FloatArray) -> None:
     """Refuse a contour that is not finite, or is larger or smaller than a cam."""
     size = float(np.abs(curve).max(initial=0.0)) if np.isfinite(curve).all() else math.inf
@@ -91,8 +110,8 @@ def require_size(path: Path, curve: FloatArray) -> None:
 def read_contour_table(path: Path, placement: Placement = AS_IT_IS) -> ContourFile:
     """Read the contours of a table with columns x and y, or angle and radius.
 
-    A column `disc` separates several contours. The angle of polar points has the sense of the law:
-    clockwise from the follower at cam angle 0.
+    A column `disc` separates several contours. The angle of polar points is clockwise from +y of
+    the file, as cam angles are in the frame of the cam. The placement applies to them too.
     """
     lines, _ = read_lines(path, "points of a contour", MAX_BYTES)
     table = _ContourTable(str(path), lines)
@@ -102,24 +121,24 @@ def read_contour_table(path: Path, placement: Placement = AS_IT_IS) -> ContourFi
     used = [first, second]
     numbers = table.points(headings, used)
     notes = [table.how_read(table.rows[table.first :], used)]
-    factor = headings[second].factor
-    if factor is None:
-        unit = placement.unit or "mm"
-        factor = UNITS["length"][unit]
-        if placement.unit is None:
-            notes.append(f"no unit of length in {headings[second].text!r}: mm assumed")
+    factor, more = table.length_factor(headings[second], placement.unit)
+    notes += more
+    discs = table.discs(headings)
     if is_polar:
-        angle = (headings[first].factor or TURN / 360.0) * numbers[0]
-        angle *= -1.0 if placement.is_mirrored else 1.0
-        points = factor * numbers[1] * np.array([np.sin(angle), np.cos(angle)])
-        notes.append("polar points about the cam's axis, the angle clockwise as in the law")
-        if headings[first].factor is None:
-            notes.append(f"no unit of angle in {headings[first].text!r}: deg assumed")
+        angle_factor, more = table.angle_factor(headings[first])
+        notes += more
+        angle, radius = angle_factor * numbers[0], factor * numbers[1]
+        order = table.order(angle, radius, discs)
+        if (np.diff(order) != 1).any():
+            notes.append("rows sorted by angle")
+        angle, radius, discs = angle[order], radius[order], [discs[i] for i in order]
+        points = placement.place(radius * np.array([np.sin(angle), np.cos(angle)]))
+        notes.append("polar points, the angle clockwise from +y of the file as in the law")
     else:
         points = placement.place(factor * numbers)
-        notes.append(placement.note())
+    notes.append(placement.note())
     require_size(path, points)
-    discs = table.discs(headings)
+    table.require_plane(headings, factor)
     names = list(dict.fromkeys(discs))
     curves = [points[:, [disc == name for disc in discs]] for name in names]
     return ContourFile(curves, True, notes)
@@ -167,6 +186,78 @@ class _ContourTable(CellTable):
                 )
             rows.append([float(texts[i]) for i in used])
         return np.array(rows).reshape(-1, 2).T
+
+    def length_factor(self, heading: Heading, unit: str | None) -> tuple[float, list[str]]:
+        """Return the factor of lengths to m, and a note if it is assumed."""
+        if heading.factor is None:
+            notes = [f"no unit of length in {heading.text!r}: mm assumed"] if unit is None else []
+            return UNITS["length"][unit or "mm"], notes
+        if unit is not None and not math.isclose(heading.factor, UNITS["length"][unit]):
+            raise self.refused(
+                f"the heading {shown(heading.text)} has another unit than {unit}; allowed: --unit "
+                "for a table without a unit"
+            )
+        return heading.factor, []
+
+    def angle_factor(self, heading: Heading) -> tuple[float, list[str]]:
+        """Return the factor of angles to the cam angle in rad, and notes."""
+        factor, notes = heading.factor, []
+        if factor is None:
+            factor = TURN / 360.0
+            notes.append(f"no unit of angle in {heading.text!r}: deg assumed")
+        if heading.is_crank:
+            factor *= 0.5
+            notes.append(
+                f"{heading.text!r} is the angle of the crank, which turns twice as fast as the "
+                "cam: halved"
+            )
+        return factor, notes
+
+    def order(self, angle: FloatArray, radius: FloatArray, discs: list[str]) -> list[int]:
+        """Return the order of the rows around the cam.
+
+        The rows of a disc whose angles (rad) rise and fall several times are sorted by angle.
+        Raise ConfigError if they cover more than a turn, or have several radii (m) at an angle.
+        """
+        rows = list(range(angle.size))
+        for disc in dict.fromkeys(discs):
+            members = np.flatnonzero([name == disc for name in discs])
+            span = float(np.ptp(angle[members]))
+            if span > MAX_TURN:
+                raise self.refused(
+                    f"the angles cover {math.degrees(span):.6g} deg; allowed: one turn of the cam, "
+                    "or a heading such as crank_deg for the angle of the crank"
+                )
+            steps = np.diff(angle[members], append=angle[members[:1]])
+            if min(np.count_nonzero(steps < 0.0), np.count_nonzero(steps > 0.0)) <= 1:
+                continue  # in order, from any angle on
+            placed = members[np.argsort(angle[members], kind="stable")]
+            repeated = (np.diff(angle[placed]) == 0.0) & (np.diff(radius[placed]) != 0.0)
+            if repeated.any():
+                row = placed[np.argmax(repeated)]
+                raise self.refused(
+                    f"the angle {math.degrees(angle[row]):.6g} deg has several radii, and the rows "
+                    "are not in order; allowed: one turn of the cam"
+                )
+            for place, row in zip(members.tolist(), placed.tolist(), strict=True):
+                rows[place] = row
+        return rows
+
+    def require_plane(self, headings: list[Heading], factor: float) -> None:
+        """Raise ConfigError if z varies within a disc. `factor` is the unit of x and y in m."""
+        column = next((i for i, heading in enumerate(headings) if heading.quantity == "z"), None)
+        if column is None:
+            return
+        unit, first = headings[column].factor or factor, dict[str, float]()
+        for disc, (line, cells) in zip(self.discs(headings), self.rows[self.first :], strict=True):
+            if (text := plain_number(cells[column])) is None:
+                continue
+            height = unit * float(text) - first.setdefault(disc, unit * float(text))
+            if abs(height) > MAX_HEIGHT:
+                raise self.refused(
+                    f"line {line}: {shown(headings[column].text)} differs by {height * 1e3:.4g} mm "
+                    "from the first point; allowed: points of a contour in the xy plane"
+                )
 
     def discs(self, headings: list[Heading]) -> list[str]:
         """Return the name of the disc of each row, empty without such a column."""

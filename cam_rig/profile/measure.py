@@ -10,11 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from shapely import LinearRing
+from shapely import LinearRing, Polygon
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
 from cam_rig.profile.contact import Element, turn_angles
+from cam_rig.profile.contour_files import Placement, encloses_axis
 from cam_rig.profile.disc import Disc, contours
 from cam_rig.profile.faces import GuidedCentre, SwungCentre
 from cam_rig.schema.cam import Follower
@@ -56,8 +57,8 @@ def closed_curve(points: FloatArray) -> Curve:
     distinct = points[:, step > 1e-9 * step.max(initial=0.0)]  # without repeated points
     if distinct.shape[1] < 8:
         raise ProfileError(
-            f"contour has {distinct.shape[1]} different points; allowed: at least 8, and for a "
-            "measurement some hundreds"
+            f"contour has {max(1, distinct.shape[1])} different points; allowed: at least 8, and "
+            "for a measurement some hundreds"
         )
     distinct = np.append(distinct, distinct[:, :1], axis=1)
     arc_length = np.append(0.0, np.cumsum(np.hypot(*np.diff(distinct, axis=1))))
@@ -179,6 +180,33 @@ def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, floa
 MAX_STEP_RATIO = 10.0
 #: Least number of points of a contour.
 MIN_POINTS = 36
+
+
+#: Smallest area of a contour, as a fraction of its squared extent: above the rounding of a line.
+MIN_AREA_FRACTION = 1e-6
+
+
+def require_axis_inside(points: FloatArray, placement: Placement) -> None:
+    """Raise ProfileError if the points ``(2, n)`` (m) do not enclose the axis, or have no area.
+
+    The points are in the frame of the cam. The error has the coordinates of the file.
+    """
+    drawn = placement.in_file(points)
+    low, high = drawn.min(axis=1), drawn.max(axis=1)
+    area, extent = Polygon(points.T).area, float(np.hypot(*(high - low)))
+    reach = ", ".join(
+        f"{name} {1e3 * a:.6g} to {1e3 * b:.6g}" for name, a, b in zip("xy", low, high, strict=True)
+    )
+    if area < MIN_AREA_FRACTION * extent**2:
+        raise ProfileError(
+            f"the contour ({reach} mm) encloses no area; allowed: points around the cam"
+        )
+    if not encloses_axis(points):
+        x, y = (1e3 * coordinate for coordinate in placement.axis)
+        raise ProfileError(
+            f"the axis of the cam ({x:g}, {y:g} mm) is outside of the contour ({reach} mm); "
+            "allowed: --axis X,Y inside of it"
+        )
 
 
 def contour_warnings(points: FloatArray, is_table: bool) -> list[str]:

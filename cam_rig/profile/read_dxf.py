@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -27,6 +27,7 @@ from ezdxf.entities import (
 )
 from ezdxf.lldxf.const import DXFError
 from ezdxf.path import make_path
+from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 from shapely import LineString, segmentize
 
@@ -35,9 +36,11 @@ from cam_rig.files import read_bytes
 from cam_rig.profile.contour_files import (
     AS_IT_IS,
     MAX_BYTES,
+    MAX_HEIGHT,
     MAX_SIZE,
     ContourFile,
     Placement,
+    encloses_axis,
     require_size,
 )
 from cam_rig.schema.quantity import UNITS
@@ -54,12 +57,12 @@ MAX_ENTITIES = 100_000
 ARC_ERROR, ARC_POINTS = 1e-9, 20_000
 #: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
 ARC_SEGMENTS = 96
-#: Points of a spline for each of its control points.
-PER_CONTROL_POINT = 16
 #: Points of a curve before its last refinement.
 MAX_POINTS = 1_000_000
 #: Ends of entities that are nearer than this (m) are joined. Programs write 3 to 16 decimals of mm.
 JOIN_DISTANCE = 5e-6
+#: Radii of a circle around the axis differ at most by this distance, m.
+MAX_ECCENTRICITY = 1e-6
 #: A closed curve of fewer straight lines is a frame or a keyway, if there are others.
 MIN_LINES = 12
 
@@ -69,10 +72,12 @@ class _Curve:
     """Points `(n, 2)` of one or several joined entities, in m of the drawing.
 
     `is_exact` is True if there are arcs or splines in it, so that its lines are straight.
+    `tilted` names an entity of it that is not in a plane of constant z, or is empty.
     """
 
     points: FloatArray
     is_exact: bool
+    tilted: str = ""
 
     @property
     def is_closed(self) -> bool:
@@ -107,7 +112,7 @@ def read_dxf(
     placement
         Unit of a drawing without one, axis and zero direction.
     layer
-        Only this layer is read, by default all.
+        Only this layer is read, even if it is off or frozen. By default, all visible entities.
     count
         Number of contours that are wanted. If there are more, the frame of the drawing, and
         those inside of another, such as a bore, are left out.
@@ -119,31 +124,62 @@ def read_dxf(
     """
     document, every = _read(path)
     unit = _unit(path, document, placement)
-    entities = _of_layer(path, every, layer)
+    entities = _visible(document, every) if layer is None else _of_layer(path, every, layer)
     curves, loose, notes = list[_Curve](), list[_Curve](), list[str]()
+    if hidden := len(every) - len(entities) if layer is None else 0:
+        notes.append(
+            f"{hidden} {'entity' if hidden == 1 else 'entities'} ignored: invisible, or on a layer "
+            "that is off or frozen (--layer reads them)"
+        )
     for entity in entities:
         if isinstance(entity, CURVES):
             try:
                 curve = _curve(path, entity, UNITS["length"][unit])
+            except ProfileError:
+                raise
             except DAMAGE as error:
-                raise ProfileError(f"{path}: {_name(entity)} cannot be read ({error})") from None
+                text = str(error) or type(error).__name__
+                raise ProfileError(f"{path}: {_name(entity)} cannot be read ({text})") from None
             (curves if curve.is_closed else loose).append(curve)
     chains, ends = _chained(loose)
     curves += chains
     if not curves:
-        raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}")
+        more = "".join(f" {note}" for note in notes)
+        raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}{more}")
     outer = curves if count is None or len(curves) <= count else _outer(curves)
+    if tilted := next((curve.tilted for curve in outer if curve.tilted), ""):
+        raise ProfileError(f"{path}: {tilted}; allowed: a drawing in the xy plane")
     if len(outer) < len(curves):
-        notes.append(
-            f"{len(curves) - len(outer)} closed curves left out: frames, or inside of another"
-        )
+        number = len(curves) - len(outer)
+        noun = "closed curve" if number == 1 else "closed curves"
+        notes.append(f"{number} {noun} left out: frames, or inside of another")
     if ends:
         notes.append(f"left out{ends}")
     notes.append(f"unit {unit}; {placement.note()}")
     placed = [placement.place(curve.outline()) for curve in outer]
     for points in placed:
         require_size(path, points)
+    chosen = set(map(id, outer))
+    others = [placement.place(curve.points.T) for curve in curves if id(curve) not in chosen]
+    if any(_is_cam_inside(other, circle) for circle in placed for other in others):
+        raise ProfileError(
+            f"{path}: has a circle around the axis and, inside of it, another curve around the "
+            "axis; allowed: one contour, so read its layer with --layer, or delete the circle"
+        )
     return ContourFile(placed, False, notes)
+
+
+def _is_centred(points: FloatArray) -> bool:
+    """Return True if points `(2, n)` are on a circle around the axis, a cam without lift."""
+    return bool(np.ptp(np.hypot(*points)) <= MAX_ECCENTRICITY)
+
+
+def _is_cam_inside(points: FloatArray, circle: FloatArray) -> bool:
+    """Return True if a contour inside of a circle around the axis could be that of the cam."""
+    is_inside = np.hypot(*points).max() < np.hypot(*circle).max()
+    return bool(
+        is_inside and _is_centred(circle) and encloses_axis(points) and not _is_centred(points)
+    )
 
 
 #: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.
@@ -161,16 +197,34 @@ def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
         read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
+        count = _count(document, drawn, {})
         every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
-        entities = list(islice(every, MAX_ENTITIES + 1))
+        entities = list(islice(every, MAX_ENTITIES + 1 if count <= MAX_ENTITIES else 0))
     except DAMAGE as error:
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).split()) or type(error).__name__
         raise ProfileError(f"{path}: cannot be read as DXF ({text})") from None
     except RecursionError:
         raise ProfileError(f"{path}: a block contains itself; allowed: blocks of curves") from None
-    if len(entities) > MAX_ENTITIES:
+    if max(count, len(entities)) > MAX_ENTITIES:
         raise ProfileError(f"{path}: has more than {MAX_ENTITIES} entities; allowed: fewer")
     return document, entities
+
+
+def _count(document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str, int]) -> int:
+    """Return the number of entities, those of blocks among them, without drawing the blocks.
+
+    An empty block counts as an entity. `of_blocks` has the numbers of the blocks that were counted.
+    """
+    total = 0
+    for entity in entities:
+        number = 1
+        if isinstance(entity, Insert):
+            name = entity.dxf.name
+            if name not in of_blocks:
+                of_blocks[name] = _count(document, document.blocks.get(name) or (), of_blocks)
+            number = entity.mcount * max(1, of_blocks[name])
+        total += number
+    return total
 
 
 def _unit(path: Path, document: Drawing, placement: Placement) -> str:
@@ -190,9 +244,26 @@ def _unit(path: Path, document: Drawing, placement: Placement) -> str:
     return name
 
 
-def _of_layer(path: Path, entities: list[DXFEntity], layer: str | None) -> list[DXFEntity]:
-    if layer is None:
-        return entities
+def _visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
+    """Return the entities that a CAD program shows."""
+    off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
+    frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
+
+    def is_visible(entity: DXFEntity) -> bool:
+        names = list[str]()  # layers of the entity and of the blocks around it
+        part: DXFEntity | None = entity
+        while part is not None:
+            if part.dxf.get("invisible", 0):
+                return False
+            names.append(part.dxf.get("layer", "0").lower())
+            part = part.source_block_reference
+        name = next((name for name in names if name != "0"), "0")  # layer 0 is that of the block
+        return name not in off and frozen.isdisjoint(names)
+
+    return [entity for entity in entities if is_visible(entity)]
+
+
+def _of_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXFEntity]:
     layers = sorted({entity.dxf.get("layer", "0") for entity in entities})
     if layer not in layers:
         raise ProfileError(f"{path}: has no layer {layer!r}; allowed: {', '.join(layers[:20])}")
@@ -201,27 +272,80 @@ def _of_layer(path: Path, entities: list[DXFEntity], layer: str | None) -> list[
 
 def _curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
     """Return an entity as a curve; `factor` is the drawing's unit in m."""
-    if isinstance(entity, Spline):  # the outer knots of an unclamped one lie beyond its range
-        tool = entity.construction_tool()
-        knots, degree = tool.knots(), tool.degree
-        count = PER_CONTROL_POINT * len(tool.control_points)
-        on = tool.points(np.linspace(knots[degree], knots[-degree - 1], count).tolist())
-        points = factor * np.array([(p.x, p.y) for p in on]).reshape(-1, 2)
+    if isinstance(entity, Spline):
+        points = _flattened(path, entity, factor)
         require_size(path, points)
-        return _Curve(points, True)
+        z = factor * np.array([p.z for p in entity.construction_tool().control_points])
+        return _Curve(points, True, _tilted(entity, z))
     outline = make_path(entity, segments=ARC_SEGMENTS)
     control = factor * np.array([(p.x, p.y) for p in outline.control_vertices()]).reshape(-1, 2)
     if not control.size or not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
-        raise ProfileError(
-            f"{path}: {_name(entity)} has no finite points within {MAX_SIZE:g} m; allowed: a "
-            "contour of a cam, so check unit and bulges"
-        )
+        raise _no_finite_points(path, entity)
     vertices = islice(outline.flattening(ARC_ERROR / factor), MAX_POINTS)
     points = factor * np.array([(p.x, p.y) for p in vertices]).reshape(-1, 2)
     is_closed = isinstance(entity, LWPolyline | Polyline) and entity.is_closed
     if is_closed and not np.array_equal(points[0], points[-1]):
         points = np.append(points, points[:1], axis=0)
-    return _Curve(points, outline.has_curves)
+    z = factor * np.array([p.z for p in outline.control_vertices()])
+    return _Curve(points, outline.has_curves, _tilted(entity, z))
+
+
+def _flattened(path: Path, entity: Spline, factor: float) -> FloatArray:
+    """Return points `(n, 2)` of a spline (m) whose chords are within `ARC_ERROR` of it.
+
+    Each chord is divided into thirds until the spline at both thirds is that near. A cubic curve
+    that is on its chord there is straight.
+    """
+    tool = entity.construction_tool()
+    control = factor * np.array([(p.x, p.y) for p in tool.control_points])
+    if not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
+        raise _no_finite_points(path, entity)
+    weight = np.array(tool.weights() or np.ones(len(control)))[:, None]
+    if not (weight > 0.0).all():
+        raise ValueError("a weight is not positive")
+    knots, degree = np.array(tool.knots()), tool.degree
+    spline = BSpline(knots, np.hstack([control * weight, weight]), degree)
+    # the outer knots of an unclamped spline lie beyond its range
+    at = np.unique(knots[degree : len(knots) - degree])
+    points = _on_spline(spline, at)
+    divided = np.arange(len(at) - 1)  # chords that are not known to be short enough
+    while divided.size and len(at) < MAX_POINTS:
+        thirds = at[divided, None] + np.diff(at)[divided, None] * np.array([1.0, 2.0]) / 3.0
+        inner = _on_spline(spline, thirds.ravel()).reshape(-1, 2, 2)
+        start, chord = points[divided, None], np.diff(points, axis=0)[divided, None]
+        foot = start + chord * np.array([1.0, 2.0])[:, None] / 3.0
+        (x, y), (u, v) = np.moveaxis(inner - foot, -1, 0), np.moveaxis(chord, -1, 0)
+        length = np.hypot(u, v)
+        across = np.abs(u * y - v * x) / np.maximum(length, ARC_ERROR)
+        distance = np.where(length > ARC_ERROR, across, np.hypot(x, y))
+        far = (distance > ARC_ERROR).any(axis=1)
+        where = np.repeat(divided[far] + 1, 2)
+        at = np.insert(at, where, thirds[far].ravel())
+        points = np.insert(points, where, inner[far].reshape(-1, 2), axis=0)
+        first = divided[far] + 2 * np.arange(np.count_nonzero(far))
+        divided = (first[:, None] + np.arange(3)).ravel()
+    return points
+
+
+def _on_spline(spline: BSpline, at: FloatArray) -> FloatArray:
+    """Return points `(n, 2)` of a spline with homogeneous coordinates."""
+    x, y, weight = spline(at).T
+    return np.column_stack([x / weight, y / weight])
+
+
+def _no_finite_points(path: Path, entity: DXFEntity) -> ProfileError:
+    return ProfileError(
+        f"{path}: {_name(entity)} has no finite points within {MAX_SIZE:g} m; allowed: a "
+        "contour of a cam, so check unit and bulges"
+    )
+
+
+def _tilted(entity: DXFEntity, z: FloatArray) -> str:
+    """Return the name of an entity whose z (m) varies, and by how much, or an empty text."""
+    height = float(np.ptp(z))
+    if height <= MAX_HEIGHT:
+        return ""
+    return f"{_name(entity)} is not parallel to the xy plane: its z varies by {height * 1e3:.4g} mm"
 
 
 def _name(entity: DXFEntity) -> str:
@@ -245,7 +369,9 @@ def _chained(loose: list[_Curve]) -> tuple[list[_Curve], str]:
         entered = [*before, 2 * first, *behind]  # the end at which the chain enters each curve
         parts = [loose[end // 2].points[:: 1 if end % 2 == 0 else -1] for end in entered]
         points = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
-        chain = _Curve(points, any(loose[end // 2].is_exact for end in entered))
+        members = [loose[end // 2] for end in entered]
+        tilted = next((curve.tilted for curve in members if curve.tilted), "")
+        chain = _Curve(points, any(curve.is_exact for curve in members), tilted)
         (closed if chain.is_closed else open_chains).append(chain)
     if not open_chains:
         return closed, ""

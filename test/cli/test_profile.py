@@ -1,6 +1,7 @@
 """Tests of cam-rig profile: checks and exit code, drawings, measured contours."""
 
 import json
+import math
 import re
 from functools import partial
 
@@ -119,6 +120,27 @@ def test_open_contour_is_measured_with_a_warning(tmp_path):
     assert "points 200 and 1 are" in done("flat", "--from", tmp_path / "b.csv").stderr
 
 
+def test_points_that_are_not_a_contour_are_refused(tmp_path):
+    """A few points, a line, and a contour next to the axis give an error with the file's name."""
+    circle = [(30.0 * math.cos(0.1 * i), 30.0 * math.sin(0.1 * i)) for i in range(63)]
+    for points, words in (
+        (circle[:1], "contour has 1 different points"),
+        (circle[:2], "contour has 2 different points"),
+        (circle[:3], "contour has 3 different points"),
+        (circle[:7], "contour has 7 different points"),
+        ([(i, 5.0) for i in range(31)], "(x 0 to 30, y 5 to 5 mm) encloses no area"),
+        ([(x + 120.0, y) for x, y in circle], "axis of the cam (0, 0 mm) is outside of the"),
+    ):
+        path = tmp_path / "a.csv"
+        path.write_text("x_mm,y_mm\n" + "".join(f"{x},{y}\n" for x, y in points))
+        result = call("flat", "--from", path)
+        assert result.exit_code == 1
+        *warnings, error = result.stderr.splitlines()
+        assert error.startswith(f"cam-rig: {path}: ") and words in error
+        assert all(warning.startswith("warning: ") for warning in warnings)
+    done("flat", "--from", path, "--axis", "120,0")
+
+
 def test_pitch_curve_is_the_path_of_a_cutter_of_the_roller_radius(tmp_path):
     """Both files are identical (profile thesis §2.2.3)."""
     done("tm21", "--pitch", "--out", tmp_path / "p.csv")
@@ -133,4 +155,4 @@ def test_contour_of_one_cam_is_refused_for_a_conjugate_cam(tmp_path):
     call("tm21", "--out", tmp_path / "a.dxf")
     result = call("conjugate", "--from", tmp_path / "a.dxf")
     assert result.exit_code == 1
-    assert "has 1 closed curves; allowed: 2, one for each contour" in result.stderr
+    assert "has 1 closed curve; allowed: 2, one for each contour" in result.stderr

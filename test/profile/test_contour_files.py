@@ -14,7 +14,7 @@ from cam_rig.errors import CamRigError, ConfigError, ProfileError
 from cam_rig.profile import turn_angles
 from cam_rig.profile.contour_files import MAX_BYTES, Placement, read_contour_table
 from cam_rig.profile.faces import GuidedCentre, GuidedFace
-from cam_rig.profile.measure import closed_curve, find_rotation, rest
+from cam_rig.profile.measure import closed_curve, find_rotation, require_axis_inside, rest
 from cam_rig.profile.read_dxf import MAX_ENTITIES, read_dxf
 
 ANGLES = turn_angles(90)
@@ -127,6 +127,27 @@ def test_circles_and_ellipses_are_exact(drawing):
     np.testing.assert_allclose(height(read_dxf(path).curves[0]), expected, atol=3e-9)
 
 
+def test_rational_splines_are_exact(drawing):
+    """A circle of 9 control points, and a spline of degree 1, are read to 5 nm."""
+    corner = math.sqrt(0.5)
+    turn = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+
+    def draw(document):
+        circle = document.modelspace().add_spline(degree=2)
+        circle.control_points = [(50.0 * x, 50.0 * y - 20.0, 0.0) for x, y in turn]
+        circle.weights = [1.0, corner] * 4 + [1.0]
+        circle.knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
+        lines = document.modelspace().add_spline(degree=1)
+        lines.control_points = [(0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (9.0, 9.0, 0.0), (0.0, 0.0, 0.0)]
+        lines.knots = [0, 0, 1, 2, 3, 3]
+
+    circle, lines = read_dxf(drawing(draw)).curves
+    expected = 0.050 - 0.020 * np.cos(ANGLES)
+    np.testing.assert_allclose(height(circle), expected, rtol=0, atol=5e-9)
+    assert np.ptp(np.hypot(circle[0], circle[1] + 0.020)) < 5e-9
+    assert np.abs(lines).max() == pytest.approx(0.009, abs=1e-12)
+
+
 def test_lines_alone_are_points_of_a_smooth_curve(drawing):
     """360 lines give the same contour as one closed polyline, in any order and direction."""
     points = np.column_stack([X, Y])
@@ -162,6 +183,87 @@ def test_bore_is_left_out_and_layer_selected(drawing):
     assert len(read_dxf(path, layer="CAM").curves) == 1
     with pytest.raises(ProfileError, match=r"has no layer 'X'; allowed: 0, CAM"):
         read_dxf(path, layer="X")
+
+
+@pytest.mark.parametrize("is_ambiguous", [False, True])
+def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
+    """A circle around the axis is not measured if an eccentric curve in it could be the cam."""
+
+    def draw(document):
+        space = document.modelspace()
+        space.add_circle((0.0, 0.0), 80.0, dxfattribs={"layer": "BLANK"})
+        space.add_circle((0.0, 0.0), 8.0)
+        space.add_lwpolyline([(-99, -99), (120, -99), (120, 99), (-99, 99)], close=True)
+        if is_ambiguous:
+            space.add_circle((0.0, -20.0), 50.0)
+
+    path = drawing(draw)
+    if is_ambiguous:
+        with pytest.raises(
+            ProfileError, match=r"a circle around the axis and, inside of it, .*--l"
+        ):
+            read_dxf(path, count=1)
+    else:
+        found = read_dxf(path, count=1)
+        assert "2 closed curves left out: frames, or inside of another" in found.notes
+    (cam,) = read_dxf(path, layer="0", count=1).curves
+    assert height(cam).max() == pytest.approx(0.070 if is_ambiguous else 0.008, abs=1e-8)
+
+
+def test_hidden_entities_are_ignored(drawing):
+    """Invisible entities and layers that are off or frozen are read only with their layer."""
+
+    def draw(document, visible=True):
+        document.layers.add("OFF").off()
+        document.layers.add("FROZEN").freeze()
+        document.blocks.new("B").add_circle((0.0, 0.0), 50.0)
+        space = document.modelspace()
+        if visible:
+            space.add_circle((0.0, 0.0), 20.0)
+        space.add_circle((0.0, 0.0), 30.0, dxfattribs={"layer": "off"})
+        space.add_circle((0.0, 0.0), 40.0, dxfattribs={"layer": "FROZEN"})
+        space.add_blockref("B", (0.0, 0.0), dxfattribs={"layer": "OFF"})
+        space.add_circle((0.0, 0.0), 60.0, dxfattribs={"invisible": 1})
+
+    path, note = drawing(draw), "4 entities ignored: invisible, or on a layer that is off or frozen"
+    found = read_dxf(path)
+    assert len(found.curves) == 1 and np.hypot(*found.curves[0]) == pytest.approx(0.020)
+    assert any(note in text for text in found.notes)
+    (frozen,) = read_dxf(path, layer="FROZEN").curves
+    assert np.hypot(*frozen) == pytest.approx(0.040)
+    with pytest.raises(ProfileError, match=f"no closed curve: .*{note}"):
+        read_dxf(drawing(lambda document: draw(document, visible=False)))
+
+
+def test_curves_that_are_not_plane_are_refused(drawing):
+    """Each kind of entity whose z varies is refused by name, unless it is not the contour."""
+    turn, lift = np.column_stack([X, Y]), 2.0 * np.cos(CIRCLE)
+    points = np.column_stack([turn, lift])
+    ends = list(zip(points.tolist(), np.roll(points, -1, axis=0).tolist(), strict=True))
+
+    def lines(document):
+        for pair in ends:
+            document.modelspace().add_line(*pair)
+
+    def spline(document):
+        document.modelspace().add_spline().set_closed(points.tolist(), degree=3)
+
+    tilted = {"layer": "CAM", "extrusion": (0.0, -0.01, 1.0)}
+    for draw, kind in (
+        (in_space("add_circle", (0.0, 0.0), 20.0, dxfattribs=tilted), "CIRCLE of layer 'CAM'"),
+        (in_space("add_polyline3d", points.tolist(), close=True), "POLYLINE of layer '0'"),
+        (lines, "LINE of layer '0'"),
+        (spline, "SPLINE of layer '0'"),
+    ):
+        with pytest.raises(ProfileError, match=f"{kind} is not parallel to the xy plane: its z"):
+            read_dxf(drawing(draw))
+
+    def flat(document):
+        level = np.column_stack([turn, 0.0 * CIRCLE + 5.0])
+        document.modelspace().add_polyline3d(level.tolist(), close=True)
+        document.modelspace().add_line((0.0, 0.0, -9.0), (0.0, 0.0, 9.0))
+
+    assert len(read_dxf(drawing(flat)).curves) == 1
 
 
 def test_drawing_without_a_contour(drawing):
@@ -206,20 +308,29 @@ def test_excessive_files_are_rejected(drawing, tmp_path):
                 outer.add_blockref(chr(ord(name) - 1), (i, 0.0))
         document.modelspace().add_blockref("G", (0.0, 0.0))
 
+    def empty(document):
+        document.blocks.new("E")
+        spaced = {"row_count": 1000, "column_count": 1000, "row_spacing": 1, "column_spacing": 1}
+        document.modelspace().add_blockref("E", (0.0, 0.0), dxfattribs=spaced)
+
     os.mkfifo(tmp_path / "pipe.dxf")
     (tmp_path / "large.dxf").write_bytes(b"0\n" * MAX_BYTES)
     (tmp_path / "no.dxf").write_text("no drawing")
+    whole = drawing(in_space("add_circle", (0.0, 0.0), 2.0)).read_bytes()
+    (tmp_path / "cut.dxf").write_bytes(whole[:4000])
     bulge = [(0.0, 0.0, 1e6), (8.0, 0.0, 0.0), (8.0, 8.0, 0.0)]
     for path, words in (
         (tmp_path / "pipe.dxf", "is a pipe or a device"),
         (tmp_path / "large.dxf", "MiB; allowed: 8 MiB"),
         (tmp_path / "no.dxf", "cannot be read as DXF"),
+        (tmp_path / "cut.dxf", r"cannot be read as DXF \(\w+"),
         (tmp_path / "none.dxf", "cannot be read as DXF"),
     ):
         with pytest.raises(ProfileError, match=words):
             read_dxf(path)
     for draw, words in (
         (nested, f"more than {MAX_ENTITIES} entities"),
+        (empty, f"more than {MAX_ENTITIES} entities"),
         (in_space("add_lwpolyline", bulge, format="xyb", close=True), "no finite points within"),
         (in_space("add_circle", (0.0, 0.0), 1e300), "no finite points within"),
         (in_space("add_circle", (0.0, 0.0), math.nan), "no finite points within|cannot be read"),
@@ -297,10 +408,54 @@ def test_missing_unit_is_assumed_or_given(tmp_path):
     assert "no unit of length in 'y': mm assumed" in found.notes
     given_cm = read_contour_table(tmp_path / "a.csv", Placement(unit="cm"))
     np.testing.assert_allclose(given_cm.curves[0], 10.0 * found.curves[0])
+    (tmp_path / "a.csv").write_text(table("x_in,y_in", (X, Y)))
+    given_in = read_contour_table(tmp_path / "a.csv", Placement(unit="in"))
+    np.testing.assert_allclose(given_in.curves[0], 25.4 * found.curves[0])
+    with pytest.raises(ConfigError, match=r"'y_in' has another unit than mm; allowed: --unit for"):
+        read_contour_table(tmp_path / "a.csv", Placement(unit="mm"))
+
+
+def test_polar_points_are_placed_like_x_and_y(tmp_path):
+    """Axis, zero direction and side apply to polar points, in the frame of the file."""
+    x, y = X + 5.0, Y - 3.0
+    (tmp_path / "xy.csv").write_text(table("x_mm,y_mm", (x, y)))
+    polar = (np.degrees(np.arctan2(x, y)) % 360.0, np.hypot(x, y))
+    (tmp_path / "polar.csv").write_text(table("angle_deg,radius_mm", polar))
+    for placement in (
+        Placement(axis=(0.005, -0.003)),
+        Placement(zero=0.3),
+        Placement(is_mirrored=True),
+        Placement(axis=(0.005, -0.003), zero=4.0, is_mirrored=True),
+    ):
+        (expected,) = read_contour_table(tmp_path / "xy.csv", placement).curves
+        (points,) = read_contour_table(tmp_path / "polar.csv", placement).curves
+        np.testing.assert_allclose(closest(points, expected), 0.0, atol=3e-8)
+
+
+def closest(points, others):
+    """Distances (m) of points from the closest of other points."""
+    return np.hypot(*(points[:, :, None] - others[:, None])).min(axis=1)
+
+
+def test_polar_rows_are_sorted_and_crank_angles_halved(tmp_path):
+    """Shuffled rows give the contour of sorted rows, and a crank angle is twice the cam angle."""
+    angle, radius = 4.5 * np.arange(80), 30.0 + np.cos(CIRCLE)
+    (tmp_path / "a.csv").write_text(table("angle_deg,radius_mm", (angle, radius)))
+    (expected,) = read_contour_table(tmp_path / "a.csv").curves
+    mixed = np.random.default_rng(2).permutation(80)
+    (tmp_path / "a.csv").write_text(table("angle_deg,radius_mm", (angle[mixed], radius[mixed])))
+    found = read_contour_table(tmp_path / "a.csv")
+    np.testing.assert_array_equal(found.curves[0], expected)
+    assert "rows sorted by angle" in found.notes
+    (tmp_path / "a.csv").write_text(table("crank deg,radius mm", (2.0 * angle, radius)))
+    found = read_contour_table(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.curves[0], expected, rtol=0, atol=1e-15)
+    assert any("angle of the crank" in note and "halved" in note for note in found.notes)
 
 
 def test_tables_without_a_contour_are_rejected(tmp_path):
     """The error is one line with the file's name, the fault and the remedy."""
+    turns = "".join(f"{angle},30\n" for angle in range(0, 720, 10))
     for name, text, words in (
         ("a.csv", "", "is empty; allowed: a heading and"),
         ("a.csv", "1,2\n3,4\n", "has no heading above numbers"),
@@ -308,6 +463,13 @@ def test_tables_without_a_contour_are_rejected(tmp_path):
         ("a.csv", "x_mm,y_in\n1,2\n", "'x_mm' and 'y_in' have different units"),
         ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "line 3: y_mm is 'no'; allowed: a number"),
         ("a.csv", "x_mm,y_mm\n1,2\n3,\n", "line 3: has the row '3,'; allowed: finite numbers"),
+        ("a.csv", "x,y,z\n1,2,5\n3,4,5.002\n", "line 3: 'z' differs by 0.002 mm from the first"),
+        ("a.csv", "deg,r\n" + turns, "angles cover 710 deg; allowed: one turn"),
+        (
+            "a.csv",
+            "deg,r\n0,3\n9,4\n18,4\n0,5\n9,5\n",
+            "the angle 0 deg has several radii, and the rows",
+        ),
         ("a.csv", "x_mm,y_mm\n1,2\n3\n", "line 3: has 1 cells under 2 columns"),
         ("a.csv", "x_mm,y_mm\n1e9,2\n3,4\n", "reaches 1e+06 m from the cam's axis"),
         ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
@@ -335,6 +497,22 @@ def test_placement_restores_the_contour(x, y, zero, is_mirrored):
     placement = Placement(None, (1e-3 * x, 1e-3 * y), math.radians(zero), is_mirrored)
     points = placement.place(np.array([drawn.real, drawn.imag]))
     np.testing.assert_allclose(points, cam, atol=1e-15)
+    np.testing.assert_allclose(placement.in_file(points), [drawn.real, drawn.imag], atol=1e-15)
+
+
+def test_axis_outside_of_the_contour_is_refused():
+    """The error has the axis and the contour in coordinates of the file, and the remedy."""
+    points = 1e-3 * np.array([X + 120.0, Y + 80.0])
+    placement = Placement(None, (0.12, 0.08), 1.0, True)
+    require_axis_inside(placement.place(points), placement)
+    wrong = Placement(None, (0.1, 0.06), 1.0, True)
+    words = (
+        r"axis of the cam \(100, 60 mm\) is outside .* \(x 90 to 150, y 60 to 100 mm\); .*--axis"
+    )
+    with pytest.raises(ProfileError, match=words):
+        require_axis_inside(wrong.place(points), wrong)
+    with pytest.raises(ProfileError, match=r"\(x -15 to 15, y 5 to 5 mm\) encloses no area"):
+        require_axis_inside(1e-3 * np.array([np.arange(-15, 16), np.full(31, 5.0)]), Placement())
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, 123.456, 359.9])

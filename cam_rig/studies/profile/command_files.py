@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from cam_rig.errors import ConfigError, OutputError
+from cam_rig.errors import ConfigError, OutputError, ProfileError
 from cam_rig.files import writing
 from cam_rig.profile.contour_files import AS_IT_IS, Placement
 from cam_rig.show.command import check_outputs
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.show.tables import pluralize
 from cam_rig.show.terminal import say
 from cam_rig.units import TURN, rms
 
@@ -292,7 +293,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     from cam_rig.profile.contact import turn_angles
     from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, contour_warnings, rest
+    from cam_rig.profile.measure import closed_curve, contour_warnings, require_axis_inside, rest
     from cam_rig.profile.read_dxf import read_dxf
 
     assert request.source is not None
@@ -301,15 +302,20 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         file = read_dxf(request.source, request.placement, request.layer, len(plates))
     else:
         file = read_contour_table(request.source, request.placement)
-    for points in file.curves:
-        for warning in contour_warnings(points, file.are_points):
-            say(f"warning: {request.source}: {warning}")
     if len(file.curves) != len(plates):
         raise OutputError(
-            f"{request.source}: has {len(file.curves)} closed curves; allowed: {len(plates)}, one "
-            f"for each contour of a {cam.follower.type} follower; --layer reads one layer"
+            f"{request.source}: has {pluralize(len(file.curves), 'closed curve')}; allowed: "
+            f"{len(plates)}, one for each contour of a {cam.follower.type} follower; --layer reads "
+            "one layer"
         )
-    curves = [closed_curve(points) for points in file.curves]
+    try:
+        curves = [closed_curve(points) for points in file.curves]
+        for points in file.curves:
+            for warning in contour_warnings(points, file.are_points):
+                say(f"warning: {request.source}: {warning}")
+            require_axis_inside(points, request.placement)
+    except ProfileError as error:
+        raise ProfileError(f"{request.source}: {error}") from None
     for note in file.notes:
         say(f"{request.source}: {note}")
     angle, rotation = turn_angles(READINGS), 0.0
