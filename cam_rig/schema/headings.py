@@ -154,7 +154,7 @@ QUANTITIES: dict[str, QuantityWords] = {
     "lift": QuantityWords(
         "length",
         "lift hub elevac levant alzad alzat levee levage erhebung displac desplaz deplac deslocam "
-        "spost carrera corsa altura elevat hauteur hohe hoehe altezza reading lectura ablesung "
+        "spost carrera corsa sollev altura elevat hauteur hohe hoehe altezza reading lectura ablesung "
         "lecture stosselweg stoesselweg messwert",
         "s h weg course curso rise travel stroke",
     ),
@@ -176,10 +176,10 @@ QUANTITIES: dict[str, QuantityWords] = {
 BY_UNIT = {"angle": "angle", "length": "lift", "speed": "speed", "level": "level"}
 #: Words of an angle of the crankshaft, which turns twice as fast as the cam.
 CRANK_STEMS = ("crank", "kurbel", "vilebrequin", "manovell", "ciguenal", "virabrequim")
-CRANK_WORDS = frozenset(("kw", "cad", "ca"))
+CRANK_WORDS = frozenset(("kw", "cad", "ca", "alberomotore"))
 _NEUTRAL = (
-    "a b c d the of de del della des du la le el il dem den der die das von for fur per am an at "
-    "from to by y e et und i ii iii iv no nr in en em zu cam cams camshaft came leva leve nocken "
+    "a b c d the of de del della des du la le el il dem den der die das von for fur am an at "
+    "from to by y e et und i ii iii iv no nr in en em zu cam cams camshaft came camma camme leva leve nocken "
     "nocke nockenwelle arbre arbol albero valve valves valvula soupape valvola ventil follower "
     "taster tappet stossel lifter lobe intake inlet exhaust einlass auslass admision admission "
     "escape echappement aspirazione scarico shaft centerline centreline center centre line cl "
@@ -284,7 +284,8 @@ def plain_text(text: str) -> str:
 
 
 def _tokens(text: str) -> list[str]:
-    tokens = _TOKEN.findall(text.replace("_", " "))
+    words = re.sub(r"\.{2,}", " ", text.replace("_", " "))  # 0..1
+    tokens = _TOKEN.findall(re.sub(r"\balbero\s+motore\b", "alberomotore", words))
     return ["".join(token.split()).replace("**", "^") for token in tokens]
 
 
