@@ -227,6 +227,8 @@ def test_wrong_tables_raise_an_error_of_one_line(read):
     for text, expected in (
         ("", "lifts.csv: is empty; allowed: a heading and up to"),
         ("hello\nworld\n", "line 2: 'world' has no two numbers; allowed: lines of cam angle and"),
+        ("angle,lift\n0°,0 mm\n5°,1 mm\n", "line 2: '0° | 0 mm' has no two numbers; allowed: "),
+        ("a,lift mm\n0°00',0\n2°30',1\n", "of numbers only: units belong in the heading"),
         ("angle,lift\n0,0\n5,x\n", f"line 3: lift is 'x'; {comma}"),
         ("angle;lift\n0;0\n5;nan\n", "line 3: lift is 'nan'; allowed: a number"),
         ("angle;lift\n0;0\n5;1.234,5\n", "line 3: lift is '1.234,5'; allowed: a number"),
@@ -240,6 +242,19 @@ def test_wrong_tables_raise_an_error_of_one_line(read):
         message = catch_error(read, text)
         assert expected in message
         assert message.startswith("lifts.csv: ") and len(message) < 300
+
+
+@pytest.mark.parametrize("mark", [",", "."])
+def test_separators_of_thousands_are_refused(read, mark):
+    """The first such line and its cell are named. Numbers with decimals are read."""
+    cells = ["0", "84", "486", "1,084", "1,486"]
+    text = "Angle;Hub um\n" + "".join(f"{10 * i};{cell}\n" for i, cell in enumerate(cells))
+    message = catch_error(read, text.replace(",", mark))
+    assert f"line 5: '1{mark}084' next to '84' in the same column could be a number" in message
+    assert "allowed: numbers without a separator of thousands, or all with decimals" in message
+    for other in ("1,08", "0,084", "1,0845"):  # a decimal mark in any other cell
+        assert read(text.replace("1,486", other).replace(",", mark)).columns[0].lifts[3] > 0.0
+    assert read("deg,um\n0,1.084\n5,2.486\n10,3\n").columns[0].lifts[0] > 0.0
 
 
 def test_files_that_cannot_be_read(read, tmp_path):

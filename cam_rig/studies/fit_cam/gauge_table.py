@@ -101,10 +101,11 @@ class _GaugeReader(CellTable):
     def table(self, options: TableOptions, comments: list[tuple[int, str]]) -> GaugeTable:
         """Return the table: headings to columns, cells to numbers."""
         if self.first is None:
-            line, cells = self.rows[-1]
+            line, cells = max(self.rows[1:] or self.rows, key=lambda row: _count_digits(row[1]))
+            only = ", of numbers only: units belong in the heading" if _count_digits(cells) else ""
             raise self.refused(
                 f"line {line}: {shown(' | '.join(cells))} has no two numbers; allowed: lines of "
-                "cam angle and lift"
+                f"cam angle and lift{only}"
             )
         headings = self.headings(len(self.rows[self.first][1]))
         angle, lifts, notes = self._assign(headings, options)
@@ -271,6 +272,11 @@ class _GaugeReader(CellTable):
                 radius = half * unit * float(match["number"].replace(",", "."))
                 return radius, [f"base radius {radius * 1e3:.6g} mm, stated in line {line}"]
         return None, []
+
+
+def _count_digits(cells: list[str]) -> int:
+    """Return the number of cells that start with a digit."""
+    return sum(re.match(r"[-+−.,]?\d", cell) is not None for cell in cells)
 
 
 def _listed(headings: list[Heading]) -> str:
