@@ -33,8 +33,10 @@ CRANK = (
     "Degrees from centerline (crank)|crank_deg|°KW|Grad Kurbelwinkel|deg CA|angle vilebrequin (°)|"
     "ángulo del cigüeñal (grados)|angolo manovella (gradi)|CAD [deg]|angolo albero motore (gradi)"
 )
+NEUTRAL = ["column 2", "Messuhr", "Dial gauge, intake", "A", "value", ""]
 OTHERS = [
-    *("lift error mm", "note", "force_N", "column 2", "time [s]", "temperature", "comment"),
+    *("lift error mm", "note", "force_N", "time [s]", "temperature", "comment", "foo"),
+    *("Durchmesser (in)", "Diameter mm", "Dial indicator 0.001", "Force [N]"),
 ]
 UNCLEAR = [
     *("lift [foo]", "Lift 2 mm", "Lift x 100 mm", "Lift (x10-3 mm)", "lift [%]", "angle [mm]"),
@@ -68,12 +70,20 @@ def test_degrees_of_the_crank_are_recognised():
 def test_other_quantities_are_not_lifts():
     """A radius, a point of a contour or the error of a lift is not a lift."""
     for text, quantity in (
-        *((text, "other") for text in OTHERS),
+        *((text, "other") for text in NEUTRAL),
         *(("radius_mm", "radius"), ("X (in)", "x"), ("y [mm]", "y"), ("encoder counts", "count")),
         *(("Drehzahl [1/min]", "speed"), ("dB(Z)", "level"), ("spring_N/m", "stiffness")),
     ):
         heading = parse_heading(text)
         assert (heading.quantity, heading.unclear) == (quantity, ""), text
+
+
+def test_headings_of_no_quantity_are_unclear_unless_they_are_neutral():
+    """A unit, a number or a foreign quantity is reported, the foreign quantity first."""
+    for text in OTHERS:
+        assert parse_heading(text).quantity == "other", text
+        assert parse_heading(text).unclear, text
+    assert parse_heading("lift error mm").unclear.startswith("'error' is neither a word")
 
 
 def test_unknown_words_factors_and_units_make_a_heading_unclear():

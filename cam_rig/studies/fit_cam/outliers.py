@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws.spline import WINDOW, differences, scatter
-from cam_rig.studies.fit_cam.gauge import Outlier, Readings, widest_gap
+from cam_rig.studies.fit_cam.gauge import Outlier, Readings
+from cam_rig.studies.fit_cam.gauge_table import widest_gap
 from cam_rig.units import TURN, FloatArray, rms
 
 #: An outlier is so many scatters from what its neighbours say, and so many times farther than any
