@@ -104,6 +104,26 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
         ordered(STEPS, mirror=True)
 
 
+@pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("noise", [0.0, 2e-6])
+def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
+    """At the far end it must rest, and its nose must be within a step of the last reading."""
+
+    def mirror(start, end):
+        half = np.arange(start, end + 1e-9, step)
+        lifts = 0.008 * np.maximum(1.0 - (half / 65.0) ** 2, 0.0) ** 3
+        lifts += np.random.default_rng(0).normal(scale=noise, size=half.size)
+        lifts[0] += 4.0 * noise  # the largest
+        return ordered(235.0 - half, lifts, mirror=True)
+
+    for start, end in ((0.0, 65.0), (0.0, 90.0), (0.0, 170.0), (0.5 * step, 90.0)):
+        assert "mirrored as requested" in mirror(start, end).notes[0]
+    with pytest.raises(ConfigError, match=r"changes by 0\.\d* mm/deg at the end of the half lobe"):
+        mirror(0.0, 52.0)
+    with pytest.raises(ConfigError, match=r"at the largest lift, so the nose is not reached"):
+        mirror(max(3.0, 1.5 * step), 90.0)
+
+
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
     """Specks of 50 µm on several readings each, of any width; no other reading is left out."""
