@@ -29,7 +29,7 @@ from cam_rig.studies.fit_cam.dwells import (
     likely_range,
 )
 from cam_rig.studies.fit_cam.gauge import Readings, bridges
-from cam_rig.studies.fit_cam.outliers import is_summit, without_outliers
+from cam_rig.studies.fit_cam.outliers import OUTLIER, is_summit, without_outliers
 from cam_rig.studies.fit_cam.valve_events import (
     ValveTrain,
     explain_missing_events,
@@ -226,7 +226,8 @@ class SplineFit(Result):
             )
         else:  # the spline rings about a sharp nose, and good readings are far from it
             yield from farthest(readings, self._residuals, sizes)
-        yield left_out(readings)
+        if readings.outliers or sizes.max() <= OUTLIER:
+            yield left_out(readings)
 
     def _suspects(self) -> FloatArray:
         """``(n,)`` sizes of residuals, in r.m.s. of all others, or in scatters if that is more.
