@@ -154,8 +154,8 @@ QUANTITIES: dict[str, QuantityWords] = {
     "lift": QuantityWords(
         "length",
         "lift hub elevac levant alzad alzat levee levage erhebung displac desplaz deplac deslocam "
-        "spost carrera corsa altura elevat hauteur hohe hoehe altezza reading lectura ablesung "
-        "lecture stosselweg stoesselweg messwert",
+        "spost carrera corsa sollev altura elevat hauteur hohe hoehe altezza reading lectura "
+        "ablesung lecture stosselweg stoesselweg messwert",
         "s h weg course curso rise travel stroke",
     ),
     "count": QuantityWords(
@@ -176,13 +176,14 @@ QUANTITIES: dict[str, QuantityWords] = {
 BY_UNIT = {"angle": "angle", "length": "lift", "speed": "speed", "level": "level"}
 #: Words of an angle of the crankshaft, which turns twice as fast as the cam.
 CRANK_STEMS = ("crank", "kurbel", "vilebrequin", "manovell", "ciguenal", "virabrequim")
-CRANK_WORDS = frozenset(("kw", "cad", "ca"))
+CRANK_WORDS = frozenset(("kw", "cad", "ca", "alberomotore"))
 _NEUTRAL = (
-    "a b c d the of de del della des du la le el il dem den der die das von for fur per am an at "
-    "from to by y e et und i ii iii iv no nr in en em zu cam cams camshaft came leva leve nocken "
-    "nocke nockenwelle arbre arbol albero valve valves valvula soupape valvola ventil follower "
-    "taster tappet stossel lifter lobe intake inlet exhaust einlass auslass admision admission "
-    "escape echappement aspirazione scarico shaft centerline centreline center centre line cl "
+    "a b c d the of de del della des du la le el il dem den der die das von for fur am an at "
+    "from to by y e et und i ii iii iv no nr in en em zu cam cams camshaft came camma camme leva "
+    "leve nocken nocke nockenwelle arbre arbol albero valve valves valvula soupape valvola ventil "
+    "follower taster tappet stossel lifter lobe intake inlet exhaust einlass auslass admision "
+    "admission escape echappement aspirazione scarico shaft centerline centreline center centre "
+    "line cl "
     "dial gauge gage indicator messuhr reloj comparador comparateur comparatore column spalte "
     "measured gemessen medido mesure mesuree misurato misurata nominal soll ist actual value "
     "values wert werte mean average first second third left right links rechts flat roller point "
@@ -224,7 +225,8 @@ class Heading:
     is_crank
         True if an angle is that of the crankshaft. `factor` does not contain the ratio 1/2.
     unclear
-        Reason why the heading is not understood, or empty.
+        Reason why the heading is not understood, or empty. It is empty for a heading "other" of
+        neutral words, or "column 2".
     """
 
     text: str
@@ -267,12 +269,21 @@ def parse_heading(text: str) -> Heading:
     words += words_in_brackets
     quantity = _quantity(words, units)
     if quantity in ("", "other"):
-        return Heading(text, "other", None)
+        return Heading(text, "other", None, unclear=_not_neutral(plain))
     dimension = QUANTITIES[quantity].dimension
     factors = {unit.factor for unit in units if unit.dimension == dimension}
     unclear = _leftover(quantity, words, bool(units)) or _wrong_unit(quantity, units, factors)
     factor = factors.pop() if len(factors) == 1 else None
     return Heading(text, quantity, factor, quantity == "angle" and _has_crank(words), unclear)
+
+
+def _not_neutral(plain: str) -> str:
+    """Return the reason why a heading without a quantity is not neutral, or an empty text."""
+    if re.fullmatch(r"column \d+", plain):  # of a table without headings
+        return ""
+    words = [word for word in _tokens(plain) if word not in NEUTRAL]
+    words.sort(key=lambda word: not QUANTITIES["other"].matches(word))
+    return f"{words[0]!r} is neither a word of a known quantity nor neutral" if words else ""
 
 
 def plain_text(text: str) -> str:
@@ -284,7 +295,8 @@ def plain_text(text: str) -> str:
 
 
 def _tokens(text: str) -> list[str]:
-    tokens = _TOKEN.findall(text.replace("_", " "))
+    words = re.sub(r"\.{2,}", " ", text.replace("_", " "))  # 0..1
+    tokens = _TOKEN.findall(re.sub(r"\balbero\s+motore\b", "alberomotore", words))
     return ["".join(token.split()).replace("**", "^") for token in tokens]
 
 

@@ -20,6 +20,9 @@ from cam_rig.schema.segment_base import MAX_BYTES
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
 #: Number with decimal point or comma.
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
+#: Cell whose mark could separate thousands or decimals, and an integer of two digits or more.
+GROUPED = re.compile(r"[-+−]?[1-9]\d{0,2}[.,]\d{3}")
+LARGE_INTEGER = re.compile(r"[-+−]?[1-9]\d+")
 #: Text of the number of an empty cell.
 NOTHING = "nan"
 #: Largest number of lines of a heading: names, and units under them.
@@ -120,7 +123,7 @@ class CellTable:
         """Return a note on the number of lines, the separator and the decimal mark.
 
         `used` are the indices of the used columns. Raise ConfigError if some of their cells have a
-        decimal comma and others a decimal point.
+        decimal comma and others a decimal point, or if a mark could separate thousands.
         """
         used_cells = [(line, cells[i]) for line, cells in body for i in used]
         commas = [(line, cell) for line, cell in used_cells if "," in cell]
@@ -131,8 +134,27 @@ class CellTable:
                 f"line {line}: {shown(cell)} has a decimal point, {commas[0][1]!r} in line "
                 f"{commas[0][0]} a decimal comma; allowed: one of them"
             )
+        for i in used:
+            self._require_decimals([(line, cells[i]) for line, cells in body if i < len(cells)])
         mark = "comma" if commas else "point"
         return f"{len(body)} lines read, separator {self.separator_name}, decimal {mark}"
+
+    def _require_decimals(self, column: list[tuple[int, str]]) -> None:
+        """Raise ConfigError if the mark in the cells of a column could separate thousands.
+
+        All cells with a mark have three digits after it, and the others have an integer of two
+        digits or more, as in 486, 751, 1,084.
+        """
+        marked = [(line, cell) for line, cell in column if "," in cell or "." in cell]
+        whole = [cell for _, cell in column if LARGE_INTEGER.fullmatch(cell)]
+        if not marked or not whole or not all(GROUPED.fullmatch(cell) for _, cell in marked):
+            return
+        line, cell = marked[0]
+        raise self.refused(
+            f"line {line}: {cell!r} next to {whole[0]!r} in the same column could be a number of "
+            "thousands or a decimal number; allowed: numbers without a separator of thousands, or "
+            "all with decimals, such as 12.000"
+        )
 
     def _cells(self, line: int, text: str) -> list[str]:
         if self.separator == " ":

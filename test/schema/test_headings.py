@@ -11,7 +11,8 @@ from cam_rig.schema.headings import QUANTITIES, UNITS, parse_heading
 DEGREE, TURN, INCH = math.pi / 180.0, 2.0 * math.pi, 0.0254
 LIFTS = {
     1e-3: "Lift in millimeters|lift_mm|s / mm|Hub in mm, Einlass|ValveLiftMM|Stößelweg [mm]|"
-    "Elevación (mm)|lift of A mm|Lift in (mm)|Millimeter Hub|alzata (millimetri)|levée millimètres",
+    "Elevación (mm)|lift of A mm|Lift in (mm)|Millimeter Hub|alzata (millimetri)|levée millimètres|"
+    "sollevamento camma mm",
     1e-2: "lift [cm]|Hub in Zentimeter",
     1e-5: "Hub [1/100 mm]|lift (mm/100)|Levée (centièmes de mm)|Hub in Hundertstel|"
     "divisions of 0.01 mm lift|lift (0,01 mm)",
@@ -24,21 +25,24 @@ ANGLES = {
     DEGREE: "Cam deg|Angle (deg)|θ / °|Nockenwinkel in Grad|Ángulo de leva (grados)|angle [°]|"
     "Angle de came (degrés)|encoder angle (deg)|camAngle deg",
     1.0: "theta_rad|angle [rad]",
-    TURN: "angle rev|phase [turns]|vueltas",
+    TURN: "angle rev|phase [turns]|vueltas|turns [0..1]",
     TURN / 100.0: "cycle [%]|angle (percent)|Winkel in Prozent",
     TURN / 400.0: "angle gon",
 }
 CRANK = (
     "Degrees from centerline (crank)|crank_deg|°KW|Grad Kurbelwinkel|deg CA|angle vilebrequin (°)|"
-    "ángulo del cigüeñal (grados)|angolo manovella (gradi)|CAD [deg]"
+    "ángulo del cigüeñal (grados)|angolo manovella (gradi)|CAD [deg]|angolo albero motore (gradi)"
 )
+NEUTRAL = ["column 2", "Messuhr", "Dial gauge, intake", "A", "value", ""]
 OTHERS = [
-    *("lift error mm", "note", "force_N", "column 2", "time [s]", "temperature", "comment"),
+    *("lift error mm", "note", "force_N", "time [s]", "temperature", "comment", "foo"),
+    *("Durchmesser (in)", "Diameter mm", "Dial indicator 0.001", "Force [N]"),
 ]
 UNCLEAR = [
     *("lift [foo]", "Lift 2 mm", "Lift x 100 mm", "Lift (x10-3 mm)", "lift [%]", "angle [mm]"),
     *("lift (divisions)", "lift bob mm", "lift (mm*1000)", "Lift*1000 (mm)", "lift [mm] [in]"),
     *("lift in hundredths", "lift per degree (mm/deg)", "Hub mm x 10", "angle ATDC deg"),
+    *("Lift per inch", "angolo motore (gradi)"),
 ]
 
 
@@ -66,12 +70,20 @@ def test_degrees_of_the_crank_are_recognised():
 def test_other_quantities_are_not_lifts():
     """A radius, a point of a contour or the error of a lift is not a lift."""
     for text, quantity in (
-        *((text, "other") for text in OTHERS),
+        *((text, "other") for text in NEUTRAL),
         *(("radius_mm", "radius"), ("X (in)", "x"), ("y [mm]", "y"), ("encoder counts", "count")),
         *(("Drehzahl [1/min]", "speed"), ("dB(Z)", "level"), ("spring_N/m", "stiffness")),
     ):
         heading = parse_heading(text)
         assert (heading.quantity, heading.unclear) == (quantity, ""), text
+
+
+def test_headings_of_no_quantity_are_unclear_unless_they_are_neutral():
+    """A unit, a number or a foreign quantity is reported, the foreign quantity first."""
+    for text in OTHERS:
+        assert parse_heading(text).quantity == "other", text
+        assert parse_heading(text).unclear, text
+    assert parse_heading("lift error mm").unclear.startswith("'error' is neither a word")
 
 
 def test_unknown_words_factors_and_units_make_a_heading_unclear():

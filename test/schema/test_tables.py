@@ -185,10 +185,10 @@ def test_headings_in_several_languages(read):
 
 def test_missing_units_are_assumed_and_reported(read):
     """They are deg and mm. Angles up to one turn in rad are rad."""
-    readings = read("0 0\n10 0.25\n20 1.5\n355 0\n")
+    readings = read("0 0\n90 0.25\n180 1.5\n270 0\n355 0\n")
     assert "no unit of angle in 'column 1': deg assumed" in readings.notes
     assert "no unit of length in 'column 2': mm assumed" in readings.notes
-    assert readings.notes[0] == "4 lines read, separator space, decimal point"
+    assert readings.notes[0] == "5 lines read, separator space, decimal point"
     assert read("theta,s\n0,0\n3,1\n6.2,0\n").angles[1] == 3.0
     assert not any("assumed" in note for note in read("angle_deg,lift_mm\n0,0\n1,1\n").notes)
 
@@ -227,6 +227,8 @@ def test_wrong_tables_raise_an_error_of_one_line(read):
     for text, expected in (
         ("", "lifts.csv: is empty; allowed: a heading and up to"),
         ("hello\nworld\n", "line 2: 'world' has no two numbers; allowed: lines of cam angle and"),
+        ("angle,lift\n0°,0 mm\n5°,1 mm\n", "line 2: '0° | 0 mm' has no two numbers; allowed: "),
+        ("a,lift mm\n0°00',0\n2°30',1\n", "of numbers only: units belong in the heading"),
         ("angle,lift\n0,0\n5,x\n", f"line 3: lift is 'x'; {comma}"),
         ("angle;lift\n0;0\n5;nan\n", "line 3: lift is 'nan'; allowed: a number"),
         ("angle;lift\n0;0\n5;1.234,5\n", "line 3: lift is '1.234,5'; allowed: a number"),
@@ -240,6 +242,57 @@ def test_wrong_tables_raise_an_error_of_one_line(read):
         message = catch_error(read, text)
         assert expected in message
         assert message.startswith("lifts.csv: ") and len(message) < 300
+
+
+def test_numbers_of_lines_are_not_angles(read):
+    """Without a word of an angle, numbers that leave out a part of the turn are refused."""
+    lines = "".join(f"{i},{i % 7}.5\n" for i in range(1, 271))
+    for heading in ("Nr,lift mm\n", "Index,lift mm\n", ""):
+        message = catch_error(read, heading + lines)
+        assert "goes from 1 to 270, which as deg would leave 91 deg without readings" in message
+        assert read(f"{heading}{lines}271,0.5\n").angles[-1] == pytest.approx(math.radians(271))
+    assert read(f"angle,lift mm\n{lines}").angles[0] == pytest.approx(math.radians(1))
+
+
+@pytest.mark.parametrize(
+    ("heading", "last", "factor"),
+    [
+        ("phase [0..1]", 0.99, 360.0),
+        ("phase", 0.99, 360.0),
+        ("phase", 359.0, 1.0),
+        ("phase %", 99.17, 3.6),
+    ],
+)
+def test_phases(read, heading, last, factor):
+    """Without a unit they go from 0 to about 1, or over 250 or more, which are deg."""
+    text = "{},lift mm\n0,0.0\n{},1.5\n"
+    assert math.degrees(read(text.format(heading, last)).angles[1]) == pytest.approx(factor * last)
+    for other in (0.5, 99.17, 180.0):
+        assert f"'phase' has no unit and goes from 0 to {other:g}" in catch_error(
+            read, text.format("phase", other)
+        )
+
+
+def test_only_a_neutral_heading_is_assumed_to_be_the_lift(read):
+    """The unit or the foreign quantity of another heading would be lost."""
+    assert read("deg,Messuhr\n0,0.5\n9,1.5\n").columns[0].lifts[1] == pytest.approx(1.5e-3)
+    for heading in ("Durchmesser (in)", "Diameter mm", "Dial indicator 0.001", "Force [N]"):
+        for column in (None, heading):
+            message = catch_error(read, f"deg,{heading}\n0,0.5\n9,1.5\n", column)
+            assert f"the heading '{heading}' is unclear, because" in message
+
+
+@pytest.mark.parametrize("mark", [",", "."])
+def test_separators_of_thousands_are_refused(read, mark):
+    """The first such line and its cell are named. Numbers with decimals are read."""
+    cells = ["0", "84", "486", "1,084", "1,486"]
+    text = "Angle;Hub um\n" + "".join(f"{10 * i};{cell}\n" for i, cell in enumerate(cells))
+    message = catch_error(read, text.replace(",", mark))
+    assert f"line 5: '1{mark}084' next to '84' in the same column could be a number" in message
+    assert "allowed: numbers without a separator of thousands, or all with decimals" in message
+    for other in ("1,08", "0,084", "1,0845"):  # a decimal mark in any other cell
+        assert read(text.replace("1,486", other).replace(",", mark)).columns[0].lifts[3] > 0.0
+    assert read("deg,um\n0,1.084\n5,2.486\n10,3\n").columns[0].lifts[0] > 0.0
 
 
 def test_files_that_cannot_be_read(read, tmp_path):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cam_rig.errors import ConfigError
 from cam_rig.laws.spline import scatter, scatter_error
 from cam_rig.schema.segment_base import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DEG
-from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable
+from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_gap
 from cam_rig.units import TURN, FloatArray
 
 #: Readings of one angle (rad) are nearer than this.
@@ -90,7 +90,7 @@ def put_in_order(
     _require_no_end_mark(table, angles, lifts, lines)
     _require_return(table, column, angles, lifts, lines)
     if mirror:
-        centre = _end_of_half_lobe(table, angles, lifts)
+        centre = _end_of_half_lobe(table, column, angles, lifts)
         angles = np.append(angles, 2.0 * centre - angles)
         lifts, lines = np.tile(lifts, 2), np.tile(lines, 2)
         notes.append(
@@ -167,7 +167,9 @@ def _require_return(
         )
 
 
-def _end_of_half_lobe(table: GaugeTable, angles: FloatArray, lifts: FloatArray) -> float:
+def _end_of_half_lobe(
+    table: GaugeTable, column: GaugeColumn, angles: FloatArray, lifts: FloatArray
+) -> float:
     """Return the angle (rad) of the nose, which must be the first or the last of the table."""
     nose = float(angles[int(np.argmax(lifts))])
     if nose not in (angles.min(), angles.max()):
@@ -175,7 +177,59 @@ def _end_of_half_lobe(table: GaugeTable, angles: FloatArray, lifts: FloatArray) 
             f"{table.file}: the largest lift is at {math.degrees(nose):.6g} deg, inside the table; "
             "allowed with --mirror: half a lobe, which begins or ends at its nose"
         )
+    _require_half_lobe(table, column, np.abs(angles - nose), lifts)
     return nose
+
+
+#: The slope at the far end of a half lobe is fitted over this fraction of its angles (2 readings
+#: at least), the parabola at its nose over this fraction of its lift (3 at least).
+END_PART, NOSE_PART = 0.03, 0.02
+#: A half lobe ends at rest if its slope there is less than this fraction of its steepest slope.
+MAX_END_SLOPE = 0.05
+#: Largest distance of the vertex of the parabola from the last reading, in steps of the angle.
+MAX_STEPS_TO_NOSE = 0.75
+#: Standard errors of the slopes that are allowed in addition.
+SLOPE_ERRORS = 3.0
+
+
+def _require_half_lobe(
+    table: GaugeTable, column: GaugeColumn, distances: FloatArray, lifts: FloatArray
+) -> None:
+    """Refuse half a lobe that does not reach its nose, or does not end at rest.
+
+    `distances` are the angles (rad) from the reading with the largest lift.
+    """
+    x, first = np.unique(distances, return_index=True)
+    y = lifts[first]
+    if x.size < FEWEST_POINTS // 2:
+        return  # refused later, because of its number of readings
+    noise = max(scatter(x, y), column.resolution / math.sqrt(12.0))
+    count = max(2, int(np.sum(x >= x[-1] - END_PART * x[-1])))
+    slope, error = _end_slope(x[-count:] - x[-1], y[-count:], 1, noise)
+    steepest = float(np.max(np.abs((y[count:] - y[:-count]) / (x[count:] - x[:-count]))))
+    if abs(slope) > MAX_END_SLOPE * steepest + SLOPE_ERRORS * error:
+        raise ConfigError(
+            f"{table.file}: the lift still changes by {abs(slope) * 1e3 * math.radians(1.0):.3g} "
+            f"mm/deg at the end of the half lobe, {abs(slope) / steepest:.2g} of its steepest "
+            "slope; allowed with --mirror: half a lobe from its nose to its base circle"
+        )
+    count = max(3, int(np.sum(y >= y[0] - NOSE_PART * float(np.ptp(y)))))
+    slope, error = _end_slope(x[:count], y[:count], 2, noise)
+    bend = 2.0 * abs(float(np.polyfit(x[:count], y[:count], 2)[0]))
+    step = float(x[1] - x[0])
+    if slope < -bend * MAX_STEPS_TO_NOSE * step - SLOPE_ERRORS * error:
+        raise ConfigError(
+            f"{table.file}: the lift still rises by {-slope * 1e3 * math.radians(1.0):.3g} mm/deg "
+            "at the largest lift, so the nose is not reached; allowed with --mirror: half a lobe "
+            "that contains its nose"
+        )
+
+
+def _end_slope(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
+    """Return the slope at x = 0 of a polynomial through readings, and its standard error."""
+    powers = np.vander(x, degree + 1, increasing=True)
+    inverse = np.linalg.pinv(powers)
+    return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))
 
 
 def _averaged(
@@ -239,13 +293,6 @@ def _cause(table: GaugeTable, lines: NDArray[np.int64]) -> str:
         "The cam was turned both ways, and there is backlash, or the gauge has slipped: read "
         "again, in one turning sense"
     )
-
-
-def widest_gap(angles: FloatArray) -> tuple[float, float]:
-    """Start and span (rad) of the longest stretch without readings."""
-    ahead = np.diff(angles, append=angles[0] + TURN)
-    widest = int(np.argmax(ahead))
-    return float(angles[widest]), float(ahead[widest])
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import shown
 from cam_rig.schema.headings import Heading, parse_heading
 from cam_rig.schema.instrument_table import NOTHING, CellTable, count_numbers, read_lines
 from cam_rig.show.tables import pluralize
-from cam_rig.units import TURN
+from cam_rig.units import TURN, FloatArray
 
 Shaft = Literal["cam", "crank"]
 #: Limits of the range of angles without a unit: up to 1.02 turn it is rad, if the table covers
@@ -20,8 +23,15 @@ Shaft = Literal["cam", "crank"]
 MAX_RANGE_RAD, MIN_RANGE_RAD, MAX_RANGE_DEG = 1.02 * TURN, 0.75 * TURN, 1440.0
 #: Ranges of angles without a unit that could be percent or gon, with this relative tolerance.
 OTHER_SCALES, SCALE_TOLERANCE = {100.0: "percent", 400.0: "gon"}, 0.005
-#: Words of an angle whose numbers go from 0 to 1 over a turn, and the largest range of these.
-PHASE_WORDS, MAX_PHASE_RANGE = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I), 1.02
+#: Words of an angle whose numbers go from 0 to 1 over a turn.
+PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
+#: Limits of the range of such numbers without a unit, turns: less could be another unit.
+MIN_PHASE_RANGE, MAX_PHASE_RANGE = 0.75, 1.02
+#: Least range of such numbers without a unit that are deg: less could be percent.
+MIN_PHASE_RANGE_DEG = 250.0
+#: Longest stretch without readings (rad) of numbers that are only assumed to be angles: numbers of
+#: lines, such as 1 to 120, are not angles.
+MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
 #: A line in front of the numbers that states the base radius.
 BASE_RADIUS = re.compile(
     r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<what>radius|diameter|radio|"
@@ -101,15 +111,17 @@ class _GaugeReader(CellTable):
     def table(self, options: TableOptions, comments: list[tuple[int, str]]) -> GaugeTable:
         """Return the table: headings to columns, cells to numbers."""
         if self.first is None:
-            line, cells = self.rows[-1]
+            line, cells = max(self.rows[1:] or self.rows, key=lambda row: _count_digits(row[1]))
+            only = ", of numbers only: units belong in the heading" if _count_digits(cells) else ""
             raise self.refused(
                 f"line {line}: {shown(' | '.join(cells))} has no two numbers; allowed: lines of "
-                "cam angle and lift"
+                f"cam angle and lift{only}"
             )
         headings = self.headings(len(self.rows[self.first][1]))
         angle, lifts, notes = self._assign(headings, options)
         used = [angle, *lifts]
-        self.require_clear(headings, used)
+        is_assumed = headings[angle].quantity == "other"
+        self.require_clear(headings, lifts if is_assumed else used)
         body, skipped = self._body(used)
         texts = [self.numbers(line, cells, headings, used) for line, cells in body]
         for (line, _), row in zip(body, texts, strict=True):
@@ -120,6 +132,8 @@ class _GaugeReader(CellTable):
                 )
         angles = [float(row[angle]) for row in texts]
         factor, words = self._angle_factor(headings[angle], angles, options)
+        if is_assumed and options.counts is None:
+            self._require_turn(headings[angle], factor, angles)
         columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
         unnamed = [headings[i].text for i in lifts if headings[i].factor is None]
         if unnamed:
@@ -235,10 +249,21 @@ class _GaugeReader(CellTable):
             )
         return factor, notes
 
+    def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
+        """Refuse numbers as angles that leave out a part of the turn, if no word says angle."""
+        gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
+        if gap > MAX_GAP_OF_ASSUMED_ANGLES:
+            raise self.refused(
+                f"{shown(heading.text)} has no word of an angle, and goes from {min(angles):g} to "
+                f"{max(angles):g}, which as deg would leave {math.degrees(gap):.4g} deg without "
+                "readings; allowed: a heading such as angle_deg, or --counts if it counts steps"
+            )
+
     def _guess_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
         """Return the factor (rad) and the name of the unit that the range of the angles means."""
         span = max(angles) - min(angles)
-        if PHASE_WORDS.search(heading.text) and span <= MAX_PHASE_RANGE:
+        is_phase = PHASE_WORDS.search(heading.text) is not None
+        if is_phase and MIN_PHASE_RANGE <= span <= MAX_PHASE_RANGE:
             return TURN, "turn"
         if MIN_RANGE_RAD <= span <= MAX_RANGE_RAD:
             return 1.0, "rad"
@@ -247,6 +272,8 @@ class _GaugeReader(CellTable):
             for scale, name in OTHER_SCALES.items()
             if abs(span - scale) <= SCALE_TOLERANCE * scale
         ]
+        if is_phase and MAX_RANGE_RAD < span < MIN_PHASE_RANGE_DEG:
+            other = other or ["percent" if span <= 100.0 else "a part of a turn in deg"]
         if span < MIN_RANGE_RAD or span > MAX_RANGE_DEG or other:
             could_be = f", which could be {other[0]}" if other else ""
             raise self.refused(
@@ -271,6 +298,21 @@ class _GaugeReader(CellTable):
                 radius = half * unit * float(match["number"].replace(",", "."))
                 return radius, [f"base radius {radius * 1e3:.6g} mm, stated in line {line}"]
         return None, []
+
+
+def widest_gap(angles: FloatArray) -> tuple[float, float]:
+    """Return start and span (rad) of the longest stretch without readings.
+
+    `angles` are in rising order, within one turn.
+    """
+    ahead = np.diff(angles, append=angles[0] + TURN)
+    widest = int(np.argmax(ahead))
+    return float(angles[widest]), float(ahead[widest])
+
+
+def _count_digits(cells: list[str]) -> int:
+    """Return the number of cells that start with a digit."""
+    return sum(re.match(r"[-+−.,]?\d", cell) is not None for cell in cells)
 
 
 def _listed(headings: list[Heading]) -> str:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws.spline import WINDOW, differences, scatter
-from cam_rig.studies.fit_cam.gauge import Outlier, Readings, widest_gap
+from cam_rig.studies.fit_cam.gauge import Outlier, Readings
+from cam_rig.studies.fit_cam.gauge_table import widest_gap
+from cam_rig.studies.fit_cam.shifted_runs import find_shifted_runs, require_no_slip
 from cam_rig.units import TURN, FloatArray, rms
 
 #: An outlier is so many scatters from what its neighbours say, and so many times farther than any
@@ -39,7 +41,8 @@ def without_outliers(readings: Readings) -> Readings:
     Outliers of several readings next to each other shield each other, so the search for a width of
     n takes every n-th reading: of these, one outlier at most is next to good readings.
     """
-    outliers = np.zeros(readings.angles.size, dtype=np.bool_)
+    require_no_slip(readings)
+    outliers = find_shifted_runs(readings)
     for width in OUTLIER_WIDTHS:
         if width > 1 and readings.angles.size < MIN_SUBSET * width:
             break

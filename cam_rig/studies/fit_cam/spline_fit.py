@@ -29,8 +29,12 @@ from cam_rig.studies.fit_cam.dwells import (
     likely_range,
 )
 from cam_rig.studies.fit_cam.gauge import Readings, bridges
-from cam_rig.studies.fit_cam.outliers import is_summit, without_outliers
-from cam_rig.studies.fit_cam.valve_events import ValveTrain, valve_events
+from cam_rig.studies.fit_cam.outliers import OUTLIER, is_summit, without_outliers
+from cam_rig.studies.fit_cam.valve_events import (
+    ValveTrain,
+    explain_missing_events,
+    valve_events,
+)
 from cam_rig.units import FloatArray
 
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
@@ -186,6 +190,7 @@ class SplineFit(Result):
             f"from {readings.angles.size} readings, with {found.knots} knots."
         )
         yield from unusual_lift(self.law.lift)
+        yield from explain_missing_events(self.law, self.valve_train)
         if self.widened:
             yield (
                 f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "
@@ -221,7 +226,8 @@ class SplineFit(Result):
             )
         else:  # the spline rings about a sharp nose, and good readings are far from it
             yield from farthest(readings, self._residuals, sizes)
-        yield left_out(readings)
+        if readings.outliers or sizes.max() <= OUTLIER:
+            yield left_out(readings)
 
     def _suspects(self) -> FloatArray:
         """``(n,)`` sizes of residuals, in r.m.s. of all others, or in scatters if that is more.

@@ -64,6 +64,23 @@ def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
     )
 
 
+def explain_missing_events(law: Law, train: ValveTrain) -> Iterator[str]:
+    """Yield the reason why checking heights have no event, a sentence each."""
+    lift = train.rocker_ratio * law.lift - train.lash
+    if lift <= 0.0:
+        yield (
+            f"The valve does not open: the lash of {train.lash * 1e3:.4g} mm is not less than the "
+            f"lift of {train.rocker_ratio * law.lift * 1e3:.4g} mm."
+        )
+        return
+    missed = [f"{1e3 * height:.4g} mm" for height in train.checking_heights if height >= lift]
+    if missed:
+        yield (
+            f"No valve event at {' and '.join(missed)}: the valve opens by {lift * 1e3:.4g} mm at "
+            "most."
+        )
+
+
 def _events(law: Law, train: ValveTrain, height: float) -> Iterator[ValveEvent]:
     level = (height + train.lash) / (train.rocker_ratio * law.lift)
     found = passages(law, law.lift, [level])

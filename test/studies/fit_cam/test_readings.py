@@ -104,6 +104,26 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
         ordered(STEPS, mirror=True)
 
 
+@pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("noise", [0.0, 2e-6])
+def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
+    """At the far end it must rest, and its nose must be within a step of the last reading."""
+
+    def mirror(start, end):
+        half = np.arange(start, end + 1e-9, step)
+        lifts = 0.008 * np.maximum(1.0 - (half / 65.0) ** 2, 0.0) ** 3
+        lifts += np.random.default_rng(0).normal(scale=noise, size=half.size)
+        lifts[0] += 4.0 * noise  # the largest
+        return ordered(235.0 - half, lifts, mirror=True)
+
+    for start, end in ((0.0, 65.0), (0.0, 90.0), (0.0, 170.0), (0.5 * step, 90.0)):
+        assert "mirrored as requested" in mirror(start, end).notes[0]
+    with pytest.raises(ConfigError, match=r"changes by 0\.\d* mm/deg at the end of the half lobe"):
+        mirror(0.0, 52.0)
+    with pytest.raises(ConfigError, match=r"at the largest lift, so the nose is not reached"):
+        mirror(max(3.0, 1.5 * step), 90.0)
+
+
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
     """Specks of 50 µm on several readings each, of any width; no other reading is left out."""
@@ -111,6 +131,49 @@ def test_outliers_next_to_each_other_are_found(measured, width):
     specks = {place + i: 5e-5 for place in places for i in range(width)}
     found = without_outliers(measured("cycloidal", 1800, outliers=specks))
     assert [outlier.line - 2 for outlier in found.outliers] == sorted(specks)
+
+
+@pytest.mark.parametrize("width", [2, 3, 5, 8, 12])
+@pytest.mark.parametrize("name", ["cycloidal", "poly345", "modified_trapezoid"])
+def test_specks_of_a_coarse_table_are_found(measured, name, width):
+    """Specks of 80 µm, 1 deg between readings, also across 0 deg. The law stays the same."""
+    places = (20, 100, 250, 360 - width // 2)
+    specks = {(place + i) % 360: 8e-5 for place in places for i in range(width)}
+    for seed in range(3):
+        clean = measured(name, noise=3e-6, seed=seed)
+        fit = fit_spline(measured(name, noise=3e-6, seed=seed, outliers=specks))
+        lines = [outlier.line - 2 for outlier in fit.readings.outliers]
+        assert lines == sorted(specks)
+        assert fit.law.lift == pytest.approx(fit_spline(clean).law.lift, abs=1e-5)
+
+
+@pytest.mark.parametrize("place", [22, 40, 71])
+def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
+    specks = {place: 1.5e-4, (place + 1) % 72: 1.5e-4}
+    for name in ("poly345", "cycloidal", "bezier15"):
+        found = without_outliers(measured(name, 72, noise=3e-6, outliers=specks))
+        assert [outlier.line - 2 for outlier in found.outliers] == sorted(specks), name
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("place", [90, 180, 300])
+def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
+    """A step that returns at the end of the table. The message has the lines next to it."""
+    slip = dict.fromkeys(range(place, 360), sign * 5e-5)
+    words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
+    for name in ("poly345", "cycloidal"):
+        with pytest.raises(ConfigError, match=words):
+            without_outliers(measured(name, noise=3e-6, outliers=slip))
+
+
+def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
+    """A bump that is not left out is named; the fit does not report that all readings are good."""
+    bump = {180 + i: 1e-4 * np.sin(np.pi * i / 20.0) ** 2 for i in range(20)}
+    fit = fit_spline(measured("bezier15", outliers=bump), 1e-4)
+    words = " ".join(fit.conclusions())
+    assert fit.readings.outliers == ()
+    assert "farthest from the law line" in words
+    assert "No reading looks like an outlier." not in words
 
 
 def test_what_is_no_cam_is_refused():

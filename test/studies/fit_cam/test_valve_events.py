@@ -1,6 +1,7 @@
 """Valve events of a law, and the report of an unusual lift."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,8 +27,15 @@ def test_events_of_a_harmonic_law_in_closed_form(ratio, lash, height):
 
 
 def test_a_height_that_the_valve_does_not_reach_has_no_event():
+    """The conclusions contain the reason. So they do if the lash is larger than the lift."""
     fit = fit_spline(in_order(all_around(360), 0.004 * (1.0 - np.cos(all_around(360)))))
-    assert valve_events(fit.law, ValveTrain(checking_heights=(0.009,))) == ()
+    for train, reason in (
+        (ValveTrain(1.5, 1e-3, (0.012, 0.0121)), "No valve event at 12 mm and 12.1 mm: the valve"),
+        (ValveTrain(lash=0.02), "the lash of 20 mm is not less than the lift of 8 mm."),
+    ):
+        assert valve_events(fit.law, train) == ()
+        assert reason in " ".join(replace(fit, valve_train=train).conclusions())
+    assert "No valve event" not in " ".join(fit.conclusions())
 
 
 @pytest.mark.parametrize(("lift", "is_unusual"), [(0.254, True), (5e-5, True), (0.01, False)])

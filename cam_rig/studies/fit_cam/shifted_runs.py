@@ -1,0 +1,175 @@
+"""Runs of gauge readings that are all off by the same length, and slips of the gauge.
+
+A speck of dirt shifts several readings next to each other. The shift is fitted together with a
+polynomial through these readings and their neighbours. It is accepted if what is left is scatter,
+which is not the case at a kink of the law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+from numpy.typing import NDArray
+
+from cam_rig.errors import ConfigError
+from cam_rig.laws.spline import WINDOW, differences
+from cam_rig.studies.fit_cam.gauge import Readings
+from cam_rig.units import TURN
+
+#: Largest number of readings of a run, and its longest span (rad): the law inside of a longer run
+#: does not follow from the readings next to it.
+MAX_RUN, MAX_RUN_SPAN = 32, math.radians(15.0)
+#: Number of readings on either side that are fitted with a run, and with a slip.
+RUN_FLANK, SLIP_FLANK = 5, 8
+#: Degree of the polynomial through a run and its neighbours, and through those of a slip.
+RUN_DEGREE, SLIP_DEGREE = 5, 4
+#: Difference of neighbours, in scatters, above which an edge of a run may be near.
+EDGE = 4.0
+#: Smallest shift, in its standard errors.
+MIN_ERRORS = 8.0
+#: The shortest run is taken whose significance is this part of the largest: good readings between
+#: two specks look like a longer run.
+MIN_PART = 0.7
+#: Largest difference of a slip and of its return, in standard errors.
+MAX_DIFFERENCE = 4.0
+#: Largest residual about the polynomial and the shift, r.m.s. in scatters.
+MAX_RESIDUAL = 2.0
+#: Largest number of runs, and of edges that are examined: more are a property of the law.
+MAX_RUNS, MAX_EDGES = 10, 120
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """Shift (m) of the readings `indices`, its standard error and the residual, r.m.s. in m."""
+
+    indices: NDArray[np.int64]
+    shift: float
+    error: float
+    residual: float
+
+    @property
+    def significance(self) -> float:
+        """Size of the shift in its standard errors."""
+        return abs(self.shift) / self.error
+
+    def is_clear(self, scatter: float) -> bool:
+        """Return True if the shift explains readings with this scatter (m)."""
+        is_complete = self.residual <= MAX_RESIDUAL * scatter
+        return is_complete and self.significance > MIN_ERRORS
+
+
+def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
+    """Return the mask of readings in runs of two or more that are off by the same length."""
+    mask = np.zeros(readings.angles.size, dtype=np.bool_)
+    for _ in range(MAX_RUNS):
+        good = np.flatnonzero(~mask)
+        rest = _take(readings, good)
+        scatter = rest.scatter
+        runs = [run for run in _runs(rest, scatter) if run.is_clear(scatter)]
+        if not runs:
+            return mask
+        clearest = max(run.significance for run in runs)
+        likely = [run for run in runs if run.significance > MIN_PART * clearest]
+        best = min(likely, key=lambda run: (run.indices.size, -run.significance))
+        mask[good[best.indices]] = True
+    return np.zeros_like(mask)
+
+
+def require_no_slip(readings: Readings) -> None:
+    """Refuse readings with a step that returns where the table starts and ends.
+
+    The law has no such step, so the gauge or its support has moved between two readings.
+    """
+    count, lines = readings.angles.size, readings.lines
+    ends = {int(lines.min()), int(lines.max())}
+    if count < 2 * SLIP_FLANK + WINDOW:
+        return
+    closing = next((i for i in range(count) if {lines[i], lines[(i + 1) % count]} == ends), None)
+    scatter = readings.scatter
+    if closing is None or not (back := _fit_slip(readings, closing, scatter)).is_clear(scatter):
+        return
+    others = range(closing + SLIP_FLANK, closing + count - SLIP_FLANK)
+    slips = [_fit_slip(readings, edge % count, scatter) for edge in others]
+    clear = [slip for slip in slips if slip.is_clear(scatter)]
+    slip = max(clear, key=lambda slip: slip.significance, default=None)
+    if slip is None:
+        return
+    if abs(slip.shift + back.shift) > MAX_DIFFERENCE * math.hypot(slip.error, back.error):
+        return
+    first = int(slip.indices[0])
+    before, after = sorted((int(lines[first - 1]), int(lines[first])))
+    raise ConfigError(
+        f"{readings.name}: the lift jumps by {abs(slip.shift) * 1e3:.3g} mm between lines {before} "
+        f"and {after}, and back between the last line and the first, so the gauge has slipped; "
+        "allowed: readings with the same zero, so read again, or correct the lines from "
+        f"{after} on"
+    )
+
+
+def _take(readings: Readings, indices: NDArray[np.int64]) -> Readings:
+    return replace(
+        readings,
+        angles=readings.angles[indices],
+        lifts=readings.lifts[indices],
+        lines=readings.lines[indices],
+    )
+
+
+def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
+    """Yield the fitted shift of each run between two edges."""
+    count, edges = readings.angles.size, _edges(readings, scatter)
+    if len(edges) > MAX_EDGES:
+        return
+    for start in edges:
+        for stop in edges:
+            width = (stop - start) % count
+            span = (readings.angles[stop] - readings.angles[(start + 1) % count]) % TURN
+            if 2 <= width <= min(MAX_RUN, count // 4) and span <= MAX_RUN_SPAN:
+                yield _fit_run(readings, start, width, scatter)
+
+
+def _edges(readings: Readings, scatter: float) -> list[int]:
+    """Return the readings after which an edge may be: a difference across it is too large."""
+    found, counts = differences(readings.angles, readings.lifts)
+    is_large = counts & (np.abs(found) > EDGE * scatter)
+    half = WINDOW // 2
+    near = np.any([np.roll(is_large, shift) for shift in range(-half, half)], axis=0)
+    return [int(i) for i in np.flatnonzero(near)]
+
+
+def _fit_run(readings: Readings, start: int, width: int, scatter: float) -> Shift:
+    window = np.arange(start + 1 - RUN_FLANK, start + 1 + width + RUN_FLANK)
+    return _fit(readings, window, (window > start) & (window <= start + width), RUN_DEGREE, scatter)
+
+
+def _fit_slip(readings: Readings, edge: int, scatter: float) -> Shift:
+    window = np.arange(edge + 1 - SLIP_FLANK, edge + 1 + SLIP_FLANK)
+    return _fit(readings, window, window > edge, SLIP_DEGREE, scatter)
+
+
+def _fit(
+    readings: Readings,
+    window: NDArray[np.int64],
+    is_shifted: NDArray[np.bool_],
+    degree: int,
+    scatter: float,
+) -> Shift:
+    """Return the shift of some readings of a window, fitted together with a polynomial."""
+    count = readings.angles.size
+    indices = window % count
+    x = readings.angles[indices] + TURN * (window // count)
+    x = 2.0 * (x - x[0]) / (x[-1] - x[0]) - 1.0
+    matrix = np.column_stack([chebvander(x, degree), is_shifted])
+    inverse = np.linalg.pinv(matrix)
+    coefficients = inverse @ readings.lifts[indices]
+    residuals = readings.lifts[indices] - matrix @ coefficients
+    return Shift(
+        indices=indices[is_shifted],
+        shift=float(coefficients[-1]),
+        error=scatter * float(np.linalg.norm(inverse[-1])),
+        residual=math.sqrt(float(np.sum(residuals**2)) / (window.size - degree - 2)),
+    )
