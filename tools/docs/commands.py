@@ -37,7 +37,7 @@ of rclpy with its ROS distribution.
 A scene, a cam, a rig or a study is a file, or the name of a shipped file in `config`: `quick` is
 `config/scenes/quick.yaml`. If a command has cams as arguments, one scene can replace them: it means
 its cams on its rig, and `--rig` selects another rig. A name after `--rig` is searched for next to
-the scene first. Tables and messages for people go to stderr. JSON and CSV go to stdout.
+the scene first. Tables and messages for people are written to stderr, JSON and CSV to stdout.
 
 | exit code | meaning |
 |---:|---|
