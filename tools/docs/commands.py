@@ -44,7 +44,7 @@ the scene first. Tables and messages for people are written to stderr, JSON and 
 | 0 | done |
 | 1 | a run failed, a bag cannot be read or made, a cam fails a check |
 | 2 | a file or an argument is wrong, and the command has not run |
-| 128 + n | signal n was received: 130 after Ctrl-C, 143 after `kill`, 129 if the terminal was closed |
+| 128 + n | ended by signal n: 130 after Ctrl-C, 143 after `kill`, 129 if the terminal was closed |
 
 An error is one line with the file or option, its value, and the allowed values. A bag is never
 overwritten.
