@@ -30,27 +30,28 @@ EXIT_CODES = re.compile(r"\s+Exit codes:.*?\)\.", re.S)
 CALLED = re.compile(r"In Python: (cam_rig\.\w+)\([^)]*\)")
 HEAD = """# Commands
 
-After this page you can call every command with every option. It is made from `--help` by
-`tools/docs/commands.py`. With `--version` in place of a command, `cam-rig` prints the versions of
-the package, of Rerun, and of rclpy with its ROS distribution.
+This page lists every command with every option. `tools/docs/commands.py` makes it from `--help`.
+With `--version` in place of a command, `cam-rig` prints the versions of the package, of Rerun, and
+of rclpy with its ROS distribution.
 
-A scene, a cam, a rig or a study is a file, or the name of a shipped one in `config`: `quick` is
-`config/scenes/quick.yaml`. Where cams are arguments, one scene stands for its cams on its rig, and
-`--rig` puts them on another. A name after `--rig` is looked up beside the scene first. Tables and
-messages for people go to stderr; JSON and CSV go to stdout.
+A scene, a cam, a rig or a study is a file, or the name of a shipped file in `config`: `quick` is
+`config/scenes/quick.yaml`. If a command has cams as arguments, one scene can replace them: it means
+its cams on its rig, and `--rig` selects another rig. A name after `--rig` is searched for next to
+the scene first. Tables and messages for people are written to stderr, JSON and CSV to stdout.
 
 | exit code | meaning |
 |---:|---|
 | 0 | done |
 | 1 | a run failed, a bag cannot be read or made, a cam fails a check |
-| 2 | a file or an argument is wrong; nothing has run |
-| 128 + n | signal n came: 130 after Ctrl-C, 143 after `kill`, 129 where the terminal was closed |
+| 2 | a file or an argument is wrong, and the command has not run |
+| 128 + n | ended by signal n: 130 after Ctrl-C, 143 after `kill`, 129 if the terminal was closed |
 
-An error is one line: the file or option, its value, what is allowed. A bag is never overwritten.
+An error is one line with the file or option, its value, and the allowed values. A bag is never
+overwritten.
 
-In brackets stands what is taken without an option, or that it is required. What a command names
-as *shared* is under [Shared](#shared). A function of Python has the options' names. `--help` has
-more examples.
+Brackets contain the default of an option, or state that it is required. [Shared](#shared) describes
+the options that a command lists as *shared*. A Python function has the names of the options as
+arguments. `--help` has more examples.
 """
 
 

@@ -37,18 +37,21 @@ GIVEN_BY = {
 REPEATED = 4
 HEAD = """# Results
 
-After this page you can read every number that a command writes or a Python function returns.
+This page lists every number that a command writes or a Python function returns.
 
-A result is tables of records. `--json` writes its tables by their keys, `--csv` the first and each
-other into a file beside it, and `to_pandas("key")` gives one as a `DataFrame`. All three have the
-keys and the SI units of this page, whatever the terminal shows. What is no number is `null` in JSON
-and empty in CSV. A table of one record is an object in JSON.
+A result consists of tables of records. `--json` writes its tables by their keys. `--csv` writes the
+first table, and each other table into a file next to it. `to_pandas("key")` returns one table as a
+`DataFrame`. All three use the keys and the SI units of this page, independent of the units on the
+terminal. A value that is not a number is `null` in JSON and empty in CSV. A table of one record is
+an object in JSON.
 
-In JSON `schema` has the name and the version. The version rises when a key changes its meaning or
-goes; a new key does not raise it. `tools/docs/results.py` makes this page from the code.
+In JSON, `schema` contains the name and the version. The version increases when a key changes its
+meaning or is removed. A new key does not increase it. `tools/docs/results.py` makes this page from
+the code.
 
-Each table is a line: its key, then its columns: `key`, \\[unit\\], and the heading that people see
-where the key does not say it. A number without a unit is a ratio or a count.
+Each table is one line: its key, then its columns. A column has a `key`, a \\[unit\\], and its
+displayed heading if the heading differs from the key. A number without a unit is a ratio or a
+count.
 """
 
 
