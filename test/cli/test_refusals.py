@@ -32,7 +32,7 @@ REFUSED = [
     ("law poly345 --out {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
     ("law", 2, ""),
     ("laws --family strat", 2, "did you mean 'start'?); allowed: polynomial, start"),
-    ("noise --rig tm21", 2, "follower.roller_share: is missing"),
+    ("noise --rig tm21", 2, "follower.roller_share, follower.stem_damping: are missing"),
     ("fit sound {tmp}/none.csv quick", 2, "none.csv: no such file"),
     ("listen quick --out {tmp}/a.mp3", 2, "unknown kind of sound file; allowed"),
     ("listen quick --out {tmp}/a.wav --cam no", 2, "has no cam 'no'"),
