@@ -249,7 +249,10 @@ STRAIGHT = 1e-6
 
 
 def _most(prime: float, lift: float) -> float:
-    """Return the smallest radius (m) of a convex flank: the mean of base and top radius."""
+    """Return the smallest radius (m) of a convex flank.
+
+    It is the mean of the base radius and the top radius, which is base radius plus lift.
+    """
     return prime + 0.5 * lift
 
 

@@ -138,7 +138,10 @@ class ArcsFit(Result):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Parameters of the contour as reported, in m and rad, infinite for a straight flank."""
+        """Parameters of the contour as reported, in m and rad.
+
+        The radius of a straight flank is infinite.
+        """
         found = self.best.search.form.coordinates(self.arcs.grown(self.roller_radius))
         return tuple(number_of(i, float(found[i])) for i in COORDINATES)
 
@@ -344,10 +347,11 @@ def fit_arcs(
     known: Known = None,
     flank: Flank = None,
 ) -> ArcsFit:
-    """Fit one contour to the readings of all columns, which are lifts above their zero.
+    """Fit one contour of tangent arcs to the readings of all columns.
 
-    The fitted arcs determine the outliers, not the neighbouring readings. A flat face can pass from
-    base circle to nose with a kink, and a good reading at a kink disagrees with its neighbours.
+    The lifts are above the zero of their column. The fitted arcs determine the outliers, not the
+    neighbouring readings. A flat face can pass from base circle to nose with a kink, and a good
+    reading at a kink disagrees with its neighbours.
 
     Parameters
     ----------
@@ -438,7 +442,10 @@ def _fitted(
 
 
 def _unbound(fit: Profile, known: Known) -> Profile | None:
-    """Return the best fit without the given radii, or None if they do not bound the search."""
+    """Return the best fit without the given radii.
+
+    Return None if they do not bound the search.
+    """
     search = fit.search
     at_end = search.pitch(fit.x).nose_radius < AT_LEAST * search.least
     if all(search.flats) or not (known == "both" or at_end):
@@ -475,7 +482,10 @@ def _searches(
 
 
 def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:
-    """Yield the best contour of each search, unrefined if its residual is far too large."""
+    """Yield the best contour of each search.
+
+    A contour with a far larger residual than the smallest is not refined.
+    """
     rough = [search.rough() for search in searches]
     least = min(search.rms(ends[0]) for search, ends in zip(searches, rough, strict=True))
     for search, ends in zip(searches, rough, strict=True):

@@ -81,12 +81,12 @@ class Told:
 
     @property
     def convex_from_95(self) -> float | None:
-        """Smallest convex radius (m) if the interval contains a straight flank, else None."""
+        """Smallest convex radius (m) if the interval contains straight, else None."""
         return self.low if self.over_straight else None
 
     @property
     def concave_from_95(self) -> float | None:
-        """Smallest concave radius (m) if the interval contains a straight flank, else None."""
+        """Smallest concave radius (m) if the interval contains straight, else None."""
         return -self.high if self.over_straight else None
 
     @property
@@ -174,7 +174,7 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Best contour of a search, and its sum of squares as a function of a fixed parameter.
+    """Best contour of a search, and the profile likelihood of its parameters.
 
     ``x`` is the search variables of the best contour.
     """
@@ -243,7 +243,10 @@ class Profile:
         return Line(error, limit, spread / variance)
 
     def interval(self, index: int) -> tuple[float, float]:
-        """Return the lower and upper end of the interval of a parameter (m, rad), as in `Told`."""
+        """Return the two ends of the interval of a parameter (m, rad).
+
+        They are ``low`` and ``high`` of `Told`.
+        """
         below, above = (number_of(index, self._end(index, sign)) for sign in (-1.0, 1.0))
         return (above, below) if index in (PRIME, FLANK) else (below, above)
 
@@ -273,9 +276,10 @@ class Profile:
 
 
 class _Path:
-    """Best contours with one fixed coordinate, on either side of the best of all contours.
+    """Best contours with one fixed coordinate, as a function of this coordinate.
 
-    Each result is kept as a starting point for the next coordinates.
+    The path starts at the best of all contours. Each result is kept as a starting point for the
+    next coordinates.
     """
 
     def __init__(self, profile: Profile, index: int, least: float) -> None:
@@ -304,9 +308,10 @@ class _Path:
         return above
 
     def _guesses(self, coordinate: float) -> Iterator[FloatArray]:
-        """Yield starting points: an extrapolation of the nearest contours, and the nearest.
+        """Yield two starting points for the contour with this coordinate.
 
-        The extrapolation is linear, from the two nearest contours within twice the limit.
+        The first is a linear extrapolation from the two nearest contours within twice the limit.
+        The second is the nearest contour.
         """
         good = [c for c, (_, above) in self._found.items() if above < self.limit]
         near, *more = sorted(good, key=lambda one: abs(one - coordinate))[:2]
