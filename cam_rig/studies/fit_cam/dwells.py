@@ -133,9 +133,10 @@ def _runs(readings: Readings, scatter: float) -> list[_RestingRun]:
 
 
 def _longest(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple[int, int]:
-    """Return the first reading and the number of readings of the widest free run.
+    """Return the first reading and the number of readings of the widest run.
 
-    The lifts of the run are within ``limit`` (m) of each other.
+    The run contains only readings marked in ``free``, with lifts within ``limit`` (m) of each
+    other.
     """
     count = free.size
     lifts = np.tile(readings.lifts, 2)
@@ -178,7 +179,7 @@ def _holds_gap(readings: Readings, index: NDArray[np.int64]) -> bool:
 def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
     """Return True if a dwell is long enough and a parabola does not fit it better.
 
-    A dwell that contains a gap which only a dwell can fill is always accepted.
+    A dwell that covers the gap is always accepted if the gap is too wide for anything but a dwell.
     """
     ahead = (readings.angles - dwell.rest.start) % TURN
     inside = ahead <= dwell.rest.span
@@ -258,7 +259,7 @@ def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: 
         return float(x[last])
     half = 0.5 * float(x[last])
     window &= x >= half
-    # after the last reading at rest, up to the first of the event, if the rise is steep
+    # up to the first reading of the event: if the rise is steep, the end is just before it
     tried = np.linspace(max(half, float(x[last]) - INSIDE, least), float(event[0]), STEPS)
     squares = np.array([_squares(x[window], y[window] - run.level, end, terms) for end in tried])
     likelihood = np.exp(-0.5 * (squares - squares.min()) / scatter**2)
