@@ -1,9 +1,13 @@
-"""A contour of tangent arcs, the lifts of followers on it, and its least squares.
+"""Contours of tangent arcs: lifts of followers, and the least-squares search.
 
-Base circle, two equal flanks and a nose, each tangent to the next: the law ``arcs_by_radii``.
-Under a roller the centre follows a contour of the radii R_b + R_r, R_f + R_r, R_n + R_r, so the
-lifts hold these sums. Under a flat face the lift is the contour's support function less R_b, so
-the lifts hold the differences R_f − R_b and R_n − R_b.
+A contour is a base circle, two equal flanks and a nose, each tangent to the next. This is the law
+``arcs_by_radii``. The centre of a roller follows the pitch curve: a contour with the radii
+R_b + R_r, R_f + R_r and R_n + R_r. Lifts under a roller therefore determine only these sums. The
+lift of a flat face is the contour's support function less R_b. It determines only the differences
+R_f − R_b and R_n − R_b.
+
+An interpretation of the columns is the kind of follower (flat or not) and the turning sense of
+each column.
 """
 
 from __future__ import annotations
@@ -23,17 +27,17 @@ from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import FloatArray, rms
 
 FollowerKind = Literal["roller", "flat", "point"]
-#: Which radius is known beside the readings.
+#: Radii that are known in addition to the readings. None: neither is known.
 Known = Literal["base", "roller", "both"] | None
-#: The numbers of a contour, in the order of everything here that has one of each.
+#: Index of each parameter of a contour, in every sequence with one value per parameter.
 PRIME, LIFT, FLANK, NOSE, ANGLE = COORDINATES = range(5)
 
 
 @dataclass(frozen=True)
 class Arcs:
-    """Radii and lift (m) on the contour, the flank's None where straight, and the nose's angle.
+    """Contour of tangent arcs: radii and lift in m, angle of the nose in rad.
 
-    Positive where convex.
+    The radius of a flank is positive if convex, negative if concave, None if straight.
     """
 
     base_radius: float
@@ -44,19 +48,22 @@ class Arcs:
 
     @property
     def flank(self) -> str:
-        """Kind of the flanks, as a cam's file has it."""
+        """Kind of the flanks, as in a cam file: straight, convex or concave."""
         if self.flank_radius is None:
             return "straight"
         return "convex" if self.flank_radius > 0.0 else "concave"
 
     def grown(self, by: float) -> Arcs:
-        """The parallel contour (m) outside of it, or inside."""
+        """Return the parallel contour at the distance `by` (m), inside if negative."""
         flank = None if self.flank_radius is None else self.flank_radius + by
         radii = self.base_radius + by, self.lift, flank, self.nose_radius + by
         return Arcs(*radii, self.nose_angle)
 
     def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
-        """The lift (m) at cam angles; a flat face bridges a flank that is not convex."""
+        """Return the lift (m) of a follower at cam angles (rad).
+
+        A flat face bridges a flank that is not convex.
+        """
         flank = Blend(self.flank_radius)
         top = Circle(
             complex(-(self.base_radius + self.lift - self.nose_radius), 0.0), self.nose_radius
@@ -71,7 +78,11 @@ class Arcs:
 
 @dataclass(frozen=True, eq=False)
 class ArcColumn:
-    """Readings of one follower on the contour: its kind, the sense they were read in, the fit."""
+    """Readings of one follower, with their interpretation and their residuals.
+
+    ``reverse`` is True if the cam was turned in the other sense. ``away`` is the residuals, the
+    lift of the contour less the reading, in m, shape ``(n,)``.
+    """
 
     readings: Readings
     follower: ArcFollower
@@ -80,33 +91,40 @@ class ArcColumn:
 
     @property
     def kind(self) -> FollowerKind:
-        """What follows the contour."""
+        """Kind of the follower: flat, roller or point."""
         if self.follower.flat:
             return "flat"
         return "roller" if self.follower.roller_radius else "point"
 
     def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
-        """What its gauge would show (m) of a contour, at angles (rad) as the readings have them."""
+        """Return the lift (m) of a contour at angles (rad) in the sense of the readings."""
         return arcs.lifts(self.follower, -angles if self.reverse else angles)
 
     @property
     def rms(self) -> float:
-        """r.m.s. residual of the readings, m."""
+        """Residual of the readings, r.m.s. in m."""
         return rms(self.away)
 
     @property
     def worst(self) -> int:
-        """Which reading is farthest from the contour."""
+        """Index of the reading that is farthest from the contour."""
         return int(np.abs(self.away).argmax())
 
 
 @dataclass(frozen=True)
 class Form:
-    """In which form lifts tell the radii: plus the roller's, if one rolls, or less the base's.
+    """Combinations of radii that lifts determine, and the coordinates of a contour.
 
-    The coordinates of a contour are those in which every interval is a stretch: the curvatures
-    1/(R_b + R_r) and 1/(R_f + R_r), or 1/(R_f − R_b), which are 0 where the radius is infinite,
-    the lift, the nose's radius in the same form, and the nose's angle; m and rad.
+    ``sums`` is True for flank and nose radius plus the roller radius, False for the radii less the
+    base radius. ``rolling`` is True if a roller has a radius.
+
+    In the coordinates every confidence interval is a connected range. They are, in 1/m, m and rad:
+
+    - the curvature 1/(R_b + R_r),
+    - the lift,
+    - the curvature 1/(R_f + R_r) or 1/(R_f − R_b), 0 if the radius is infinite,
+    - the nose radius R_n + R_r or R_n − R_b,
+    - the angle of the nose.
     """
 
     rolling: bool
@@ -114,18 +132,18 @@ class Form:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the numbers are called."""
+        """Names of the parameters, in the order of the coordinates."""
         rolling = " + roller radius" if self.rolling else ""
         shift = rolling if self.sums else " - base radius"
         radii = f"flank radius{shift}", f"nose radius{shift}"
         return (f"base radius{rolling}", "lift", *radii, "nose angle")
 
     def shift(self, prime: float) -> float:
-        """What is added to the pitch curve's radius of flank and nose, m."""
+        """Return the length (m) to add to flank and nose radius of the pitch curve."""
         return 0.0 if self.sums else -prime
 
     def coordinates(self, pitch: Arcs) -> FloatArray:
-        """``(5,)`` of a pitch curve."""
+        """Return the coordinates of a pitch curve, ``(5,)``, in 1/m, m and rad."""
         prime = pitch.base_radius
         shift = self.shift(prime)
         flank = 0.0 if pitch.flank_radius is None else 1.0 / (pitch.flank_radius + shift)
@@ -135,28 +153,44 @@ class Form:
 
 
 def number_of(index: int, coordinate: float) -> float:
-    """The number (m, rad) of a coordinate: a radius of a curvature, infinite where that is 0."""
+    """Return the parameter (m, rad) of a coordinate.
+
+    The parameter of a curvature is its radius, infinite if the curvature is 0.
+    """
     if index not in (PRIME, FLANK):
         return coordinate
     return 1.0 / coordinate if coordinate else math.inf
 
 
-# Radii that no lift tells.
+# Radii that lifts do not determine.
 
-#: An assumed radius leaves the nose this part of the pitch curve's, or of the base; else another
-#: is assumed, that leaves so much.
+#: Smallest radius of nose or base that an assumed radius may leave, and the radius that its
+#: replacement leaves. Both are fractions of the smaller of base and nose radius of the pitch curve.
+#: Under a flat face they are fractions of the base radius.
 LEAST_NOSE, GOOD_NOSE = 0.1, 0.5
-#: A nose that is no sharper has a radius at all, in parts of the pitch curve's.
+#: Smallest radius of nose or base, as a fraction of the radius on the pitch curve.
 SHARPEST = 1e-6
 
 
 def with_radii(
     pitch: Arcs, flat: bool, known: Known, roller: float, base: float
 ) -> tuple[Arcs, float, float | None]:
-    """The contour of a pitch curve, its roller's radius, and what was not assumed of them.
+    """Return the contour of a pitch curve, its roller radius, and a replaced radius.
 
-    ``flat``: whether lifts tell no base; ``roller``, ``base``: m, given as ``known`` has it, else
-    to be assumed if that leaves a nose and a base.
+    Parameters
+    ----------
+    pitch : pitch curve
+    flat : True if all followers are flat, so that the lifts do not determine the base radius
+    known : radii that are known
+    roller : roller radius, m: known, or the usual assumption
+    base : base radius, m: known, or the usual assumption
+
+    Returns
+    -------
+    arcs : the contour
+    roller : its roller radius, m
+    replaced : the usual assumption in m, if it leaves too little radius for nose or base and
+        another radius was assumed, else None
     """
     usual, least = None, min(pitch.nose_radius, pitch.base_radius)
     if flat:
@@ -165,7 +199,7 @@ def with_radii(
             usual, base = base, float(f"{less / (1.0 - GOOD_NOSE):.2g}")
         return pitch.grown(base - pitch.base_radius), roller, usual
     if known == "base":
-        # one that leaves none is refused when the fit is done: `require_roller`
+        # `require_roller` rejects a base radius without a roller or a nose after the fit
         roller = min(max(pitch.base_radius - base, 0.0), (1.0 - SHARPEST) * least)
     elif known is None and least - roller < LEAST_NOSE * least:
         usual, roller = roller, float(f"{GOOD_NOSE * least:.2g}")
@@ -173,9 +207,9 @@ def with_radii(
 
 
 def require_roller(base: float, pitch: Arcs, told: str) -> None:
-    """Refuse a base radius (m) beside which a pitch curve has no roller, or no nose.
+    """Raise ConfigError if a base radius (m) leaves no roller or no nose.
 
-    ``told``: the interval of its prime radius.
+    ``told`` is the interval of the prime radius of the pitch curve, as text.
     """
     prime, nose = pitch.base_radius, pitch.nose_radius
     together = f"{prime * 1e3:.4g} mm ({told} with 95 %)"
@@ -193,41 +227,51 @@ def require_roller(base: float, pitch: Arcs, told: str) -> None:
         )
 
 
-# Least squares of a contour, any of whose numbers may be held.
+# Least-squares search for a contour. Any of its parameters can be fixed.
 
-#: Starts of the search: prime radius in lifts, nose radius in parts of it, flank curvature in parts
-#: of the greatest.
+#: Starts of the search: prime radius in lifts, nose radius as a fraction of its range, and flank
+#: curvature as a fraction of its largest value.
 STARTS = tuple(product((3.0,), (0.3,), (0.3, 0.7, -0.3)))
-#: How near a rough search and the last one come, in parts, and the steps of the rough one.
+#: Relative tolerances of a rough and of the final search, and the largest number of function
+#: evaluations of a rough search.
 ROUGH, EXACT, FEW = 1e-8, 1e-12, 30
-#: Two ends of the search whose residuals differ by less than this factor are one.
+#: Two results whose r.m.s. residuals differ by less than this factor are the same minimum.
 SAME = 1.0 + 1e-6
-#: Of readings to which no contour comes near, or of numbers that are none.
+#: Message if no contour is close to the readings, or if no contour has the parameters.
 NONE_NEAR = (
     "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
     "else --shape spline"
 )
-#: Lifts (m) for numbers of which no contour can be made: far from any reading.
+#: Residual (m) of each reading if no contour has the parameters, far above any other residual.
 NO_CONTOUR = 1.0
-#: A flank flatter than this (in parts of the prime radius's curvature) is a straight line.
+#: Curvature below which a flank is a straight line, as a fraction of the prime circle's curvature.
 STRAIGHT = 1e-6
 
 
 def _most(prime: float, lift: float) -> float:
-    """The mean of the base's and the top's radius (m): the least of a convex flank."""
+    """Return the smallest radius (m) of a convex flank.
+
+    It is the mean of the base radius and the top radius, which is base radius plus lift.
+    """
     return prime + 0.5 * lift
 
 
 @dataclass(frozen=True, eq=False)
 class ArcSearch:
-    """The least squares of one reading of the columns.
+    """Least-squares search for the pitch curve, for one interpretation of the columns.
 
-    It is of the pitch curve, the contour grown by the roller's radius, which is all that lifts
-    tell: those of a roller's centre are its polar radii, and a flat face's are the same on every
-    parallel contour. ``roles``: of each column, whether its follower is flat, and whether it was
-    read backwards; ``held``: coordinates of ``form`` that are not searched, by their index;
-    ``least``: radius (m) above which base and nose of the pitch curve are, that of a roller which
-    is known.
+    The pitch curve is the contour enlarged by the roller radius. Lifts determine only this curve:
+    those of a roller are the polar radii of its centre, and those of a flat face are equal on all
+    parallel contours.
+
+    Attributes
+    ----------
+    columns : readings of each column
+    roles : two flags per column: True if its follower is flat, and True if its sense is reversed
+    form : coordinates of a contour
+    held : value of each fixed coordinate of `form`, by its index
+    least : radius in m that base and nose of the pitch curve must exceed: that of a known roller,
+        else 0
     """
 
     columns: tuple[Readings, ...]
@@ -238,29 +282,34 @@ class ArcSearch:
 
     @property
     def free(self) -> tuple[int, ...]:
-        """Index of each number that is searched."""
+        """Index of each free parameter."""
         return tuple(i for i in COORDINATES if i not in self.held)
 
     @property
     def flats(self) -> tuple[bool, ...]:
-        """Of each column, whether its follower is flat."""
+        """Flag of each column, True if its follower is flat."""
         return tuple(flat for flat, _ in self.roles)
 
     @property
     def count(self) -> int:
-        """How many readings there are."""
+        """Number of readings of all columns."""
         return sum(column.angles.size for column in self.columns)
 
     def holding(self, index: int, coordinate: float) -> ArcSearch:
-        """The search that holds one number more."""
+        """Return this search with one more fixed coordinate."""
         return replace(self, held={**self.held, index: coordinate})
 
     def pitch(self, x: FloatArray) -> Arcs:
-        """The pitch curve of unbounded numbers, one for each that is free.
+        """Return the pitch curve of unbounded search variables, one per free parameter.
 
-        Logarithms of prime radius and lift, the flank's curvature over the greatest that still
-        joins, as 1 − e^x, so that 0 is a straight flank, and the logit of the nose's radius within
-        its limits.
+        The variables of prime radius and lift are their logarithms. A variable x of the flank is
+        the curvature 1 − e^x, as a fraction of the largest curvature that still joins base and
+        nose, so that x = 0 is a straight flank. The variable of the nose is the logit of its radius
+        within its limits. The angle (rad) is its variable.
+
+        Raises
+        ------
+        LawError : no contour has these parameters
         """
         free, held = dict(zip(self.free, x, strict=True)), self.held
         prime = 1.0 / held[PRIME] if PRIME in held else math.exp(free[PRIME])
@@ -284,7 +333,7 @@ class ArcSearch:
         return Arcs(prime, lift, None if straight else 1.0 / curvature, nose, angle)
 
     def away(self, x: FloatArray) -> FloatArray:
-        """Residuals (m) of all readings."""
+        """Return the residuals (m) of all readings, ``(n,)``."""
         try:
             found = [self.column(x, i).away for i in range(len(self.columns))]
         except (LawError, OverflowError, ZeroDivisionError):
@@ -292,7 +341,14 @@ class ArcSearch:
         return np.concatenate(found)
 
     def column(self, x: FloatArray, i: int) -> ArcColumn:
-        """A column beside the pitch curve, on which the follower is a point or flat."""
+        """Return column `i` with its residuals from the pitch curve.
+
+        On the pitch curve the follower is a point or flat.
+
+        Raises
+        ------
+        LawError : no contour has these parameters, or the follower does not reach it
+        """
         readings, (flat, reverse) = self.columns[i], self.roles[i]
         angles = -readings.angles if reverse else readings.angles
         follower = ArcFollower(flat, 0.0)
@@ -304,7 +360,7 @@ class ArcSearch:
 
     @property
     def name(self) -> str:
-        """The roles in words."""
+        """Interpretation of the columns as text."""
         words = ("roller" if self.form.rolling else "point", "flat")
         return ", ".join(
             f"{column.name.rpartition(', ')[2]} {words[flat]}{' reversed' if reverse else ''}"
@@ -312,43 +368,50 @@ class ArcSearch:
         )
 
     def best(self) -> FloatArray:
-        """The best numbers, from all starts."""
+        """Return the search variables of the best contour from all starts."""
         return self.refined(self.rough())
 
     def rough(self) -> list[FloatArray]:
-        """Where the search comes to from each start in few steps, the nearest first."""
+        """Return the result of a rough search from each start, the best first."""
         first = self.columns[0]
         height = max(float(column.lifts.max()) for column in self.columns)
-        weights = np.maximum(first.lifts, 0.0) ** 2  # the nose is where the lift is greatest
+        weights = np.maximum(first.lifts, 0.0) ** 2  # the lift is largest at the nose
         angle = float(np.angle(np.sum(weights * np.exp(1j * first.angles))))
         starts = []
         for lifts, part, bend in STARTS:
             prime = self.least + lifts * height
             most = _most(prime, height)
             nose, flank, room = part * (most - self.least), most / bend, most - self.least
-            if all(self.flats):  # the same lifts on the base circle that is held
+            if all(self.flats):  # the parallel contour on the fixed base circle: equal lifts
                 by = max(0.0, 1.0 / self.held[PRIME] - prime)
                 nose, flank, room = nose + by, flank + (by if bend > 0.0 else 0.0), room + by
                 most += by
             ends = [math.log1p(-most / flank), math.log(nose / (room - nose))]
             all_free = [math.log(prime), math.log(height), *ends, angle]
             starts.append(np.array(all_free)[list(self.free)])
-        different = np.unique(starts, axis=0)  # those of a flank that is held are one
+        different = np.unique(starts, axis=0)  # with a fixed flank some starts are equal
         return sorted((self.nearest(start, ROUGH, FEW) for start in different), key=self.rms)
 
     def refined(self, rough: list[FloatArray]) -> FloatArray:
-        """The best numbers from where a few steps came to: the two nearest, if they are two."""
+        """Return the search variables of the best contour, from rough results.
+
+        The two best rough results are refined, unless they are the same minimum.
+        """
         first, *more = rough
         others = [x for x in more[:1] if self.rms(x) > SAME * self.rms(first)]
         ends = [self.nearest(x, EXACT) for x in (first, *others)]
         return min(ends, key=self.rms)
 
     def rms(self, x: FloatArray) -> float:
-        """r.m.s. residual (m) of all readings."""
+        """Return the r.m.s. residual (m) of all readings."""
         return rms(self.away(x))
 
     def nearest(self, start: FloatArray, to: float, steps: int | None = None) -> FloatArray:
-        """The numbers of a minimum near others, to this part of sum and numbers."""
+        """Return the search variables of the local minimum near `start`.
+
+        ``to`` is the relative tolerance of the sum of squares and of the variables. ``steps`` is
+        the largest number of function evaluations (default: no limit except that of scipy).
+        """
         from scipy.optimize import least_squares
 
         found = least_squares(

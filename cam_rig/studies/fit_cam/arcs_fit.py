@@ -1,7 +1,8 @@
-"""One contour of tangent arcs through the readings of one or several followers at once.
+"""Fit of one contour of tangent arcs to the readings of one or several followers.
 
-The least squares of `ArcSearch` for every way in which the columns may have been read, and of the
-likeliest once more with straight flanks: these are taken where the readings do not rule them out.
+An `ArcSearch` fits each possible interpretation of the columns. An interpretation is the kind of
+follower and the turning sense of each column. The likeliest is fitted again with straight flanks,
+and these are used if the readings do not rule them out.
 """
 
 from __future__ import annotations
@@ -41,26 +42,34 @@ from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.studies.fit_cam.outliers import OUTLIER, judged_by, with_outliers
 from cam_rig.units import rms
 
-#: What is known of the flanks.
+#: Shape of the flanks, if it is known.
 Flank = Literal["straight", "curved"] | None
-#: Of two readings of the columns this much nearer (in parts) one is told from the other.
+#: Ratio of r.m.s. residuals from which the readings rule out the worse of two interpretations.
 CLEARLY_NEARER = 1.1
-#: Largest r.m.s. residual of readings of arcs, in scatters of a good gauge.
+#: Largest r.m.s. residual of readings that arcs describe, as a multiple of the readings' scatter.
 DESCRIBED = 4.0
-#: How a column was read, by whether it is reversed.
+#: Text of the turning sense of a column. The index is True if it is reversed.
 SENSES = ("as turned", "reversed")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArcsFit(Result):
-    """A contour of tangent arcs, its columns, and what else was tried.
+    """Fitted contour of tangent arcs, its columns, and the other interpretations.
 
-    ``best``: the contour that is taken; ``curved``: the best of any flank, which may be ``best``;
-    ``others``: every other reading of the columns, likeliest first; ``arcs``, ``roller_radius``:
-    its radii and the roller's, 0 for a point, with what is given or assumed; ``other_radius``: the
-    usual assumption (m), where that leaves no nose or base; ``without_radii``: the best contour of
-    other radii than those given, where these bound the search; ``notes``: how the readings were
-    read; ``assumed``: what no reading tells of a file that was written.
+    Attributes
+    ----------
+    best : fit of the selected contour
+    curved : best fit with any flank, which can be `best`
+    known : radii that are given
+    flank : shape of the flanks, if it is given
+    others : fits of all other interpretations of the columns, likeliest first
+    arcs : the contour, with the given or assumed radii
+    roller_radius : roller radius in m, given, fitted or assumed, 0 for a point
+    other_radius : usual assumption in m, if it leaves too little radius for nose or base and
+        another radius was assumed, else None
+    without_radii : best fit without the given radii, if these bound the search, else None
+    notes : how the tables were read
+    assumed : assumptions in a written file that no reading supports
     """
 
     schema = "cam_rig.fit_arcs.1"
@@ -119,7 +128,7 @@ class ArcsFit(Result):
 
     @cached_property
     def fitted_columns(self) -> tuple[ArcColumn, ...]:
-        """The readings beside the contour."""
+        """Readings of each column, with their residuals from the contour."""
         search, rolling = self.best.search, ArcFollower(False, self.roller_radius)
         found = [search.column(self.best.x, i) for i in range(len(search.columns))]
         return tuple(
@@ -129,40 +138,46 @@ class ArcsFit(Result):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The contour's numbers as they are told, m and rad; a straight flank's is infinite."""
+        """Parameters of the contour as reported, in m and rad.
+
+        The radius of a straight flank is infinite.
+        """
         found = self.best.search.form.coordinates(self.arcs.grown(self.roller_radius))
         return tuple(number_of(i, float(found[i])) for i in COORDINATES)
 
     @property
     def rms(self) -> float:
-        """r.m.s. residual of all readings, m."""
+        """Residual of all readings, r.m.s. in m."""
         return rms(np.concatenate([column.away for column in self.fitted_columns]))
 
     @property
     def scatter(self) -> float:
-        """Standard deviation (m) of all readings about smooth laws, by themselves."""
+        """Standard deviation (m) of all readings from a smooth law through each column."""
         sizes = [np.full(c.away.size, c.readings.scatter) for c in self.fitted_columns]
         return rms(np.concatenate(sizes))
 
     @property
     def described(self) -> bool:
-        """Whether the readings are of arcs, to some times their own scatter."""
+        """True if arcs describe the readings: the residual is within `DESCRIBED` scatters."""
         return self.rms <= DESCRIBED * self.scatter
 
     @property
     def only_flat(self) -> bool:
-        """Whether every follower is a flat one, so that no base radius is told."""
+        """True if all followers are flat, so that the base radius is not identifiable."""
         return all(column.kind == "flat" for column in self.fitted_columns)
 
     @cached_property
     def told(self) -> tuple[Told, ...]:
-        """What the readings tell of each number, of any flank unless it is known as straight."""
+        """Interval of each parameter, for any flank unless it is given as straight."""
         profile = self.best if self.flank == "straight" else self.curved
         return tuple(self._told(i, profile) for i in COORDINATES)
 
     @cached_property
     def prime_if_straight(self) -> Told | None:
-        """Base and roller radius if the flank that is straight within the readings is so."""
+        """Interval of the prime radius (base plus roller radius) with straight flanks.
+
+        None if straight flanks were given or not selected, or if the prime radius is fixed.
+        """
         straight = self.best is not self.curved and PRIME not in self.best.search.held
         return self._told(PRIME, self.best) if straight else None
 
@@ -177,18 +192,18 @@ class ArcsFit(Result):
 
     @property
     def unclear_kinds(self) -> Profile | None:
-        """Other kinds of follower with which the readings are as near."""
+        """Likeliest fit with other kinds of follower that is not ruled out, or None."""
         flats = self.best.search.flats
         others = (one for one in self.others if one.search.flats != flats)
         return next(filter(self.as_near, others), None)
 
     def as_near(self, other: Profile) -> bool:
-        """Whether another reading of the columns is not told from this one."""
+        """Return True if the readings do not rule out another interpretation."""
         return other.rms < CLEARLY_NEARER * self.rms
 
     @property
     def cannot_tell(self) -> tuple[str, ...]:
-        """What no readings of these followers can tell, a sentence each."""
+        """Parameters that these followers cannot identify, one sentence each."""
         if self.only_flat:
             return (
                 "A flat follower tells flank and nose radius only less the base radius: that is "
@@ -204,7 +219,7 @@ class ArcsFit(Result):
 
     @property
     def _assumed(self) -> str:
-        """That a radius is assumed, and which one if it is not the usual one."""
+        """Text that a radius is assumed, with its value if it is not the usual assumption."""
         if self.other_radius is None:
             return "assumed"
         radius = self.arcs.base_radius if self.only_flat else self.roller_radius
@@ -215,7 +230,7 @@ class ArcsFit(Result):
         )
 
     def tables(self) -> list[Records]:
-        """The numbers of the contour with their intervals, the columns, and other readings."""
+        """Return the tables of parameters, residuals and other interpretations."""
         numbers, away = "what the readings tell", "Residuals of the readings from the arcs"
         return [
             self.table("numbers", f"Tangent arcs: {numbers}", self.told),
@@ -225,11 +240,15 @@ class ArcsFit(Result):
         ]
 
     def summary(self) -> list[str]:
-        """How the readings were read, then the conclusions."""
+        """Return the notes on the tables, followed by the conclusions."""
         return [*self.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
-        """Which column is which, in which sense it was read, and what cannot be told."""
+        """Yield the conclusions, one sentence each.
+
+        They report the residual, the flanks, the interpretation of the columns, the outliers, and
+        the parameters that are not identifiable.
+        """
         free = self.best.x.size
         readings = sum(column.away.size for column in self.fitted_columns)
         left = f"{self.rms * 1e3:.3g} mm r.m.s."
@@ -261,7 +280,7 @@ class ArcsFit(Result):
         yield from self.cannot_tell
 
     def _flanks(self) -> Iterator[str]:
-        """That flanks were taken as straight, and what is told if they are."""
+        """Yield the sentences on straight flanks, and on the prime radius with them."""
         flank, straight = self.told[FLANK], self.arcs.flank_radius is None
         if self.flank == "straight":
             yield "Flanks are straight as asked: a tangent cam."
@@ -307,15 +326,16 @@ class ArcsFit(Result):
             yield f"Warning: the readings hardly tell {poor} (95 %)."
 
 
-#: Outliers are judged by the arcs, and the arcs are fitted again, at most so many times.
+#: Largest number of times that outliers are determined from the arcs and the arcs fitted again.
 ROUNDS = 4
-#: A contour whose lifts are off the readings by this part of the lift, r.m.s., is another one.
+#: R.m.s. residual, as a fraction of the lift, from which a contour does not belong to the readings.
 FAR = 0.05
-#: A base radius in lifts that bounds no contour under a flat face.
+#: Base radius in lifts that is large enough not to bound the contour under a flat face.
 FREE_BASE = 100.0
-#: A pitch curve's nose nearer to a given roller's radius is at the end of the search.
+#: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search is
+#: at its bound.
 AT_LEAST = 1.01
-#: A reading of the columns that leaves so many times the least residual is not refined.
+#: Ratio of r.m.s. residual to the smallest residual, above which an interpretation is not refined.
 FAR_OFF = 2.0
 
 
@@ -327,14 +347,31 @@ def fit_arcs(
     known: Known = None,
     flank: Flank = None,
 ) -> ArcsFit:
-    """Fit one contour to all columns, above their zero; of unnamed ones the kind is found too.
+    """Fit one contour of tangent arcs to the readings of all columns.
 
-    ``kinds``: for each column whether its follower is flat, None tries both; ``roller_radius``: m,
-    0 for a point; ``base_radius``: m, taken where all followers are flat, which tell nothing of it,
-    and where both are known. Neither bounds the search unless it is known, and another is taken
-    where it leaves no nose; ``known``: which is given; ``flank``: None takes a straight one unless
-    the readings rule it out. Which readings are outliers, the arcs say: a good one beside a kink,
-    where a flat face passes from base circle to nose, is contradicted by its neighbours alone.
+    The lifts are above the zero of their column. The fitted arcs determine the outliers, not the
+    neighbouring readings. A flat face can pass from base circle to nose with a kink, and a good
+    reading at a kink disagrees with its neighbours.
+
+    Parameters
+    ----------
+    columns : readings of each column
+    kinds : for each column True if its follower is flat, False if not, None to try both
+    roller_radius : roller radius in m, 0 for a point
+    base_radius : base radius in m, used if all followers are flat, because they do not determine
+        it, and if both radii are known
+    known : the radii that are known. A radius bounds the search only if it is known. An assumed
+        radius that leaves too little radius for the nose is replaced.
+    flank : shape of the flanks (default: straight unless the readings rule it out)
+
+    Returns
+    -------
+    fit : the likeliest contour
+
+    Raises
+    ------
+    LawError : no contour is close to the readings
+    ConfigError : the known base radius leaves no roller or no nose
     """
 
     def fit(columns: tuple[Readings, ...]) -> ArcsFit:
@@ -343,9 +380,9 @@ def fit_arcs(
 
     found = _settled(fit, columns)
     if any(column.readings.outliers for column in found.fitted_columns):
-        with suppress(LawError):  # a slip so large that nothing comes near with it
+        with suppress(LawError):  # no contour is close to the readings with a very large slip
             whole = _settled(fit, tuple(with_outliers(one) for one in columns))
-            # taken if it has readings as good that the other leaves out, none off as an outlier
+            # used if it keeps more readings, and on average the added readings are not outliers
             more = whole.best.search.count - found.best.search.count
             worse = whole.best.squares - found.best.squares
             if more > 0 and worse < more * (OUTLIER * found.rms) ** 2:
@@ -359,7 +396,10 @@ def fit_arcs(
 def _settled(
     fit: Callable[[tuple[Readings, ...]], ArcsFit], columns: tuple[Readings, ...]
 ) -> ArcsFit:
-    """The fit whose own arcs tell the outliers that it leaves out."""
+    """Return the fit that leaves out the same outliers that its arcs determine.
+
+    The last fit is returned if the outliers still change after `ROUNDS` repetitions.
+    """
     found = fit(columns)
     for _ in range(ROUNDS):
         judged = tuple(
@@ -379,7 +419,10 @@ def _fitted(
     flank: Flank,
     radii: tuple[float, float],
 ) -> ArcsFit:
-    """The likeliest search, its flanks straight if they may be; ``radii``: roller's and base's."""
+    """Return the fit of the likeliest search, with straight flanks if not ruled out.
+
+    ``radii`` is the roller radius and the base radius in m.
+    """
     if flank == "straight":
         searches = (search.holding(FLANK, 0.0) for search in searches)
     tried = sorted(_profiles(list(searches)), key=_unlikely)
@@ -399,7 +442,10 @@ def _fitted(
 
 
 def _unbound(fit: Profile, known: Known) -> Profile | None:
-    """The best contour without the radii given, where these bound the search."""
+    """Return the best fit without the given radii.
+
+    Return None if they do not bound the search.
+    """
     search = fit.search
     at_end = search.pitch(fit.x).nose_radius < AT_LEAST * search.least
     if all(search.flats) or not (known == "both" or at_end):
@@ -416,10 +462,10 @@ def _searches(
     base: float,
     known: Known,
 ) -> Iterator[ArcSearch]:
-    """The search of each possible reading of the columns.
+    """Yield the search of each possible interpretation of the columns.
 
-    A contour and its mirror image differ in the nose's angle alone, so the first column is read
-    as it is and the others also backwards.
+    A contour and its mirror image differ only in the angle of the nose. The sense of the first
+    column is therefore not reversed. The other columns are tried in both senses.
     """
     far = FREE_BASE * max(float(column.lifts.max()) for column in columns)
     flats = product(*((True, False) if kind is None else (kind,) for kind in kinds))
@@ -436,7 +482,10 @@ def _searches(
 
 
 def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:
-    """The best contour of each; of one that is far off already, only roughly."""
+    """Yield the best contour of each search.
+
+    A contour with a far larger residual than the smallest is not refined.
+    """
     rough = [search.rough() for search in searches]
     least = min(search.rms(ends[0]) for search, ends in zip(searches, rough, strict=True))
     for search, ends in zip(searches, rough, strict=True):
@@ -445,6 +494,9 @@ def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:
 
 
 def _unlikely(tried: Profile) -> float:
-    """Schwarz's criterion (BIC): of two that are as near the one with fewer numbers is likelier."""
+    """Return Schwarz's criterion (BIC), which is lower for a likelier contour.
+
+    Of two contours that are equally close, that with fewer free parameters is likelier.
+    """
     count = tried.search.count
     return 2.0 * count * math.log(max(tried.rms, 1e-12)) + tried.x.size * math.log(count)

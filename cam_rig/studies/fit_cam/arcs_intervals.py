@@ -1,15 +1,17 @@
-"""What readings tell of each number of a contour: intervals of 95 % by profile likelihood.
+"""Intervals (95 %) of the parameters of a contour, by profile likelihood.
 
-Lifts bend strongly with the numbers: a prime radius may be told to be above 30 mm and no more, a
-flank to be flatter than some radius, convex or concave. A standard error at the best contour knows
-nothing of it. So each number is held at values farther and farther off, all others are fitted
-again, and the interval ends where the sum of squares S has risen so far that (S − S_min)/s² is the
-square of Student's t (Bates and Watts, *Nonlinear Regression Analysis and Its Applications*, 1988,
-section 6.1), with s² = S_min/(n − p).
+Lifts are strongly nonlinear in the parameters. Readings may determine only that a prime radius is
+above 30 mm, or that a flank is flatter than some radius, convex or concave. A standard error at the
+best contour does not show this. Each parameter is therefore fixed at values farther and farther
+from the best, and all others are fitted again. The interval ends at the value at which the sum of
+squares S has increased so that (S − S_min)/s² is the square of Student's t, with s² = S_min/(n − p)
+for n readings and p parameters (Bates and Watts, *Nonlinear Regression Analysis and Its
+Applications*, 1988, section 6.1).
 
-The gauge's zero of each column was found in its resting readings, and its error is one of all its
-lifts: a number that rises by a when all lifts of a column rise by 1 has the variance a² e² more,
-with the standard error e of the zero. The limit is widened by as much.
+The gauge's zero of each column is computed from its resting readings. Its error is common to all
+lifts of the column. If a parameter increases by a when all lifts of a column increase by 1, the
+zero adds the variance a² e², with the standard error e of the zero. The limit is increased
+accordingly.
 """
 
 from __future__ import annotations
@@ -25,32 +27,34 @@ import numpy as np
 from cam_rig.studies.fit_cam.arcs import FLANK, NO_CONTOUR, PRIME, ArcSearch, number_of
 from cam_rig.units import FloatArray, rounded_to_error
 
-#: What lies outside of an interval on either side.
+#: Probability of a value beyond each end of an interval.
 OUTSIDE = 0.025
-#: Standard errors from the middle of an interval to its ends, of a normal error.
+#: Distance from the middle of an interval to its ends, in standard errors of a normal error.
 ENDS = 1.96
-#: Ends are found to this part of their distance from the best number.
+#: Tolerance of the end of an interval, relative to its distance from the best value.
 ENDS_TO = 0.01
-#: The sum of squares of a contour is found to this part of it.
+#: Relative tolerance of the sum of squares of a contour with a fixed parameter.
 NEAR = 1e-6
-#: Step of the search's numbers, which are of the order of 1, for their slopes.
+#: Step of the search variables for numerical derivatives. The variables are of the order of 1.
 SLOPE_STEP = 1e-6
-#: Standard error of a coordinate, in parts, where the slopes tell none.
+#: Relative standard error of a coordinate that is assumed if the derivatives do not determine it.
 FIRST_STEP = 1e-3
-#: An end beyond so many doublings of the first step, or a radius of so many lifts, is none.
+#: Largest number of doublings of the first step, and largest prime radius in lifts. An end beyond
+#: these is infinite.
 DOUBLINGS, MOST_LIFTS = 30, 100.0
-#: A number is told poorly where its standard error is more than this part of it.
+#: Relative standard error above which a parameter is poorly determined.
 POORLY = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
 class Told:
-    """A number of a contour, m or rad, and its interval of 95 %.
+    """Parameter of a contour, in m or rad, and its 95 % interval.
 
-    A flank's goes from the smallest convex radius, ``low``, over straight, which is infinite, to
-    concave radii, which are negative.
+    The interval of a flank radius can extend from the smallest convex radius, ``low``, over a
+    straight flank (infinite radius) to concave flanks (negative radius), ``high``.
 
-    ``held``: why it has no interval: given, or assumed; ``unit``: in which it is shown, mm or deg.
+    ``held`` is "given" or "assumed" for a fixed parameter, which has no interval, else empty.
+    ``unit`` is the unit for display: mm or deg.
     """
 
     name: str
@@ -62,46 +66,52 @@ class Told:
 
     @property
     def over_straight(self) -> bool:
-        """Whether the interval of a flank's radius goes through infinity."""
+        """True if the interval of a flank radius contains a straight flank."""
         return self.low > self.high
 
     @property
     def low_95(self) -> float | None:
-        """Lower end of the interval, None if it is held or no interval of numbers."""
+        """Lower end of the interval, None if fixed or if the interval contains straight."""
         return None if self.held or self.over_straight else self.low
 
     @property
     def high_95(self) -> float | None:
-        """Upper end of the interval, None if it is held or no interval of numbers."""
+        """Upper end of the interval, None if fixed or if the interval contains straight."""
         return None if self.held or self.over_straight else self.high
 
     @property
     def convex_from_95(self) -> float | None:
-        """Least convex radius (m) of an interval that contains a straight flank, else None."""
+        """Smallest convex radius (m) if the interval contains straight, else None."""
         return self.low if self.over_straight else None
 
     @property
     def concave_from_95(self) -> float | None:
-        """Least concave radius (m) of an interval that contains a straight flank, else None."""
+        """Smallest concave radius (m) if the interval contains straight, else None."""
         return -self.high if self.over_straight else None
 
     @property
     def error(self) -> float:
-        """Standard error, a part of the interval; NaN where that is no stretch of numbers."""
+        """Standard error from the width of the interval, NaN if that is not finite.
+
+        It is also NaN if the parameter is fixed or the interval contains a straight flank.
+        """
         if self.held or self.over_straight or not math.isfinite(self.high - self.low):
             return math.nan
         return (self.high - self.low) / (2.0 * ENDS)
 
     @property
     def hardly(self) -> bool:
-        """Whether the readings hardly tell it, or not at all; an angle may well be 0."""
+        """True if the readings determine the parameter poorly or not at all.
+
+        The relative error of an angle is not checked, because an angle can be 0.
+        """
         if self.held or not math.isfinite(self.error):
             return not self.held
         return self.unit == "mm" and self.error > POORLY * abs(self.value)
 
     @property
     def how_well(self) -> str:
-        """A warning beside a number that the readings hardly tell."""
+        """Warning about a fixed or poorly determined parameter, else an empty string."""
         if self.held:
             return self.held
         if self.over_straight or not math.isfinite(self.value):
@@ -116,7 +126,10 @@ class Told:
 
     @property
     def shown(self) -> str:
-        """To the digits of its error, four where it is hardly told."""
+        """Value as text, rounded to its standard error.
+
+        A value without a standard error has four digits, or six if it is fixed.
+        """
         if not math.isfinite(self.value):
             return "straight"
         value = self._factor * self.value
@@ -126,7 +139,7 @@ class Told:
 
     @property
     def interval(self) -> str:
-        """In words; empty of a number that is held."""
+        """Interval as text, empty for a fixed parameter."""
         if self.held:
             return ""
         low, high = self._end(self.low), self._end(self.high)
@@ -147,11 +160,11 @@ class Told:
 
 
 class Line(NamedTuple):
-    """A coordinate by the slopes at the best contour.
+    """Linear estimate of a coordinate near the best contour.
 
-    ``error``: its standard error, without that of the gauge's zero; ``limit``: how far, in errors
-    of a reading, the contours of its interval are from the best; ``ahead``: ``(p,)`` slopes of the
-    search's numbers along the best contours.
+    ``error`` is its standard error, without that of the gauge's zero. ``limit`` is the distance of
+    the interval's ends from the best contour, in errors of a reading. ``ahead`` is the derivatives
+    of the search variables with respect to the coordinate along the best contours, ``(p,)``.
     """
 
     error: float
@@ -161,45 +174,51 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """The sum of squares about the best contour of a search, as numbers are held elsewhere."""
+    """Best contour of a search, and the profile likelihood of its parameters.
+
+    ``x`` is the search variables of the best contour.
+    """
 
     search: ArcSearch
     x: FloatArray
 
     @cached_property
     def squares(self) -> float:
-        """The least sum of squares, m²."""
+        """Smallest sum of squares, m²."""
         return float(np.sum(self.search.away(self.x) ** 2))
 
     @cached_property
     def rms(self) -> float:
-        """r.m.s. residual of all readings, m."""
+        """Residual of all readings, r.m.s. in m."""
         return self.search.rms(self.x)
 
     @property
     def spare(self) -> int:
-        """How many more readings there are than numbers and zeros, one at least."""
+        """Number of readings less that of free parameters and zeros, at least 1."""
         return max(1, self.search.count - self.x.size - len(self.search.columns))
 
     @cached_property
     def variance(self) -> float:
-        """Variance (m²) of a reading: what is left, and that of the rounding at least."""
+        """Variance (m²) of a reading, from the residuals, at least that of the rounding."""
         rounding = min(column.rounding for column in self.search.columns)
         return max(self.squares / self.spare, rounding**2)
 
     @cached_property
     def limit(self) -> float:
-        """Student's t: how far, in errors of a reading, a contour may be from the best."""
+        """Student's t: largest distance from the best contour, in errors of a reading."""
         from scipy.special import stdtrit
 
         return float(stdtrit(self.spare, 1.0 - OUTSIDE))
 
     def away(self, squares: float) -> float:
-        """How far a contour of other numbers is from the best, in errors of a reading."""
+        """Return the distance of a contour from the best, in errors of a reading.
+
+        ``squares`` is the sum of squares (m²) of that contour.
+        """
         return math.sqrt(max(0.0, squares - self.squares) / self.variance)
 
     def line(self, index: int) -> Line:
-        """A coordinate of contours near the best, as if lifts were linear in all numbers."""
+        """Return the estimate of a coordinate for lifts that are linear in all parameters."""
         x, search = self.x, self.search
         steps = SLOPE_STEP * np.eye(x.size)
 
@@ -211,7 +230,7 @@ class Profile:
         bent = slopes(search.away)
         spread = np.linalg.pinv(bent @ bent.T) @ turn
         variance = float(turn @ spread)
-        if not variance > 0.0:  # a concave flank under a flat face, where nothing changes
+        if not variance > 0.0:  # lifts of a flat face do not depend on a concave flank
             return Line(FIRST_STEP * max(1.0, float(np.abs(x).max())), self.limit, 0.0 * x)
         ends = np.cumsum([column.angles.size for column in search.columns])
         weights = np.split(spread @ bent, ends[:-1])
@@ -224,12 +243,18 @@ class Profile:
         return Line(error, limit, spread / variance)
 
     def interval(self, index: int) -> tuple[float, float]:
-        """Least and greatest of a number (m, rad) within the limit, as `Told` has them."""
+        """Return the two ends of the interval of a parameter (m, rad).
+
+        They are ``low`` and ``high`` of `Told`.
+        """
         below, above = (number_of(index, self._end(index, sign)) for sign in (-1.0, 1.0))
         return (above, below) if index in (PRIME, FLANK) else (below, above)
 
     def _end(self, index: int, sign: float) -> float:
-        """Where the limit is reached; 0 of a curvature, or infinite, if it is nowhere."""
+        """Return the coordinate at which the limit is reached, in the direction `sign`.
+
+        If it is not reached, return 0 for a bounded curvature, else an infinite value.
+        """
         from scipy.optimize import brentq
 
         least = -math.inf
@@ -251,7 +276,11 @@ class Profile:
 
 
 class _Path:
-    """The best contours with one number held, from the best of all on either side."""
+    """Best contours with one fixed coordinate, as a function of this coordinate.
+
+    The path starts at the best of all contours. Each result is kept as a starting point for the
+    next coordinates.
+    """
 
     def __init__(self, profile: Profile, index: int, least: float) -> None:
         self._profile, self._index = profile, index
@@ -263,7 +292,10 @@ class _Path:
         self._found = {self.start: (np.delete(profile.x, self._place), -self.limit)}
 
     def above(self, coordinate: float) -> float:
-        """How far beyond the limit the best contour is that has this coordinate."""
+        """Return the distance beyond the limit of the best contour with this coordinate.
+
+        The distance is in errors of a reading, negative within the limit.
+        """
         if coordinate in self._found:
             return self._found[coordinate][1]
         profile = self._profile
@@ -276,7 +308,11 @@ class _Path:
         return above
 
     def _guesses(self, coordinate: float) -> Iterator[FloatArray]:
-        """On the line through the two nearest contours within twice the limit; the nearest."""
+        """Yield two starting points for the contour with this coordinate.
+
+        The first is a linear extrapolation from the two nearest contours within twice the limit.
+        The second is the nearest contour.
+        """
         good = [c for c, (_, above) in self._found.items() if above < self.limit]
         near, *more = sorted(good, key=lambda one: abs(one - coordinate))[:2]
         x = self._found[near][0]

@@ -1,4 +1,7 @@
-"""cam-rig fit cam and cam-rig new: from a gauge's readings to a cam, and to a scene that runs."""
+"""Commands ``cam-rig fit cam`` and ``cam-rig new``: cams from gauge readings.
+
+``fit cam`` fits a cam. ``new`` also writes a rig, and a scene that can be simulated.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from cam_rig.show.terminal import say, show
 
 
 def _in_mm(help_text: str, least: float | None = None) -> Any:
-    """An option in mm; the command is given m."""
+    """Return a typer option in mm whose value is passed to the command in m."""
     return typer.Option(
         metavar="MM", min=least, help=help_text, callback=lambda x: None if x is None else 1e-3 * x
     )
@@ -32,7 +35,10 @@ Shape = Annotated[
 
 
 class OwnFollower(Enum):
-    """Kind of follower that was read; typer takes no list of literals."""
+    """Kind of follower of the readings.
+
+    It is an enum because typer does not accept a list of literals.
+    """
 
     roller = "roller"
     flat = "flat"

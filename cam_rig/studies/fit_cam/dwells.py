@@ -1,10 +1,10 @@
-"""Dwells found in readings: where they begin and end, and at which level.
+"""Detection of dwells in readings: start, span and level.
 
-A run of readings within the scatter of one level looks longer than the dwell that it is, for a law
-leaves its dwell slower than a gauge can tell. Its ends are found from the readings beyond: they
-leave the level with the third to the fifth power of the angle, and the end is the mean of all
-angles from which they may do so, weighted with their likelihood. What then lies between the ends
-is a dwell if a parabola fits it no better than the level does.
+A run of readings within the scatter of one level is longer than its dwell, because a law leaves its
+dwell more slowly than a gauge can resolve. Each end is therefore computed from the readings beyond
+the run. They leave the level with the third to the fifth power of the angle. The end is the mean of
+all possible angles at which they can start to leave, weighted with their likelihood. The readings
+between the ends are a dwell if a parabola fits them no better than a constant level.
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from cam_rig.studies.fit_cam.gauge import Readings, bridges
 from cam_rig.studies.fit_cam.outliers import most_outliers, without_outliers
 from cam_rig.units import TURN, FloatArray
 
-#: Readings of a dwell, and its span (rad), at least; both ends are a reading.
+#: Smallest number of readings of a run, and smallest span (rad) of a run and of a dwell. The span
+#: of a run is the distance from its first to its last reading.
 FEWEST, SHORTEST = 5, math.radians(15.0)
-#: Of them so many lie between the ends that are found.
+#: Smallest number of readings between the computed ends of a dwell.
 FEWEST_INSIDE = 3
-#: What a parabola may take off the sum of squares, in squares of the scatter: 99.9 % of what chance
-#: takes, with two degrees of freedom.
+#: Largest reduction of the sum of squares by a parabola, in squares of the scatter: the 99.9 %
+#: quantile of the reduction by chance, with two degrees of freedom.
 TREND = 13.8
-#: Levels nearer than so many of their standard errors are one level.
+#: Largest difference of two levels that are treated as equal, in its standard errors.
 SAME_LEVEL = 3.0
-#: Beyond a dwell's end so much of the event (in parts of it) tells where the end is.
+#: Part of the event beyond a run whose readings determine the end, as a fraction of the event.
 BEYOND = 0.35
-#: How far (rad) the end may lie inside of the run, and in how many steps it is sought.
+#: Largest distance (rad) of the end from the last reading of the run, and number of angles tried.
 INSIDE, STEPS = math.radians(25.0), 200
 #: Decimals of degrees of a dwell's start and span.
 DEGREES = 4
-#: Two dwells are so far apart (rad), or one of them is none.
+#: Distance (rad) between two dwells at or below which the shorter of them is dropped.
 LEAST_ROOM = math.radians(2.0 * LEAST_EVENT_DEG)
 #: Powers of the angle with which a law leaves its dwell.
 POWERS = (3, 4, 5)
@@ -46,24 +47,30 @@ POWERS = (3, 4, 5)
 
 @dataclass(frozen=True)
 class FoundDwell:
-    """A dwell: ``rest``, how many readings lie in it, and their scatter (m) about its level."""
+    """Dwell, the number of readings in it, and their standard deviation in m.
+
+    ``rest`` contains the start and span in rad and the level in m.
+    """
 
     rest: Rest
     count: int
     scatter: float
 
     def at_level(self, level: float) -> FoundDwell:
-        """The same at another level (m)."""
+        """Return this dwell at another level (m)."""
         return replace(self, rest=self.rest._replace(level=level))
 
     def covers(self, start: float, span: float) -> bool:
-        """Whether a stretch of the turn (rad) lies inside."""
+        """Return True if the interval from `start` over `span` (rad) is inside the dwell."""
         return (start - self.rest.start) % TURN + span <= self.rest.span
 
 
 @dataclass(frozen=True)
 class _RestingRun:
-    """Readings ``first`` to ``first + count − 1``, around the turn, that rest at ``level``."""
+    """Run of readings ``first`` to ``first + count − 1``, modulo their number.
+
+    They are within the scatter of ``level`` (m).
+    """
 
     first: int
     count: int
@@ -71,7 +78,10 @@ class _RestingRun:
 
 
 def find_dwells(readings: Readings, scatter: float) -> tuple[FoundDwell, ...]:
-    """The dwells of readings that scatter by so much (m), in the order of the cam angle."""
+    """Find the dwells of readings, in the order of the cam angle.
+
+    ``scatter`` is the standard deviation of the readings in m.
+    """
     runs = _runs(readings, scatter)
     found = [_dwell(readings, runs, i, scatter) for i in range(len(runs))]
     kept = [dwell for dwell in found if _is_dwell(readings, dwell, scatter)]
@@ -79,11 +89,14 @@ def find_dwells(readings: Readings, scatter: float) -> tuple[FoundDwell, ...]:
 
 
 def _apart(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
-    """The dwells without the shorter of two between which no law has room."""
+    """Return the dwells, without the shorter of two that are too close.
+
+    No law has room for an event between them.
+    """
     for i, dwell in enumerate(dwells):
         after = dwells[(i + 1) % len(dwells)]
         room = (after.rest.start - dwell.rest.start - dwell.rest.span) % TURN
-        most = TURN - dwell.rest.span - after.rest.span + LEAST_ROOM  # more if they overlap
+        most = TURN - dwell.rest.span - after.rest.span + LEAST_ROOM  # above it they overlap
         if len(dwells) > 1 and not LEAST_ROOM < room < most:
             shorter = min(dwell, after, key=lambda one: one.rest.span)
             return _apart([one for one in dwells if one is not shorter])
@@ -91,15 +104,19 @@ def _apart(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
 
 
 def likely_range(count: int) -> float:
-    """What lies between the lowest and the highest of so many readings of one level, in scatters.
+    """Return the likely range of `count` readings of one level, in scatters.
 
-    Twice √(2 ln 2n), which the largest of n normal errors seldom exceeds.
+    The range is the difference between the highest and the lowest reading. It is twice √(2 ln 2n),
+    which the largest of n normal errors seldom exceeds.
     """
     return 2.0 * math.sqrt(2.0 * math.log(2.0 * count))
 
 
 def _runs(readings: Readings, scatter: float) -> list[_RestingRun]:
-    """Runs that rest, none overlapping another, in the order of the cam angle."""
+    """Return the runs of readings at one level, in the order of the cam angle.
+
+    The runs do not overlap.
+    """
     lifts, count = readings.lifts, readings.lifts.size
     free = np.ones(count, dtype=np.bool_)
     found: list[_RestingRun] = []
@@ -116,7 +133,11 @@ def _runs(readings: Readings, scatter: float) -> list[_RestingRun]:
 
 
 def _longest(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple[int, int]:
-    """First reading and count of the widest run of free readings within ``limit`` of each other."""
+    """Return the first reading and the number of readings of the widest run.
+
+    The run contains only readings marked in ``free``, with lifts within ``limit`` (m) of each
+    other.
+    """
     count = free.size
     lifts = np.tile(readings.lifts, 2)
     angles = np.concatenate([readings.angles, readings.angles + TURN])
@@ -150,13 +171,16 @@ def _span(readings: Readings, index: NDArray[np.int64]) -> float:
 
 
 def _holds_gap(readings: Readings, index: NDArray[np.int64]) -> bool:
-    """Whether the stretch without readings is between two of a run."""
+    """Return True if the gap without readings is inside a run."""
     start = int(np.argmin(np.abs(readings.angles - readings.gap[0])))
     return bool(start in index[:-1])
 
 
 def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
-    """Whether enough readings rest, and a parabola is no better than a level, beyond chance."""
+    """Return True if a dwell is long enough and a parabola does not fit it better.
+
+    A dwell that covers the gap is always accepted if the gap is too wide for anything but a dwell.
+    """
     ahead = (readings.angles - dwell.rest.start) % TURN
     inside = ahead <= dwell.rest.span
     if bridges(readings) and dwell.covers(*readings.gap):
@@ -169,7 +193,11 @@ def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
 
 
 def _pooled(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
-    """The dwells from the lowest up; those that differ by chance alone at their mean level."""
+    """Return the dwells by increasing level, with equal levels pooled.
+
+    Levels are equal if their difference can be due to chance. The common level is their mean,
+    weighted with the number of readings.
+    """
     groups: list[list[FoundDwell]] = []
     for dwell in sorted(dwells, key=lambda one: one.rest.level):
         last = groups[-1] if groups else [dwell]
@@ -186,7 +214,7 @@ def _pooled(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
 
 
 def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
-    """A run with its ends where the readings beyond leave its level."""
+    """Return the dwell of run `i`, with ends computed from the readings beyond it."""
     run, count = runs[i], readings.angles.size
     before, after = runs[i - 1], runs[(i + 1) % len(runs)]
     to_next = (after.first - run.first - run.count) % count
@@ -197,7 +225,7 @@ def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) 
     behind = (run.first + run.count - 1 - np.arange(run.count + to_last)) % count
     open_end = open_start = 0.0
     if bridges(readings) and _holds_gap(readings, ahead[: run.count]):
-        # an end lies beyond a stretch without readings that is inside
+        # the gap is inside the dwell, so both ends are beyond it
         open_end = (sum(readings.gap) - first) % TURN
         open_start = (last - readings.gap[0]) % TURN
     forwards = (readings.angles[ahead] - first) % TURN
@@ -212,12 +240,16 @@ def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) 
 
 
 def _as_written(angle: float) -> float:
-    """An angle (rad) with the digits that a cam's file has of it."""
+    """Return an angle (rad), rounded to the digits of a cam file."""
     return math.radians(round(math.degrees(angle), DEGREES))
 
 
 def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: float) -> float:
-    """Where a run ends, not before ``least``: from its first reading, its own, the event's."""
+    """Return the angle (rad) at which a run ends, at least `least`.
+
+    ``x`` is the angles (rad) of the run and of the event beyond it, from the other end of the run.
+    ``y`` is their lifts (m).
+    """
     last = run.count - 1
     event = x[last + 1 :]
     reach = float(x[last]) + BEYOND * (float(event[-1] - x[last]) if event.size else 0.0)
@@ -227,7 +259,7 @@ def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: 
         return float(x[last])
     half = 0.5 * float(x[last])
     window &= x >= half
-    # between the last reading at rest and the first that is not, if the rise is quick
+    # up to the first reading of the event: if the rise is steep, the end is just before it
     tried = np.linspace(max(half, float(x[last]) - INSIDE, least), float(event[0]), STEPS)
     squares = np.array([_squares(x[window], y[window] - run.level, end, terms) for end in tried])
     likelihood = np.exp(-0.5 * (squares - squares.min()) / scatter**2)
@@ -235,7 +267,10 @@ def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: 
 
 
 def _squares(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
-    """Sum of squares that is left of readings that leave a level at ``end``."""
+    """Return the residual sum of squares (m²) of readings that leave a level at `end`.
+
+    ``y`` is the lifts above the level. ``terms`` is the number of powers of the angle beyond `end`.
+    """
     beyond = np.maximum(x - end, 0.0)
     scale = float(beyond.max())
     powers = np.stack([(beyond / scale) ** power for power in POWERS[:terms]], axis=1)
@@ -243,17 +278,21 @@ def _squares(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
     return float(np.sum((y - powers @ found) ** 2))
 
 
-# The gauge's zero: what it shows where the lift is lowest.
+# The gauge's zero: its reading at the lowest lift.
 
 
 def above_zero(readings: Readings) -> Readings:
-    """Readings without outliers, above the lowest dwell, or the lowest reading without one."""
+    """Return the readings without outliers, relative to the gauge's zero.
+
+    The zero is the level of the lowest dwell. It is the lowest reading if no dwell has two
+    readings, or if more readings are far below the lowest dwell than outliers can explain.
+    """
     kept = without_outliers(readings)
     lowest = float(kept.lifts.min())
     dwells = find_dwells(kept, kept.scatter)
     level = min((dwell.rest.level for dwell in dwells), default=lowest)
     at_rest = [dwell for dwell in dwells if dwell.rest.level == level and dwell.count > 1]
-    # a few readings far below may be outliers that neighbours at a kink do not tell
+    # a few readings far below can be outliers that were not detected next to a kink
     below = np.sort(kept.lifts)[most_outliers(kept.angles.size)]
     near = level - below < likely_range(kept.angles.size) * kept.scatter
     if not near or not at_rest:
@@ -264,15 +303,15 @@ def above_zero(readings: Readings) -> Readings:
     return replace(kept, lifts=kept.lifts - level, zero=level, zero_error=error)
 
 
-# Readings to look at again: outliers that were left out, and those farthest from the law.
+# Readings to check: outliers that were left out, and readings farthest from the law.
 
-#: Residuals of more than so many scatters, or r.m.s. of the others, are named, the farthest so many
-#: of them.
+#: Smallest reported residual, as a multiple of the scatter or of the r.m.s. of the others, and the
+#: largest number of reported residuals.
 FARTHEST, MOST_NAMED = 3.0, 3
 
 
 def left_out(readings: Readings) -> str:
-    """The outliers, or that there are none."""
+    """Return a sentence that lists the outliers, or states that there are not any."""
     named = ", ".join(f"line {one.line} by {one.beside * 1e3:.3g} mm" for one in readings.outliers)
     if not named:
         return "No reading looks like an outlier."
@@ -280,14 +319,17 @@ def left_out(readings: Readings) -> str:
 
 
 def beside_others(readings: Readings, residuals: FloatArray) -> FloatArray:
-    """``(n,)`` sizes of residuals, in r.m.s. of all others."""
+    """Return the sizes of residuals in r.m.s. of all other residuals, ``(n,)``."""
     others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
     return np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
 
 
 def farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) -> Iterator[str]:
-    """The readings that are far from the law, by their lines; ``sizes`` in scatters."""
-    likely = max(FARTHEST, 0.5 * likely_range(sizes.size))  # of many, one is so far by chance
+    """Yield a sentence that lists the readings farthest from the law, if any are far.
+
+    ``residuals`` is in m. ``sizes`` is the residuals as multiples of the scatter.
+    """
+    likely = max(FARTHEST, 0.5 * likely_range(sizes.size))  # higher for many readings: chance
     far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > likely]
     named = ", ".join(
         f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "
