@@ -188,9 +188,9 @@ def _mm(metres: float) -> float:
 
 # Cam file of tangent arcs. Each number has as many digits as the readings determine.
 
-#: Largest effect of rounding on the fit, as a fraction of the error of a reading, and the number
-#: of attempts to reach it, each with one more digit. Standard errors alone do not determine the
-#: number of digits, because errors of radii are correlated.
+#: Largest change of the contour by rounding, as a fraction of the error of a reading, and number of
+#: attempts to stay below it, each with one more digit. The standard errors alone do not determine
+#: the number of digits, because the errors of radii are correlated.
 MOVED, MOST_DIGITS = 0.1, 6
 
 
@@ -270,15 +270,16 @@ def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
 
 
 def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
-    """Return contour and roller radius (m), rounded to the second digit of `part` times their error.
+    """Return contour and roller radius (m), rounded to the digits that the errors justify.
 
-    Given radii are not rounded.
+    The last digit is the second digit of the standard error times `part`. Given radii are not
+    rounded.
     """
     exact, told = fit.arcs, fit.told
 
     def to(metres: float, number: Told) -> float:
         error = 1e3 * part * number.error
-        if not math.isfinite(error):  # undetermined: as if the error were in the third digit
+        if not math.isfinite(error):  # undetermined: four digits if `part` is 1
             error = part * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
         return 1e-3 * float(rounded_to_error(1e3 * metres, error))
 
