@@ -1,4 +1,4 @@
-"""Tables of gauge readings: columns, units and turning angle as people write them."""
+"""Reader of tables of gauge readings: columns, units and turning sense."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import TURN, FloatArray
 
 Shaft = Literal["cam", "crank"]
-#: Limits (as numbers) of the range of angles without a unit. A range of 0.75 to 1.02 turn in rad
-#: means rad. A larger range, up to four turns in deg, means deg.
+#: Limits of the range of angles without a unit. A range that is 0.75 to 1.02 turn in rad means rad.
+#: A larger range, up to 1440 (four turns), means deg.
 MAX_RANGE_RAD, MIN_RANGE_RAD, MAX_RANGE_DEG = 1.02 * TURN, 0.75 * TURN, 1440.0
 #: Ranges of angles without a unit that could be percent or gon, and their relative tolerance.
 OTHER_SCALES, SCALE_TOLERANCE = {100.0: "percent", 400.0: "gon"}, 0.005
 #: Words in the heading of an angle in turns, from 0 to 1.
 PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
-#: Limits of the range of such an angle without a unit, turns. A smaller range could be another unit.
+#: Limits of the range of such an angle without a unit, turns. A smaller range could be of another
+#: unit.
 MIN_PHASE_RANGE, MAX_PHASE_RANGE = 0.75, 1.02
-#: Smallest range of such an angle without a unit that means deg. A smaller range could be percent.
+#: Smallest range of such an angle without a unit that means deg. A smaller range could be of
+#: percent.
 MIN_PHASE_RANGE_DEG = 250.0
 #: Longest range without readings (rad) if the heading does not identify an angle. Line numbers,
 #: such as 1 to 120, leave a longer range.
@@ -78,9 +80,9 @@ class GaugeColumn:
 
 @dataclass(frozen=True)
 class GaugeTable:
-    """Contents of a file of readings: cam angles in rad, columns of lifts, lines of the file, notes.
+    """Contents of a file of readings: cam angles in rad, and columns of lifts.
 
-    The notes are sentences about the interpretation of the file.
+    `lines` are the line numbers of the file. The notes are sentences about the interpretation of the file.
 
     `base_radius` is in m, None if the file does not state it.
     """
@@ -154,7 +156,7 @@ class _GaugeReader(CellTable):
         return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes), base_radius)
 
     def _body(self, used: list[int]) -> tuple[list[tuple[int, list[str]]], list[str]]:
-        """Return the lines of readings, and a note on lines of text among or behind them."""
+        """Return the lines of readings, and a note on lines of text between or after them."""
         rows = self.rows[self.first :]
         text = [line for line, cells in rows if any(cells) and not count_numbers(cells)]
         body = [
@@ -171,7 +173,7 @@ class _GaugeReader(CellTable):
     def _assign(
         self, headings: list[Heading], options: TableOptions
     ) -> tuple[int, list[int], list[str]]:
-        """Return the columns of the angle and of the lifts, and notes on what was assumed."""
+        """Return the columns of the angle and of the lifts, and notes on the assumptions."""
         kinds: dict[str, list[int]] = {}
         for i, heading in enumerate(headings):
             kinds.setdefault(heading.quantity, []).append(i)
@@ -256,8 +258,8 @@ class _GaugeReader(CellTable):
     def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
         """Raise ConfigError if assumed angles do not cover the turn.
 
-    Assumed angles are numbers whose heading does not identify an angle.
-    """
+        Assumed angles are numbers whose heading does not identify an angle.
+        """
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
             raise self.refused(
