@@ -82,8 +82,7 @@ class GaugeColumn:
 class GaugeTable:
     """Contents of a file of readings: cam angles in rad, and columns of lifts.
 
-    `lines` are the line numbers of the file. The notes are sentences about the interpretation of the file.
-
+    `lines` are the line numbers of the file. The notes are sentences about its interpretation.
     `base_radius` is in m, None if the file does not state it.
     """
 
