@@ -193,7 +193,7 @@ def _leaving(
 def _scattered(indices: list[int], count: int) -> bool:
     """Return True if all readings are far apart, in a turn of `count` readings.
 
-    Several readings close to each other are at a place where the law is not smooth.
+    Several readings close to each other indicate that the law is not smooth.
     """
     apart = np.abs(np.subtract.outer(indices, indices))
     apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
@@ -218,7 +218,7 @@ def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int
 
 
 def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
-    """Return the lift (m) of the polynomial through the readings `near` at the angle of a reading."""
+    """Return the lift (m) at the angle of a reading of the polynomial through other readings."""
     x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
     return float(np.dot(lagrange, readings.lifts[near]))
