@@ -16,7 +16,7 @@ from .conftest import all_around, in_order
 @pytest.mark.parametrize(("ratio", "lash"), [(1.0, 0.0), (1.5, 0.25e-3), (1.7, 0.0)])
 @pytest.mark.parametrize("height", [0.15e-3, 1e-3, 1.27e-3, 5e-3])
 def test_events_of_a_harmonic_law_in_closed_form(ratio, lash, height):
-    """The lift of the valve is ratio · s - lash with s = 4 mm (1 - cos θ), which is solved for θ."""
+    """The lift of the valve is ratio · s - lash with s = 4 mm (1 - cos θ), solved for θ."""
     fit = fit_spline(in_order(all_around(360), 0.004 * (1.0 - np.cos(all_around(360)))))
     (event,) = valve_events(fit.law, ValveTrain(ratio, lash, (height,)))
     opening = math.acos(1.0 - (height + lash) / (0.004 * ratio))
