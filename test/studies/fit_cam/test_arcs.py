@@ -251,7 +251,7 @@ def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
 
 
 def test_lifts_under_a_roller_alone_do_not_tell_the_base_radius():
-    """The interval of the prime radius has no upper limit at a noise of 0.1 mm: no file is written."""
+    """With noise of 0.1 mm the prime radius has no upper limit, and no file is written."""
     columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
     assert fit.told[0].high == math.inf
@@ -315,7 +315,8 @@ def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count,
     """Outliers are judged by the arcs, because neighbours contradict good readings at such a step.
 
     No good reading is left out. A slip is reported, as an outlier or as the farthest from the law.
-    One slip in fifty may be missed: a slip of the lowest reading can be taken as the zero.
+    One slip in fifty of 10 standard deviations may be missed, because the lowest reading can be
+    taken as the zero.
     """
     missed = wrong = 0
     for seed in range(count):
