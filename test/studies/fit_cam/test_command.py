@@ -198,7 +198,7 @@ def test_the_radius_that_was_given_is_given():
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
 def test_digits_are_those_that_readings_tell(noise):
-    """Radii in a file have few digits and an interval, and rounding hardly changes the residuals."""
+    """Radii in a file have few digits and an interval. Rounding hardly changes the residuals."""
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
     readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
     fit = fit_arcs(readings, (False, True), 0.01, 0.03)
@@ -211,7 +211,7 @@ def test_digits_are_those_that_readings_tell(noise):
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
-    """Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm."""
+    """Every number of the rig is assumed. The scene has five speeds, the last above the jump speed."""
     like = load_rig(config_dir / "rigs" / "tm21.yaml")
     (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
     rig = load_rig(tmp_path / "rig.yaml")
