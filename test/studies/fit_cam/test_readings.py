@@ -77,7 +77,7 @@ def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
 
 @pytest.mark.parametrize("mark", [(999.0, 0.999), (-1.0, -0.999), (0.0, 0.1)])
 def test_an_end_mark_is_named(mark):
-    """A last line that is far from the others is not a reading. The message contains its numbers."""
+    """A last line that is far from the others is not a reading, and the message reports it."""
     degrees = np.append(np.arange(30.0, 330.0, 10.0), mark[0])
     lifts = np.append(lift(degrees[:-1]), mark[1])
     with pytest.raises(ConfigError, match=r"line 32 .*looks like an end mark; allowed: readings"):
