@@ -1,4 +1,4 @@
-"""Files made from a fit: a cam file with its table of points, a rig file and a scene file."""
+"""Files of a fitted cam: cam file, table of points, rig file and scene file."""
 
 from __future__ import annotations
 
@@ -100,7 +100,10 @@ def spline_cam(
 
 
 def comments(*lines: str) -> str:
-    """Return lines of text as comment lines of a YAML file, without unprintable characters."""
+    """Return lines of text as comments of a YAML file.
+
+    Unprintable characters are removed.
+    """
     return "".join(f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
 
 
@@ -113,9 +116,9 @@ def follower_data(
 
 
 def chosen(radius: float, asked: bool) -> dict[str, Any]:
-    """Return a radius (m) that does not follow from the readings, as a quantity of a file.
+    """Return a radius (m) as a quantity of a file, with its origin.
 
-    Its origin is ``given`` if `asked` is True, otherwise ``assumed``.
+    The radius does not follow from the readings. Its origin is ``given`` if `asked` is True, otherwise ``assumed``.
     """
     if asked:
         return quantity("given", _mm(radius), "mm", "an option of cam-rig, or stated in the table")
@@ -195,7 +198,7 @@ MOVED, MOST_DIGITS = 0.1, 6
 
 
 def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
-    """Return the cam file of a contour of tangent arcs, with a follower of type `kind`."""
+    """Return the cam file of tangent arcs, with a follower of type `kind`."""
     arcs, roller = _rounded(fit)
     source = "tangent arcs through " + " and ".join(
         column.readings.name for column in fit.fitted_columns
@@ -270,7 +273,7 @@ def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
 
 
 def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
-    """Return contour and roller radius (m), rounded to the digits that the errors justify.
+    """Return contour and roller radius (m), rounded according to their errors.
 
     The last digit is the second digit of the standard error times `part`. Given radii are not
     rounded.
@@ -294,7 +297,7 @@ def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
 
 
 def require_told(fit: ArcsFit, named: bool) -> None:
-    """Raise ConfigError if the type of the follower or the base radius is undetermined.
+    """Raise ConfigError if follower type or base radius is undetermined.
 
     `named` is True if the types of the followers are given. A base radius that is given or assumed
     is not checked.
@@ -321,7 +324,7 @@ def require_told(fit: ArcsFit, named: bool) -> None:
 
 #: Speeds of the scene as fractions of the jump speed of a rigid follower. The last is above it.
 PARTS = (0.4, 0.6, 0.8, 0.9, 1.1)
-#: Speeds (rpm) for a follower that leaves the cam at every speed or never, and the largest speed
+#: Speeds (rpm) if a rigid follower leaves the cam at every speed or never, and the largest speed
 #: (rpm) of any scene.
 SPEEDS: tuple[float, ...] = (100.0, 200.0, 300.0)
 MOST_RPM = 20_000.0
@@ -330,7 +333,7 @@ SAMPLES, LEAST_RATE = 720, 10_000
 
 
 def own_rig(name: str, like: RigConfig) -> str:
-    """Return the text of a rig file with the numbers of the rig `like`, all marked as assumed."""
+    """Return a rig file with the numbers of the rig `like`, marked as assumed."""
     data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
     for section, own in (("follower", like.follower), ("radiation", like.radiation)):
@@ -341,9 +344,9 @@ def own_rig(name: str, like: RigConfig) -> str:
 
 
 def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
-    """Return a scene file for the cam and the rig called `name`, and its speeds in rpm.
+    """Return a scene file and its speeds in rpm.
 
-    Speeds that follow from the jump speed have two significant digits.
+    The cam and the rig of the scene are called `name`. Speeds that follow from the jump speed have two significant digits.
     """
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     leaves = "never leaves the cam" if jump else "leaves the cam at any speed"
