@@ -142,8 +142,8 @@ def put_in_order(
     return replace(found, notes=tuple(notes))
 
 
-#: A lift that changes in one sense, and stops within this fraction of its range from the other
-#: level, does not return.
+#: Limit for a lift that does not return, as a fraction of its range. Its changes in the other sense
+#: are smaller, and its last level is that near to the opposite end of the range.
 ONE_WAY = 0.05
 
 
@@ -155,7 +155,7 @@ END_MARK_STEPS, END_MARK_RANGE = 5.0, 0.2
 def _require_no_end_mark(
     table: GaugeTable, angles: FloatArray, lifts: FloatArray, lines: NDArray[np.int64]
 ) -> None:
-    """Raise ConfigError if the last line is an end mark, such as 999, 999, and not a reading."""
+    """Raise ConfigError if the last line is an end mark, such as 999, 999."""
     if angles.size < FEWEST_POINTS:
         return
     steps, others = np.abs(np.diff(angles)), lifts[:-1]
@@ -176,7 +176,7 @@ def _require_return(
     lifts: FloatArray,
     lines: NDArray[np.int64],
 ) -> None:
-    """Raise ConfigError if the lift does not return to its first level after a whole turn."""
+    """Raise ConfigError if the lift does not return after a whole turn."""
     order = np.argsort(angles)
     turn, height = angles[order], lifts[order]
     height_range = float(np.ptp(lifts))
@@ -228,7 +228,7 @@ SLOPE_ERRORS = 3.0
 def _require_half_lobe(
     table: GaugeTable, column: GaugeColumn, distances: FloatArray, lifts: FloatArray
 ) -> None:
-    """Raise ConfigError if half a lobe does not reach its nose, or does not end at rest.
+    """Raise ConfigError if half a lobe has no nose, or does not rest at its far end.
 
     `distances` are the angles (rad) from the reading with the largest lift.
     """
@@ -259,7 +259,7 @@ def _require_half_lobe(
 
 
 def _end_slope(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
-    """Return the slope at x = 0 of a polynomial through readings, and its standard error."""
+    """Return the slope at x = 0 of a fitted polynomial, and its standard error."""
     powers = np.vander(x, degree + 1, increasing=True)
     inverse = np.linalg.pinv(powers)
     return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))
@@ -295,7 +295,7 @@ def _averaged(
 
 
 def _require_lift(name: str, lifts: FloatArray) -> None:
-    """Raise ConfigError if all lifts (m) are equal, or one of them is above `MAX_LIFT`."""
+    """Raise ConfigError if all lifts (m) are equal, or one is above `MAX_LIFT`."""
     if not np.ptp(lifts) > 0.0:
         raise ConfigError(f"{name}: all lifts are {lifts[0] * 1e3:g} mm; allowed: a lift")
     if not np.abs(lifts).max() <= MAX_LIFT:
@@ -354,5 +354,5 @@ def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
 
 
 def bridges(readings: Readings) -> bool:
-    """Return True if a range without readings is so wide that only a dwell can fill it."""
+    """Return True if the longest range without readings can only be a dwell."""
     return readings.gap[1] > math.radians(WIDEST_GAP_DEG) + SAME_ANGLE
