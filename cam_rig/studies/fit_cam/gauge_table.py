@@ -1,4 +1,4 @@
-"""Reader of tables of gauge readings: columns, units and turning sense."""
+"""Reader of tables of gauge readings: columns, units and kinds of angles."""
 
 from __future__ import annotations
 
@@ -268,7 +268,7 @@ class _GaugeReader(CellTable):
             )
 
     def _guess_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
-        """Return factor (rad) and name of the unit that follows from the range of the angles."""
+        """Return factor (rad) and name of the unit that the range of angles indicates."""
         span = max(angles) - min(angles)
         is_phase = PHASE_WORDS.search(heading.text) is not None
         if is_phase and MIN_PHASE_RANGE <= span <= MAX_PHASE_RANGE:
@@ -294,7 +294,10 @@ class _GaugeReader(CellTable):
     def _stated_base_radius(
         self, comments: list[tuple[int, str]]
     ) -> tuple[float | None, list[str]]:
-        """Return the base radius (m) that is stated in a line before the numbers, and a note."""
+        """Return the base radius (m) from a line before the numbers, and a note.
+
+        The result is None, without a note, if no line states it.
+        """
         title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
         for line, text in sorted([*title, *comments]):
             match = BASE_RADIUS.search(text)
