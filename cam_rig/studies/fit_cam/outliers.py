@@ -1,4 +1,4 @@
-"""Outliers of gauge readings: readings that their neighbours, or a law, contradict."""
+"""Outliers: gauge readings that their neighbours, or a law, contradict."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ MIN_SUBSET = 120
 
 
 def without_outliers(readings: Readings) -> Readings:
-    """Return the readings without outliers, which are slips of the gauge or of the pen.
+    """Return the readings without outliers.
 
-    Outliers next to each other hide each other. The search for outliers that are n readings wide
+    Outliers are slips of the gauge, or errors in writing down a reading. Outliers next to each other hide each other. The search for outliers that are n readings wide
     therefore takes every n-th reading, so that each outlier has good neighbours.
     """
     require_no_slip(readings)
@@ -70,9 +70,9 @@ def without_outliers(readings: Readings) -> Readings:
 
 
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
-    """Mark readings next to outliers that are outliers too, up to runs of `width` readings.
+    """Mark readings next to outliers that are outliers too.
 
-    Each is compared with good readings that are `width` readings apart.
+    A run of outliers has at most `width` readings. Each reading is compared with good readings that are `width` readings apart.
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)
@@ -89,7 +89,7 @@ def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int)
 
 
 def _run_with(outliers: NDArray[np.bool_], index: int) -> int:
-    """Return the number of outliers in a row around the turn, with the reading `index`."""
+    """Return the number of outliers in a row, including the reading `index`."""
     ahead, behind = np.roll(outliers, -index - 1), np.roll(outliers, -index)[::-1]
     return 1 + int(np.argmin(ahead)) + int(np.argmin(behind))
 
@@ -121,11 +121,12 @@ def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[in
 
 
 def is_summit(readings: Readings, index: int) -> bool:
-    """Return True if a reading beyond all others is the tip of a sharp nose, and not a slip.
+    """Return True if a reading beyond all others is the tip of a sharp nose.
 
     On each side, the parabola through the three nearest readings is extended to the angle of the
     reading. Both reach at least its lift if the nose is sharper than the distance of the readings.
-    A slip on a round nose is beyond them.
+    A slip on a round nose is beyond them. The result is False if the reading is not beyond all
+    others.
     """
     lifts, count = readings.lifts, readings.lifts.size
     others = np.delete(lifts, index)
@@ -171,7 +172,9 @@ def _leaving(
     named: Sequence[int] | NDArray[np.int64] = (),
     beside: Sequence[float] | FloatArray = (),
 ) -> Readings:
-    """Return the readings with the indices `left`, and the readings `named` as their outliers.
+    """Return the readings `left`, with the readings `named` as their outliers.
+
+    `left` and `named` are indices.
 
     `beside` are the distances (m) of the outliers from their neighbours or from the law.
     """
@@ -191,7 +194,7 @@ def _leaving(
 
 
 def _scattered(indices: list[int], count: int) -> bool:
-    """Return True if all readings are far apart, in a turn of `count` readings.
+    """Return True if no two readings are close, in a turn of `count` readings.
 
     Several readings close to each other indicate that the law is not smooth.
     """
@@ -201,9 +204,9 @@ def _scattered(indices: list[int], count: int) -> bool:
 
 
 def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int = 1) -> float:
-    """Return the distance (m) of a reading from the polynomial through six good neighbours.
+    """Return the distance (m) of a reading from a polynomial through neighbours.
 
-    There are three neighbours on either side, `stride` readings apart.
+    There are three good neighbours on either side, `stride` readings apart.
     """
     ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     order = np.argsort(ahead)
@@ -218,7 +221,10 @@ def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int
 
 
 def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
-    """Return the lift (m) at the angle of a reading of the polynomial through other readings."""
+    """Return the lift (m) of a polynomial at the angle of the reading `index`.
+
+    The polynomial goes through the readings `near`.
+    """
     x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
     return float(np.dot(lagrange, readings.lifts[near]))
