@@ -1,4 +1,4 @@
-"""Runs of gauge readings that are shifted by the same length, and slips of the gauge.
+"""Runs of gauge readings with the same shift, and slips of the gauge.
 
 A speck of dirt shifts several readings next to each other. The shift is fitted together with a
 polynomial through these readings and their neighbours. It is accepted if the residuals are as
@@ -38,13 +38,17 @@ MIN_PART = 0.7
 MAX_DIFFERENCE = 4.0
 #: Largest residual of the polynomial with the shift, r.m.s. in scatters.
 MAX_RESIDUAL = 2.0
-#: Largest number of runs, and of edges that are examined. A larger number is a property of the law.
+#: Number of runs from which on they are a property of the law, and largest number of edges that are
+#: examined.
 MAX_RUNS, MAX_EDGES = 10, 120
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Shift (m) of the readings `indices`, its standard error and the residual, r.m.s. in m."""
+    """Shift of the readings `indices`, its standard error, and the residual.
+
+    All are in m. The residual is r.m.s.
+    """
 
     indices: NDArray[np.int64]
     shift: float
@@ -65,7 +69,7 @@ class Shift:
 def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
     """Return the mask of readings in runs of two or more that have the same shift.
 
-    No reading is marked if there are more than `MAX_RUNS` runs.
+    No reading is marked if there are `MAX_RUNS` runs or more.
     """
     mask = np.zeros(readings.angles.size, dtype=np.bool_)
     for _ in range(MAX_RUNS):
@@ -165,7 +169,7 @@ def _fit(
     degree: int,
     scatter: float,
 ) -> Shift:
-    """Return the shift of some readings of a window, fitted together with a polynomial."""
+    """Return the shift of some readings of a window, fitted with a polynomial."""
     count = readings.angles.size
     indices = window % count
     x = readings.angles[indices] + TURN * (window // count)
