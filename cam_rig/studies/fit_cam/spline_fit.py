@@ -68,8 +68,8 @@ class SplineFit(Result):
     tolerance
         Allowed residual of the spline in m, r.m.s.
     widened
-        True if the tolerance had to be larger than the given error, or than the scatter. A spline
-        within a smaller tolerance would need almost as many knots as there are readings.
+        True if the tolerance had to be larger than the given error, or than the scatter with its
+        margin. A spline within a smaller tolerance would need almost as many knots as there are readings.
     dwells
         Dwells in the order of the cam angle. They are exact in the law.
     smoothed
@@ -341,7 +341,7 @@ def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
 
 
 def _zero(law: Law, rests: list[Rest], near: float) -> float:
-    """Return the zero (m): the level of the lowest dwell, or the lowest lift of the law.
+    """Return the zero (m): the level of the lowest dwell, or the lowest lift.
 
     The dwell is used if its level is less than `near` (m) above the lowest lift.
     """
