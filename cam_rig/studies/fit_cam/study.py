@@ -1,4 +1,4 @@
-"""Fit of a cam to tables of gauge readings, and its files, for `fit_cam` and ``cam-rig new``."""
+"""Fit of a cam to tables of gauge readings, and the files of the fitted cam."""
 
 from __future__ import annotations
 
@@ -94,7 +94,10 @@ class FitRequest:
         return spline_cam(name, found, kind or "roller", found.base_radius, self.roller_radius)
 
     def _with_stated_base_radius(self, tables: list[GaugeTable]) -> FitRequest:
-        """Return the request with the base radius of the table, unless an option states it."""
+        """Return the request with the base radius of a table, unless it has one.
+
+        `tables` need not state a base radius.
+        """
         stated = [table.base_radius for table in tables if table.base_radius is not None]
         if self.base_radius is not None or not stated:
             return self
@@ -113,7 +116,7 @@ class FitRequest:
             )
 
     def _require_apart(self, files: int) -> None:
-        """Raise ConfigError for options that apply only to the other shape."""
+        """Raise ConfigError for arguments that apply only to the other shape."""
         if self.shape == "arcs":
             if self.tolerance is not None:
                 raise ConfigError("--tolerance: is for --shape spline; allowed with arcs: none")
@@ -155,7 +158,10 @@ class FitRequest:
         return "base" if self.roller_radius is None and roller else "both"
 
     def _kinds(self, columns: int) -> tuple[bool | None, ...]:
-        """Return True for each column of a flat follower, None if the fit determines the type."""
+        """Return for each column True if its follower is flat.
+
+        All are None if the fit determines the types.
+        """
         if len(self.followers) == columns:
             return tuple(one == "flat" for one in self.followers)
         if len(self.followers) > 1:
