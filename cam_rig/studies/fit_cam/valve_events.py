@@ -34,7 +34,7 @@ class ValveTrain:
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """Opening and closing of a valve: checking height in m, cam angles and duration in rad.
+    """Opening and closing of a valve at a checking height (m), angles in rad.
 
     `lobe_centre` is the middle between opening and closing.
     """
@@ -47,7 +47,7 @@ class ValveEvent:
 
 
 def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
-    """Return the events at each checking height that the valve passes, by height and angle.
+    """Return the events at each checking height, by height and angle.
 
     A height that the valve does not reach has no event.
     The lift of the valve is ratio · s - lash.
