@@ -211,7 +211,7 @@ def test_digits_are_those_that_readings_tell(noise):
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
-    """Every number of the rig is assumed. The scene has five speeds, the last above the jump speed."""
+    """Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm."""
     like = load_rig(config_dir / "rigs" / "tm21.yaml")
     (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
     rig = load_rig(tmp_path / "rig.yaml")
