@@ -118,7 +118,8 @@ def follower_data(
 def chosen(radius: float, asked: bool) -> dict[str, Any]:
     """Return a radius (m) as a quantity of a file, with its origin.
 
-    The radius does not follow from the readings. Its origin is ``given`` if `asked` is True, otherwise ``assumed``.
+    The radius does not follow from the readings. Its origin is ``given`` if `asked` is
+    True, otherwise ``assumed``.
     """
     if asked:
         return quantity("given", _mm(radius), "mm", "an option of cam-rig, or stated in the table")
@@ -346,7 +347,8 @@ def own_rig(name: str, like: RigConfig) -> str:
 def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
     """Return a scene file and its speeds in rpm.
 
-    The cam and the rig of the scene are called `name`. Speeds that follow from the jump speed have two significant digits.
+    The cam and the rig of the scene are called `name`. Speeds that follow from the jump
+    speed have two significant digits.
     """
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     leaves = "never leaves the cam" if jump else "leaves the cam at any speed"
