@@ -39,8 +39,9 @@ MIN_SUBSET = 120
 def without_outliers(readings: Readings) -> Readings:
     """Return the readings without outliers.
 
-    Outliers are slips of the gauge, or errors in writing down a reading. Outliers next to each other hide each other. The search for outliers that are n readings wide
-    therefore takes every n-th reading, so that each outlier has good neighbours.
+    Outliers are slips of the gauge, or errors in writing down a reading. Outliers next to each
+    other hide each other. The search for outliers that are n readings wide therefore takes every
+    n-th reading, so that each outlier has good neighbours.
     """
     require_no_slip(readings)
     outliers = find_shifted_runs(readings)
@@ -72,7 +73,8 @@ def without_outliers(readings: Readings) -> Readings:
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
     """Mark readings next to outliers that are outliers too.
 
-    A run of outliers has at most `width` readings. Each reading is compared with good readings that are `width` readings apart.
+    A run of outliers has at most `width` readings. Each reading is compared with good readings
+    that are `width` readings apart.
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)
