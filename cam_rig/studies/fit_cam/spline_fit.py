@@ -69,7 +69,8 @@ class SplineFit(Result):
         Allowed residual of the spline in m, r.m.s.
     widened
         True if the tolerance had to be larger than the given error, or than the scatter with its
-        margin. A spline within a smaller tolerance would need almost as many knots as there are readings.
+        margin. A spline within a smaller tolerance would need almost as many knots as there are
+        readings.
     dwells
         Dwells in the order of the cam angle. They are exact in the law.
     smoothed
