@@ -94,9 +94,9 @@ class FitRequest:
         return spline_cam(name, found, kind or "roller", found.base_radius, self.roller_radius)
 
     def _with_stated_base_radius(self, tables: list[GaugeTable]) -> FitRequest:
-        """Return the request with the base radius of a table, unless it has one.
+        """Return the request with the base radius that a table states.
 
-        `tables` need not state a base radius.
+        The request is unchanged if it has a base radius, or if no table states one.
         """
         stated = [table.base_radius for table in tables if table.base_radius is not None]
         if self.base_radius is not None or not stated:
@@ -222,7 +222,9 @@ def fit_cam(
     checking_height: float | Sequence[float] = CHECKING_HEIGHTS,
     out: str | Path | None = None,
 ) -> SplineFit | ArcsFit:
-    r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings (``cam-rig fit cam``).
+    r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings.
+
+    The command is ``cam-rig fit cam``.
 
     Parameters
     ----------
