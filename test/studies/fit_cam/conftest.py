@@ -15,7 +15,7 @@ def all_around(count):
 
 
 def in_order(angles, lifts, resolution=1e-9, **options):
-    """Return readings (rad, m) in rising order of the angle, as if read from line 2 of a file."""
+    """Return readings (rad, m) in order, as if read from line 2 of a file."""
     column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
     lines = tuple(range(2, 2 + len(angles)))
     table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
@@ -52,7 +52,10 @@ def scaled(laws):
 
 @pytest.fixture(scope="session")
 def measured(scaled):
-    """Function that returns readings of a shipped law with a lift of 10 mm, noise and zero (m)."""
+    """Function that returns readings of a shipped law with noise and zero (m).
+
+    The lift of the law is 10 mm.
+    """
 
     def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None):
         lifts = scaled(name)(all_around(count)) + zero
