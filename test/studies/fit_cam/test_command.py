@@ -51,7 +51,7 @@ def test_new_asks_nothing(tmp_path, monkeypatch):
 
 
 def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
-    """Residuals, outliers, dwells and a rejected tolerance are reported; all files are written."""
+    """Residuals, outliers, dwells and the rejected tolerance are reported and written."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
     result = done("fit", "cam", lift_table, "--tolerance", 0.0005, *files)
