@@ -126,7 +126,7 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
 
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
-    """Specks of 50 µm on several readings each, of any width; no other reading is left out."""
+    """Specks of 50 µm on several readings are found, and no other reading is left out."""
     places = [100, 700, 1500]
     specks = {place + i: 5e-5 for place in places for i in range(width)}
     found = without_outliers(measured("cycloidal", 1800, outliers=specks))
@@ -158,7 +158,7 @@ def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("place", [90, 180, 300])
 def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
-    """A step that returns at the end of the table. The message has the lines next to it."""
+    """The slip is a step that returns at the end of the table. The message has its lines."""
     slip = dict.fromkeys(range(place, 360), sign * 5e-5)
     words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
     for name in ("poly345", "cycloidal"):
