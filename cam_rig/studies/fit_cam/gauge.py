@@ -148,7 +148,8 @@ ONE_WAY = 0.05
 
 
 #: The last line is an end mark if its angle is this number of usual steps from the line before it,
-#: and its lift is outside of the others' range by this fraction of it.
+#: and its lift is outside of the range of the other lifts by this
+#: fraction of that range.
 END_MARK_STEPS, END_MARK_RANGE = 5.0, 0.2
 
 
@@ -213,8 +214,9 @@ def _end_of_half_lobe(
     return nose
 
 
-#: The slope at the far end of a half lobe is fitted over this fraction of its angles (2 readings
-#: at least), the parabola at its nose over this fraction of its lift (3 at least).
+#: The slope at the far end of a half lobe is fitted over the first fraction of its angles, with
+#: at least 2 readings. The parabola at its nose is fitted over the second fraction of its lift, with
+#: at least 3 readings.
 END_PART, NOSE_PART = 0.03, 0.02
 #: Largest slope at the far end of a half lobe that counts as rest, as a fraction of its steepest
 #: slope.
@@ -228,7 +230,7 @@ SLOPE_ERRORS = 3.0
 def _require_half_lobe(
     table: GaugeTable, column: GaugeColumn, distances: FloatArray, lifts: FloatArray
 ) -> None:
-    """Raise ConfigError if half a lobe has no nose, or does not rest at its far end.
+    """Raise ConfigError if half a lobe lacks its nose or the rest at its far end.
 
     `distances` are the angles (rad) from the reading with the largest lift.
     """
