@@ -296,7 +296,7 @@ class _GaugeReader(CellTable):
     ) -> tuple[float | None, list[str]]:
         """Return the base radius (m) from a line before the numbers, and a note.
 
-        The result is None, without a note, if no line states it.
+        It is None, without a note, if the lines do not state it.
         """
         title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
         for line, text in sorted([*title, *comments]):
