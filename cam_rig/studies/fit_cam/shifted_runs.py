@@ -90,7 +90,7 @@ def require_no_slip(readings: Readings) -> None:
     """Raise ConfigError if the gauge, or its support, has moved between two readings.
 
     The lift then has a step there, and the opposite step between the last and the first line of the
-    table. A law has no such steps.
+    table. A law is smooth there.
     """
     count, lines = readings.angles.size, readings.lines
     ends = {int(lines.min()), int(lines.max())}
