@@ -160,7 +160,7 @@ class FitRequest:
     def _kinds(self, columns: int) -> tuple[bool | None, ...]:
         """Return for each column True if its follower is flat.
 
-        All are None if the fit determines the types.
+        The entries are None if the fit determines the types.
         """
         if len(self.followers) == columns:
             return tuple(one == "flat" for one in self.followers)
