@@ -256,7 +256,7 @@ class SplineFit(Result):
     def _suspects(self) -> FloatArray:
         """Return the relative sizes of the residuals, shape ``(n,)``.
 
-        The unit is the r.m.s. of all other residuals. If a reading is also contradicted by its
+        The unit is the r.m.s. of the other residuals. If a reading is also contradicted by its
         neighbours, the unit is the scatter of the readings, if that gives a larger size. An outlier
         attracts the spline, which increases the residuals around it but not the scatter. A spline
         that is too smooth has large residuals at many good readings in a row, and their neighbours
@@ -311,7 +311,7 @@ def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[
 def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float:
     """Return the tolerance (m): `asked`, or the scatter plus a margin.
 
-    The scatter is used if `asked` is None, or so small that the spline would follow the noise.
+    The scatter is also used instead of a given error that would make the spline follow the noise.
     """
     most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     if asked is not None and not 0.0 < asked <= most:
