@@ -49,7 +49,7 @@ class ValveEvent:
 def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
     """Return the events at each checking height, by height and angle.
 
-    A height that the valve does not reach has no event.
+    Heights that the valve does not reach are omitted.
     The lift of the valve is ratio · s - lash.
 
     Examples
@@ -66,7 +66,7 @@ def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
 
 
 def explain_missing_events(law: Law, train: ValveTrain) -> Iterator[str]:
-    """Yield sentences with the reason why checking heights have no event."""
+    """Yield sentences with the reason why checking heights are not reached."""
     lift = train.rocker_ratio * law.lift - train.lash
     if lift <= 0.0:
         yield (
