@@ -66,7 +66,7 @@ def coverage(shape, followers, copies):
 @pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
-    """90 to 99 % of the intervals of each number contain the truth: see docs/accuracy.md."""
+    """The intervals of each number contain the truth in 90 to 99 % of copies (docs/accuracy.md)."""
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
     print(f"| {shape} | {followers} | {' | '.join(cells)} |")
@@ -88,7 +88,7 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
 
 
 def test_a_given_base_radius_is_judged_when_the_fit_is_done():
-    """It is not checked during a trial with an outlier included, whose prime radius differs."""
+    """It is not checked in trials that include an outlier, because their prime radius differs."""
     angles = all_around(120)
     lifts = Arcs(0.03, 0.008, 0.12, 0.010, 0.3).lifts(ROLLER, angles)
     lifts += 2e-5 * np.random.default_rng(0).standard_normal(angles.size)
