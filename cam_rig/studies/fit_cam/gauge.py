@@ -148,8 +148,7 @@ ONE_WAY = 0.05
 
 
 #: The last line is an end mark if its angle is this number of usual steps from the line before it,
-#: and its lift is outside of the range of the other lifts by this
-#: fraction of that range.
+#: and its lift is outside the range of the other lifts by this fraction of that range.
 END_MARK_STEPS, END_MARK_RANGE = 5.0, 0.2
 
 
@@ -215,8 +214,8 @@ def _end_of_half_lobe(
 
 
 #: The slope at the far end of a half lobe is fitted over the first fraction of its angles, with
-#: at least 2 readings. The parabola at its nose is fitted over the second fraction of its lift, with
-#: at least 3 readings.
+#: at least 2 readings. The parabola at its nose is fitted over the second fraction of its lift,
+#: with at least 3 readings.
 END_PART, NOSE_PART = 0.03, 0.02
 #: Largest slope at the far end of a half lobe that counts as rest, as a fraction of its steepest
 #: slope.
