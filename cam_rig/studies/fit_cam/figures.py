@@ -1,4 +1,4 @@
-"""A fitted law over the cam angle with its readings, and what is between them."""
+"""Figures of a fit: lift over the cam angle, readings and residuals."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from cam_rig.studies.fit_cam.arcs_fit import ArcsFit
 from cam_rig.studies.fit_cam.spline_fit import SplineFit
 from cam_rig.units import TURN
 
-#: Points of a fitted curve over the turn, and what is behind it.
+#: Number of points of a fitted curve over one turn, and the grey level of shaded areas.
 FIT_POINTS, SHADE = 3601, "0.8"
 
 
 @styled
 def spline_figure(fit: SplineFit) -> Figure:
-    """Lift, distance and acceleration; dwells are shaded."""
+    """Return the figure of a spline: lift, residuals and acceleration.
+
+    Dwells are shaded, and so is the range of residuals within the tolerance.
+    """
     out = empty(6.7)
     lift, away, acceleration = out.subplots(3, 1, sharex=True)
     angles, colour = np.linspace(0.0, TURN, FIT_POINTS), series(0)["color"]
@@ -45,7 +48,10 @@ def spline_figure(fit: SplineFit) -> Figure:
 
 @styled
 def arcs_figure(fit: ArcsFit) -> Figure:
-    """Lift of each follower, and distance of its readings; the nose is at 180°."""
+    """Return the figure of tangent arcs: lift and residuals of each follower.
+
+    The nose is at 180°.
+    """
     out = empty(5.4)
     lift, away = out.subplots(2, 1, sharex=True)
     angles = np.linspace(0.0, TURN, FIT_POINTS)

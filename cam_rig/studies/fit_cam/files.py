@@ -1,4 +1,4 @@
-"""A fit as a cam file of the rig, with its points where it has some."""
+"""Files of a fitted cam: cam file, table of points, rig file and scene file."""
 
 from __future__ import annotations
 
@@ -23,18 +23,22 @@ from cam_rig.studies.fit_cam.dwells import DEGREES, FoundDwell
 from cam_rig.studies.fit_cam.spline_fit import SplineFit
 from cam_rig.units import TURN, rounded_to_error, to_rpm
 
-#: A base radius is sought in lifts, the first that passes the checks of the contour.
+#: Base radii, as multiples of the lift, that are tried in this order. The first whose contour
+#: passes the checks is taken.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
-#: A roller is as large as this part of the base radius.
+#: Assumed roller radius, as a fraction of the base radius.
 ROLLER_PART = 0.3
-#: Decimals of lengths in mm of a file.
+#: Number of decimals of lengths in mm in a file.
 MILLIMETRES = 6
 FREE_CHOICE = "a free choice, the readings do not tell it: replace it by the cam's own"
 
 
 @dataclass(frozen=True)
 class CamFiles:
-    """A cam and the text of each of its files by name; ``assumed`` says what no reading tells."""
+    """A cam, its law, and the text of each of its files by file name.
+
+    `assumed` lists the assumptions that no reading supports.
+    """
 
     cam: CamConfig
     law: Law
@@ -49,10 +53,10 @@ def spline_cam(
     base_radius: float | None = None,
     roller_radius: float | None = None,
 ) -> CamFiles:
-    """Return the cam file of a spline, and its points.
+    """Return the cam file of a spline, and the table of its points.
 
-    `base_radius` is in m, by default the first that passes the checks, from two lifts on.
-    `roller_radius` is in m, by default a fraction of the base radius.
+    `base_radius` is in m. The default is the first of `BASE_RADII_IN_LIFTS` that passes the checks.
+    `roller_radius` is in m. The default is the fraction `ROLLER_PART` of the base radius.
     """
     table = _table_segment(f"{name}.csv", fit)
     points = {"file": f"{name}.csv", **_points(fit)}
@@ -96,20 +100,27 @@ def spline_cam(
 
 
 def comments(*lines: str) -> str:
-    """The first lines of a file."""
+    """Return lines of text as comments of a YAML file.
+
+    Unprintable characters are removed.
+    """
     return "".join(f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
 
 
 def follower_data(
     kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]
 ) -> dict[str, Any]:
-    """A follower as a cam's file has it."""
+    """Return the follower section of a cam file. Only a roller has a roller radius."""
     data = {"type": kind, "base_radius": base}
     return {**data, "roller_radius": roller} if kind == "roller" else data
 
 
 def chosen(radius: float, asked: bool) -> dict[str, Any]:
-    """A radius that no reading tells: the one asked for, or a free choice."""
+    """Return a radius (m) as a quantity of a file, with its origin.
+
+    The radius does not follow from the readings. Its origin is ``given`` if `asked` is
+    True, otherwise ``assumed``.
+    """
     if asked:
         return quantity("given", _mm(radius), "mm", "an option of cam-rig, or stated in the table")
     return quantity("assumed", _mm(radius), "mm", FREE_CHOICE)
@@ -146,7 +157,7 @@ def _dwell(dwell: FoundDwell) -> dict[str, Any]:
 
 
 def _points(fit: SplineFit) -> dict[str, tuple[float, ...]]:
-    """The points as the file's reader will have them."""
+    """Return angles (rad) and lifts (m), rounded as the table of points contains them."""
     degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
     lifts = [_mm(lift) for lift in fit.readings.lifts]
     return {
@@ -179,15 +190,16 @@ def _mm(metres: float) -> float:
     return round(float(metres) * 1e3, MILLIMETRES)
 
 
-# A contour of tangent arcs, each number to the digits that readings tell.
+# Cam file of tangent arcs. Each number has as many digits as the readings determine.
 
-#: Rounding moves a contour by so much of the error of a reading at most, and has so many digits
-#: more than the errors tell where it needs them: errors of radii go together.
+#: Largest change of the contour by rounding, as a fraction of the error of a reading, and number of
+#: attempts to stay below it, each with one more digit. The standard errors alone do not determine
+#: the number of digits, because the errors of radii are correlated.
 MOVED, MOST_DIGITS = 0.1, 6
 
 
 def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
-    """The cam file of a contour of tangent arcs, with a follower on it."""
+    """Return the cam file of tangent arcs, with a follower of type `kind`."""
     arcs, roller = _rounded(fit)
     source = "tangent arcs through " + " and ".join(
         column.readings.name for column in fit.fitted_columns
@@ -232,7 +244,10 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
 def _radii(
     fit: ArcsFit, base: float, roller: float, found: Any
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Base and roller radius (m): given, assumed, or identified as what their sum leaves."""
+    """Return base and roller radius (m) as quantities: given, assumed or identified.
+
+    The readings determine only the sum of the two, so a given base radius identifies the roller.
+    """
     base_given, roller_given = (fit.known in (one, "both") for one in ("base", "roller"))
     prime = fit.told[PRIME]
     base_data = chosen(base, base_given) if base_given or fit.only_flat else found(base, prime)
@@ -242,7 +257,10 @@ def _radii(
 
 
 def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
-    """The contour and its roller's radius, to digits that leave it as near to the readings."""
+    """Return the rounded contour and roller radius (m).
+
+    The number of digits is the smallest for which rounding has almost no effect on the fit.
+    """
     search = fit.best.search
     for more in range(MOST_DIGITS):
         arcs, roller = _with_digits(fit, 10.0**-more)
@@ -256,12 +274,16 @@ def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
 
 
 def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
-    """All lengths to the second digit of a part of their errors; what was given stands."""
+    """Return contour and roller radius (m), rounded according to their errors.
+
+    The last digit is the second digit of the standard error times `part`. Given radii are not
+    rounded.
+    """
     exact, told = fit.arcs, fit.told
 
     def to(metres: float, number: Told) -> float:
         error = 1e3 * part * number.error
-        if not math.isfinite(error):  # hardly told: by what rounding to four digits leaves
+        if not math.isfinite(error):  # undetermined: four digits if `part` is 1
             error = part * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
         return 1e-3 * float(rounded_to_error(1e3 * metres, error))
 
@@ -276,7 +298,11 @@ def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
 
 
 def require_told(fit: ArcsFit, named: bool) -> None:
-    """Refuse to write what no reading tells and nobody has given; ``named``: the followers are."""
+    """Raise ConfigError if follower type or base radius is undetermined.
+
+    `named` is True if the types of the followers are given. A base radius that is given or assumed
+    is not checked.
+    """
     unclear = fit.unclear_kinds
     if unclear is not None and not named:
         found, other = fit.best.search.name, unclear.search.name
@@ -295,19 +321,20 @@ def require_told(fit: ArcsFit, named: bool) -> None:
         )
 
 
-# A rig and a scene for a cam of one's own: they run as they are, and say what they assume.
+# Rig and scene for a new cam. They run without changes, and their files list the assumptions.
 
-#: Speeds of the scene in parts of the rigid follower's jump speed: the last is above it.
+#: Speeds of the scene as fractions of the jump speed of a rigid follower. The last is above it.
 PARTS = (0.4, 0.6, 0.8, 0.9, 1.1)
-#: Speeds (rpm) of a cam that no speed lifts its follower off, and the most of any.
+#: Speeds (rpm) if a rigid follower leaves the cam at every speed or never, and the largest speed
+#: (rpm) of any scene.
 SPEEDS: tuple[float, ...] = (100.0, 200.0, 300.0)
 MOST_RPM = 20_000.0
-#: Samples a turn at the highest speed, at least, and of any scene a second.
+#: Smallest number of samples per turn at the highest speed, and smallest sample rate, Hz.
 SAMPLES, LEAST_RATE = 720, 10_000
 
 
 def own_rig(name: str, like: RigConfig) -> str:
-    """A rig file with the numbers of another rig, every one of them assumed."""
+    """Return a rig file with the numbers of the rig `like`, marked as assumed."""
     data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
     for section, own in (("follower", like.follower), ("radiation", like.radiation)):
@@ -318,7 +345,11 @@ def own_rig(name: str, like: RigConfig) -> str:
 
 
 def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
-    """A scene file for a cam and a rig of one name, and its speeds in rpm, of two digits."""
+    """Return a scene file and its speeds in rpm.
+
+    The cam and the rig of the scene are called `name`. Speeds that follow from the jump
+    speed have two significant digits.
+    """
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     leaves = "never leaves the cam" if jump else "leaves the cam at any speed"
     speeds, above = SPEEDS, f"a rigid follower {leaves}"

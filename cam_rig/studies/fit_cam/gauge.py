@@ -14,21 +14,34 @@ from cam_rig.schema.segment_base import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DE
 from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_gap
 from cam_rig.units import TURN, FloatArray
 
-#: Readings of one angle (rad) are nearer than this.
+#: Largest difference (rad) of angles that count as the same angle.
 SAME_ANGLE = 1e-6
-#: A gauge that shows less than this (m) is none.
+#: Smallest plausible step of a gauge, m. A smaller step is replaced by it.
 LEAST_RESOLUTION = 1e-9
 #: Largest reading of a gauge, m.
 MAX_LIFT = 10.0
-#: Levels on both sides of a stretch without readings are one within this part of the lift.
+#: Largest difference of the levels on both sides of a range without readings that count as the same
+#: level, as a fraction of the lift.
 OPEN = 0.05
-#: They differ by no more than so many scatters and steps of the gauge.
+#: Largest difference of readings of the same level, in scatters. One step of the gauge is added.
 REPEATED = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class Outlier:
-    """A reading that its neighbours, or a law, contradict: ``beside`` (m) is how far it is off."""
+    """A reading that its neighbours, or a law, contradict.
+
+    Attributes
+    ----------
+    line
+        Line of the file.
+    angle
+        Cam angle in rad.
+    lift
+        Reading of the gauge in m.
+    beside
+        Distance in m from the neighbours, or from the law.
+    """
 
     line: int
     angle: float
@@ -38,13 +51,28 @@ class Outlier:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Readings of one follower over one turn, ``(n,)`` each.
+    """Readings of one follower over one turn.
 
-    ``angles``: rad, rising, from 0 on; ``lifts``: m, above the gauge's own zero; ``lines``: of the
-    file; ``resolution``: the step in which lifts are written, m; ``gap``: start and span (rad) of
-    the longest stretch without readings; ``notes``: what was done to them, a sentence each;
-    ``outliers``: those left out, above the gauge's own zero; ``zero``, ``zero_error``: what was
-    subtracted as zero, and its standard error, m.
+    Attributes
+    ----------
+    name
+        File and column of the readings.
+    angles
+        Cam angles in rad, rising, at least 0, shape ``(n,)``.
+    lifts
+        Lifts in m, the reading of the gauge minus `zero`, shape ``(n,)``.
+    lines
+        Lines of the file, shape ``(n,)``.
+    resolution
+        Step in m in which the lifts are written.
+    gap
+        Start and span (rad) of the longest range without readings.
+    notes
+        Sentences about the changes that were made to the readings.
+    outliers
+        Readings that are left out. Their lifts are those of the gauge, without `zero` subtracted.
+    zero, zero_error
+        Reading of the gauge in m that was subtracted as zero, and its standard error in m.
     """
 
     name: str
@@ -65,20 +93,21 @@ class Readings:
 
     @property
     def scatter(self) -> float:
-        """Standard deviation (m) of the readings about a smooth law, their rounding at least."""
+        """Standard deviation (m) of the readings about a smooth law, at least `rounding`."""
         return max(scatter(self.angles, self.lifts), self.rounding)
 
     @property
     def scatter_error(self) -> float:
-        """Its relative standard error."""
+        """Relative standard error of `scatter`."""
         return scatter_error(self.angles.size)
 
 
 def put_in_order(
     table: GaugeTable, column: GaugeColumn, reverse: bool = False, mirror: bool = False
 ) -> Readings:
-    """Return the readings of one column over one turn, those of one angle averaged.
+    """Return the readings of one column over one turn, in rising order of the angle.
 
+    Readings of the same angle are averaged.
     `reverse` changes the sign of the angles. `mirror` adds the mirror image of half a lobe.
     """
     read = np.isfinite(column.lifts)
@@ -113,20 +142,20 @@ def put_in_order(
     return replace(found, notes=tuple(notes))
 
 
-#: A table whose lift changes in one sense, and ends within this fraction of its range from the
-#: other level, does not return.
+#: Limit for a lift that does not return, as a fraction of its range. Its changes in the other sense
+#: are smaller, and its last level is that near to the opposite end of the range.
 ONE_WAY = 0.05
 
 
 #: The last line is an end mark if its angle is this number of usual steps from the line before it,
-#: and its lift is outside of the others' range by this fraction of it.
+#: and its lift is outside the range of the other lifts by this fraction of that range.
 END_MARK_STEPS, END_MARK_RANGE = 5.0, 0.2
 
 
 def _require_no_end_mark(
     table: GaugeTable, angles: FloatArray, lifts: FloatArray, lines: NDArray[np.int64]
 ) -> None:
-    """Refuse a last line such as 999, 999, which ends a table and is not a reading."""
+    """Raise ConfigError if the last line is an end mark, such as 999, 999."""
     if angles.size < FEWEST_POINTS:
         return
     steps, others = np.abs(np.diff(angles)), lifts[:-1]
@@ -147,7 +176,7 @@ def _require_return(
     lifts: FloatArray,
     lines: NDArray[np.int64],
 ) -> None:
-    """Refuse a table of a whole turn whose lift does not return to its first level."""
+    """Raise ConfigError if the lift does not return after a whole turn."""
     order = np.argsort(angles)
     turn, height = angles[order], lifts[order]
     height_range = float(np.ptp(lifts))
@@ -170,7 +199,10 @@ def _require_return(
 def _end_of_half_lobe(
     table: GaugeTable, column: GaugeColumn, angles: FloatArray, lifts: FloatArray
 ) -> float:
-    """Return the angle (rad) of the nose, which must be the first or the last of the table."""
+    """Return the angle (rad) of the nose of half a lobe.
+
+    Raises ConfigError if the nose is not at the smallest or largest angle of the table.
+    """
     nose = float(angles[int(np.argmax(lifts))])
     if nose not in (angles.min(), angles.max()):
         raise ConfigError(
@@ -181,10 +213,12 @@ def _end_of_half_lobe(
     return nose
 
 
-#: The slope at the far end of a half lobe is fitted over this fraction of its angles (2 readings
-#: at least), the parabola at its nose over this fraction of its lift (3 at least).
+#: The slope at the far end of a half lobe is fitted over the first fraction of its angles, with
+#: at least 2 readings. The parabola at its nose is fitted over the second fraction of its lift,
+#: with at least 3 readings.
 END_PART, NOSE_PART = 0.03, 0.02
-#: A half lobe ends at rest if its slope there is less than this fraction of its steepest slope.
+#: Largest slope at the far end of a half lobe that counts as rest, as a fraction of its steepest
+#: slope.
 MAX_END_SLOPE = 0.05
 #: Largest distance of the vertex of the parabola from the last reading, in steps of the angle.
 MAX_STEPS_TO_NOSE = 0.75
@@ -195,7 +229,7 @@ SLOPE_ERRORS = 3.0
 def _require_half_lobe(
     table: GaugeTable, column: GaugeColumn, distances: FloatArray, lifts: FloatArray
 ) -> None:
-    """Refuse half a lobe that does not reach its nose, or does not end at rest.
+    """Raise ConfigError if half a lobe lacks its nose or the rest at its far end.
 
     `distances` are the angles (rad) from the reading with the largest lift.
     """
@@ -226,7 +260,7 @@ def _require_half_lobe(
 
 
 def _end_slope(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
-    """Return the slope at x = 0 of a polynomial through readings, and its standard error."""
+    """Return the slope at x = 0 of a fitted polynomial, and its standard error."""
     powers = np.vander(x, degree + 1, increasing=True)
     inverse = np.linalg.pinv(powers)
     return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))
@@ -262,7 +296,7 @@ def _averaged(
 
 
 def _require_lift(name: str, lifts: FloatArray) -> None:
-    """Refuse lifts (m) that are all one, or larger than any cam's."""
+    """Raise ConfigError if all lifts (m) are equal, or one is above `MAX_LIFT`."""
     if not np.ptp(lifts) > 0.0:
         raise ConfigError(f"{name}: all lifts are {lifts[0] * 1e3:g} mm; allowed: a lift")
     if not np.abs(lifts).max() <= MAX_LIFT:
@@ -273,7 +307,10 @@ def _require_lift(name: str, lifts: FloatArray) -> None:
 
 
 def _cause(table: GaugeTable, lines: NDArray[np.int64]) -> str:
-    """Return what readings of one angle that differ can mean, by the order of the angles."""
+    """Return the likely cause of different readings of the same angle.
+
+    The cause follows from the order of the angles in the table.
+    """
     covered = max(table.angles) - min(table.angles)
     steps = np.diff(table.angles)
     forwards = bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
@@ -296,7 +333,11 @@ def _cause(table: GaugeTable, lines: NDArray[np.int64]) -> str:
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
-    """What is assumed where the readings leave out a stretch: a sentence, or none."""
+    """Return a sentence about the law that is assumed in a range without readings.
+
+    The result is empty if the range is so short that no dwell is needed. `arcs` is True for a fit
+    of tangent arcs.
+    """
     if not bridges(readings):
         return ()
     start, span = (math.degrees(angle) for angle in readings.gap)
@@ -314,5 +355,5 @@ def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
 
 
 def bridges(readings: Readings) -> bool:
-    """Whether the readings leave out a stretch that only a dwell can fill."""
+    """Return True if the longest range without readings can only be a dwell."""
     return readings.gap[1] > math.radians(WIDEST_GAP_DEG) + SAME_ANGLE

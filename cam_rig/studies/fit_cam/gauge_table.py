@@ -1,4 +1,4 @@
-"""Tables of gauge readings: columns, units and turning angle as people write them."""
+"""Reader of tables of gauge readings: columns, units and kinds of angles."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import TURN, FloatArray
 
 Shaft = Literal["cam", "crank"]
-#: Limits of the range of angles without a unit: up to 1.02 turn it is rad, if the table covers
-#: three quarters of a turn at least, and up to four turns deg.
+#: Limits of the range of angles without a unit. A range that is 0.75 to 1.02 turn in rad means rad.
+#: A larger range, up to 1440 (four turns), means deg.
 MAX_RANGE_RAD, MIN_RANGE_RAD, MAX_RANGE_DEG = 1.02 * TURN, 0.75 * TURN, 1440.0
-#: Ranges of angles without a unit that could be percent or gon, with this relative tolerance.
+#: Ranges of angles without a unit that could be percent or gon, and their relative tolerance.
 OTHER_SCALES, SCALE_TOLERANCE = {100.0: "percent", 400.0: "gon"}, 0.005
-#: Words of an angle whose numbers go from 0 to 1 over a turn.
+#: Words in the heading of an angle in turns, from 0 to 1.
 PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
-#: Limits of the range of such numbers without a unit, turns: less could be another unit.
+#: Limits of the range of such an angle without a unit, turns. A smaller range could be of another
+#: unit.
 MIN_PHASE_RANGE, MAX_PHASE_RANGE = 0.75, 1.02
-#: Least range of such numbers without a unit that are deg: less could be percent.
+#: Smallest range of such an angle without a unit that means deg. A smaller range could be of
+#: percent.
 MIN_PHASE_RANGE_DEG = 250.0
-#: Longest stretch without readings (rad) of numbers that are only assumed to be angles: numbers of
-#: lines, such as 1 to 120, are not angles.
+#: Longest range without readings (rad) if the heading does not identify an angle. Line numbers,
+#: such as 1 to 120, leave a longer range.
 MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
-#: A line in front of the numbers that states the base radius.
+#: Statement of the base radius or diameter in a line before the numbers.
 BASE_RADIUS = re.compile(
     r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<what>radius|diameter|radio|"
     r"halbmesser|durchmesser)\W*(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-z\"]+)",
@@ -42,7 +44,7 @@ BASE_RADIUS = re.compile(
 
 @dataclass(frozen=True)
 class TableOptions:
-    """How a table is read.
+    """Options for reading a table of gauge readings.
 
     Parameters
     ----------
@@ -63,7 +65,9 @@ class TableOptions:
 
 @dataclass(frozen=True)
 class GaugeColumn:
-    """Readings of one follower: `lifts` in m (NaN of an empty cell), and their written step in m.
+    """Readings of one follower: `lifts` in m, NaN for an empty cell.
+
+    `resolution` is the step in m in which they are written.
 
     `is_radius` is True if the numbers are distances from the axis of the cam, not lifts.
     """
@@ -76,8 +80,9 @@ class GaugeColumn:
 
 @dataclass(frozen=True)
 class GaugeTable:
-    """A file of readings: cam angles in rad, lines of the file, and notes on how it was read.
+    """Contents of a file of readings: cam angles in rad, and columns of lifts.
 
+    `lines` are the line numbers of the file. The notes are sentences about its interpretation.
     `base_radius` is in m, None if the file does not state it.
     """
 
@@ -89,7 +94,7 @@ class GaugeTable:
     base_radius: float | None = None
 
     def only_column(self) -> GaugeColumn:
-        """Return the column of lifts if there is only one."""
+        """Return the only column of lifts, or raise ConfigError if there are several."""
         if len(self.columns) > 1:
             names = ", ".join(repr(column.name) for column in self.columns)
             raise ConfigError(
@@ -100,16 +105,16 @@ class GaugeTable:
 
 
 def read_gauge_table(path: Path, options: TableOptions | None = None) -> GaugeTable:
-    """Read a table of a gauge, a spreadsheet or by hand."""
+    """Read a table of gauge readings, written by a gauge, a spreadsheet or by hand."""
     lines, comments = read_lines(path, "cam angle and lift")
     return _GaugeReader(path.name, lines).table(options or TableOptions(), comments)
 
 
 class _GaugeReader(CellTable):
-    """A file of readings; `table` makes numbers of its cells."""
+    """Reader of a file of gauge readings. `table` converts its cells to numbers."""
 
     def table(self, options: TableOptions, comments: list[tuple[int, str]]) -> GaugeTable:
-        """Return the table: headings to columns, cells to numbers."""
+        """Return the table, with columns by their headings and numbers from the cells."""
         if self.first is None:
             line, cells = max(self.rows[1:] or self.rows, key=lambda row: _count_digits(row[1]))
             only = ", of numbers only: units belong in the heading" if _count_digits(cells) else ""
@@ -150,7 +155,7 @@ class _GaugeReader(CellTable):
         return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes), base_radius)
 
     def _body(self, used: list[int]) -> tuple[list[tuple[int, list[str]]], list[str]]:
-        """Return the lines of readings, and a note on lines of text among or behind them."""
+        """Return the lines of readings, and a note on lines of text between or after them."""
         rows = self.rows[self.first :]
         text = [line for line, cells in rows if any(cells) and not count_numbers(cells)]
         body = [
@@ -167,7 +172,7 @@ class _GaugeReader(CellTable):
     def _assign(
         self, headings: list[Heading], options: TableOptions
     ) -> tuple[int, list[int], list[str]]:
-        """Return the columns of the angle and of the lifts, and notes on what was assumed."""
+        """Return the columns of the angle and of the lifts, and notes on the assumptions."""
         kinds: dict[str, list[int]] = {}
         for i, heading in enumerate(headings):
             kinds.setdefault(heading.quantity, []).append(i)
@@ -250,7 +255,10 @@ class _GaugeReader(CellTable):
         return factor, notes
 
     def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
-        """Refuse numbers as angles that leave out a part of the turn, if no word says angle."""
+        """Raise ConfigError if assumed angles do not cover the turn.
+
+        Assumed angles are numbers whose heading does not identify an angle.
+        """
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
             raise self.refused(
@@ -260,7 +268,7 @@ class _GaugeReader(CellTable):
             )
 
     def _guess_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
-        """Return the factor (rad) and the name of the unit that the range of the angles means."""
+        """Return factor (rad) and name of the unit that the range of angles indicates."""
         span = max(angles) - min(angles)
         is_phase = PHASE_WORDS.search(heading.text) is not None
         if is_phase and MIN_PHASE_RANGE <= span <= MAX_PHASE_RANGE:
@@ -286,7 +294,10 @@ class _GaugeReader(CellTable):
     def _stated_base_radius(
         self, comments: list[tuple[int, str]]
     ) -> tuple[float | None, list[str]]:
-        """Return the base radius (m) that a line in front of the numbers states, and a note."""
+        """Return the base radius (m) from a line before the numbers, and a note.
+
+        It is None, without a note, if the lines do not state it.
+        """
         title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
         for line, text in sorted([*title, *comments]):
             match = BASE_RADIUS.search(text)
@@ -301,7 +312,7 @@ class _GaugeReader(CellTable):
 
 
 def widest_gap(angles: FloatArray) -> tuple[float, float]:
-    """Return start and span (rad) of the longest stretch without readings.
+    """Return start and span (rad) of the longest range without readings.
 
     `angles` are in rising order, within one turn.
     """

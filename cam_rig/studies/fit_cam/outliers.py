@@ -1,4 +1,4 @@
-"""Outliers of gauge readings: readings that their neighbours, or a law, contradict."""
+"""Outliers: gauge readings that their neighbours, or a law, contradict."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from cam_rig.studies.fit_cam.gauge_table import widest_gap
 from cam_rig.studies.fit_cam.shifted_runs import find_shifted_runs, require_no_slip
 from cam_rig.units import TURN, FloatArray, rms
 
-#: An outlier is so many scatters from what its neighbours say, and so many times farther than any
-#: reading that is none: the few places where the law itself is not smooth come in numbers.
+#: Smallest distance of an outlier from its neighbours, in scatters, and smallest ratio to the
+#: distance of the next reading. A kink of the law has several readings at similar distances.
 OUTLIER, OUTLIER_ALONE = 6.0, 2.0
-#: Slips, at most: of all readings, and in parts of them. More is another kind of error.
+#: Largest number of outliers, and largest number as a fraction of the readings. A larger number is
+#: not caused by single slips.
 MOST_OUTLIERS, MOST_OUTLIERS_PART = 10, 0.05
 
 
@@ -36,10 +37,11 @@ MIN_SUBSET = 120
 
 
 def without_outliers(readings: Readings) -> Readings:
-    """Return the readings without those that look like outliers of the gauge or of the pen.
+    """Return the readings without outliers.
 
-    Outliers of several readings next to each other shield each other, so the search for a width of
-    n takes every n-th reading: of these, one outlier at most is next to good readings.
+    Outliers are slips of the gauge, or errors in writing down a reading. Outliers next to each
+    other hide each other. The search for outliers that are n readings wide therefore takes every
+    n-th reading, so that each outlier has good neighbours.
     """
     require_no_slip(readings)
     outliers = find_shifted_runs(readings)
@@ -69,9 +71,10 @@ def without_outliers(readings: Readings) -> Readings:
 
 
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
-    """Mark readings next to outliers that are as far off, up to runs of `width` readings.
+    """Mark readings next to outliers that are outliers too.
 
-    They are compared with good readings that are `width` apart.
+    A run of outliers has at most `width` readings. Each reading is compared with good readings
+    that are `width` readings apart.
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)
@@ -88,13 +91,16 @@ def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int)
 
 
 def _run_with(outliers: NDArray[np.bool_], index: int) -> int:
-    """Return the number of outliers next to each other around the turn if `index` was one."""
+    """Return the number of outliers in a row, including the reading `index`."""
     ahead, behind = np.roll(outliers, -index - 1), np.roll(outliers, -index)[::-1]
     return 1 + int(np.argmin(ahead)) + int(np.argmin(behind))
 
 
 def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
-    """Return the positions in `subset` of outliers that are next to good readings of it."""
+    """Return the positions in `subset` of its outliers.
+
+    Outliers are found only if their neighbours in `subset` are good readings.
+    """
     most = most_outliers(subset.size)
     kept = np.arange(subset.size)
     angles, lifts = readings.angles[subset], readings.lifts[subset]
@@ -117,10 +123,12 @@ def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[in
 
 
 def is_summit(readings: Readings, index: int) -> bool:
-    """Whether a reading beyond all others is where three on either side of it lead at least.
+    """Return True if a reading beyond all others is the tip of a sharp nose.
 
-    So is the tip of a nose that is sharper than the readings stand apart, and no slip on a round
-    one: a parabola through those on one side ends below it.
+    On each side, the parabola through the three nearest readings is extended to the angle of the
+    reading. Both reach at least its lift if the nose is sharper than the distance of the readings.
+    A slip on a round nose is beyond them. The result is False if the reading is not beyond all
+    others.
     """
     lifts, count = readings.lifts, readings.lifts.size
     others = np.delete(lifts, index)
@@ -133,7 +141,7 @@ def is_summit(readings: Readings, index: int) -> bool:
 
 
 def with_outliers(readings: Readings) -> Readings:
-    """All readings, the outliers among them."""
+    """Return all readings, including the outliers."""
     before = readings.outliers
     angles = np.append(readings.angles, [one.angle for one in before])
     lifts = np.append(readings.lifts, [one.lift - readings.zero for one in before])
@@ -143,9 +151,10 @@ def with_outliers(readings: Readings) -> Readings:
 
 
 def judged_by(readings: Readings, law: Callable[[FloatArray], FloatArray]) -> Readings:
-    """All readings, without those that look like outliers beside a law through them.
+    """Return all readings without those that are outliers from a law through them.
 
-    The law (m) of angles (rad) may bend and kink as it likes: no neighbour is asked.
+    `law` returns lifts (m) at angles (rad). It may have kinks, because the readings are not
+    compared with their neighbours.
     """
     whole = with_outliers(readings)
     beside = whole.lifts - law(whole.angles)
@@ -165,7 +174,12 @@ def _leaving(
     named: Sequence[int] | NDArray[np.int64] = (),
     beside: Sequence[float] | FloatArray = (),
 ) -> Readings:
-    """The readings that are left, the others named with how far they are off (m)."""
+    """Return the readings `left`, with the readings `named` as their outliers.
+
+    `left` and `named` are indices.
+
+    `beside` are the distances (m) of the outliers from their neighbours or from the law.
+    """
     lifts = readings.lifts + readings.zero
     outliers = (
         Outlier(int(readings.lines[i]), float(readings.angles[i]), float(lifts[i]), float(off))
@@ -182,16 +196,19 @@ def _leaving(
 
 
 def _scattered(indices: list[int], count: int) -> bool:
-    """Whether no two readings are neighbours: several in a row are where the law is not smooth."""
+    """Return True if no two readings are close, in a turn of `count` readings.
+
+    Several readings close to each other indicate that the law is not smooth.
+    """
     apart = np.abs(np.subtract.outer(indices, indices))
     apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
     return bool(apart.min() >= WINDOW // 2)
 
 
 def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int = 1) -> float:
-    """Return the distance (m) of a reading from the polynomial through six good neighbours.
+    """Return the distance (m) of a reading from a polynomial through neighbours.
 
-    Three are on either side, and `stride` readings apart.
+    There are three good neighbours on either side, `stride` readings apart.
     """
     ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     order = np.argsort(ahead)
@@ -206,7 +223,10 @@ def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int
 
 
 def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
-    """The lift (m) at a reading's angle of the polynomial through others."""
+    """Return the lift (m) of a polynomial at the angle of the reading `index`.
+
+    The polynomial goes through the readings `near`.
+    """
     x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
     return float(np.dot(lagrange, readings.lifts[near]))

@@ -1,8 +1,8 @@
-"""Runs of gauge readings that are all off by the same length, and slips of the gauge.
+"""Runs of gauge readings with the same shift, and slips of the gauge.
 
 A speck of dirt shifts several readings next to each other. The shift is fitted together with a
-polynomial through these readings and their neighbours. It is accepted if what is left is scatter,
-which is not the case at a kink of the law.
+polynomial through these readings and their neighbours. It is accepted if the residuals are as
+small as the scatter, which is not the case at a kink of the law.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from cam_rig.laws.spline import WINDOW, differences
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import TURN
 
-#: Largest number of readings of a run, and its longest span (rad): the law inside of a longer run
-#: does not follow from the readings next to it.
+#: Largest number of readings of a run, and its longest span (rad). The law inside a longer run does
+#: not follow from the readings next to it.
 MAX_RUN, MAX_RUN_SPAN = 32, math.radians(15.0)
 #: Number of readings on either side that are fitted with a run, and with a slip.
 RUN_FLANK, SLIP_FLANK = 5, 8
@@ -31,20 +31,24 @@ RUN_DEGREE, SLIP_DEGREE = 5, 4
 EDGE = 4.0
 #: Smallest shift, in its standard errors.
 MIN_ERRORS = 8.0
-#: The shortest run is taken whose significance is this part of the largest: good readings between
-#: two specks look like a longer run.
+#: Smallest significance of a run, as a fraction of the largest. Of these runs the shortest is
+#: taken, because good readings between two specks look like a longer run.
 MIN_PART = 0.7
 #: Largest difference of a slip and of its return, in standard errors.
 MAX_DIFFERENCE = 4.0
-#: Largest residual about the polynomial and the shift, r.m.s. in scatters.
+#: Largest residual of the polynomial with the shift, r.m.s. in scatters.
 MAX_RESIDUAL = 2.0
-#: Largest number of runs, and of edges that are examined: more are a property of the law.
+#: Number of runs from which on they are a property of the law, and largest number of edges that are
+#: examined.
 MAX_RUNS, MAX_EDGES = 10, 120
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Shift (m) of the readings `indices`, its standard error and the residual, r.m.s. in m."""
+    """Shift of the readings `indices`, its standard error, and the residual.
+
+    All are in m. The residual is r.m.s.
+    """
 
     indices: NDArray[np.int64]
     shift: float
@@ -63,7 +67,10 @@ class Shift:
 
 
 def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
-    """Return the mask of readings in runs of two or more that are off by the same length."""
+    """Return the mask of readings in runs of two or more that have the same shift.
+
+    No reading is marked if there are `MAX_RUNS` runs or more.
+    """
     mask = np.zeros(readings.angles.size, dtype=np.bool_)
     for _ in range(MAX_RUNS):
         good = np.flatnonzero(~mask)
@@ -80,9 +87,10 @@ def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
 
 
 def require_no_slip(readings: Readings) -> None:
-    """Refuse readings with a step that returns where the table starts and ends.
+    """Raise ConfigError if the gauge, or its support, has moved between two readings.
 
-    The law has no such step, so the gauge or its support has moved between two readings.
+    The lift then has a step there, and the opposite step between the last and the first line of the
+    table. A law is smooth there.
     """
     count, lines = readings.angles.size, readings.lines
     ends = {int(lines.min()), int(lines.max())}
@@ -133,7 +141,10 @@ def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
 
 
 def _edges(readings: Readings, scatter: float) -> list[int]:
-    """Return the readings after which an edge may be: a difference across it is too large."""
+    """Return the indices of readings after which a run may start or stop.
+
+    A difference of readings across such an edge is above `EDGE`.
+    """
     found, counts = differences(readings.angles, readings.lifts)
     is_large = counts & (np.abs(found) > EDGE * scatter)
     half = WINDOW // 2
@@ -158,7 +169,7 @@ def _fit(
     degree: int,
     scatter: float,
 ) -> Shift:
-    """Return the shift of some readings of a window, fitted together with a polynomial."""
+    """Return the shift of some readings of a window, fitted with a polynomial."""
     count = readings.angles.size
     indices = window % count
     x = readings.angles[indices] + TURN * (window // count)

@@ -1,4 +1,4 @@
-"""A spline with exact dwells through readings, within the error that the gauge has or shows."""
+"""Fit of a spline with exact dwells to readings, within the error of the gauge."""
 
 from __future__ import annotations
 
@@ -37,30 +37,54 @@ from cam_rig.studies.fit_cam.valve_events import (
 )
 from cam_rig.units import FloatArray
 
-#: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
-#: found too small makes a spline of many knots, one found too large hardly another one.
+#: Number of standard errors of the scatter that are added to it if the error of the gauge is not
+#: given. A tolerance that is too small gives many knots. One that is too large has little effect.
 MARGIN = 2.0
-#: Where no spline comes near enough, it is allowed so many times the distance, and again.
+#: Factor by which the tolerance is widened repeatedly, until there is a spline within it.
 WIDER = 2.0
 
 
-#: Readings wider apart than this (deg) leave the law between them to the spline.
+#: Largest median distance of readings (deg) that determine the law between them.
 WIDE_DEG = 5.0
-#: A reading is named where neighbours too contradict it by so many scatters, or all others do.
+#: Smallest distance of a reading from its neighbours, in scatters, above which its residual is
+#: compared with the scatter, and not only with the other residuals.
 CONTRADICTED = 2.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SplineFit(Result):
-    """What a spline through readings is, and how far it is from them; lengths in m.
+    """Spline through readings, and its residuals.
 
-    ``zero``: what the gauge showed at the lowest lift; ``scatter``: standard deviation of the
-    readings about a smooth law, by themselves; ``asked``: the gauge's error as it was given;
-    ``tolerance``: r.m.s. distance that the spline was allowed; ``widened``: whether that had to be
-    more than was asked for, or than the scatter: nearer, the spline would need nearly a knot a
-    reading; ``notes``: how the readings were read; ``assumed``: what no reading tells of a
-    file that was written; ``base_radius``: as an option or the table states it, else None;
-    ``valve_train``: of the valve events.
+    Attributes
+    ----------
+    readings
+        Readings that the spline is fitted to, without outliers.
+    zero
+        Reading of the gauge in m at the lowest lift.
+    scatter
+        Standard deviation in m of the readings about a smooth law, estimated without the spline.
+    asked
+        Given error of the gauge in m, None if it is not given.
+    tolerance
+        Allowed residual of the spline in m, r.m.s.
+    widened
+        True if the tolerance had to be larger than the given error, or than the scatter with its
+        margin. A spline within a smaller tolerance would need almost as many knots as there are
+        readings.
+    dwells
+        Dwells in the order of the cam angle. They are exact in the law.
+    smoothed
+        Pieces of the spline, number of its knots and residuals.
+    law
+        Fitted law, with the lowest lift 0.
+    notes
+        Sentences about the interpretation of the table.
+    assumed
+        Assumptions in the written cam file that no reading supports.
+    base_radius
+        Base radius in m from an option or from the table, otherwise None.
+    valve_train
+        Valve train of the valve events.
     """
 
     schema = "cam_rig.fit_spline.1"
@@ -143,12 +167,12 @@ class SplineFit(Result):
 
     @property
     def followed(self) -> bool:
-        """Whether the tolerance is the one asked for."""
+        """True if the tolerance is the given error of the gauge."""
         return self.asked is not None and self.tolerance == self.asked
 
     @property
     def worst(self) -> int:
-        """Which reading is farthest from the spline."""
+        """Index of the reading with the largest residual."""
         return int(np.argmax(np.abs(self._residuals)))
 
     @property
@@ -161,7 +185,7 @@ class SplineFit(Result):
         return abs(peak(self.law, 1).value), abs(peak(self.law, 2).value)
 
     def tables(self) -> list[Records]:
-        """How near the spline is to the readings, its dwells, and the readings left out."""
+        """Return the tables of the spline, its dwells, the outliers and the valve events."""
         name, outliers = self.readings.name, "Readings that look like outliers"
         return [
             self.table("spline", f"{name}: spline", [self], single=True, transposed=True),
@@ -179,11 +203,11 @@ class SplineFit(Result):
         )
 
     def summary(self) -> list[str]:
-        """How the readings were read, then what was found, not followed, or left out."""
+        """Return the notes on the readings, then the conclusions."""
         return [*self.notes, *self.conclusions()]
 
     def conclusions(self) -> Iterator[str]:
-        """The answer first: how far the law is from the readings."""
+        """Yield sentences on the result, the residuals first."""
         found, readings = self.smoothed, self.readings
         yield (
             f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
@@ -224,17 +248,19 @@ class SplineFit(Result):
                 f"{self.law.lift * 1e3:.4g} mm, the readings by {height * 1e3:.4g} mm. Read it "
                 "finer there, or take the shape arcs."
             )
-        else:  # the spline rings about a sharp nose, and good readings are far from it
+        else:  # near a sharp nose the spline oscillates, so good readings are far from it
             yield from farthest(readings, self._residuals, sizes)
         if readings.outliers or sizes.max() <= OUTLIER:
             yield left_out(readings)
 
     def _suspects(self) -> FloatArray:
-        """``(n,)`` sizes of residuals, in r.m.s. of all others, or in scatters if that is more.
+        """Return the relative sizes of the residuals, shape ``(n,)``.
 
-        The scatter is that of the readings alone: one that is off raises the spline's r.m.s. around
-        it. It measures only those that their neighbours contradict: a spline that is too smooth
-        somewhere is off whole rows of good readings.
+        The unit is the r.m.s. of the other residuals. If a reading is also contradicted by its
+        neighbours, the unit is the scatter of the readings, if that gives a larger size. An outlier
+        attracts the spline, which increases the residuals around it but not the scatter. A spline
+        that is too smooth has large residuals at many good readings in a row, and their neighbours
+        do not contradict them.
         """
         readings, residuals = self.readings, self._residuals
         bent, counts = differences(readings.angles, readings.lifts)
@@ -244,7 +270,11 @@ class SplineFit(Result):
 
 
 def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
-    """Fit readings in order; ``asked`` is the gauge's error (m), else their scatter is taken."""
+    """Fit a spline with exact dwells to readings in rising order of the angle.
+
+    `asked` is the error of the gauge in m (default: the scatter of the readings). Outliers are left
+    out. Raises ConfigError or LawError if no spline fits the readings.
+    """
     kept = without_outliers(readings)
     scatter = kept.scatter
     tolerance = _tolerance(kept, scatter, asked)
@@ -264,7 +294,10 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
 
 
 def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[float, Smoothed]:
-    """The spline, and the tolerance (m) that it took: a wider one where none is so near."""
+    """Return the tolerance (m) and the spline.
+
+    The tolerance is widened if no spline is within it.
+    """
     most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     while True:
         try:
@@ -276,7 +309,10 @@ def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[
 
 
 def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float:
-    """The one asked for, unless it lies below the scatter; the scatter and its error else."""
+    """Return the tolerance (m): `asked`, or the scatter plus a margin.
+
+    The scatter is also used instead of a given error that would make the spline follow the noise.
+    """
     most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     if asked is not None and not 0.0 < asked <= most:
         raise ConfigError(
@@ -306,14 +342,17 @@ def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
 
 
 def _zero(law: Law, rests: list[Rest], near: float) -> float:
-    """The level (m) of the lowest dwell, or the law's lowest where that is not near it."""
+    """Return the zero (m): the level of the lowest dwell, or the lowest lift.
+
+    The dwell is used if its level is less than `near` (m) above the lowest lift.
+    """
     lowest = extremes(law, 0)[0].value
     level = min((rest.level for rest in rests), default=lowest)
     return level if level - lowest < near else lowest
 
 
 def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
-    """Refuse a spline that goes far beyond its readings, or stays far below."""
+    """Raise LawError if the lift of the spline is far from the lift of its readings."""
     height = float(np.ptp(readings.lifts))
     if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * allowed:
         raise LawError(

@@ -1,4 +1,4 @@
-"""Readings to a fit, and a fit to files, as `fit_cam` and ``cam-rig new`` are asked."""
+"""Fit of a cam to tables of gauge readings, and the files of the fitted cam."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cam_rig.studies.fit_cam.gauge_table import (
 from cam_rig.studies.fit_cam.spline_fit import SplineFit, fit_spline
 from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS, ValveTrain
 
-#: Of several followers the one that a cam's file has.
+#: Types of followers in order of preference, for the cam file of readings of several followers.
 FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 
@@ -34,8 +34,8 @@ FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 class FitRequest:
     """Options of a fit.
 
-    `take_first` fits the first of several columns of lifts, and reports it, instead of refusing
-    them.
+    If `take_first` is True, a spline is fitted to the first of several columns of lifts, and a note
+    reports it. Otherwise several columns raise ConfigError.
     """
 
     shape: Literal["spline", "arcs"] = "spline"
@@ -51,7 +51,7 @@ class FitRequest:
     take_first: bool = False
 
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
-        """Read the files and fit."""
+        """Return the fit of the readings in the files."""
         arcs = self.shape == "arcs"
         self._require_apart(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
@@ -80,7 +80,11 @@ class FitRequest:
         return replace(found, notes=tuple(notes), base_radius=radius, valve_train=self.valve_train)
 
     def files(self, found: SplineFit | ArcsFit, name: str) -> CamFiles:
-        """Return a fit as the files of a cam, by default with a roller if there is one."""
+        """Return the files of a fitted cam.
+
+        Without a given follower, the type is the first of `FOLLOWERS` that a fit of arcs has, or a
+        roller for a spline.
+        """
         kind = self.followers[0] if len(self.followers) == 1 else None
         if isinstance(found, ArcsFit):
             require_told(found, named=bool(self.followers))
@@ -90,14 +94,20 @@ class FitRequest:
         return spline_cam(name, found, kind or "roller", found.base_radius, self.roller_radius)
 
     def _with_stated_base_radius(self, tables: list[GaugeTable]) -> FitRequest:
-        """Return the request with the base radius that a table states if it has none."""
+        """Return the request with the base radius that a table states.
+
+        The request is unchanged if it has a base radius, or if no table states one.
+        """
         stated = [table.base_radius for table in tables if table.base_radius is not None]
         if self.base_radius is not None or not stated:
             return self
         return replace(self, base_radius=stated[0])
 
     def _require_lifts(self, table: GaugeTable, column: GaugeColumn) -> None:
-        """Refuse radii, unless they are of a point follower, whose lift is the radius."""
+        """Raise ConfigError for radii of a follower other than a point follower.
+
+        The lift of a point follower is the radius minus the base radius.
+        """
         if column.is_radius and self.followers != ("point",):
             raise ConfigError(
                 f"{table.file}: {column.name!r} is a radius, which is a lift for a point follower "
@@ -106,7 +116,7 @@ class FitRequest:
             )
 
     def _require_apart(self, files: int) -> None:
-        """Refuse options that are of the other shape, rather than pass one over."""
+        """Raise ConfigError for arguments that apply only to the other shape."""
         if self.shape == "arcs":
             if self.tolerance is not None:
                 raise ConfigError("--tolerance: is for --shape spline; allowed with arcs: none")
@@ -139,13 +149,19 @@ class FitRequest:
         return fit_arcs(columns, self._kinds(len(columns)), roller, base, known, self.flank)
 
     def _known(self, roller: float) -> Known:
-        """Which radii are given; without a roller the base's is all."""
+        """Return the name of the given radii: ``base``, ``roller`` or ``both``, or None.
+
+        Without a roller, a given base radius counts as both.
+        """
         if self.base_radius is None:
             return None if self.roller_radius is None else "roller"
         return "base" if self.roller_radius is None and roller else "both"
 
     def _kinds(self, columns: int) -> tuple[bool | None, ...]:
-        """Of each column whether its follower is flat, None where that is to be found."""
+        """Return for each column True if its follower is flat.
+
+        The entries are None if the fit determines the types.
+        """
         if len(self.followers) == columns:
             return tuple(one == "flat" for one in self.followers)
         if len(self.followers) > 1:
@@ -157,7 +173,7 @@ class FitRequest:
 
 
 class FitOptions(TypedDict, total=False):
-    """Options of `fit_cam` but the shape, which selects the class of the result."""
+    """Options of `fit_cam` except the shape, which selects the class of the result."""
 
     follower: FollowerKind | Sequence[FollowerKind] | None
     column: str | None
@@ -206,30 +222,41 @@ def fit_cam(
     checking_height: float | Sequence[float] = CHECKING_HEIGHTS,
     out: str | Path | None = None,
 ) -> SplineFit | ArcsFit:
-    r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings (``cam-rig fit cam``).
+    r"""Fit a spline with exact dwells, or tangent arcs, to gauge readings.
+
+    The command is ``cam-rig fit cam``.
 
     Parameters
     ----------
-    tables : a file of cam angles and readings, of arcs several
+    tables : file of cam angles and readings, or several files for arcs
     shape : ``spline`` or ``arcs``
-    follower : ``roller``, ``flat`` or ``point``, or one for each column of arcs (default: a roller,
-        of arcs the kind that fits)
-    column, angle_column : headings of the columns of lifts and of angles (default: by their words)
-    angle : ``cam`` or ``crank``, the shaft whose angle is read (default: by the heading, else cam)
+    follower : ``roller``, ``flat`` or ``point``, or for arcs a list with the type of each column
+        (default: a roller for a spline, the type that fits for arcs)
+    column, angle_column : headings of the columns of lifts and of angles (default: recognised by
+        their words)
+    angle : ``cam`` or ``crank``, the shaft whose angle is read (default: from the heading,
+        otherwise cam)
     counts : counts of an encoder per turn of that shaft, for a column of counts
     tolerance : error of the gauge, m (default: the scatter of the readings)
-    reverse : the cam was turned the other way
-    mirror : the table has half a lobe, from or to its nose
-    roller_radius, base_radius : m (default: assumed)
-    flank : ``straight`` or ``curved``, of arcs that are known
-    rocker_ratio, lash, checking_height : valve train of the valve events: lift of the valve per
-        lift of the cam, clearance and lifts of the valve, m
-    out : a new .yaml file for `load_cam`; ``assumed`` has the assumptions that no reading supports
+    reverse : True if the cam was turned in the opposite sense
+    mirror : True if the table contains half a lobe, with its nose at one end
+    roller_radius, base_radius : radii in m (default: assumed, or identified from the readings)
+    flank : ``straight`` or ``curved``, for arcs whose flank is known
+    rocker_ratio : lift of the valve per lift of the cam, for the valve events
+    lash : clearance of the valve, m
+    checking_height : lift of the valve in m, or several, at which opening and closing are reported
+    out : new .yaml file for `load_cam`. ``assumed`` of the result lists the assumptions that no
+        reading supports
+
+    Returns
+    -------
+    SplineFit of a spline, or ArcsFit of arcs.
 
     Raises
     ------
-    ConfigError : a table that cannot be read, or arguments that do not go together
-    LawError, OutputError : no law goes through the readings; ``out`` is there already
+    ConfigError : a table that cannot be read, or arguments that cannot be combined
+    LawError : no law fits the readings
+    OutputError : ``out`` exists already, or cannot be written
 
     Examples
     --------

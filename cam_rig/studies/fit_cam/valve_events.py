@@ -9,7 +9,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.passages import passages
 from cam_rig.units import TURN
 
-#: Checking heights of a valve (m): the usual ones of metric and of inch tables, 1 mm and 0.050 in.
+#: Usual checking heights of a valve (m) in metric and in inch tables: 1 mm and 0.050 in.
 CHECKING_HEIGHTS = (1e-3, 0.05 * 0.0254)
 
 
@@ -34,7 +34,7 @@ class ValveTrain:
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """Event of a valve: checking height in m, angles of the cam in rad.
+    """Opening and closing of a valve at a checking height (m), angles in rad.
 
     `lobe_centre` is the middle between opening and closing.
     """
@@ -47,8 +47,9 @@ class ValveEvent:
 
 
 def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
-    """Return the events at each checking height that the valve passes, by height and angle.
+    """Return the events at each checking height, by height and angle.
 
+    Heights that the valve does not reach are omitted.
     The lift of the valve is ratio · s - lash.
 
     Examples
@@ -65,7 +66,7 @@ def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
 
 
 def explain_missing_events(law: Law, train: ValveTrain) -> Iterator[str]:
-    """Yield the reason why checking heights have no event, a sentence each."""
+    """Yield sentences with the reason why checking heights are not reached."""
     lift = train.rocker_ratio * law.lift - train.lash
     if lift <= 0.0:
         yield (

@@ -1,4 +1,4 @@
-"""Readings of shipped laws, scaled to a lift, with the errors that gauges have."""
+"""Readings of shipped laws, scaled to a given lift, with typical errors of gauges."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ from cam_rig.units import TURN
 
 
 def all_around(count):
-    """Cam angles (rad) over one turn."""
+    """Return `count` equally spaced cam angles (rad) over one turn."""
     return np.linspace(0.0, TURN, count, endpoint=False)
 
 
 def in_order(angles, lifts, resolution=1e-9, **options):
-    """Readings (rad, m) as they come from a file, from line 2 on, put in order."""
+    """Return readings (rad, m) in order, as if read from line 2 of a file."""
     column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
     lines = tuple(range(2, 2 + len(angles)))
     table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
@@ -27,7 +27,10 @@ ANGLES = all_around(72)
 
 
 def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
-    """Readings of followers on a contour, the columns of ``reverse`` read backwards."""
+    """Return readings of followers on a contour.
+
+    The columns with the indices `reverse` are read with the cam turned backwards.
+    """
     rng = np.random.default_rng(seed)
     columns = []
     for i, follower in enumerate(followers):
@@ -38,7 +41,7 @@ def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
 
 @pytest.fixture(scope="session")
 def scaled(laws):
-    """A shipped law with a lift of 10 mm: a function of angle and order."""
+    """Function that scales a shipped law to a lift of 10 mm."""
 
     def of(name):
         factor = 0.01 / laws[name].lift
@@ -49,7 +52,10 @@ def scaled(laws):
 
 @pytest.fixture(scope="session")
 def measured(scaled):
-    """Readings in order of a shipped law, 10 mm of lift, with noise and a zero (m)."""
+    """Function that returns readings of a shipped law with noise and zero (m).
+
+    The lift of the law is 10 mm.
+    """
 
     def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None):
         lifts = scaled(name)(all_around(count)) + zero

@@ -1,4 +1,4 @@
-"""Tangent arcs through readings: the contour comes back, and intervals of 95 % hold the truth."""
+"""Fit of tangent arcs: the true contour is identified, and 95 % intervals contain it."""
 
 import math
 from dataclasses import replace
@@ -25,34 +25,37 @@ FOLLOWERS = {"roller": (ROLLER,), "flat": (FLAT,), "both": (ROLLER, FLAT), "smal
 FLANKS = {"straight": None, "convex": 0.09, "concave": -0.15}
 SHAPES = {name: Arcs(0.03, 0.01, flank, 0.012, 0.5) for name, flank in FLANKS.items()}
 CASES = [(shape, followers) for shape in SHAPES for followers in ("roller", "flat", "both")]
-#: Of these the usual assumption, 10 mm of roller and 30 mm of base, leaves no nose.
+#: Contours that have no nose if the usual radii are assumed: roller 10 mm and base circle 30 mm.
 SHAPES |= {"sharp": Arcs(0.02, 0.012, None, 0.002, 0.5), "big": Arcs(0.06, 0.012, 0.15, 0.008, 0.5)}
 NO_NOSE = [("sharp", "small"), ("big", "flat")]
 
 
 def curvature(radius):
-    """1/radius, so that an interval over a straight flank is one stretch."""
+    """Return 1/radius, in which an interval that contains a straight flank is contiguous."""
     with np.errstate(divide="ignore"):
         return float(1.0 / np.float64(radius))
 
 
 def holds(fit, pitch, index):
-    """Whether the interval of a number holds the truth; None where it has none."""
+    """Return True if the interval of a number contains the truth, None without an interval."""
     told, truth = fit.told[index], fit.best.search.form.coordinates(pitch)[index]
     if told.held:
         return None
     if index not in (PRIME, FLANK):
         return told.low <= truth <= told.high
-    if told.high == np.inf and truth <= 0.0:  # a flat face: straight or concave
+    if told.high == np.inf and truth <= 0.0:  # under a flat follower: straight or concave
         return True
     return curvature(told.high) <= truth <= curvature(told.low)
 
 
 def coverage(shape, followers, copies):
-    """Part of noisy copies whose interval holds the truth, NaN of a number that is held."""
+    """Return the fraction of noisy copies whose interval contains the truth.
+
+    It is NaN for a number that is given or assumed.
+    """
     arcs, kinds = SHAPES[shape], FOLLOWERS[followers]
     flats, fits = tuple(kind.flat for kind in kinds), []
-    for seed in range(copies):  # every 5° with 20 µm, as the commands take them
+    for seed in range(copies):  # every 5° with noise of 20 µm, processed as by the commands
         read = map(above_zero, readings_of(arcs, *kinds, noise=2e-5, seed=seed))
         fits.append(fit_arcs(tuple(read), flats, 0.01, 0.03))
     pitch = arcs.grown(kinds[0].roller_radius)
@@ -63,7 +66,7 @@ def coverage(shape, followers, copies):
 @pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
-    """Between 90 and 99 % of the intervals of each number: docs/accuracy.md."""
+    """The intervals of each number contain the truth in 90 to 99 % of copies (docs/accuracy.md)."""
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
     print(f"| {shape} | {followers} | {' | '.join(cells)} |")
@@ -72,7 +75,7 @@ def test_200_copies(shape, followers):
 
 @pytest.mark.parametrize(("shape", "followers"), NO_NOSE)
 def test_an_assumed_radius_bounds_nothing(shape, followers):
-    """Where it leaves no nose another is assumed, and said; the intervals hold what lifts tell."""
+    """A radius that leaves no nose is replaced and reported. The intervals contain the truth."""
     arcs, (kind,) = SHAPES[shape], FOLLOWERS[followers]
     fit = fit_arcs(readings_of(arcs, kind, noise=1e-5, seed=1), (kind.flat,), 0.01, 0.03)
     assert fit.rms < 1.5e-5
@@ -85,7 +88,7 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
 
 
 def test_a_given_base_radius_is_judged_when_the_fit_is_done():
-    """Not while a trial has a slip put back, whose contour has another prime radius."""
+    """It is not checked in trials that include an outlier, because their prime radius differs."""
     angles = all_around(120)
     lifts = Arcs(0.03, 0.008, 0.12, 0.010, 0.3).lifts(ROLLER, angles)
     lifts += 2e-5 * np.random.default_rng(0).standard_normal(angles.size)
@@ -97,7 +100,7 @@ def test_a_given_base_radius_is_judged_when_the_fit_is_done():
 
 
 def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
-    """The roller is what the base leaves of the sum, 22 mm, and smaller than the nose's, 4 mm."""
+    """Base and roller radius add up to 22 mm. Nose and roller radius add up to 4 mm."""
     columns, nose = readings_of(SHAPES["sharp"], SMALL), r"above 18(\.0\d*)? mm, for nose"
     for base, words in ((0.025, "below base and roller"), (0.015, nose)):
         with pytest.raises(ConfigError, match=words):
@@ -105,7 +108,7 @@ def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
 
 
 def test_readings_of_another_shape_are_not_blamed():
-    """A roller's taken for a flat follower's: the shape is wrong, no reading is named."""
+    """Readings of a roller, fitted as flat: the conclusions blame the shape, not a reading."""
     columns = readings_of(Arcs(0.02, 0.012, None, 0.008, 0.5), ROLLER, noise=2e-6)
     wrong, right = (fit_arcs(columns, (flat,), 0.01, 0.03) for flat in (True, False))
     words = " ".join(wrong.conclusions())
@@ -115,7 +118,7 @@ def test_readings_of_another_shape_are_not_blamed():
 
 
 def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
-    """6 mm given, where nose and roller have 4 mm together: what is told without it is named."""
+    """The given radius is 6 mm, but nose and roller add up to 4 mm. The interval is reported."""
     columns = readings_of(SHAPES["sharp"], SMALL, noise=1e-5)
     wrong = fit_arcs(columns, (False,), 0.006, 0.03, "roller")
     assert wrong.roller_radius == 0.006
@@ -124,12 +127,12 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
     assert low < 4.0 < high < 4.5
 
 
-# Through readings: the GL 110's table, and contours made at random.
+# Fits to the table of the GL 110, and to random contours.
 
 
 @pytest.fixture(scope="module")
 def gl110(config_dir):
-    """Both columns of the shipped table."""
+    """Readings of both columns of the shipped table."""
     table = read_gauge_table(config_dir / "cams" / "gunt_gl110_convex.csv")
     return tuple(above_zero(put_in_order(table, column)) for column in table.columns)
 
@@ -140,7 +143,7 @@ def gl110_fit(gl110):
 
 
 def random_arcs(seed):
-    """A convex contour that a flat face can follow, the nose anywhere."""
+    """Return a random convex contour for a flat follower, with the nose at any angle."""
     rng = np.random.default_rng(seed)
     base, lift = rng.uniform(0.02, 0.05), rng.uniform(0.006, 0.014)
     nose = rng.uniform(0.3, 0.7) * base
@@ -149,10 +152,10 @@ def random_arcs(seed):
 
 
 def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
-    """66 readings with five numbers, to 0.07 mm; every other kind leaves ten times as much.
+    """Five numbers describe 66 readings within 0.07 mm r.m.s., other followers ten times worse.
 
-    The shipped cam's numbers are those found, rounded; its law is the roller's readings within
-    0.063 mm: docs/own_cam.md.
+    The numbers of the shipped cam are those of the fit, rounded. Its law is 0.063 mm r.m.s. from
+    the readings of the roller: see docs/own_cam.md.
     """
     assert sum(column.away.size for column in gl110_fit.fitted_columns) == 66
     assert sum(math.isfinite(told.error) for told in gl110_fit.told) == 5
@@ -170,7 +173,7 @@ def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
 
 
 def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit):
-    """Another roller radius: the same lifts, the same five numbers; and that is said."""
+    """Another roller radius gives the same lifts and numbers. The fit reports the ambiguity."""
     roller = 0.016
     other = fit_arcs(gl110, (False, True), roller, 0.03)
     assert other.rms == pytest.approx(gl110_fit.rms, rel=1e-6)
@@ -184,7 +187,10 @@ def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit):
     ("seed", "kinds"), [(1, (False, True)), (0, (None, None)), (3, (False, True))]
 )
 def test_a_random_contour_comes_back(seed, kinds):
-    """Exact lifts of two columns, unnamed or not, one read backwards: kinds, sense, numbers."""
+    """Types of followers, turning sense and numbers are identified from two columns of lifts.
+
+    One column is read backwards. The types are given or not.
+    """
     arcs = random_arcs(seed)
     columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
     fit = fit_arcs(columns, kinds, 0.01, 0.03)
@@ -197,7 +203,7 @@ def test_a_random_contour_comes_back(seed, kinds):
 
 
 def test_a_flat_follower_alone_tells_differences():
-    """Its lifts are the same for any base radius, so one is taken; no error is given for it."""
+    """Its lifts are the same for any base radius, so the radius is assumed, without an interval."""
     arcs = random_arcs(2)
     columns = readings_of(arcs, FLAT)
     one, other = (fit_arcs(columns, (True,), 0.01, base) for base in (0.03, 0.06))
@@ -210,7 +216,7 @@ def test_a_flat_follower_alone_tells_differences():
 
 
 def test_a_point_tells_all():
-    """Without a roller nothing is a sum."""
+    """Without a roller, all numbers are identifiable, because no sum of radii is involved."""
     arcs = random_arcs(1)
     fit = fit_arcs(readings_of(arcs, ArcFollower(False, 0.0)), (False,), 0.0, 0.03)
     assert fit.arcs.base_radius == pytest.approx(arcs.base_radius, rel=1e-4)
@@ -218,7 +224,7 @@ def test_a_point_tells_all():
 
 
 def test_a_tangent_cam_under_both_followers():
-    """A flat face bridges a straight flank: both columns tell it is straight, and the radii."""
+    """A flat follower bridges a straight flank. Both columns identify its shape and the radii."""
     arcs = Arcs(0.03, 0.01, None, 0.012, 0.5)
     fit = fit_arcs(readings_of(arcs, ROLLER, FLAT, noise=1e-4), (False, True), 0.01, 0.03)
     assert fit.arcs.flank == "straight"
@@ -227,7 +233,10 @@ def test_a_tangent_cam_under_both_followers():
 
 
 def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
-    """A roller alone with 0.1 mm does not tell straight from curved; the interval says so."""
+    """A roller with noise of 0.1 mm does not distinguish a straight flank from a curved flank.
+
+    The interval of the flank radius contains a straight flank.
+    """
     arcs = Arcs(0.03, 0.01, 1.0, 0.012, 0.5)
     columns = readings_of(arcs, ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03)
@@ -242,7 +251,7 @@ def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
 
 
 def test_lifts_under_a_roller_alone_do_not_tell_the_base_radius():
-    """A curved flank, 0.1 mm: the prime radius has no upper end, so no file is written of it."""
+    """With noise of 0.1 mm the prime radius has no upper limit, and no file is written."""
     columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
     assert fit.told[0].high == math.inf
@@ -258,7 +267,7 @@ def test_lifts_under_a_roller_alone_do_not_tell_the_base_radius():
 
 
 def test_a_column_that_any_follower_may_have_made():
-    """A flat follower's lifts are a roller's on a huge cam: the kind is asked for, not chosen."""
+    """Lifts of a flat follower could be those of a roller on a huge cam: the type is required."""
     columns = readings_of(Arcs(0.03, 0.01, 0.2, 0.012, 0.5), FLAT, noise=1e-4)
     fit = fit_arcs(columns, (None,), 0.01, 0.03)
     assert fit.unclear_kinds is not None
@@ -267,7 +276,7 @@ def test_a_column_that_any_follower_may_have_made():
 
 
 def test_the_farthest_reading_is_named_with_its_line():
-    """One of 72 readings is 0.1 mm off, five times the others' scatter: not left out, but named."""
+    """A reading is off by 0.1 mm, five times the scatter: it is reported, but not left out."""
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.5)
     (column,) = readings_of(arcs, ROLLER, noise=2e-5)
     lifts = column.lifts.copy()
@@ -278,9 +287,12 @@ def test_the_farthest_reading_is_named_with_its_line():
 
 
 def readings_of_a_bridge(seed, slips=()):
-    """A flat face that bridges the flanks, read so that each passage between base and nose is a
-    step of velocity: 36 to 360 readings, 1 to 50 µm; a slip of so many standard deviations where
-    the two readings on either side lie on one circle with it; and where that is."""
+    """Return readings of a flat follower that bridges the flanks, and the lines of their slips.
+
+    Each passage between base circle and nose is a step of velocity. There are 36 to 360 readings
+    with noise of 1 to 50 µm. `slips` are in standard deviations. The two readings on either side of
+    a slip are on the same circle as the slip.
+    """
     rng = np.random.default_rng(seed)
     base, nose = rng.uniform(0.02, 0.05), rng.uniform(0.2, 0.7)
     flank = rng.choice([None, -rng.uniform(0.05, 0.3)])
@@ -300,10 +312,11 @@ def readings_of_a_bridge(seed, slips=()):
 @pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.long)])
 @pytest.mark.parametrize("slips", [(), (10.0,), (-10.0,), (-40.0,)])
 def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count, slips):
-    """Neighbours contradict a good reading there, and it hides a slip elsewhere: the arcs do not.
+    """Outliers are judged by the arcs, because neighbours contradict good readings at such a step.
 
-    No good reading is left out, and a slip is named, as an outlier or as the farthest from the
-    law. Of 10 standard deviations one in fifty may be missed: a lowest reading is then the zero.
+    No good reading is left out. A slip is reported, as an outlier or as the farthest from the law.
+    One slip in fifty of 10 standard deviations may be missed, because the lowest reading can be
+    taken as the zero.
     """
     missed = wrong = 0
     for seed in range(count):
@@ -316,4 +329,4 @@ def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count,
         words = " ".join(fit.conclusions())
         missed += not all(f"line {line} " in words for line in lines)
     assert missed <= count // 50
-    assert slips or wrong  # of good readings alone, the neighbours contradict some
+    assert slips or wrong  # without slips, neighbours contradict some good readings

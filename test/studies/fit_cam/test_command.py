@@ -1,6 +1,6 @@
-"""cam-rig fit cam and cam-rig new: from a table to numbers, files, and a run.
+"""Commands cam-rig fit cam and cam-rig new: from a table to numbers, files and a run.
 
-Files load, give the fitted law, and say where each number comes from.
+The files can be loaded, give the fitted law, and state the origin of each number.
 """
 
 import json
@@ -26,7 +26,7 @@ FINE = all_around(1000)
 
 
 def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
-    """cam-rig new, then simulate, vibration and profile on its files, as they are."""
+    """The files of cam-rig new work unchanged in simulate and profile."""
     monkeypatch.chdir(tmp_path)
     made = done("new", "mine", "--from-csv", lift_table)
     for words in ("separator semicolon, decimal comma", "assumed: follower roller", "mine.csv"):
@@ -41,7 +41,7 @@ def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
 
 
 def test_new_asks_nothing(tmp_path, monkeypatch):
-    """Of two columns the first is taken, and that is said; the gap in the readings too."""
+    """The first of two columns is taken. A note reports this, and the gap in the readings."""
     monkeypatch.chdir(tmp_path)
     made = done("new", "gl110", "--from-csv", GL110)
     assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
@@ -51,7 +51,7 @@ def test_new_asks_nothing(tmp_path, monkeypatch):
 
 
 def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
-    """Distance, knots, outlier and what was not followed; JSON, CSV, picture and cam."""
+    """Residuals, outliers, dwells and the rejected tolerance are reported and written."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
     result = done("fit", "cam", lift_table, "--tolerance", 0.0005, *files)
@@ -72,7 +72,7 @@ def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
 
 
 def test_one_column_under_a_named_follower():
-    """A column and a kind by name; the flat one alone tells no base radius."""
+    """Column and follower are given. A flat follower alone does not identify the base radius."""
     one = "--column", "lift_b_mm", "--follower", "flat"
     data = data_of("fit", "cam", GL110, "--shape", "arcs", *one)
     assert data["numbers"][0]["number"] == "base radius + roller radius"
@@ -82,7 +82,7 @@ def test_one_column_under_a_named_follower():
 
 
 def test_a_known_base_radius_gives_the_rollers(tmp_path):
-    """Only their sum is told, 44.52 mm: with 32 mm of base radius the roller has 12.52 mm."""
+    """Only the sum is identifiable, 44.52 mm: a base radius of 32 mm gives a roller of 12.52 mm."""
     data = data_of("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32")["arcs"]
     assert data["base_radius"] == pytest.approx(0.032, abs=1e-6)
     assert data["roller_radius"] == pytest.approx(0.012523, abs=2e-6)
@@ -91,7 +91,7 @@ def test_a_known_base_radius_gives_the_rollers(tmp_path):
 
 @pytest.mark.long
 def test_new_reads_every_file(tmp_path, monkeypatch):
-    """Two files of one column each are the cam of both columns, as fit cam has it."""
+    """Two files of one column each give the same cam as a file with both columns."""
     monkeypatch.chdir(tmp_path)
     rows = [line.split(",") for line in GL110.read_text().splitlines() if line[0] != "#"]
     for name, column in (("a", 1), ("b", 2)):
@@ -103,7 +103,7 @@ def test_new_reads_every_file(tmp_path, monkeypatch):
 
 
 def test_an_open_table_says_what_is_assumed(tmp_path):
-    """A table that ends before the fall: arcs mirror the rise, a spline refuses it."""
+    """A table stops before the fall: arcs mirror the rise, and a spline raises an error."""
     lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
     open_end = tmp_path / "open.csv"
     open_end.write_text("\n".join(lines[: lines.index("25,7.65,11.65") + 1]))
@@ -114,11 +114,11 @@ def test_an_open_table_says_what_is_assumed(tmp_path):
     assert "no reading for" in refused.stderr
 
 
-# A fit as files.
+# Files of a fit.
 
 
 def written(files, folder):
-    """The cam as it is read back."""
+    """Write the files to a folder and return the cam that is loaded from them."""
     for name, text in files.texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     return load_cam(folder / next(iter(files.texts)))
@@ -128,7 +128,7 @@ def written(files, folder):
     ("name", "kind"), [("poly345", "roller"), ("bezier15", "flat"), ("arcs_convex", "point")]
 )
 def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
-    """Read back: the law to a nanometre, dwells exact, and a contour that passes its checks."""
+    """The loaded law is within 20 nm of the fit, has its dwells, and passes the checks."""
     fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
     files = spline_cam("mine", fit, kind)
     cam = written(files, tmp_path)
@@ -142,7 +142,7 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
 
 
 def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(measured):
-    """1 mm under 10 mm of lift, as asked: it is written, and not called assumed."""
+    """A given base radius of 1 mm with a lift of 10 mm is written, and a better value suggested."""
     fit = fit_spline(measured("poly345"))
     files = spline_cam("mine", fit, "roller", 1e-3)
     (words,) = (one for one in files.assumed if "checks" in one)
@@ -153,7 +153,7 @@ def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(mea
 
 
 def test_origins_are_told_apart(measured, tmp_path):
-    """The gauge's error is given, what was fitted identified, what nobody read assumed."""
+    """Options are given, results of the fit identified, and all other numbers assumed."""
     readings = measured("poly345")
     given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
     assert given.segments[0].tolerance.origin == "given"
@@ -171,7 +171,7 @@ def test_origins_are_told_apart(measured, tmp_path):
 
 @pytest.mark.parametrize("flank", [0.09, None, -0.15])
 def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
-    """The law of the file is the arcs' lift, turned so that the nose is at 180°."""
+    """The law of the file is the lift of the arcs, shifted so that the nose is at 180°."""
     arcs = Arcs(0.03, 0.01, flank, 0.012, 0.7)
     fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
     files = arcs_cam("mine", fit, "roller")
@@ -182,7 +182,7 @@ def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
 
 
 def test_the_radius_that_was_given_is_given():
-    """Of base and roller radius one may be known beside the readings; the other is then found."""
+    """If base or roller radius is given, the readings identify the other radius."""
     readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
     for known, base, rolling in (
         (None, "identified", "assumed"),
@@ -198,7 +198,7 @@ def test_the_radius_that_was_given_is_given():
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
 def test_digits_are_those_that_readings_tell(noise):
-    """Radii of a file have few digits, the interval beside them, and are as near to readings."""
+    """Radii in a file have few digits and an interval. Rounding hardly changes the residuals."""
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
     readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
     fit = fit_arcs(readings, (False, True), 0.01, 0.03)
@@ -211,7 +211,7 @@ def test_digits_are_those_that_readings_tell(noise):
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
-    """Every number of the rig is assumed; the speeds go beyond the jump speed, and are few."""
+    """Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm."""
     like = load_rig(config_dir / "rigs" / "tm21.yaml")
     (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
     rig = load_rig(tmp_path / "rig.yaml")
@@ -227,11 +227,11 @@ def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
     assert list(speeds) == sorted(speeds)
     assert len(speeds) == 5
     heavy = own_scene("mine", law, rig.with_follower(preload=1e9))[1]
-    assert max(heavy) <= 20_000.0  # no speed lifts it off, and none is huge
+    assert max(heavy) <= 20_000.0  # the jump speed is far above this limit
 
 
 def test_a_coarse_gauge_is_read_back(measured, tmp_path):
-    """0.1 mm of noise on 10 mm: the points rise by more than their law, and the cam loads."""
+    """With noise of 0.1 mm the points have a larger lift than their law. The cam can be loaded."""
     fit = fit_spline(measured("flat", noise=1e-4))
     law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
     assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)

@@ -1,4 +1,4 @@
-"""Readings put in order: outliers found, good ones kept; the dwells that are there, no others."""
+"""Gauge readings: order, outliers and dwells, and the spline that is fitted to them."""
 
 import numpy as np
 import pytest
@@ -30,14 +30,14 @@ def ordered(degrees, lifts=None, **kwargs):
     "degrees", [STEPS, STEPS[::-1], STEPS - 180.0, STEPS + 720.0, np.roll(STEPS, 7), -STEPS]
 )
 def test_any_order_and_range_is_one_turn(degrees):
-    """Falling, negative, several turns on: lift over angle is the same."""
+    """Falling, negative or large angles do not change the lift over the angle."""
     found = ordered(degrees)
     assert np.degrees(found.angles) == pytest.approx(STEPS, abs=1e-9)
     assert found.lifts == pytest.approx(lift(STEPS), abs=1e-15)
 
 
 def test_falling_angles_and_a_reversed_cam_are_told():
-    """Falling rows change nothing; --reverse mirrors the law; both are said."""
+    """Falling angles do not change the law, --reverse mirrors it, and notes report both."""
     lifts = 0.001 * np.arange(36.0)[::-1]
     same, mirrored = (ordered(STEPS[::-1], lifts, reverse=reverse) for reverse in (False, True))
     assert "angles fall in the file" in same.notes[0]
@@ -47,7 +47,7 @@ def test_falling_angles_and_a_reversed_cam_are_told():
 
 @pytest.mark.parametrize("last", [360.0, 360.0 - 1e-9])
 def test_a_closing_reading_is_averaged(last):
-    """0° and 360°, or a hair below: one reading of their mean."""
+    """Readings at 0° and at 360°, or slightly below, are replaced by their mean."""
     lifts = lift(CLOSED)
     lifts[-1] += 1e-9
     found = ordered(np.append(STEPS, last), lifts)
@@ -57,7 +57,7 @@ def test_a_closing_reading_is_averaged(last):
 
 
 def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
-    """The message has both lines, the difference and the cause that the order of angles shows."""
+    """The message contains both lines, the difference, and the likely cause."""
     moved = np.where(CLOSED == 360.0, 4e-4, 0.0)
     there_and_back = np.concatenate([STEPS, STEPS[::-1]])
     backlash = np.where(np.arange(72) < 36, 1e-4, -1e-4) * np.sign(
@@ -77,7 +77,7 @@ def test_readings_of_one_angle_that_differ_are_refused_with_their_cause():
 
 @pytest.mark.parametrize("mark", [(999.0, 0.999), (-1.0, -0.999), (0.0, 0.1)])
 def test_an_end_mark_is_named(mark):
-    """A last line that is far from the others is not a reading; the message has its numbers."""
+    """A last line that is far from the others is not a reading, and the message reports it."""
     degrees = np.append(np.arange(30.0, 330.0, 10.0), mark[0])
     lifts = np.append(lift(degrees[:-1]), mark[1])
     with pytest.raises(ConfigError, match=r"line 32 .*looks like an end mark; allowed: readings"):
@@ -85,7 +85,7 @@ def test_an_end_mark_is_named(mark):
 
 
 def test_a_table_that_does_not_return_is_refused():
-    """The table of an indexing drive names its first and last line."""
+    """The message on the table of an indexing drive contains its first and last line."""
     words = r"from 0 mm \(line 2\) to 10 mm \(line 38\) over the turn and does not return"
     with pytest.raises(ConfigError, match=words):
         ordered(CLOSED, 0.01 * (CLOSED / 360.0 - np.sin(np.radians(CLOSED)) / (2.0 * np.pi)))
@@ -107,13 +107,13 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
-    """At the far end it must rest, and its nose must be within a step of the last reading."""
+    """It must rest at its far end, and its nose must be within a step of the last reading."""
 
     def mirror(start, end):
         half = np.arange(start, end + 1e-9, step)
         lifts = 0.008 * np.maximum(1.0 - (half / 65.0) ** 2, 0.0) ** 3
         lifts += np.random.default_rng(0).normal(scale=noise, size=half.size)
-        lifts[0] += 4.0 * noise  # the largest
+        lifts[0] += 4.0 * noise  # so that this reading is the largest
         return ordered(235.0 - half, lifts, mirror=True)
 
     for start, end in ((0.0, 65.0), (0.0, 90.0), (0.0, 170.0), (0.5 * step, 90.0)):
@@ -126,7 +126,7 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
 
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
-    """Specks of 50 µm on several readings each, of any width; no other reading is left out."""
+    """Specks of 50 µm on several readings are found, and no other reading is left out."""
     places = [100, 700, 1500]
     specks = {place + i: 5e-5 for place in places for i in range(width)}
     found = without_outliers(measured("cycloidal", 1800, outliers=specks))
@@ -158,7 +158,7 @@ def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("place", [90, 180, 300])
 def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
-    """A step that returns at the end of the table. The message has the lines next to it."""
+    """The slip is a step that returns at the end of the table. The message has its lines."""
     slip = dict.fromkeys(range(place, 360), sign * 5e-5)
     words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
     for name in ("poly345", "cycloidal"):
@@ -167,7 +167,7 @@ def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
 
 
 def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
-    """A bump that is not left out is named; the fit does not report that all readings are good."""
+    """A bump that is not left out is reported, and the readings are not called good."""
     bump = {180 + i: 1e-4 * np.sin(np.pi * i / 20.0) ** 2 for i in range(20)}
     fit = fit_spline(measured("bezier15", outliers=bump), 1e-4)
     words = " ".join(fit.conclusions())
@@ -177,7 +177,7 @@ def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
 
 
 def test_what_is_no_cam_is_refused():
-    """A cam is told by 12 to 7200 readings, and has a lift."""
+    """A cam needs 12 to 7200 readings, and lifts that differ."""
     for count in (5, 8000):
         words = f"has {count} readings of different angles; allowed: 12"
         with pytest.raises(ConfigError, match=words):
@@ -199,9 +199,9 @@ LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_tra
     ],
 )
 def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
-    """Those readings alone, and how far they are off, within what the law bends between neighbours.
+    """Only these readings are left out. Their distance is correct within 0.1 mm, or 0.01 mm.
 
-    Of 36 readings where the law has no jump of acceleration.
+    With 36 readings, the laws have no jump of acceleration.
     """
     found = without_outliers(measured(name, count, outliers=slips))
     assert [outlier.line for outlier in found.outliers] == [place + 2 for place in slips]
@@ -216,25 +216,25 @@ def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [36, 72, 120, 360])
 def test_good_readings_are_kept(measured, name, count):
-    """Jumps of acceleration are no outliers: they come in numbers, and in rows."""
+    """Readings at jumps of acceleration are not outliers: several in a row are affected."""
     for seed in range(4):
         assert without_outliers(measured(name, count, seed=seed)).outliers == ()
 
 
 def test_the_scatter_is_at_least_the_rounding():
-    """Readings of 0.01 mm that agree: their rounding is 2.9 µm."""
+    """Equal readings with a step of 0.01 mm have a rounding error of 2.9 µm."""
     degrees = np.arange(0.0, 360.0, 30.0)
     found = ordered(degrees, np.where(degrees < 180.0, 0.0, 0.01), resolution=1e-5)
     assert found.scatter >= 1e-5 / np.sqrt(12.0)
 
 
-#: Start and span (deg) and level (parts of the lift) of the shipped cams' dwells.
+#: Start (deg), span (deg) and level (fraction of the lift) of the dwells of the shipped cams.
 TRUE = {
     "poly345": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
     "cycloidal": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
     "flat": [(160.0, 40.0, 1.0), (320.0, 80.0, 0.0)],
     "modified_trapezoid": [(148.75, 62.5, 1.0), (328.75, 62.5, 0.0)],
-    "bezier15": [],  # a ripple of 0.3 % of the lift, or the low point of a curve, rests nowhere
+    "bezier15": [],  # a ripple of 0.3 % of the lift, or a minimum, is not a dwell
 }
 
 
@@ -243,16 +243,16 @@ def dwells(readings):
 
 
 def ends(dwell):
-    """Where a dwell begins and ends, deg."""
+    """Return start and stop of a dwell, deg."""
     return np.degrees([dwell.rest.start, dwell.rest.start + dwell.rest.span])
 
 
 @pytest.mark.parametrize("name", TRUE)
 @pytest.mark.parametrize(("count", "near"), [(36, 8.0), (72, 3.0), (360, 1.0)])
 def test_dwells_of_2_um_scatter(measured, name, count, near):
-    """Each one, its ends within a degree of 360 readings, its level within the scatter.
+    """All dwells are found, with start and stop within 1° for 360 readings, and level within 2 µm.
 
-    The low dwell of `flat`, half before 360° and half behind 0°, is one.
+    The low dwell of `flat`, partly before 360° and partly after 0°, is a single dwell.
     """
     found = dwells(measured(name, count, zero=0.003))
     for dwell, (start, span, level) in zip(found, TRUE[name], strict=True):
@@ -264,7 +264,7 @@ def test_dwells_of_2_um_scatter(measured, name, count, near):
 
 
 def test_the_tops_of_waves_are_no_dwells():
-    """Seeded random harmonics: extremes are rounded, and nothing rests."""
+    """Extremes of random harmonics are round, and not dwells."""
     angles = all_around(360)
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -276,7 +276,7 @@ def test_the_tops_of_waves_are_no_dwells():
 
 
 def test_two_dwells_of_one_level_have_one_level():
-    """Two events a turn: the base circle between them is one, to the last bit."""
+    """With two events per turn, both dwells on the base circle have exactly the same level."""
     inside = np.clip((all_around(360) % np.pi) / np.radians(90.0), 0.0, 1.0)
     noise = np.random.default_rng(3).normal(scale=2e-6, size=360)
     found = dwells(in_order(all_around(360), 0.01 * np.sin(np.pi * inside) ** 4 + noise))
@@ -285,21 +285,21 @@ def test_two_dwells_of_one_level_have_one_level():
 
 
 def test_a_stretch_without_readings_is_a_dwell(scaled):
-    """Readings of the event alone, resting at both ends: the dwell reaches across the gap."""
+    """Readings of the event with some rest at both ends: the dwell includes the gap."""
     angles = np.radians(np.arange(25.0, 331.0, 5.0))
     noise = np.random.default_rng(0).normal(scale=2e-6, size=angles.size)
     low = dwells(in_order(angles, scaled("flat")(angles) + noise))[-1]
     assert ends(low) == pytest.approx([320.0, 400.0], abs=4.0)
 
 
-# -- splines through readings: near the law that was measured, never nearer than the gauge is good
+# Splines through readings: close to the true law, but not closer than the error of the gauge.
 
 
 FINE = all_around(2000)
 
 
 def error_of_acceleration(fit, law):
-    """r.m.s. over the turn, and of the peak, in parts of the true peak."""
+    """Return the r.m.s. error of s'' and the error of its peak, as fractions of the true peak."""
     true, found = law(FINE, 2), fit.law(FINE, 2)
     peak = np.abs(true).max()
     return np.sqrt(np.mean((found - true) ** 2)) / peak, abs(np.abs(found).max() / peak - 1.0)
@@ -309,7 +309,7 @@ def error_of_acceleration(fit, law):
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
 @pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
 def test_the_law_comes_back(measured, scaled, name, count, most):
-    """2 µm on 10 mm, unknown zero, one outlier of 0.4 mm: s'' within 1.5 % of 360 readings."""
+    """Noise of 2 µm, an unknown zero and an outlier: s'' is within 1.5 % for 360 readings."""
     fit = fit_spline(measured(name, count, zero=0.0034, outliers={count // 5: 4e-4}))
     rms, peak = error_of_acceleration(fit, scaled(name))
     assert rms < most
@@ -320,7 +320,7 @@ def test_the_law_comes_back(measured, scaled, name, count, most):
 
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
-    """0.5 µm asked of 2 µm: the peak acceleration stays, the sentence names both numbers."""
+    """A tolerance of 0.5 µm at a scatter of 2 µm is reported, and the acceleration is correct."""
     for count in (36, 360):
         fit = fit_spline(measured("cycloidal", count), 0.5e-6)
         assert not fit.followed
@@ -334,7 +334,7 @@ def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
 
 @pytest.mark.parametrize("asked", [2e-6, 3e-6, 1e-5])
 def test_a_tolerance_that_the_readings_bear_is_followed(measured, asked):
-    """The r.m.s. distance is the gauge's error, with the ordinates that dwells hold."""
+    """The r.m.s. residual is the error of the gauge, including the readings of dwells."""
     fit = fit_spline(measured("bezier15"), asked)
     assert fit.followed
     assert fit.smoothed.rms == pytest.approx(asked, rel=1e-3)
@@ -342,13 +342,13 @@ def test_a_tolerance_that_the_readings_bear_is_followed(measured, asked):
 
 
 def test_distance_and_dwells_are_the_law_s(measured):
-    """r.m.s., largest, worst reading computed again; the low dwell rests, its lift is 0."""
+    """Residuals are those of the law. The law rests in the low dwell, where its lift is 0."""
     fit = fit_spline(measured("poly345", zero=-0.001))
     away = fit.law(fit.readings.angles) - fit.readings.lifts
     assert fit.smoothed.rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
     assert fit.smoothed.largest == pytest.approx(np.abs(away).max(), rel=1e-9)
     assert fit.worst == np.abs(away).argmax()
-    assert fit.smoothed.knots <= fit.law.spans.size  # the piece at 0° is cut in two
+    assert fit.smoothed.knots <= fit.law.spans.size  # the piece at 0° is divided in two
     dwell = low_dwell(fit.law)
     assert dwell.dwell
     assert np.degrees(dwell.span) == pytest.approx(62.5, abs=1.5)
@@ -356,7 +356,7 @@ def test_distance_and_dwells_are_the_law_s(measured):
 
 
 def test_a_gap_that_no_dwell_fills(scaled):
-    """200° to 300° of a cam without dwells were not read: refused with angle and limit."""
+    """A gap from 200° to 300° in a cam without dwells raises an error with angle and limit."""
     angles = np.radians(np.concatenate([np.arange(0.0, 201.0, 5.0), np.arange(300.0, 360.0, 5.0)]))
     message = r"no reading for 100 deg after 200 deg, and the cam does not rest .* at most 45 deg"
     with pytest.raises(ConfigError, match=message):
@@ -364,7 +364,7 @@ def test_a_gap_that_no_dwell_fills(scaled):
 
 
 def test_a_table_finer_than_its_law_is_smooth(scaled):
-    """Arcs written to a nanometre, 1° apart: the distance is widened and said, nothing swings."""
+    """Exact arcs, 1° apart: the tolerance is widened and reported, without oscillations."""
     fit = fit_spline(in_order(all_around(360), scaled("gunt_gl110")(all_around(360))))
     assert fit.widened
     assert fit.smoothed.rms < 1e-6
@@ -374,7 +374,7 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
 
 
 def test_tolerances_and_readings_that_are_none(measured):
-    """Zero, negative, more than 5 % of the lift; random numbers, which scatter by more."""
+    """Invalid: zero, negative, more than 5 % of the lift, and random readings."""
     words = r"--tolerance: is .* mm; allowed: above 0, at most 0"
     for asked in (0.0, -1e-6, 1e-3):
         with pytest.raises(ConfigError, match=words):
@@ -388,9 +388,9 @@ def test_tolerances_and_readings_that_are_none(measured):
 @pytest.mark.parametrize(("count", "most"), [(72, 0.3), (120, 0.15), (360, 0.15)])
 @pytest.mark.parametrize("cases", [20, pytest.param(60, marks=pytest.mark.long)])
 def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
-    """Whether the spline follows it or not: left out or named with its line, in most cases.
+    """In most cases the reading is left out or reported with its line.
 
-    Where none is off, a good reading is named of two tables in five at most.
+    Without such a reading, a good reading is reported in at most two tables of five.
     """
     missed = named = 0
     for seed in range(cases):
@@ -409,7 +409,7 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
 
 @pytest.mark.parametrize("asked", [None, 2e-4])
 def test_a_nose_sharper_than_the_readings_is_no_outlier(asked):
-    """A tangent cam every 10°, 12 mm of lift, whose neighbours of the nose read 7.7 mm."""
+    """A tangent cam is read every 10°: 12 mm at the nose, and 7.7 mm at its neighbours."""
     arcs, around = Arcs(0.02, 0.012, None, 0.001, np.pi), all_around(36)
     lifts = arcs.lifts(ArcFollower(False, 0.002), around)
     fit = fit_spline(in_order(around, lifts + np.random.default_rng(0).normal(0, 5e-6, 36)), asked)
