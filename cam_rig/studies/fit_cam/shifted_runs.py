@@ -69,10 +69,10 @@ class Shift:
 def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
     """Return the mask of readings in runs of two or more that have the same shift.
 
-    No reading is marked if there are `MAX_RUNS` runs or more.
+    No reading is marked if there are more than `MAX_RUNS` runs.
     """
     mask = np.zeros(readings.angles.size, dtype=np.bool_)
-    for _ in range(MAX_RUNS):
+    for _ in range(MAX_RUNS + 1):
         good = np.flatnonzero(~mask)
         rest = _take(readings, good)
         scatter = rest.scatter
