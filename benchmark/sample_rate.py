@@ -47,8 +47,8 @@ TAIL = """
 The shipped sweep runs at 12 kHz. `tm21_sweep_48khz` is the same sweep at 48 kHz.
 
 The exact steady response is computed without samples and without settling, from one linear system
-per speed. For the two cams that keep contact, its levels and the levels at {reference} kHz differ by at
-most {exact:.1e} dB.
+per speed. For the two cams that keep contact, its levels and the levels at {reference} kHz differ
+by at most {exact:.1e} dB.
 
 """
 

@@ -35,9 +35,9 @@ Error relative to a 50-digit reference, and wall time, of the rig and of other s
 
 {table}
 
-The table contains the fastest of the other solvers, the figure all solvers. Error: the largest error
-of displacement or velocity, relative to the largest value. Events: the largest time to the nearest
-event of the same kind, including missed events. Time: median on one of {cores} cores
+The table contains the fastest of the other solvers, the figure all solvers. Error: the largest
+error of displacement or velocity, relative to the largest value. Events: the largest time to the
+nearest event of the same kind, including missed events. Time: median on one of {cores} cores
 ({machine}), without cached data of a law.
 
 Peers (DOP853, LSODA and Radau of scipy, CVODE of scikit-sundae) use relative tolerances from
@@ -46,8 +46,8 @@ receive the Jacobian, event functions, and a restart at every joint of the law.
 
 {cases}
 
-The references are closed forms of every linear phase with 60 digits. Their events are roots of these
-closed forms. The reference of `torsional` is a Taylor series of order 40 with 45 digits
+The references are closed forms of every linear phase with 60 digits. Their events are roots of
+these closed forms. The reference of `torsional` is a Taylor series of order 40 with 45 digits
 (`benchmark/make_reference.py`). Made by
 `make bench` in {took:.0f} s. `python -m benchmark.speed` measures this machine.
 
@@ -126,8 +126,8 @@ settling. Above the jump speed, turns are computed before these until they repea
 LIVE = """\
 ### Live runs
 
-Rig time divided by wall time of the shipped sweep, run with the nodes. With a viewer, Rerun's server
-receives the data that a screen can display.
+Rig time divided by wall time of the shipped sweep, run with the nodes. With a viewer, Rerun's
+server receives the data that a screen can display.
 
 {table}
 """
