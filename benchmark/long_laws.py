@@ -39,13 +39,13 @@ MANY = 180
 SECTION = """\
 ### Jump search
 
-CPU time of one jump speed over the pieces of the law, its tables with it: a spline of degree 5
-through so many readings of the Bézier 15 cam. *Noisy* readings have {noise:g} nm of noise. Where
-tables are there, one rigid mass takes {known} ms.
+CPU time of one jump speed against the number of pieces of the law, including the law's tables.
+The law is a spline of degree 5 through this number of readings of the Bézier 15 cam. *Noisy*
+readings have {noise:g} nm of noise. With existing tables, one rigid mass takes {known} ms.
 
 {table}
 
-From {many} pieces on the time grows as the number of pieces to the power
+From {many} pieces on, the time is proportional to a power of the number of pieces. The exponent is
 {slopes}.\
 """
 

@@ -33,24 +33,22 @@ CASES = (
     ("poly345", "paper_table2", "two_mass", 480, "stem and flights"),
 )
 TEXT = """{heading}
-`cam-rig orders` integrates the steady force in closed form. Largest difference over orders 0 to
-{n}, as part of the largest order, to an FFT of samples of the same force, and to the integrals in
-50 digits:
+`cam-rig orders` integrates the steady force in closed form. The table gives the largest difference
+over orders 0 to {n}, relative to the largest order, from an FFT of samples of the same force, and
+from the integrals computed with 50 digits:
 
 | cam, model, rpm | force | FFT of 10⁵ | FFT of 10⁶ | 50 digits |
 |---|---|---:|---:|---:|
 {rows}
 
-The FFT's difference falls with the samples, so it is the FFT's own: it folds back what lies beyond
-half its
-points, and knows the place of a step to one sample. Landings, closed forms too, are left out of
-this table.
+The difference from the FFT decreases with the number of samples. It is therefore an error of the
+FFT: orders above half its number of points are aliased, and a step is located to one sample only.
+Landings are left out of this table.
 
-Summed up to 40 kHz and with the background, the orders of `tm21_sweep` give its levels to
-{kept:.2f} dB where contact
-is kept. Where the follower jumps they differ by {low:+.2f} to {high:+.2f} dB: the energy account
-adds a landing's pulse and the step
-of the force at the same instant as if they were independent.
+The sum of the orders of `tm21_sweep` up to 40 kHz and of the background gives its levels to
+{kept:.2f} dB if contact is kept. If the follower jumps, the levels differ by {low:+.2f} to
+{high:+.2f} dB, because the sum of energies treats the pulse of a landing and the step of the force
+at the same instant as independent.
 
 """
 

@@ -24,19 +24,19 @@ COLUMNS, BYTES = 6, 8
 HEAD = """\
 # Accuracy and speed
 
-After this page you know how far each number of the rig may be off, and what it costs to compute it.
+This page gives the error of each number of the rig, and the computing time of each number.
 
-## Between samples nothing is lost, at the samples little
+## Effect of the sample rate
 
-The follower's motion is exact at any sample rate: laws, flights and landings are closed forms. Only
-the microphone works on
-samples. It takes the contact force as straight between them, and a force that jumps is not; so the
-level depends a little on
-the sample rate, for cams that jump.
+The follower's motion is exact at any sample rate, because laws, flights and landings are closed
+forms. Only the microphone uses samples. It interpolates the contact force linearly between them.
+A force that jumps is not linear between samples. For cams with jumps, the level therefore depends
+slightly on the sample rate.
 
-Largest difference of a level to the one at {reference} kHz, over 21 speeds, and what the whole
-sweep ({rig_time:.0f} s of rig time) costs with `cam-rig simulate` on one of {cores} cores, median
-of {repeats}. The bag is what `cam-rig run` records.
+The table gives the largest difference between a level and the level at {reference} kHz, over 21
+speeds. The time is that of the whole sweep ({rig_time:.0f} s of rig time) with `cam-rig simulate`
+on one of {cores} cores, median of {repeats}. The bag size is that of the recording by
+`cam-rig run`.
 
 | sample rate | TM21 cam | 3-4-5 | Bézier 15 | time | x real time | bag |
 |---:|---:|---:|---:|---:|---:|---:|
@@ -44,10 +44,11 @@ of {repeats}. The bag is what `cam-rig run` records.
 #: Last line of the measured section.
 LAST_LINE = "Made by `benchmark/sample_rate.py`.\n"
 TAIL = """
-The shipped sweep runs at 12 kHz; `tm21_sweep_48khz` is the same at 48 kHz.
+The shipped sweep runs at 12 kHz. `tm21_sweep_48khz` is the same sweep at 48 kHz.
 
-Against the exact steady response (no samples, no settling: one linear solve a speed), the levels
-of the two cams that keep contact at {reference} kHz differ by at most {exact:.1e} dB.
+The exact steady response is computed without samples and without settling, from one linear system
+per speed. For the two cams that keep contact, its levels and the levels at {reference} kHz differ
+by at most {exact:.1e} dB.
 
 """
 

@@ -29,26 +29,27 @@ PAGE, PLOT = Path("docs/accuracy.md"), Path("docs/speed.png")
 HEADING = "## Speed against error\n"
 
 TEXT = """
-Error against a 50-digit reference, and wall time, of the rig and of other solvers.
+Error relative to a 50-digit reference, and wall time, of the rig and of other solvers.
 
 ![error against wall time](speed.png)
 
 {table}
 
-The table has the quickest of the other solvers, the figure all. Error: the largest of displacement
-or velocity, relative to the largest value. Events: the largest time to the nearest event of its
-kind, so a missed one counts. Time: median on one of {cores} cores
-({machine}); nothing of a law is cached.
+The table contains the fastest of the other solvers, the figure all solvers. Error: the largest
+error of displacement or velocity, relative to the largest value. Events: the largest time to the
+nearest event of the same kind, including missed events. Time: median on one of {cores} cores
+({machine}), without cached data of a law.
 
-Peers (DOP853, LSODA and Radau of scipy, CVODE of scikit-sundae) get relative tolerances from
+Peers (DOP853, LSODA and Radau of scipy, CVODE of scikit-sundae) use relative tolerances from
 {loosest:.0e} to {tightest:.0e} as far as the time allows, and atol = 0.001 rtol x usual size. They
-get their Jacobian, event functions, and a restart at every joint of the law.
+receive the Jacobian, event functions, and a restart at every joint of the law.
 
 {cases}
 
-References are closed forms of every linear phase with 60 digits, events as roots of these; the
-torsional one Taylor series of order 40 with 45 digits (`benchmark/make_reference.py`). Made by
-`make bench` in {took:.0f} s; `python -m benchmark.speed` measures this machine.
+The references are closed forms of every linear phase with 60 digits. Their events are roots of
+these closed forms. The reference of `torsional` is a Taylor series of order 40 with 45 digits
+(`benchmark/make_reference.py`). Made by
+`make bench` in {took:.0f} s. `python -m benchmark.speed` measures this machine.
 
 {rates}
 
@@ -58,9 +59,9 @@ torsional one Taylor series of order 40 with 45 digits (`benchmark/make_referenc
 
 ### A campaign
 
-The jump speed, 1.7 s from rest, of rigs whose spring, preload and mass vary by 10 %. The peer is
-given each speed to 1 % and halves from there, with CVODE (Adams) at rtol 1e-8 up to the first root
-of the contact force.
+The jump speed, 1.7 s from rest, of rigs with variations of spring, preload and mass by 10 %. The
+peer receives each speed to 1 %. It continues by bisection, with CVODE (Adams) at rtol 1e-8 up to
+the first root of the contact force.
 
 {campaign}
 
@@ -73,14 +74,15 @@ of the contact force.
 EVENTS = """\
 ### Events
 
-What a lift-off and its landing cost: wall time over the run's landings.
+Time of a lift-off and its landing: wall time divided by the number of landings of the run.
 
 {table}
 
-In plain Python and compiled by numba (`cam_rig[fast]`) the search gives the same bits. A whole
-solution makes the tables of cam and follower anew. After half a second of plain Python the compiled
-search is loaded; if there is none yet, it is compiled after ten, once a user (10 to 20 s; `python
--m cam_rig.dynamics.events` does it ahead). `CAM_RIG_EVENTS=plain` or `=compiled` chooses.\
+The search gives the same bits in plain Python and compiled by numba (`cam_rig[fast]`). A whole
+solution includes the tables of cam and follower. After half a second in plain Python the compiled
+search is loaded. If it does not exist yet, it is compiled after ten seconds, once per user (10 to
+20 s). `python -m cam_rig.dynamics.events` compiles it in advance. `CAM_RIG_EVENTS=plain` or
+`=compiled` selects the search.\
 """
 
 
@@ -92,40 +94,40 @@ def events() -> str:
 START_UP = """\
 ### Start-up
 
-Waited for before anything is computed; medians.
+Time before the computation starts, medians.
 
 {nodes}
 
-By itself: CPU time of the imports with `ros2 run` or a launch file. Forked: with `cam-rig run`,
-from a process that has imported what the nodes share.
+By itself: CPU time of the imports with `ros2 run` or a launch file. Forked: CPU time with
+`cam-rig run`, from a process that has already imported the modules shared by the nodes.
 
 {commands}
 
-CPU: of all its processes.\
+CPU: CPU time of all processes of the command.\
 """
 SAMPLES = """\
 ### Samples
 
-A block of samples (Bézier 15 at 48 kHz, the six rows of /follower/samples) beside a copy of as many
-bytes. At {whole:g} rpm a turn is a whole
-number of samples, so that its polynomials are prepared once; at {broken:g} rpm it is not.
+Computing a block of samples (Bézier 15 at 48 kHz, the six rows of /follower/samples) compared with
+copying the same number of bytes. At {whole:g} rpm a turn is a whole number of samples, and its
+polynomials are prepared once. At {broken:g} rpm a turn is not a whole number of samples.
 
 {table}\
 """
 SETTLED = """\
 ### Settled turns
 
-One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz of which two settle. Above
-the jump speed the follower is turned until its turns repeat before. CVODE (rtol {rtol:.0e})
-integrates the flights of ten turns alone; all its samples are of the law.
+One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz. The first two are for
+settling. Above the jump speed, turns are computed before these until they repeat. CVODE
+(rtol {rtol:.0e}) integrates only the flights of ten turns. All its samples are those of the law.
 
 {table}\
 """
 LIVE = """\
 ### Live runs
 
-Rig time over wall time of the shipped sweep through the nodes. With a viewer, Rerun's server gets
-what a screen can show.
+Rig time divided by wall time of the shipped sweep, run with the nodes. With a viewer, Rerun's
+server receives the data that a screen can display.
 
 {table}
 """

@@ -169,8 +169,8 @@ def campaign_records(found: CampaignRate) -> Records:
     if found.gap is not None:
         note = (
             f"Half of the jump speeds differ by less than {found.gap:.2g} rpm. {found.beyond} of "
-            f"{found.peer_points} differ by more than the peer's {FINE:g}: where contact holds "
-            "again a little faster, halving passes over it."
+            f"{found.peer_points} differ by more than the peer's tolerance of {FINE:g} rpm. If "
+            "contact is kept again at a slightly higher speed, bisection misses the jump speed."
         )
     caption = f"A campaign of jump speeds in {pluralize(found.processes, 'process')}"
     return Records("campaign", caption, CAMPAIGN, rows, (note,))

@@ -70,8 +70,8 @@ CONDITIONS = (Column("quick"), Column("cores"), Column("took", "s", of="took_s")
 
 #: Notes that a reader of the table needs.
 KEY = (
-    "Each peer at its cheapest setting with an error no larger than the rig's; where it has none, "
-    "at its most accurate one: the ratio, marked >, is then a bound."
+    "Each peer at its fastest setting with an error no larger than the rig's. If no setting "
+    "reaches this error, the most accurate setting is used, and the ratio, marked >, is a bound."
 )
 
 RIG_NAME = "rig"
