@@ -80,7 +80,7 @@ Time of a lift-off and its landing: wall time divided by the number of landings 
 
 The search gives the same bits in plain Python and compiled by numba (`cam_rig[fast]`). A whole
 solution includes the tables of cam and follower. After half a second in plain Python the compiled
-search is loaded. If it does not exist yet, it is compiled after ten seconds, once per user (10 to
+search is loaded. If it does not exist yet, it is compiled first, once per user (10 to
 20 s). `python -m cam_rig.dynamics.events` compiles it in advance. `CAM_RIG_EVENTS=plain` or
 `=compiled` selects the search.\
 """
