@@ -364,3 +364,13 @@ def test_wrong_jump_speeds_raise_an_error_of_one_line(read_jumps):
     for name in ("spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"):
         message = catch_error(read_jumps, f"{name},preload_N\n1,20\n")
         assert "is unclear, because" in message and "allowed" in message
+
+
+@pytest.mark.parametrize(("first", "is_noted"), [(332, True), (0, False)])
+def test_degrees_above_one_turn_may_be_of_the_crank(tmp_path, first, is_noted):
+    """They are taken as degrees of the cam, and a note states the remedy."""
+    path = tmp_path / "event.csv"
+    rows = [f"{first + 4 * i},{max(0, 8 - abs(i - 34) / 4)}" for i in range(70)]
+    path.write_text("\n".join(["deg,Lift mm", *rows]))
+    notes = read_gauge_table(path, TableOptions()).notes
+    assert any("--angle crank halves it" in note for note in notes) == is_noted

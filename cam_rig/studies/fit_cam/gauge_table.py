@@ -252,6 +252,11 @@ class _GaugeReader(CellTable):
                 f"{heading.text!r} is the angle of the crank, which turns twice as fast as the "
                 "cam: halved (--angle cam takes it as it is)"
             )
+        elif options.shaft is None and max(angles) * factor > TURN > np.ptp(angles) * factor:
+            notes.append(
+                f"{heading.text!r} goes to {math.degrees(max(angles) * factor):.6g}° but not over "
+                "a whole turn: taken as the angle of the cam (--angle crank halves it)"
+            )
         return factor, notes
 
     def _require_turn(self, heading: Heading, factor: float, angles: list[float]) -> None:
