@@ -11,6 +11,7 @@ import os
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import ExitStack
 from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -102,7 +103,8 @@ class McapFile:
     def __init__(self, file: Path) -> None:
         self.connections: list[Connection] = []
         self._stream = file.open("rb")
-        try:
+        with ExitStack() as on_error:
+            on_error.callback(self._stream.close)
             self._chunks = [
                 (record, chunk_head(self._stream, record))
                 for record in records_of(self._stream)
@@ -119,9 +121,7 @@ class McapFile:
                 self._connection(channel, schemas.get(channel.schema_id), counts)
                 for channel in channels.values()
             ]
-        except BaseException:
-            self._stream.close()
-            raise
+            on_error.pop_all()
 
     def __enter__(self) -> McapFile:
         return self

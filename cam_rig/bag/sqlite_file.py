@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Collection, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 from rosbags.interfaces import (
@@ -31,15 +32,14 @@ class SqliteFile:
 
     def __init__(self, file: Path) -> None:
         self._database = sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1", uri=True)
-        try:
+        with ExitStack() as on_error:
+            on_error.callback(self._database.close)
             self.message_count, start = self._database.execute(
                 "SELECT COUNT(*), MIN(timestamp) FROM messages"
             ).fetchone()
             self.start_ns = int(start or 0)
             self.connections = list(self._connections())
-        except BaseException:
-            self._database.close()
-            raise
+            on_error.pop_all()
 
     def __enter__(self) -> SqliteFile:
         return self

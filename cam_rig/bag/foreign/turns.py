@@ -54,6 +54,10 @@ WHOLE_TURNS_RTOL = 0.25
 WHOLE_TURNS_SCATTER = 4.0
 #: Largest tolerance of a step, as a fraction of the period of a wrapped angle.
 MAX_TOLERANCE = 0.3
+#: Jump per turn of an angle in degrees, if its numbers are read as radians.
+DEGREES_PER_TURN = 360.0
+#: Tolerance of this jump, without the scatter of the steps.
+DEGREES_ATOL = 0.5
 #: Number of steps that are compared at once. It bounds the memory for a long recording.
 BLOCK_STEPS = 100_000
 #: Largest number of times in a note.
@@ -319,7 +323,8 @@ class _Steps:
     def require_radians(self, jumps: list[int], where: str) -> None:
         """Raise BagError if the angle jumps by 360 rad: it is in degrees and wraps each turn."""
         for index in jumps:
-            if abs(abs(self._excess(index)) - 360.0) <= 0.5 + self._scatter[index]:
+            tolerance = DEGREES_ATOL + self._scatter[index]
+            if abs(abs(self._excess(index)) - DEGREES_PER_TURN) <= tolerance:
                 raise BagError(
                     f"{where}: the angle jumps by 360 rad at {self.time[index + 1]:.6g} s; "
                     "allowed: turns of 2π rad, so add :deg for an angle in degrees"
