@@ -33,13 +33,13 @@ SCATTER = 0.03
 
 
 def trial(
-    seed: int, model: str, cams: tuple[str, ...], unasked: bool
+    seed: int, model: str, cams: tuple[str, ...], is_free: bool
 ) -> tuple[RigConfig, RigFit, float]:
     """Return a random rig, the fit of its simulated run, and the time of the fit (s).
 
     Parameters
     ----------
-    unasked : True if the model is not given to the fit
+    is_free : True if the fit selects the model
     """
     random = np.random.default_rng(seed)
     law = cam_rig.build_law(cam_rig.load_cam(cams[seed % len(cams)]))
@@ -62,7 +62,7 @@ def trial(
     errors = InstrumentErrors(in_proportion=seed % 2 == 1)
     run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
     begin = time.perf_counter()
-    model_name = None if unasked or model == "one_mass" else model
+    model_name = None if is_free or model == "one_mass" else model
     fit = fit_run(law, run, cam_rig.load_rig("tm21"), model_name)
     return rig, fit, time.perf_counter() - begin
 
@@ -74,12 +74,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--model", choices=("one_mass", "two_mass"), default="one_mass")
     parser.add_argument("--cams", default=",".join(CAMS), help="names with commas")
-    parser.add_argument("--unasked", action="store_true", help="do not give the model to the fit")
+    parser.add_argument("--free-model", action="store_true", help="let the fit select the model")
     arguments = parser.parse_args()
     scores, seconds, models = defaultdict[str, list[float]](list), [], defaultdict[str, int](int)
     for seed in range(arguments.first, arguments.first + arguments.trials):
         rig, fit, took = trial(
-            seed, arguments.model, tuple(arguments.cams.split(",")), arguments.unasked
+            seed, arguments.model, tuple(arguments.cams.split(",")), arguments.free_model
         )
         seconds.append(took)
         models[fit.model] += 1

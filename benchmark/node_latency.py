@@ -27,7 +27,7 @@ from cam_rig.schema.load import config_root
 ANSWERS = {
     "follower": topics.FOLLOWER_STATE,
     "microphone": topics.PRESSURE,
-    "recorder": topics.RECORDED,
+    "recorder": topics.RECORDER_ACK,
 }
 
 

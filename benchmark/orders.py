@@ -120,7 +120,9 @@ def level_differences() -> tuple[list[float], list[float]]:
     """
     loaded = cam_rig.load_scene("tm21_sweep")
     kept, left = list[float](), list[float]()
-    for cam, steps in step_levels(simulate(loaded), loaded.scene.program.settle_turns.si).items():
+    for cam, steps in step_levels(
+        simulate(loaded), loaded.scene.schedule.transient_turns.si
+    ).items():
         for speed, level in steps.items():
             steady = steady_force(loaded.laws[cam], loaded.scene.model, loaded.rig, speed)
             highest = round(40_000.0 * 60.0 / to_rpm(speed)) if steady.landings else 2000

@@ -65,7 +65,7 @@ def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, 
     start_time = time.perf_counter()
     ticks = list(simulate(loaded))
     took = time.perf_counter() - start_time
-    settle = loaded.scene.program.settle_turns.si
+    settle = loaded.scene.schedule.transient_turns.si
     return step_levels(ticks, settle), took, ticks[-1].stop_ns * 1e-9
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import cam_rig
-from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDETERMINED
 from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.units import TURN, FloatArray
 
@@ -41,7 +41,7 @@ def main() -> None:
     law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
     whole, follower = np.arange(FROM, TO + 1.0), rig.follower
     find = partial(cam_rig.bounce_map, law, rig, restitution=RESTITUTION)
-    own = find(rpm=whole, turns=KEPT, settle=TURNS - KEPT, follow=True)
+    own = find(rpm=whole, turns=KEPT, transient_turns=TURNS - KEPT, continuation=True)
     theta = np.linspace(0.0, TURN, STEPS + 1)
     given = {
         "rpm": chosen(own),
@@ -79,7 +79,7 @@ def chosen(own: BounceMap) -> list[float]:
     for i in range(WIDE, len(rows) - WIDE):
         kinds = {(row.motion, row.period) for row in rows[i - WIDE : i + WIDE + 1]}
         settled = (rows[i].settled or 0) <= TURNS // 2
-        known = len(kinds) == 1 and rows[i].motion != NOT_TOLD and settled
+        known = len(kinds) == 1 and rows[i].motion != UNDETERMINED and settled
         if known and distinct(rows[i]) and np.abs(changes - rows[i].rpm).min() > WIDE:
             away.append(rows[i])
     rare = [row for row in away if row.motion == IRREGULAR or (row.period or 1) > 1]

@@ -36,7 +36,7 @@ def prolonged(folder: Path, scene: str, ticks: int) -> Path:
     path = folder / "config" / "scenes" / f"{scene}.yaml"
     planned = tick_count(load_scene(path))
     raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    turns = raw["program"]["turns"]
+    turns = raw["schedule"]["turns"]
     turns["assumed"] = math.ceil(turns["assumed"] * ticks / planned)
     path.write_text(yaml.safe_dump(raw), encoding="utf-8")
     return path

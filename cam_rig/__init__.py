@@ -48,22 +48,23 @@ if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import CamConfig as Cam
     from cam_rig.schema import RigConfig as Rig
-    from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
+    from cam_rig.simulation.inputs import build_law
+    from cam_rig.simulation.scene import load_cam, load_rig, load_scene
     from cam_rig.studies.bounce.study import bounce_map
     from cam_rig.studies.campaign.study import campaign
     from cam_rig.studies.compare.study import compare
-    from cam_rig.studies.contact.study import contact
+    from cam_rig.studies.contact.study import contact_stress
     from cam_rig.studies.design.study import design
     from cam_rig.studies.fit_cam.study import fit_cam
     from cam_rig.studies.fit_rig.study import fit_rig
     from cam_rig.studies.fit_sound.study import fit_sound
     from cam_rig.studies.jump.jump_speed import jump_speed
-    from cam_rig.studies.jump.study import jump
+    from cam_rig.studies.jump.study import jump_speeds
     from cam_rig.studies.laws.figures import plot_law
     from cam_rig.studies.laws.rises import list_laws
-    from cam_rig.studies.laws.study import law
-    from cam_rig.studies.noise.study import noise
-    from cam_rig.studies.orders.study import orders
+    from cam_rig.studies.laws.study import law_summary
+    from cam_rig.studies.noise.study import noise_study
+    from cam_rig.studies.orders.study import order_spectrum
     from cam_rig.studies.profile.contour import contour
     from cam_rig.studies.profile.study import check_contours
     from cam_rig.studies.simulate.motion import simulate
@@ -81,25 +82,25 @@ _HOMES = {
     "Law": "cam_rig.laws",
     "Rig": "cam_rig.schema:RigConfig",
     "bounce_map": "cam_rig.studies.bounce.study",
-    "build_law": "cam_rig.simulation.scene",
+    "build_law": "cam_rig.simulation.inputs",
     "campaign": "cam_rig.studies.campaign.study",
     "check_contours": "cam_rig.studies.profile.study",
     "compare": "cam_rig.studies.compare.study",
-    "contact": "cam_rig.studies.contact.study",
+    "contact_stress": "cam_rig.studies.contact.study",
     "contour": "cam_rig.studies.profile.contour",
     "design": "cam_rig.studies.design.study",
     "fit_cam": "cam_rig.studies.fit_cam.study",
     "fit_rig": "cam_rig.studies.fit_rig.study",
     "fit_sound": "cam_rig.studies.fit_sound.study",
-    "jump": "cam_rig.studies.jump.study",
+    "jump_speeds": "cam_rig.studies.jump.study",
     "jump_speed": "cam_rig.studies.jump.jump_speed",
-    "law": "cam_rig.studies.laws.study",
+    "law_summary": "cam_rig.studies.laws.study",
     "list_laws": "cam_rig.studies.laws.rises",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",
-    "noise": "cam_rig.studies.noise.study",
-    "orders": "cam_rig.studies.orders.study",
+    "noise_study": "cam_rig.studies.noise.study",
+    "order_spectrum": "cam_rig.studies.orders.study",
     "plot_law": "cam_rig.studies.laws.figures",
     "read_bag": "cam_rig.studies.simulate.recorded",
     "run_scene": "cam_rig.studies.simulate.study",
@@ -110,9 +111,9 @@ _HOMES = {
 }
 __all__ = [
     "Cam", "CamRigError", "Law", "Rig", "__version__", "bounce_map", "build_law",
-    "campaign", "check_contours", "compare", "contact", "contour", "design",
-    "fit_cam", "fit_rig", "fit_sound", "jump", "jump_speed", "law", "list_laws",
-    "load_cam", "load_rig", "load_scene", "noise", "orders", "plot_law", "read_bag",
+    "campaign", "check_contours", "compare", "contact_stress", "contour", "design",
+    "fit_cam", "fit_rig", "fit_sound", "jump_speed", "jump_speeds", "law_summary", "list_laws",
+    "load_cam", "load_rig", "load_scene", "noise_study", "order_spectrum", "plot_law", "read_bag",
     "run_scene", "simulate", "sound_level", "sweep", "vibration",
 ]  # fmt: skip
 

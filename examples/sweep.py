@@ -22,15 +22,15 @@ cam = cam_rig.Cam(
 )
 run = cam_rig.sweep(cam, "tm21", rpm=range(200, 651, 50), sample_rate=12_000)
 table = run.to_pandas()
-print(table[["rpm", "level", "force_peak", "lift_offs"]].round(2).to_string(index=False))
+print(table[["rpm", "level", "peak_force", "lift_offs"]].round(2).to_string(index=False))
 lost = table.rpm[table.lift_offs > 0.0].min()
 print(f"contact is lost from {lost:g} rpm on")
 
 figure, (upper, lower) = plt.subplots(2, 1, figsize=(8.0, 6.0), sharex=True, layout="constrained")
 upper.plot(table.rpm, table.level, "o-")
 upper.set_ylabel("level [dB re 20 µPa], relative")
-lower.plot(table.rpm, table.force_peak, "o-", label="peak")
-lower.plot(table.rpm, table.force_least, "o-", label="least")
+lower.plot(table.rpm, table.peak_force, "o-", label="peak")
+lower.plot(table.rpm, table.min_force, "o-", label="least")
 lower.set(xlabel="cam speed [rpm]", ylabel="contact force [N]")
 lower.legend()
 for axes in (upper, lower):

@@ -15,20 +15,20 @@ from launch.actions import (
 from launch.conditions import IfCondition, UnlessCondition
 from launch.events.process import ProcessExited
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from cam_rig.nodes.parameters import PARAMETERS
-from cam_rig.runner.node_table import DRIVE, END, NODES, PATIENCE_S, STAY, NodeEntry
+from cam_rig.runner.node_table import DRIVE, END, NODES, PROGRESS_TIMEOUT_S, STAY, NodeEntry
 
 #: Launch argument -> (default, description). If the default is empty, a node has the value of the
 #: parameter file, or else the default of its parameter.
 ARGUMENTS = {
-    "scene": ("", "scene file, or a name in config/scenes, with cams, rig, program and measurement "
+    "scene": ("", "scene file, or a name in config/scenes, with cams, rig, speeds and measurement "
               "(default: tm21_sweep)"),
-    "bag": ("", "folder to record into, which must not exist (default: bags/SCENE_DATE)"),
+    "output_uri": ("", "folder to record into, which must not exist (default: bags/SCENE_DATE)"),
     "max_bagfile_size": ("", "size in bytes after which a new file of the bag starts; 0: no limit"),
     "max_bagfile_duration": ("", "rig time (s) after which a new file of the bag starts; 0: no "
                              "limit"),
@@ -41,14 +41,15 @@ ARGUMENTS = {
     "address": ("", "address of Rerun, with view:=true (default: a window)"),
     "pacing": ("", "real-time factor: free, real_time, or a multiple such as 20 or 20x"),
     "autostart": ("", "false: wait for the service cam_drive/start"),
-    "points_per_turn": ("", "samples per turn of /joint_states and similar topics; 0: as in the "
+    "samples_per_turn": ("", "samples per turn of /joint_states and similar topics; 0: as in the "
                         "scene"),
-    "motion_rate": ("", "rate (Hz, wall-clock) of /joint_states and similar topics of a paced run"),
-    "patience": ("", "wall time (s) without an answer after which the drive gives up (default: "
-                 f"{PATIENCE_S:g} without a parameter file)"),
-    "at_end": ("", f"state of the nodes after the run: {END}, or {STAY} for another run, started "
-               "by the service cam_drive/start"),
-    "network": ("false", "true: allow discovery on the local subnet"),
+    "visualization_rate": ("", "rate (Hz, wall-clock) of /joint_states and similar topics of a "
+                           "paced run"),
+    "progress_timeout": ("", "wall time (s) without an answer after which the drive gives up "
+                         f"(default: {PROGRESS_TIMEOUT_S:g} without a parameter file)"),
+    "on_finish": ("", f"state of the nodes after the run: {END}, or {STAY} for another run, "
+                  "started by the service cam_drive/start"),
+    "discovery": ("localhost", "machines that discover the nodes: localhost, or subnet"),
 }  # fmt: skip
 
 
@@ -96,7 +97,7 @@ def node(entry: NodeEntry, context: LaunchContext) -> Node:
     types = {spec.name: type(spec.default) for spec in PARAMETERS[entry.name]}
     accepted = {name: types[name] for name in ARGUMENTS if name in types} | {"use_sim_time": bool}
     if not entry.essential:
-        del accepted["at_end"]
+        del accepted["on_finish"]
     parameters = {
         name: ParameterValue(LaunchConfiguration(name), value_type=value_type)
         for name, value_type in accepted.items()
@@ -104,7 +105,7 @@ def node(entry: NodeEntry, context: LaunchContext) -> Node:
     }
     file = value("params_file", context)
     if entry.name == DRIVE and not file:
-        parameters.setdefault("patience", PATIENCE_S)
+        parameters.setdefault("progress_timeout", PROGRESS_TIMEOUT_S)
     optional = {
         "condition": IfCondition(LaunchConfiguration("view")),
         "on_exit": report_exit,
@@ -136,13 +137,18 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments, restrict sockets to this machine, and start the nodes."""
-    network = LaunchConfiguration("network")
-    local, subnet = UnlessCondition(network), IfCondition(network)
+    is_subnet = EqualsSubstitution(LaunchConfiguration("discovery"), "subnet")
+    local, subnet = UnlessCondition(is_subnet), IfCondition(is_subnet)
     profile = "FASTDDS_DEFAULT_PROFILES_FILE"
     return LaunchDescription(
         [
             *(
-                DeclareLaunchArgument(name, default_value=default, description=description)
+                DeclareLaunchArgument(
+                    name,
+                    default_value=default,
+                    description=description,
+                    choices=["localhost", "subnet"] if name == "discovery" else None,
+                )
                 for name, (default, description) in ARGUMENTS.items()
             ),
             SetEnvironmentVariable(profile, config("fastdds_loopback.xml"), condition=local),

@@ -188,7 +188,7 @@ def follower(rig: RigConfig) -> FollowerParameters:
 @pytest.fixture
 def radiation(rig: RigConfig) -> RadiationParameters:
     """Shipped constants with a round corner, so that no test needs a fitted number."""
-    return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner=20.0)
+    return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner_frequency=20.0)
 
 
 def assumed(value: Any, unit: str) -> dict[str, Any]:
@@ -241,14 +241,14 @@ def make_cam() -> Callable[..., CamConfig]:
 
 def scene_data(**changes: Any) -> dict[str, Any]:
     """Data of a scene file: two cams, three speeds, three turns each."""
-    program = {
+    schedule = {
         "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
         "turns": assumed(changes.pop("turns", 3), "turns"),
-        "settle_turns": assumed(changes.pop("settle_turns", 1), "turns"),
+        "transient_turns": assumed(changes.pop("transient_turns", 1), "turns"),
         "ticks_per_turn": changes.pop("ticks_per_turn", 1),
     }
     if "ramp" in changes:
-        program["ramp"] = assumed(changes.pop("ramp"), "s")
+        schedule["ramp"] = assumed(changes.pop("ramp"), "s")
     return {
         "name": "small",
         "title": "a small scene",
@@ -256,7 +256,7 @@ def scene_data(**changes: Any) -> dict[str, Any]:
         "rig": "tm21",
         "model": "one_mass",
         "sample_rate": assumed(changes.pop("sample_rate", 8000), "Hz"),
-        "program": program,
+        "schedule": schedule,
         **changes,
     }
 

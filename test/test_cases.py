@@ -68,7 +68,7 @@ def of_orders(data, _, name, place):
 def of_run(data, _, name, __):
     """An extreme of force or torque at the only speed."""
     end, what = name.split("_")
-    return data["speeds"][0][f"{what}_{'peak' if end == 'max' else 'least'}"]
+    return data["speeds"][0][f"{'peak' if end == 'max' else 'min'}_{what}"]
 
 
 READERS = {

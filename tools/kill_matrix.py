@@ -46,10 +46,10 @@ cams: [tm21, bezier15]
 rig: tm21
 model: one_mass
 sample_rate: {assumed: 2, unit: kHz, source: "keeps a case short"}
-program:
+schedule:
   speeds: {assumed: [300, 400], unit: rpm, source: "a case"}
   turns: {assumed: 10, unit: turns, source: "a case"}
-  settle_turns: {assumed: 1, unit: turns, source: "a case"}
+  transient_turns: {assumed: 1, unit: turns, source: "a case"}
   ticks_per_turn: 2
 """
 #: Wall time (s) that a run waits for a stopped node, and that a case may take in addition.
@@ -78,7 +78,7 @@ class Case:
     def run(self, scene: Path, bag: Path) -> None:
         """Run the scene and send the signal at the moment."""
         start_time, stop_all = time.monotonic(), node_process_module.stop_all
-        nodes = live(scene, bag, patience=PATIENCE)
+        nodes = live(scene, bag, progress_timeout=PATIENCE)
         made = Graph(nodes, log=self.said.append)
 
         def closing(processes: list[NodeProcess]) -> None:

@@ -64,7 +64,7 @@ def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SettledCost:
         row, _ = steady_row(law, loaded.rig, scene_at(loaded.scene, speed), speed)
         return row.lift_offs
 
-    landings = round(point() * loaded.scene.program.turns.si)
+    landings = round(point() * loaded.scene.schedule.turns.si)
     case, rate = _case(loaded, speed), int(loaded.scene.sample_rate.si)
     peer = None
     if landings and PEER.missing() is None:
@@ -75,7 +75,7 @@ def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SettledCost:
 
 def _case(loaded: LoadedScene, speed: float) -> Case:
     """Return the same follower for the peer."""
-    law, p, turns = loaded.laws[CAM], loaded.follower, int(loaded.scene.program.turns.si)
+    law, p, turns = loaded.laws[CAM], loaded.follower, int(loaded.scene.schedule.turns.si)
     numbers = (p.mass, p.damping, p.spring_stiffness, p.preload, p.restitution or 0.0)
     model = OneMass(*numbers, MIN_OF_LIFT * law.lift)
     return Case(CAM, CAM, law, model, speed, turns, turns, output_times(speed, turns, 1))

@@ -46,12 +46,12 @@ class RadiationParameters:
     """Acoustic constants of a rig."""
 
     gain: float  #: Pa·s/N, pressure per rate of contact force
-    corner: float  #: Hz
-    background: float  #: dB at the speed ``background_at`` (rad/s)
-    background_at: float
+    corner_frequency: float  #: Hz
+    background: float  #: dB at the speed ``background_reference_speed`` (rad/s)
+    background_reference_speed: float
     background_slope: float  #: dB per octave of speed
     contact_time: float  #: s, duration of a landing's force pulse, 0 without landings
-    background_corner: float  #: Hz, above which the background falls by 6 dB per octave
+    background_corner_frequency: float  #: Hz, above which the background falls by 6 dB per octave
 
     @classmethod
     def from_rig(cls, rig: RigConfig, *, lands: bool = True) -> RadiationParameters:
@@ -72,22 +72,24 @@ class RadiationParameters:
         follower = FollowerParameters.from_rig(rig)
         return cls(
             gain=radiation.gain.si,
-            corner=radiation.corner.si,
+            corner_frequency=radiation.corner_frequency.si,
             background=radiation.background.si,
-            background_at=radiation.background_at.si,
+            background_reference_speed=radiation.background_reference_speed.si,
             background_slope=radiation.background_slope.si,
             contact_time=follower.contact_time if follower.stem_stiffness else 0.0,
-            background_corner=radiation.background_corner.si,
+            background_corner_frequency=radiation.background_corner_frequency.si,
         )
 
     @property
     def corner_rate(self) -> float:
         """Angular corner frequency ω_c in rad/s."""
-        return 2.0 * math.pi * self.corner
+        return 2.0 * math.pi * self.corner_frequency
 
     def background_power(self, speed: float) -> float:
         """Return the mean square background pressure (Pa²) at a cam speed in rad/s."""
-        level = self.background + self.background_slope * math.log2(speed / self.background_at)
+        level = self.background + self.background_slope * math.log2(
+            speed / self.background_reference_speed
+        )
         return float(pressure_pa(level)) ** 2
 
     def landing_energy(self, impulse: FloatArray) -> FloatArray:
@@ -166,7 +168,7 @@ class Background:
     is 1 from the first sample on, at any rate.
     """
 
-    corner: float  #: Hz
+    corner_frequency: float  #: Hz
     rate: float  #: Hz
     seed: int  #: seed of the noise
     _last: float = field(init=False)
@@ -177,7 +179,7 @@ class Background:
 
     def samples(self, count: int) -> FloatArray:
         """Return the next samples, ``(count,)``."""
-        keep = math.exp(-2.0 * math.pi * self.corner / self.rate)
+        keep = math.exp(-2.0 * math.pi * self.corner_frequency / self.rate)
         fresh = self._generator.standard_normal(count)
         gain = math.sqrt(-math.expm1(2.0 * math.log(keep)))
         noise = first_order(keep, gain * fresh, self._last)
@@ -205,7 +207,9 @@ class SoundSource:
 
     def __post_init__(self) -> None:
         self.factor = max(1, math.ceil(self.least_rate / self.block_rate))
-        self._background = Background(self.parameters.background_corner, self.rate, self.seed)
+        self._background = Background(
+            self.parameters.background_corner_frequency, self.rate, self.seed
+        )
         self._pulse = _pulse(self.parameters.contact_time or 1.0 / self.rate, self.rate)
         self._tail = np.zeros(self._pulse.size - 1)
 

@@ -41,7 +41,7 @@ PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
 class BagRecorder:
     """Recorder of messages into a bag that contains everything needed to analyse it.
 
-    `points_per_turn` is the number of instants per turn of the derived motion (0: the number of the
+    `samples_per_turn` is the number of instants per turn of the derived motion (0: that of the
     scene).
     """
 
@@ -51,7 +51,7 @@ class BagRecorder:
         loaded: LoadedScene,
         publishers: Publishers | None = None,
         namespace: str = "",
-        points_per_turn: int = 0,
+        samples_per_turn: int = 0,
         split: Split | None = None,
     ) -> None:
         self._writer = BagWriter(bag, split=split, namespace=namespace)
@@ -59,7 +59,7 @@ class BagRecorder:
         self._attach()
         self._writer.attach("versions.json", versions())
         validator = StateValidator.of(loaded.scene)
-        motion = MotionMessages(loaded, points_per_turn)
+        motion = MotionMessages(loaded, samples_per_turn)
         self._session = RecordingSession(self._writer, validator, publishers, self._check, motion)
         self._unflushed = 0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
@@ -55,21 +55,29 @@ class Split:
         return by_size or (self.duration > 0.0 and now - start > self.duration * NS)
 
     @classmethod
-    def parsed(cls, text: str) -> Split:
-        """Parse limits such as ``100MB``, ``1.5 GiB``, ``60s`` or ``10min``.
+    def parse(cls, size: str | None, duration: str | None) -> Split:
+        """Parse limits with units, such as ``100MB`` or ``1.5 GiB``, and ``60s`` or ``10min``.
 
         Raises ConfigError for another text, or an amount that is out of range.
         """
-        match = AMOUNT.fullmatch(text)
-        units = ", ".join((*SIZES, *TIMES))
-        if match is None or match[2] not in SIZES | TIMES:
-            raise ConfigError(
-                f"split: is {text[:40]!r}; allowed: a number and one of {units}, as 100MB or 60s"
-            )
-        amount, label = float(match[1]), f"split: is {text.strip()}"
-        if match[2] in SIZES:
-            return cls(size=_checked_size(round(amount * SIZES[match[2]]), label))
-        return cls(duration=_checked_duration(amount * TIMES[match[2]], label))
+        limits = cls()
+        if size is not None:
+            size_bytes = round(_amount("max-bag-size", size, SIZES))
+            limits = replace(limits, size=_checked_size(size_bytes, f"max-bag-size: is {size}"))
+        if duration is not None:
+            seconds, label = _amount("max-bag-duration", duration, TIMES), "max-bag-duration"
+            limits = replace(limits, duration=_checked_duration(seconds, f"{label}: is {duration}"))
+        return limits
+
+
+def _amount(option: str, text: str, units: dict[str, float]) -> float:
+    """Return a number with one of some units, in the base unit."""
+    match = AMOUNT.fullmatch(text)
+    if match is None or match[2] not in units:
+        raise ConfigError(
+            f"{option}: is {text[:40]!r}; allowed: a number with a unit, {', '.join(units)}"
+        )
+    return float(match[1]) * units[match[2]]
 
 
 def _checked_size(size: int, label: str) -> int:

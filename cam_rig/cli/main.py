@@ -16,39 +16,54 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from cam_rig.errors import ConfigError, OutputError, printable
+from cam_rig.errors import ConfigError, OutputError, did_you_mean, printable
 from cam_rig.extras import libraries_named
 from cam_rig.interrupts import handle_signals
 from cam_rig.show.command import StrictCommand
 
-#: Module of each command. The function or command group in it has the name of the command.
-COMMANDS = {
-    "run": "cam_rig.cli.run",
-    "simulate": "cam_rig.studies.simulate.command",
-    "analyze": "cam_rig.studies.simulate.bag_command",
-    "compare": "cam_rig.studies.compare.command",
-    "export": "cam_rig.studies.simulate.bag_command",
-    "view": "cam_rig.viewer.command",
-    "panel": "cam_rig.panel.command",
-    "recover": "cam_rig.bag.command",
-    "replay": "cam_rig.cli.run",
-    "urdf": "cam_rig.messages.command",
-    "laws": "cam_rig.studies.laws.command",
-    "law": "cam_rig.studies.laws.command",
-    "new": "cam_rig.studies.fit_cam.command",
-    "profile": "cam_rig.studies.profile.command",
-    "design": "cam_rig.studies.design.command",
-    "contact": "cam_rig.studies.contact.command",
-    "jump": "cam_rig.studies.jump.command",
-    "bounce": "cam_rig.studies.bounce.command",
-    "vibration": "cam_rig.studies.vibration.command",
-    "campaign": "cam_rig.studies.campaign.command",
-    "noise": "cam_rig.studies.noise.command",
-    "orders": "cam_rig.studies.orders.command",
-    "report": "cam_rig.report.command",
-    "listen": "cam_rig.studies.simulate.command",
-    "fit": "cam_rig.cli.fit",
+#: Panels of the help, in its order, each with the module of each command. The function or command
+#: group in the module has the name of the command.
+PANELS = {
+    "Cam": {
+        "laws": "cam_rig.studies.laws.command",
+        "law": "cam_rig.studies.laws.command",
+        "profile": "cam_rig.studies.profile.command",
+        "contact": "cam_rig.studies.contact.command",
+        "design": "cam_rig.studies.design.command",
+    },
+    "Follower": {
+        "jump": "cam_rig.studies.jump.command",
+        "vibration": "cam_rig.studies.vibration.command",
+        "orders": "cam_rig.studies.orders.command",
+        "bounce": "cam_rig.studies.bounce.command",
+        "simulate": "cam_rig.studies.simulate.command",
+        "listen": "cam_rig.studies.simulate.command",
+    },
+    "Your machine": {
+        "new": "cam_rig.studies.fit_cam.command",
+        "fit": "cam_rig.cli.fit",
+        "compare": "cam_rig.studies.compare.command",
+    },
+    "Run and record": {
+        "run": "cam_rig.cli.run",
+        "view": "cam_rig.viewer.command",
+        "analyze": "cam_rig.studies.simulate.bag_command",
+        "export": "cam_rig.studies.simulate.bag_command",
+        "replay": "cam_rig.cli.run",
+        "recover": "cam_rig.bag.command",
+        "urdf": "cam_rig.messages.command",
+    },
+    "Studies": {
+        "campaign": "cam_rig.studies.campaign.command",
+        "noise": "cam_rig.studies.noise.command",
+        "report": "cam_rig.report.command",
+    },
+    "Teach": {"panel": "cam_rig.panel.command"},
 }
+#: Panel of the help of each command.
+PANEL_OF = {name: panel for panel, commands in PANELS.items() for name in commands}
+#: Module of each command.
+COMMANDS = {name: module for commands in PANELS.values() for name, module in commands.items()}
 # Handling of errors for all commands: a wrong option or a failed output is reported in one line.
 
 #: Type of a pydantic error -> allowed value in the message. Typer validates options by pydantic.
@@ -67,10 +82,15 @@ class Commands(TyperGroup):
 
     def get_command(self, _ctx: Any, name: str) -> TyperCommand | None:
         """Return a command with its name and first sentence for the help, not imported."""
-        return TyperCommand(name, help=summary(name)) if name in COMMANDS else None
+        if name not in COMMANDS:
+            return None
+        return TyperCommand(name, help=summary(name), rich_help_panel=PANEL_OF[name])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Import the command that the first argument names. Return it with the other arguments."""
+        if args[0] not in COMMANDS:
+            hint = did_you_mean(args[0], COMMANDS) or "; cam-rig --help lists the commands"
+            raise typer.BadParameter(f"{args[0]!r} is not a command{hint}")
         name, resolved, others = super().resolve_command(ctx, args)
         return name, resolved and command(resolved.name), others
 

@@ -12,6 +12,7 @@ import shlex
 import shutil
 import time
 from collections.abc import Mapping
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,21 +45,26 @@ Pacing = Annotated[
 ]
 View = Annotated[bool, typer.Option("--view", help="Show the run in Rerun.")]
 Web = Annotated[bool, typer.Option("--web", help="Show the run in a browser on this machine.")]
-Wait = Annotated[
-    bool, typer.Option("--wait", help="With --web or --view: start when the viewer is connected.")
-]
-Network = Annotated[
+WaitForClient = Annotated[
     bool,
     typer.Option(
-        "--network", help="Allow discovery on the local subnet (default: this machine only)."
+        "--wait-for-client", help="With --web or --view: start when the viewer is connected."
     ),
 ]
-SplitLimit = Annotated[
+#: Choices of the option --discovery.
+Discovery = Enum("Discovery", {"LOCALHOST": "localhost", "SUBNET": "subnet"})
+DiscoveryRange = Annotated[
+    Discovery,
+    typer.Option("--discovery", help="Machines that discover the nodes: this one, or the subnet."),
+]
+MaxBagSize = Annotated[
+    str | None,
+    typer.Option(metavar="SIZE", help="Size after which a new file of the bag starts: 100MB."),
+]
+MaxBagDuration = Annotated[
     str | None,
     typer.Option(
-        "--split",
-        metavar="LIMIT",
-        help="Size or rig time after which a new file of the bag starts: 100MB, 60s.",
+        metavar="TIME", help="Rig time after which a new file of the bag starts: 60s, 10min."
     ),
 ]
 
@@ -76,11 +82,12 @@ def run(
     ] = False,
     view: View = False,
     web: Web = False,
-    wait: Wait = False,
+    wait_for_client: WaitForClient = False,
     pacing: Pacing = "free",
-    network: Network = False,
+    discovery: DiscoveryRange = Discovery.LOCALHOST,
     namespace: Namespace = "",
-    split: SplitLimit = None,
+    max_bag_size: MaxBagSize = None,
+    max_bag_duration: MaxBagDuration = None,
 ) -> None:
     """Run a scene through the node graph and record it.
 
@@ -96,11 +103,11 @@ def run(
 
     cam-rig run --view
 
-    cam-rig run quick --web --wait --pacing real_time
+    cam-rig run quick --web --wait-for-client --pacing real_time
 
     cam-rig run quick --namespace /rig1
 
-    cam-rig run --split 100MB
+    cam-rig run --max-bag-size 100MB
     """
     options = dict(locals())  # before any other name is assigned
     with user_errors(), ForkServer().begin() as server:  # it imports during the checks below
@@ -114,14 +121,15 @@ def run(
 
         path = scene_path(scene)
         factor_of(pacing := str(pacing_of(pacing)))
-        limits = Split.parsed(split) if split is not None else Split()
+        limits = Split.parse(max_bag_size, max_bag_duration)
         namespace = namespace_named(namespace)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target, limits.last_number)
-        with open_screen(view, web, wait) as screen:
+        with open_screen(view, web, wait_for_client) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
             repeat = _command_line(options)
-            _run(path, target, nodes, network, namespace, server, screen.page, repeat)
+            subnet = discovery == Discovery.SUBNET
+            _run(path, target, nodes, subnet, namespace, server, screen.page, repeat)
             if analyze:
                 from cam_rig.studies.simulate.bag_command import read_run
 
@@ -129,12 +137,14 @@ def run(
             screen.stay()
 
 
-def _command_line(options: Mapping[str, Path | str | bool | None]) -> str:
+def _command_line(options: Mapping[str, Path | str | bool | Enum | None]) -> str:
     """Return the command that repeats a run with these options, into a new bag."""
     parts = ["cam-rig", "run", str(options["scene"])]
     for name, value in options.items():
         if value and name not in ("scene", "bag"):
-            parts += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+            option = f"--{name.replace('_', '-')}"
+            text = value.value if isinstance(value, Enum) else str(value)
+            parts += [option] if value is True else [option, text]
     return shlex.join(parts)
 
 
@@ -142,7 +152,7 @@ def _run(
     path: Path,
     target: Path,
     nodes: dict[str, Arguments],
-    network: bool,
+    subnet: bool,
     namespace: str,
     server: ForkServer,
     page: PageTime | None,
@@ -164,9 +174,9 @@ def _run(
 
     loaded = open_scene(path)
     loaded.require_numbers()
-    if PROFILE_VARIABLE in os.environ and not network:
+    if PROFILE_VARIABLE in os.environ and not subnet:
         say(
-            f"the profile in {PROFILE_VARIABLE} is ignored without --network; "
+            f"the profile in {PROFILE_VARIABLE} is ignored without --discovery subnet; "
             "no socket leaves this machine"
         )
     start = time.perf_counter()
@@ -175,7 +185,7 @@ def _run(
         own_domain(namespace),
         make_progress_bar() as bar,
         delay_report(page) as delayed,
-        Graph(nodes, network, say, namespace, server) as graph,
+        Graph(nodes, subnet, say, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         try:

@@ -14,7 +14,7 @@ from cam_rig.dynamics.events.trajectory import NO_CONTACT, Trajectory
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
-from cam_rig.dynamics.parameters import FollowerParameters, told
+from cam_rig.dynamics.parameters import FollowerParameters, require_parameter
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.laws import Law
@@ -104,7 +104,7 @@ class OneMassTrajectory(Trajectory):
             end_share=0.0,
             spring_share=0.0,
             preload_compression=0.0,
-            restitution=float(told("restitution", p.restitution)),
+            restitution=float(require_parameter("restitution", p.restitution)),
             acceleration_rounding=float(force_rounding(law, p, speed) / p.mass),
         )
 

@@ -136,8 +136,8 @@ def si_or_none(number: Quantity | None) -> float | None:
     return None if number is None else number.si
 
 
-def told(name: str, value: float | None) -> float:
-    """Return an optional number of the follower.
+def require_parameter(name: str, value: float | None) -> float:
+    """Return an optional number of the follower that a model requires.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def told(name: str, value: float | None) -> float:
         If the value is None.
     """
     if value is None:
-        raise ConfigError(f"follower.{name}: is missing; so add it to the rig's numbers")
+        raise ConfigError(f"follower.{name}: is missing; add it to the numbers of the rig")
     return value
 
 
@@ -234,7 +234,7 @@ class FollowerParameters:
         ConfigError
             If it is None.
         """
-        return told("stem_stiffness", self.stem_stiffness)
+        return require_parameter("stem_stiffness", self.stem_stiffness)
 
     @property
     def contact_time(self) -> float:

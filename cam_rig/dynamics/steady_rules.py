@@ -8,7 +8,7 @@ different data:
 ======================  ===========================================================================
 user                    rule
 ======================  ===========================================================================
-scene, sweep, bag       the first `settle_turns` of each speed are omitted (`is_settled`)
+scene, sweep, bag       the first `transient_turns` of each speed are omitted (`is_settled`)
 levels of the paper     the second turn from rest (`LEVEL_TURNS`)
 campaign, design        the remaining change is below `FORCE_RTOL` of the contact force
 order spectrum          the state repeats after up to `MAX_PERIOD_TURNS` turns to `STATE_RTOL`
@@ -59,9 +59,9 @@ PERIOD_RTOL = 1e-9
 LAB_TURNS = 6
 
 
-def is_settled(turns: float, settle_turns: float) -> bool:
+def is_settled(turns: float, transient_turns: float) -> bool:
     """Return True if a tick starts after the turns that are omitted at each speed.
 
     `turns` is the number of turns from the start of the speed to the start of the tick.
     """
-    return turns > settle_turns - TURN_ATOL
+    return turns > transient_turns - TURN_ATOL

@@ -29,7 +29,13 @@ from cam_rig.dynamics.free_masses import (
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.linear.response import LinearResponse, polynomial_parts, sample
-from cam_rig.dynamics.parameters import require_angle, require_number, state_of, times_of, told
+from cam_rig.dynamics.parameters import (
+    require_angle,
+    require_number,
+    require_parameter,
+    state_of,
+    times_of,
+)
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.laws import Law, bernstein
@@ -193,7 +199,7 @@ class Separation(Trajectory):
             end_share=float(p.end_mass / (p.roller_mass + p.end_mass)),
             spring_share=float(p.spring_stiffness / p.stiffness),
             preload_compression=float(p.preload / p.stiffness),
-            restitution=float(told("restitution", p.restitution)),
+            restitution=float(require_parameter("restitution", p.restitution)),
             acceleration_rounding=float(acceleration_rounding(self.law, p, self.speed)),
         )
 

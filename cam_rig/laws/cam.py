@@ -41,13 +41,6 @@ def build_law(cam: CamConfig) -> Law:
     ------
     LawError : the segments do not join, the geometry of a segment does not exist, or the law does
         not have the lift of the file
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> round(law.lift, 6), float(law(0.0, 2))  # m, and m/rad² at cam angle 0
-    (0.05, 0.0)
     """
     fixed_pieces = [own_pieces(segment, cam) for segment in cam.segments]
     breaks, columns, level = [0.0], [], _start_level(cam, fixed_pieces)

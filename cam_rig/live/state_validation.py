@@ -22,7 +22,7 @@ def speed_limits(scene: SceneConfig) -> tuple[float, float]:
     At the highest speed a tick has `MIN_SAMPLES` samples. At the lowest speed it has half of
     `MAX_SAMPLES`.
     """
-    speed_of_one_sample = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
+    speed_of_one_sample = TURN / scene.schedule.ticks_per_turn * scene.sample_rate.si
     highest = min(MAX_SPEED, speed_of_one_sample / MIN_SAMPLES)
     return 2.0 * speed_of_one_sample / MAX_SAMPLES, highest
 
@@ -44,7 +44,7 @@ class StateValidator:
     @classmethod
     def of(cls, scene: SceneConfig) -> StateValidator:
         """Return the validator for the states of a scene."""
-        return cls(scene.sample_rate.si, TURN / scene.program.ticks_per_turn)
+        return cls(scene.sample_rate.si, TURN / scene.schedule.ticks_per_turn)
 
     def validate(self, state: CamState) -> None:
         """Accept a state, or raise RefusedError."""

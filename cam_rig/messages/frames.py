@@ -114,7 +114,7 @@ class Robot:
     @property
     def top_speed(self) -> float:
         """Highest speed of the scene in rad/s."""
-        return max(self.loaded.scene.program.speeds.si_list)
+        return max(self.loaded.scene.schedule.speeds.si_list)
 
     @property
     def max_force_and_velocity(self) -> tuple[float, float]:

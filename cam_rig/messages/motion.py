@@ -282,7 +282,7 @@ class MotionMessages:
     Parameters
     ----------
     loaded : LoadedScene
-    points_per_turn : int
+    samples_per_turn : int
         Number of instants per turn (default 0: that of the scene).
     topics : tuple of Topic
         Topics of the messages (default: all derived topics except /clock).
@@ -291,12 +291,12 @@ class MotionMessages:
     def __init__(
         self,
         loaded: LoadedScene,
-        points_per_turn: int = 0,
+        samples_per_turn: int = 0,
         topics: tuple[Topic, ...] = (*EACH_INSTANT, *EACH_CAM),
     ) -> None:
         self.topics, self.sample_rate = topics, int(loaded.scene.sample_rate.si)
         self._loaded, scene = loaded, loaded.scene
-        points = (points_per_turn or scene.points_per_turn) / scene.program.ticks_per_turn
+        points = (samples_per_turn or scene.samples_per_turn) / scene.schedule.ticks_per_turn
         self._points = max(1, round(points))  # per tick
         self._robot = cache(lambda cam: Robot.of(loaded, cam))
         self._maker = cache(lambda topic, cam: EACH_INSTANT[topic](self._robot(cam)))

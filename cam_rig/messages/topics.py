@@ -134,11 +134,11 @@ QUANTITY = "quantity"
 #: Suffix of a node's name on /diagnostics that marks heartbeats, which depend on the wall clock.
 HEARTBEAT = ": heartbeat"
 #: Acknowledgement of the recorder: stamp of the newest tick whose messages are all written.
-RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick", owner="recorder")
+RECORDER_ACK = Topic("/recorder/ack", "std_msgs/msg/Header", "tick", owner="recorder")
 #: Acknowledgement of the law server: stamp of the newest state that it has processed.
-FOLLOWED = Topic("/law_server/followed", "std_msgs/msg/Header", "state", owner="law_server")
+LAW_SERVER_ACK = Topic("/law_server/ack", "std_msgs/msg/Header", "state", owner="law_server")
 #: Acknowledgement of the viewer: stamp of the newest tick that it has drawn.
-SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
+VIEWER_ACK = Topic("/viewer/ack", "std_msgs/msg/Header", "tick")
 _event = partial(Topic, per="any", stamped=False)
 #: End of the run: its outcome (level, message), number of ticks and rig time.
 FINISHED = _event("/rig/finished", "diagnostic_msgs/msg/DiagnosticStatus", owner="cam_drive")
@@ -160,12 +160,12 @@ PARAMETER_EVENTS = Topic(
 TOPICS = tuple(value for value in vars().values() if isinstance(value, Topic))
 
 
-def motion_depth(points_per_turn: int) -> int:
+def motion_depth(samples_per_turn: int) -> int:
     """Return the history of a topic with a message per instant: four turns.
 
     The messages of a tick are published together in a free run, and a tick may be a whole turn.
     """
-    return max(MOTION_DEPTH, 4 * (points_per_turn + 2))
+    return max(MOTION_DEPTH, 4 * (samples_per_turn + 2))
 
 
 @lru_cache(maxsize=1024)

@@ -25,7 +25,7 @@ from cam_rig.runner.node_table import OPTIONAL, WAIT, held_by, in_chain
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
 
-#: Period (s, wall clock) at which optional consumers and the patience are checked.
+#: Period (s, wall clock) at which optional consumers and the progress_timeout are checked.
 CHECK_PERIOD_S = 0.1
 #: Time (s, wall clock) without progress after which the activity names the nodes waited for.
 WAITING_AFTER_S = 1.0
@@ -37,9 +37,9 @@ MIN_TIMER_NS = 100_000
 ACKNOWLEDGEMENTS = {
     "follower": topics.FOLLOWER_STATE,
     "microphone": topics.PRESSURE,
-    "recorder": topics.RECORDED,
-    "law_server": topics.FOLLOWED,
-    "viewer": topics.SHOWN,
+    "recorder": topics.RECORDER_ACK,
+    "law_server": topics.LAW_SERVER_ACK,
+    "viewer": topics.VIEWER_ACK,
 }
 
 
@@ -130,17 +130,19 @@ class ClockSource(RigNode):
             return
         while not self._not_ready and self.send_next():
             pass
-        patience = self.settings["patience"]
+        progress_timeout = self.settings["progress_timeout"]
         if self.is_done():
             self._report_progress(done=True)
             self.finish()
         elif self.is_idle():
             self._progress_at = time.monotonic()
-        elif time.monotonic() - self._progress_at > patience:
+        elif time.monotonic() - self._progress_at > progress_timeout:
             if self._not_ready:
-                text = f"not ready after {patience:g} s: {', '.join(sorted(self._not_ready))}"
+                text = (
+                    f"not ready after {progress_timeout:g} s: {', '.join(sorted(self._not_ready))}"
+                )
             else:
-                text = f"no answer for {patience:g} s after {self.pending_text()}"
+                text = f"no answer for {progress_timeout:g} s after {self.pending_text()}"
             self.fail(RunError(f"{text}; is it running?"))
         if (due := self.time_until_due()) > 0.0:
             # rclpy does not provide one-shot timers, so that _on_due cancels the timer
@@ -174,7 +176,7 @@ class ClockSource(RigNode):
         if self.done.done():
             return
         waited = time.monotonic() - self._progress_at
-        max_wait = min(MAX_OPTIONAL_WAIT_S, 0.5 * self.settings["patience"])
+        max_wait = min(MAX_OPTIONAL_WAIT_S, 0.5 * self.settings["progress_timeout"])
         missing = self._not_ready or set(self._flow.behind())
         is_overdue = bool(missing) and missing <= self._optional and waited > max_wait
         for name in list(self._optional):
@@ -264,14 +266,14 @@ class ClockSource(RigNode):
         self._is_bag_closed = False
         self.remember_endpoints()
         self._finished_publisher.publish(run.to_message(self.get_name()))
-        if self.settings["at_end"] == WAIT:
+        if self.settings["on_finish"] == WAIT:
             return
-        signals, patience = self.interrupts, self.settings["patience"]
-        deadline = time.monotonic() + patience
+        signals, progress_timeout = self.interrupts, self.settings["progress_timeout"]
+        deadline = time.monotonic() + progress_timeout
         recorder = find_endpoints(self, self.resolve_topic_name(topics.CLOSED.relative))
         while not (self._is_bag_closed or have_left(self, recorder) or self.interrupts > signals):
             if time.monotonic() > deadline:
-                text = f"the recorder has not closed its bag within {patience:g} s"
+                text = f"the recorder has not closed its bag within {progress_timeout:g} s"
                 self.get_logger().warning(text)
                 return
             spin_once(timeout_sec=POLL_S)

@@ -40,9 +40,9 @@ class Follower(RigNode):
         self._queue = FollowerQueue(simulator, self._loaded.scene)
         self._samples_publisher = self.advertise(topics.FOLLOWER_SAMPLES)
         self._state_publisher = self.advertise(topics.FOLLOWER_STATE)
-        points = self.settings["points_per_turn"] or self._loaded.scene.points_per_turn
+        points = self.settings["samples_per_turn"] or self._loaded.scene.samples_per_turn
         messages = MotionMessages(self._loaded, points, OF_FOLLOWER)
-        self._motion = MotionPublisher(self, messages, points, self.settings["motion_rate"])
+        self._motion = MotionPublisher(self, messages, points, self.settings["visualization_rate"])
         self._state_received_at = 0.0
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)

@@ -39,7 +39,7 @@ class LawServer(RigNode):
         self._law_publisher = self.advertise(topics.LAW)
         self._coefficients_publisher = self.advertise(topics.LAW_COEFFICIENTS)
         self._profile_publisher = self.advertise(topics.PROFILE)
-        self._followed_publisher = self.advertise(topics.FOLLOWED)
+        self._ack_publisher = self.advertise(topics.LAW_SERVER_ACK)
         self._loaded = open_scene(Path(self.settings["scene"]))
         self._states = tick_count(self._loaded.scene) + 1
         self._markers = MotionMessages(self._loaded, topics=OF_LAW_SERVER)
@@ -73,7 +73,7 @@ class LawServer(RigNode):
             self._law_publisher.publish(to_trajectory(law, state))
         self.ticks += 1
         self.diagnostics.report(state.time_ns, OK, f"{state.cam} is mounted")
-        self._followed_publisher.publish(to_header(state.time_ns))
+        self._ack_publisher.publish(to_header(state.time_ns))
 
 
 def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:

@@ -14,7 +14,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.topics import TOPICS, Topic
 from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
 from cam_rig.schema.load import named_path
-from cam_rig.schema.scene import MAX_POINTS_PER_TURN
+from cam_rig.schema.scene import MAX_SAMPLES_PER_TURN
 
 #: Description of the values of each type, for messages and help texts.
 KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text",
@@ -100,8 +100,8 @@ SCENE = Spec(
     read=lambda scene: str(named_path("scenes", scene)) if isinstance(scene, str) else scene,
 )
 #: Behaviour of a node when the drive or the player has published the end of the run.
-AT_END = Spec(
-    "at_end",
+ON_FINISH = Spec(
+    "on_finish",
     END,
     "at the end of the run: end, stay for another run, or wait for a signal to stop",
     choices=(END, STAY, WAIT),
@@ -109,15 +109,15 @@ AT_END = Spec(
 _PROGRESS = Spec(
     "progress_fd", -1, "open file descriptor for a line of JSON per state; -1: no report"
 )
-_PATIENCE = Spec(
-    "patience", 20.0, "time without progress before an error, s, wall clock", 0.1, 86400.0
+_PROGRESS_TIMEOUT = Spec(
+    "progress_timeout", 20.0, "time without progress before an error, s, wall clock", 0.1, 86400.0
 )
-_POINTS = Spec(
-    "points_per_turn",
+_SAMPLES_PER_TURN = Spec(
+    "samples_per_turn",
     0,
     "instants per turn of the motion on /joint_states and similar topics; 0: as in the scene",
     0,
-    MAX_POINTS_PER_TURN,
+    MAX_SAMPLES_PER_TURN,
 )
 #: Topics that every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
@@ -125,7 +125,7 @@ COMMON = (topics.DIAGNOSTICS, topics.READY)
 ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
 #: Parameters of the microphone, in the order of their letters in a quantity such as LAF.
 WEIGHTING_PARAMETERS = ("frequency_weighting", "time_weighting")
-_ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDED)
+_ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDER_ACK)
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ ABOUT = {
     "law_server": NodeSpec(
         "mounts the cams, and publishes law, contour and markers of the mounted cam, latched",
         (
-            SCENE, AT_END,
+            SCENE, ON_FINISH,
             Spec("cam", "", "cam, a name in config/cams, mounted until the drive requests another; "
                  "empty: the first of the scene", live=True),
         ),
@@ -172,7 +172,7 @@ ABOUT = {
     "cam_drive": NodeSpec(
         "turns the cam through the scene's speeds, at the pace of the slowest consumer",
         (
-            SCENE, AT_END,
+            SCENE, ON_FINISH,
             Spec("rpm", 0.0, "set-point of the speed from the next tick on, rpm; 0: the scene's "
                  "speeds (the actual speed is on /cam/state)", 0.0, 1e5, live=True),
             Spec("pacing", "free", "real-time factor: free, real_time, or a multiple such as 20x",
@@ -180,10 +180,10 @@ ABOUT = {
             Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
             Spec("consumers", list(ESSENTIAL), "nodes whose acknowledgements the drive waits for",
                  choices=CONSUMERS),
-            _PATIENCE, _PROGRESS,
+            _PROGRESS_TIMEOUT, _PROGRESS,
         ),
         (
-            topics.LAW_COEFFICIENTS, *_ACKNOWLEDGEMENTS, topics.FOLLOWED, topics.CLOSED,
+            topics.LAW_COEFFICIENTS, *_ACKNOWLEDGEMENTS, topics.LAW_SERVER_ACK, topics.CLOSED,
             topics.READY, topics.CAM_RPM, topics.PARAMETER_EVENTS,
         ),
         "-p scene:=quick -p pacing:=20 -p autostart:=false",
@@ -192,18 +192,18 @@ ABOUT = {
     "follower": NodeSpec(
         "computes the follower's motion and contact force in each tick",
         (
-            SCENE, AT_END, _POINTS,
-            Spec("motion_rate", 100.0, "rate of /joint_states and similar topics in a paced run, "
-                 "Hz, wall clock", 1.0, 1000.0),
+            SCENE, ON_FINISH, _SAMPLES_PER_TURN,
+            Spec("visualization_rate", 100.0, "rate of /joint_states and similar topics in a "
+                 "paced run, Hz, wall clock", 1.0, 1000.0),
         ),
         (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.REAL_TIME_FACTOR, topics.FINISHED),
-        "-p scene:=quick -p points_per_turn:=360",
+        "-p scene:=quick -p samples_per_turn:=360",
         published=(topics.JOINT_STATES,),
     ),
     "microphone": NodeSpec(
         "computes sound pressure and level from the contact force of each tick",
         (
-            SCENE, AT_END,
+            SCENE, ON_FINISH,
             Spec("frequency_weighting", "Z",
                  "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
                  choices=FREQUENCY_WEIGHTINGS, live=True),
@@ -216,21 +216,21 @@ ABOUT = {
     "recorder": NodeSpec(
         "records every message of the rig into a rosbag2 bag (MCAP)",
         (
-            SCENE, AT_END,
-            Spec("bag", "", "folder of the bag, must not exist; empty: bags/<scene>_<date>"),
-            _POINTS,
+            SCENE, ON_FINISH,
+            Spec("output_uri", "", "folder of the bag, must not exist; empty: bags/<scene>_<date>"),
+            _SAMPLES_PER_TURN,
             Spec("max_bagfile_size", 0, "maximum size of a file of the bag, bytes; 0: no limit",
                  check=check_parameter_size),
             Spec("max_bagfile_duration", 0.0, "maximum duration of a file of the bag, s, rig time; "
                  "0: no limit", check=check_parameter_duration),
         ),
         (*topics.RECEIVED, topics.FINISHED),
-        "-p scene:=quick -p bag:=bags/mine",
+        "-p scene:=quick -p output_uri:=bags/mine",
     ),
     "viewer": NodeSpec(
         "displays the run live in Rerun",
         (
-            SCENE, replace(AT_END, default=WAIT),
+            SCENE, replace(ON_FINISH, default=WAIT),
             Spec("address", "", "address of a Rerun viewer, or folder that a page of cam-rig "
                  "reads; empty: open a window"),
         ),
@@ -239,12 +239,12 @@ ABOUT = {
             topics.PRESSURE, topics.REAL_TIME_FACTOR, topics.FINISHED,
         ),
         "-p scene:=quick",
-        published=(topics.SHOWN,),
+        published=(topics.VIEWER_ACK,),
     ),
     "panel": NodeSpec(
         "forwards commands of a page in a browser to the nodes, and their messages to the page",
         (
-            SCENE, replace(AT_END, default=WAIT),
+            SCENE, replace(ON_FINISH, default=WAIT),
             Spec("socket", "", "socket of cam-rig panel, which starts this node"),
         ),
         (
@@ -256,12 +256,12 @@ ABOUT = {
     "player": NodeSpec(
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
         (
-            replace(AT_END, choices=(END, WAIT)),
-            Spec("bag", "", "bag with the cam states and laws to publish"),
-            _PATIENCE, _PROGRESS,
+            replace(ON_FINISH, choices=(END, WAIT)),
+            Spec("input_uri", "", "bag with the cam states and laws to publish"),
+            _PROGRESS_TIMEOUT, _PROGRESS,
         ),
         (*_ACKNOWLEDGEMENTS, topics.CLOSED, topics.READY),
-        "-p bag:=bags/golden",
+        "-p input_uri:=bags/golden",
         published=(
             topics.CLOCK, topics.CAM_STATE, topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW,
             topics.REAL_TIME_FACTOR, topics.FINISHED,

@@ -25,7 +25,7 @@ class Player(ClockSource):
 
     def __init__(self) -> None:
         super().__init__("player")
-        self._messages = played(Path(self.settings["bag"]))
+        self._messages = played(Path(self.settings["input_uri"]))
         self._next: Played | None = next(self._messages, None)
         self._sent = 0
         #: Quantity (such as LAF) that the microphone measures, and the requested one.

@@ -156,7 +156,7 @@ def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
             if "should not exceed" in text:  # ROS does not report the limit of a namespace
                 text = f"the namespace must have at most {MAX_NAMESPACE} characters"
             return _fail(name, f"the node cannot be created: {text}", ConfigError.exit_code)
-        if staying_node is None and node.settings.get("at_end") == STAY:
+        if staying_node is None and node.settings.get("on_finish") == STAY:
             staying_node = create_staying_node(node.get_name())
         code = _spin(node, request)
         if code or request.received or staying_node is None or not node.stays:

@@ -54,7 +54,7 @@ class Recorder(RigNode):
         super().__init__("recorder")
         loaded = open_scene(Path(self.settings["scene"]))
         default = time.strftime(f"bags/{loaded.scene.name}_%Y-%m-%d_%H-%M-%S")
-        self._path = choose_bag(Path(self.settings["bag"] or default), self.runs_before)
+        self._path = choose_bag(Path(self.settings["output_uri"] or default), self.runs_before)
         namespace = self.get_namespace().rstrip("/")
         self._lock = ExitStack()
         self._lock.enter_context(own_recorder(self.context.get_domain_id(), namespace))
@@ -66,10 +66,10 @@ class Recorder(RigNode):
             loaded,
             self._sources,
             namespace=namespace,
-            points_per_turn=self.settings["points_per_turn"],
+            samples_per_turn=self.settings["samples_per_turn"],
             split=split,
         )
-        self._written_publisher = self.advertise(topics.RECORDED)
+        self._ack_publisher = self.advertise(topics.RECORDER_ACK)
         self._closed_publisher = self.advertise(topics.CLOSED)
         self._newest_ns = -1  # rig time of the last written state
         self._end_ns: int | None = None  # rig time of the last state of the run, once known
@@ -84,7 +84,7 @@ class Recorder(RigNode):
 
     def monitor_run_end(self) -> None:
         """End the node when the run is over and all its messages are written."""
-        if self.settings["at_end"] != WAIT:
+        if self.settings["on_finish"] != WAIT:
             self.subscribe_raw(topics.FINISHED, self._on_finished)
             self.create_wall_timer(POLL_S, LostDriveMonitor(self).poll)
 
@@ -97,7 +97,7 @@ class Recorder(RigNode):
                 self._bag.take(topics.DIAGNOSTICS, serialize_message(message))
         if stamps:
             self._newest_ns = stamps[-1]
-            self._written_publisher.publish(to_header(self._newest_ns))
+            self._ack_publisher.publish(to_header(self._newest_ns))
             self.ticks += len(stamps)
             self._deadline = time.monotonic() + QUIET_S
 

@@ -47,7 +47,7 @@ class Viewer(RigNode):
             _, address = self._windows.enter_context(window())
         self.total_ticks = tick_count(self._loaded.scene)
         self._view, self._received = LiveView(self._loaded, address), 0
-        self._shown_publisher, feed = self.advertise(topics.SHOWN), self._view.feed
+        self._ack_publisher, feed = self.advertise(topics.VIEWER_ACK), self._view.feed
         handlers = feed.handlers | {topics.PROFILE: self._on_profile}
         for topic, handle in handlers.items():
             self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._drawing(handle))
@@ -79,7 +79,7 @@ class Viewer(RigNode):
                 for _, end, _ in self._view.draw():
                     self.ticks += 1
                     self.diagnostics.newest_ns = end.time_ns
-                    self._shown_publisher.publish(to_header(end.time_ns))
+                    self._ack_publisher.publish(to_header(end.time_ns))
             except CamRigError as error:
                 raise RefusedError(str(error)) from None
 

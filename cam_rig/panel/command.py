@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 File = TypeVar("File", "CamConfig", "RigConfig")
 
-# The marks of lab sheets: cam-rig panel --mark.
+# The marks of lab sheets: cam-rig panel --grade.
 
 
 def mark_sheets(
@@ -56,7 +56,7 @@ def mark_sheets(
     from cam_rig.schema.load import cam_path, rig_path
 
     if not sheets:
-        raise ConfigError("--mark requires a sheet: a .csv file of cam-rig panel --lab")
+        raise ConfigError("--grade requires a sheet: a .csv file of cam-rig panel --lab")
     custom_cams = [load_cam(cam_path(cam)) for cam in cams]
 
     def cam_of(name: str) -> CamConfig:
@@ -108,7 +108,7 @@ Names = Annotated[
     typer.Argument(
         metavar="CAM|SHEETS",
         help=f"Cam file, or a name in config/cams, by default {DEFAULT_CAM}; two for --lab noise; "
-        "with --mark also lab sheets, which end in .csv.",
+        "with --grade also lab sheets, which end in .csv.",
     ),
 ]
 Rig = Annotated[
@@ -141,14 +141,14 @@ Host = Annotated[
         help="With --lab: serve only the lab, on this address of the network.",
     ),
 ]
-ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead of serving pages.")]
+ToMark = Annotated[bool, typer.Option("--grade", help="Mark lab sheets instead of serving pages.")]
 Tolerance = Annotated[
     float | None,
     typer.Option(
         metavar="PERCENT",
         min=0.0,
         max=100.0,
-        help="With --mark: tolerance of an answer; by default that of the lab, 1, or 2 for noise.",
+        help="With --grade: tolerance of an answer; by default that of the lab, 1, or 2 for noise.",
     ),
 ]
 
@@ -198,9 +198,9 @@ def panel(
 
     cam-rig panel poly345 arcs_convex --lab noise --rig tm21
 
-    cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
+    cam-rig panel --grade sheets/lab_jump_group-3.csv --json -
 
-    cam-rig panel --mark sheets/one.csv sheets/two.csv --plot class.png
+    cam-rig panel --grade sheets/one.csv sheets/two.csv --plot class.png
     """
     sheets = [name for name in names or [] if mark and name.endswith(".csv")]
     cams = [name for name in names or [] if name not in sheets]
@@ -255,9 +255,9 @@ def _require_compatible(
     if lab_options and lab is None:
         raise ConfigError("--seed and --host require --lab")
     if mark and (lab is not None or open_browser):
-        raise ConfigError("--mark cannot be combined with --lab, --seed or --open")
+        raise ConfigError("--grade cannot be combined with --lab, --seed or --open")
     if has_mark_options and not mark:
-        raise ConfigError("--tolerance, --json, --csv and --plot require --mark")
+        raise ConfigError("--tolerance, --json, --csv and --plot require --grade")
 
 
 def _serve(

@@ -70,7 +70,9 @@ def pressure_check(scan: Scan, follower: Follower) -> Check:
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
     limit = greatest_allowed(follower, scan.element)
     remedy = "let base_radius be larger, the spans longer, or set most_pressure_angle"
-    return replace(Check.at("pressure angle", steepest, "at most", limit, "°", remedy), vital=False)
+    return replace(
+        Check.at("pressure angle", steepest, "at most", limit, "°", remedy), is_fatal=False
+    )
 
 
 def check_cam(cam: CamConfig, law: Law) -> list[Check]:
@@ -117,7 +119,7 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
     if least_base is not None and least_base > 0.0:
         base = Extreme(follower.base_radius.si, 0.0)
         check = Check.at("base radius", base, "more than", least_base, "mm", smaller)
-        checks.append(replace(check, angle=None, vital=False))
+        checks.append(replace(check, angle=None, is_fatal=False))
     return checks
 
 
@@ -129,15 +131,15 @@ def _disc_checks(
     yield from reach_checks(scan)
     curvature = list(curvature_checks(scan, follower, least_base))
     yield from curvature
-    if all(check.passed or not check.vital for check in curvature):
+    if all(check.passed or not check.is_fatal for check in curvature):
         yield crossing_check(disc, law)
     yield pressure_check(scan, follower)
 
 
 def require_profile(cam: CamConfig, law: Law) -> None:
-    """Raise a `ProfileError` with the first failed vital check of a cam."""
+    """Raise a `ProfileError` with the first failed fatal check of a cam."""
     for check in check_cam(cam, law):
-        if check.vital and not check.passed:
+        if check.is_fatal and not check.passed:
             raise ProfileError(f"cam {cam.name!r}: {check}")
 
 

@@ -48,7 +48,7 @@ class Check:
         Cam angle of the value in rad. None for a check of the cam as a whole.
     remedy : str
         Change of the cam that is likely to help.
-    vital : bool
+    is_fatal : bool
         True if a cam that fails cannot exist. Otherwise it is poor, but can be made.
     disc : str
         Name of the disc of conjugate cams, otherwise empty.
@@ -67,14 +67,14 @@ class Check:
     unit: str
     angle: float | None
     remedy: str
-    vital: bool = True
+    is_fatal: bool = True
     disc: str = ""
 
     @classmethod
     def at(
         cls, name: str, worst: Extreme, relation: str, limit: float, unit: str, remedy: str
     ) -> Check:
-        """Return a vital check of an extreme value at its cam angle."""
+        """Return a fatal check of an extreme value at its cam angle."""
         return cls(name, worst.value, relation, limit, unit, worst.angle, remedy)
 
     @property
@@ -236,7 +236,7 @@ def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -
     limit = 0.0 if required is None else required.si
     sharpest = Extreme(radius, convex.angle)
     check = Check.at("convex radius of curvature", sharpest, "more than", limit, "mm", remedy)
-    yield replace(check, vital=radius <= 0.0)
+    yield replace(check, is_fatal=radius <= 0.0)
     concave, roller = sharpest_concave(scan), scan.element.roller
     if concave is not None and roller > 0.0:
         remedy = "let the roller be smaller or the spans longer"

@@ -65,10 +65,10 @@ class SteadyStart:
 
 
 def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
-    """Return the scene with a program of one speed (rad/s)."""
+    """Return the scene with a schedule of one speed (rad/s)."""
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
-    program = scene.program.model_copy(update={"speeds": speeds})
-    data = scene.model_copy(update={"program": program}).model_dump(exclude_none=True)
+    schedule = scene.schedule.model_copy(update={"speeds": speeds})
+    data = scene.model_copy(update={"schedule": schedule}).model_dump(exclude_none=True)
     return validated(SceneConfig, data)
 
 
@@ -87,7 +87,7 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
     """Measure the turns that start from a steady state."""
     laws = {scene.cams[0]: law}
     loaded = LoadedScene(scene, rig, {}, laws)
-    settle = scene.program.settle_turns.si
+    settle = scene.schedule.transient_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
     if rig.radiation is None:  # no sound level
         for tick in turned_ticks(loaded, start.state, _long_ticks(scene)):
@@ -97,7 +97,7 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
         ticks = simulate(loaded, rows.take, start.state, _long_ticks(scene))
         row = rows.rows(step_levels(ticks, settle))[0]
     if start.forces is not None:
-        row = replace(row, force_least=start.forces[0], force_peak=start.forces[1])
+        row = replace(row, min_force=start.forces[0], peak_force=start.forces[1])
     return row
 
 
@@ -129,7 +129,7 @@ def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
     A tick starts where a speed starts, where it becomes steady, and after `MAX_TICK_SAMPLES`
     samples.
     """
-    settling = Settling(scene.program.settle_turns.si)
+    settling = Settling(scene.schedule.transient_turns.si)
     max_duration = MAX_TICK_SAMPLES / scene.sample_rate.si
     last, settled = None, False
     for state in cam_states(scene):

@@ -88,8 +88,8 @@ class Subject:
         """Return a note on a quantity of a run that is not steady, empty for others."""
         if self.scene is None or not term.quantity.of_run or self._runs[term.low][1]:
             return ""
-        program = self.scene.program
-        measured = program.turns.si - program.settle_turns.si
+        schedule = self.scene.schedule
+        measured = schedule.turns.si - schedule.transient_turns.si
         return (
             f"at {term.low / RPM:.6g} rpm not settled to {FORCE_RTOL:g} in {MAX_FORCE_TURNS} "
             f"turns, so the {measured:g} turns after them are measured"

@@ -58,7 +58,7 @@ def report(
     """
     from cam_rig.report.document import data, fill, render
     from cam_rig.report.scene import SECTIONS, SceneStudies
-    from cam_rig.simulation.asked import asked_scene
+    from cam_rig.simulation.inputs import resolve_scene
 
     if out.suffix.lower() not in (".html", ".md"):
         raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
@@ -66,7 +66,7 @@ def report(
     kind = out.suffix.lower().lstrip(".")
     made = page_made(scene, {"--rig": rig, "--bag": bag, "--out": out})
     progress.start(None, "the run")
-    studies = SceneStudies(asked_scene(scene, rig), bag)
+    studies = SceneStudies(resolve_scene(scene, rig), bag)
     contents = fill(SECTIONS, studies, kind == "html", progress)
     text = render(kind, studies.loaded.scene.title, made, contents, studies)
     with writing(out) as part:

@@ -113,7 +113,7 @@ def _summary_table(scene: SceneStudies) -> DataTable:
         return [row for row in scene.run.by_speed if row.cam == cam]
 
     def rows_without_contact(cam: str) -> list[SpeedRow]:
-        return [row for row in speed_rows(cam) if row.flight > 0.0 or row.force_least < 0.0]
+        return [row for row in speed_rows(cam) if row.flight > 0.0 or row.min_force < 0.0]
 
     def level(cam: str, extreme: Callable[[FloatArray], float]) -> Cell:
         return float(extreme(curves[cam].level_db)) if cam in curves else None

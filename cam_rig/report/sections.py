@@ -56,7 +56,7 @@ def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
     recording = read_recording(bag)
     _require_same(bag, recording.loaded, loaded)
     require_complete(bag, loaded.scene)
-    levels = step_levels(recording.ticks, loaded.scene.program.settle_turns.si)
+    levels = step_levels(recording.ticks, loaded.scene.schedule.transient_turns.si)
     by_cam = {cam: np.array([steps[s] for s in sorted(steps)]) for cam, steps in levels.items()}
     return Recorded(bag, by_cam, sum(recording.counts.values()))
 
@@ -106,7 +106,7 @@ def _determining_numbers(loaded: LoadedScene) -> dict[str, Any]:
     """Return the numbers that determine the levels. Texts of the files do not."""
     laws = loaded.laws.items()
     return {
-        "program": loaded.scene.program.speeds.si_list,
+        "schedule": loaded.scene.schedule.speeds.si_list,
         "model": loaded.scene.model,
         "follower": loaded.follower,
         "sound": None if loaded.missing_for_sound else loaded.radiation,

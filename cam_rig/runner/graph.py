@@ -16,7 +16,7 @@ from cam_rig.interrupts import interruptible
 from cam_rig.live.sockets import require_loopback
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
-from cam_rig.runner.node_table import ENTRIES, OPTIONAL, PATIENCE_S, RECORDER
+from cam_rig.runner.node_table import ENTRIES, OPTIONAL, PROGRESS_TIMEOUT_S, RECORDER
 from cam_rig.runner.resources import (
     LOCK_GRACE_S,
     domain_number,
@@ -40,7 +40,7 @@ class Graph:
     ----------
     nodes : dict
         Parameters by node. The last node is the drive, or the player. Its end is that of the run.
-    network : bool
+    subnet : bool
         Allow discovery on the local subnet (default: this host only).
     log : callable
         Called with each line for the operator.
@@ -53,13 +53,13 @@ class Graph:
     def __init__(
         self,
         nodes: dict[str, Arguments],
-        network: bool = False,
+        subnet: bool = False,
         log: Callable[[str], None] = lambda _line: None,
         namespace: str = "",
         server: ForkServer | None = None,
     ) -> None:
         self._server = server or ForkServer()
-        self._nodes, self._network = nodes, network
+        self._nodes, self._subnet = nodes, subnet
         self._namespace, self._log = namespace, log
         self._progress_text = "before the first tick"
         self._drive = list(nodes)[-1]
@@ -67,14 +67,16 @@ class Graph:
         self._ended_optional: set[str] = set()
         self._progress: Queue[str] = Queue()
         self._started_at = time.time()
-        self._bag = Path(str(nodes[RECORDER]["bag"]))
+        self._bag = Path(str(nodes[RECORDER]["output_uri"]))
         self._is_bag_unclosed, self._bag_text = False, ""
         self._is_done = False
         #: True if the run is over and the recorder has closed the bag.
         self.finished = False
         self._suspended_since: dict[str, float] = {}
         self._suspension_checked_at = -math.inf
-        self._patience = float(str(nodes[self._drive].get("patience", PATIENCE_S)))
+        self._progress_timeout = float(
+            str(nodes[self._drive].get("progress_timeout", PROGRESS_TIMEOUT_S))
+        )
 
     def __enter__(self) -> Graph:
         require("rclpy")
@@ -125,7 +127,7 @@ class Graph:
         Raises
         ------
         RunError
-            If an essential node has ended, is suspended for longer than the patience of the drive,
+            If an essential node has ended, is suspended for longer than the timeout of the drive,
             or if the drive ended before its program was done.
         """
         ended = [n for n, process in self.processes.items() if process.has_ended]
@@ -153,7 +155,7 @@ class Graph:
             raise RunError(self._exit_text(RECORDER) + self._last_line(RECORDER))
 
     def _check_suspended(self) -> None:
-        """Raise RunError if an essential node is suspended for longer than the drive's patience."""
+        """Raise RunError if an essential node is suspended for longer than the drive's timeout."""
         now = time.monotonic()
         if now - self._suspension_checked_at < SUSPENSION_CHECK_S:
             return
@@ -163,7 +165,7 @@ class Graph:
                 self._suspended_since.pop(name, None)
                 continue
             since = self._suspended_since.setdefault(name, now)
-            if ENTRIES[name].essential and now - since > self._patience:
+            if ENTRIES[name].essential and now - since > self._progress_timeout:
                 raise RunError(f"node {name} is suspended (SIGSTOP) {self._progress_text}")
 
     def _reports(self) -> list[dict[str, float | str]]:
@@ -203,5 +205,5 @@ class Graph:
     def _start(self, name: str) -> None:
         report = self._progress.put if name == self._drive else None
         self.processes[name] = NodeProcess(
-            name, self._nodes[name], self._network, self._log, report, self._namespace, self._server
+            name, self._nodes[name], self._subnet, self._log, report, self._namespace, self._server
         )

@@ -21,8 +21,8 @@ from cam_rig.runner.node_table import (
     DRIVE,
     NODES,
     PANEL,
-    PATIENCE_S,
     PLAYER,
+    PROGRESS_TIMEOUT_S,
     RECORDER,
     VIEWER,
     WAIT,
@@ -50,7 +50,7 @@ class NodeProcess:
         Executable of the node.
     arguments : dict
         Parameters of the node.
-    network : bool
+    subnet : bool
         True to allow discovery on the local subnet, see `environment`.
     log : callable
         Called with each line of stdout, which only the middleware writes.
@@ -71,7 +71,7 @@ class NodeProcess:
         self,
         name: str,
         arguments: Arguments,
-        network: bool,
+        subnet: bool,
         log: Callable[[str], None],
         report: Callable[[str], None] | None = None,
         namespace: str = "",
@@ -84,7 +84,7 @@ class NodeProcess:
         self.overdue = False
         try:
             command = _command(name, arguments, namespace)
-            self.process, progress = _start(command, network, report is not None, server)
+            self.process, progress = _start(command, subnet, report is not None, server)
         except (OSError, MemoryError) as error:
             raise _start_error(name, getattr(error, "strerror", None) or "no memory") from None
         try:
@@ -163,20 +163,20 @@ class NodeProcess:
 
 
 def _start(
-    command: list[str], network: bool, reports: bool, server: ForkServer | None
+    command: list[str], subnet: bool, reports: bool, server: ForkServer | None
 ) -> tuple[Process, Iterable[str]]:
     """Start a node. Return its process and the lines of its progress, read from a pipe.
 
     If `reports` is False there is no pipe and there are no lines.
     """
     if not reports:
-        return _started(command, network, None, server), ()
+        return _started(command, subnet, None, server), ()
     progress, pipe = os.pipe()
     with ExitStack() as stack:  # closes the pipe if the start fails
         lines = stack.enter_context(os.fdopen(progress))
         try:
             command = [*command, "-p", f"progress_fd:={pipe}"]
-            process = _started(command, network, pipe, server)
+            process = _started(command, subnet, pipe, server)
         finally:
             os.close(pipe)
         stack.pop_all()
@@ -193,10 +193,10 @@ def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:
 
 
 def _started(
-    command: list[str], network: bool, pipe: int | None, server: ForkServer | None
+    command: list[str], subnet: bool, pipe: int | None, server: ForkServer | None
 ) -> Process:
     """Start a command, forked from the server if possible, and pass the pipe to it."""
-    variables = environment(network)
+    variables = environment(subnet)
     forked = server.start(command, variables, pipe) if server is not None else None
     if forked is not None:
         return forked
@@ -236,10 +236,10 @@ def stop_all(nodes: list[NodeProcess]) -> None:
             node.process.wait()
 
 
-def environment(network: bool = False) -> dict[str, str]:
+def environment(subnet: bool = False) -> dict[str, str]:
     """Return the environment of the nodes.
 
-    If `network` is False, no socket leaves this machine. If it is True, a Fast DDS profile and a
+    If `subnet` is False, no socket leaves this machine. If it is True, a Fast DDS profile and a
     discovery range set by the user apply.
     """
     from cam_rig.schema.load import config_root
@@ -248,7 +248,7 @@ def environment(network: bool = False) -> dict[str, str]:
     variables = SINGLE_THREAD | os.environ
     variables["ROS_LOG_DIR"] = str(log_folder()[0])
     variables["CAM_RIG_RUNNER"] = str(os.getpid())
-    if network:
+    if subnet:
         variables.setdefault(PROFILE_VARIABLE, str(config_root() / "fastdds_subnet.xml"))
     else:
         variables[PROFILE_VARIABLE] = str(config_root() / "fastdds_loopback.xml")
@@ -290,13 +290,13 @@ def live(
     names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
     consumers = [name for name in names if name in CONSUMERS]
     by_node: dict[str, Arguments] = {
-        RECORDER: {"bag": str(bag), **(split or Split()).parameters},
+        RECORDER: {"output_uri": str(bag), **(split or Split()).parameters},
         VIEWER: {"address": screen or ""},
         # the runner detects an ended node at once, so the drive can wait long on a busy machine
-        DRIVE: {"consumers": consumers, "patience": PATIENCE_S, **drive},
+        DRIVE: {"consumers": consumers, "progress_timeout": PROGRESS_TIMEOUT_S, **drive},
     }
     # the nodes wait at the end of the run, because the runner ends them in order
-    common = {"scene": str(scene), "at_end": WAIT}
+    common = {"scene": str(scene), "on_finish": WAIT}
     return {name: {**common, **by_node.get(name, {})} for name in names}
 
 
@@ -307,7 +307,11 @@ def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
     `recorded` the bag to play.
     """
     nodes = {name: values for name, values in live(scene, bag).items() if name in CONSUMERS}
-    player: Arguments = {"bag": str(recorded), "patience": PATIENCE_S, "at_end": WAIT}
+    player: Arguments = {
+        "input_uri": str(recorded),
+        "progress_timeout": PROGRESS_TIMEOUT_S,
+        "on_finish": WAIT,
+    }
     return nodes | {PLAYER.name: player}
 
 
@@ -319,5 +323,5 @@ def steered(
     The panel node connects them with the page, through the `socket` of `cam-rig panel`.
     """
     nodes = live(scene, bag, screen, None, **drive)
-    panel: Arguments = {"scene": str(scene), "at_end": WAIT, "socket": str(socket)}
+    panel: Arguments = {"scene": str(scene), "on_finish": WAIT, "socket": str(socket)}
     return {PANEL.name: panel} | nodes

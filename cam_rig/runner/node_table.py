@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 #: Patience (s, wall clock) of the drive of a run: time without an answer before it gives up.
-PATIENCE_S = 120.0
-#: Value of the parameter at_end: the node ends with the run.
+PROGRESS_TIMEOUT_S = 120.0
+#: Value of the parameter on_finish: the node ends with the run.
 END = "end"
-#: Value of at_end: the node stays for another run.
+#: Value of on_finish: the node stays for another run.
 STAY = "stay"
-#: Value of at_end: the node waits until the runner ends it.
+#: Value of on_finish: the node waits until the runner ends it.
 WAIT = "wait"
 
 

@@ -190,13 +190,14 @@ def tables_path() -> Path:
 def one_scene(names: Sequence[Any] | None) -> Path | None:
     """Return the path of the scene that is given instead of cams, or None for cams.
 
-    The only name must be that of a YAML file with a program of speeds.
+    The only name must be that of a YAML file with a schedule of speeds.
     """
     if not names or len(names) > 1 or not isinstance(names[0], str | Path):
         return None
     path = scene_path(names[0])
     data = read_yaml(path) if is_there(path) else None
-    return path if isinstance(data, dict) and "program" in data else None
+    is_scene = isinstance(data, dict) and not data.keys().isdisjoint({"schedule", "program"})
+    return path if is_scene else None
 
 
 #: Keys of a quantity that describe the origin of its number.

@@ -21,7 +21,7 @@ import math
 import operator
 import re
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     BaseModel,
@@ -80,6 +80,17 @@ class Strict(BaseModel):
     """Base class of the config models: unknown keys are errors, values are constant."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    #: Earlier name of a key -> present name. Files and bags of version 0 contain the earlier names.
+    earlier_keys: ClassVar[dict[str, str]] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rename_earlier_keys(cls, data: Any) -> Any:
+        """Return the data with present names. A key with both names remains, and is an error."""
+        if not isinstance(data, dict) or data.keys().isdisjoint(cls.earlier_keys):
+            return data
+        present = {k: n for k, n in cls.earlier_keys.items() if n not in data}
+        return {present.get(key, key): value for key, value in data.items()}
 
     def __init__(self, /, **data: Any) -> None:
         self.__pydantic_validator__.validate_python(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, ValidationError
 
@@ -78,25 +78,31 @@ class Radiation(Strict):
     ----------
     gain : Quantity
         Gain of the structure, Pa·s/N.
-    corner : Quantity
+    corner_frequency : Quantity
         Corner frequency of the structure, Hz.
     background : Quantity
-        Level of the background at the speed `background_at` (rad/s), dB.
+        Level of the background at the speed `background_reference_speed` (rad/s), dB.
     background_slope : Quantity
         Increase of the background with the speed, dB per octave.
-    background_corner : Quantity
+    background_corner_frequency : Quantity
         Corner frequency of the background, Hz (default: 500 Hz, assumed).
     calibrated_on : str
         Cam whose levels gain and corner were fitted to, or empty.
     """
 
+    earlier_keys: ClassVar = {
+        "corner": "corner_frequency",
+        "background_at": "background_reference_speed",
+        "background_corner": "background_corner_frequency",
+    }
+
     gain: Annotated[Quantity, must_be("radiation", gt=0.0, le=1e3)]
-    corner: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)]
+    corner_frequency: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)]
     background: Annotated[Quantity, must_be("level", ge=-50.0, le=200.0)]
-    background_at: Annotated[Quantity, must_be("speed", gt=0.0)]
+    background_reference_speed: Annotated[Quantity, must_be("speed", gt=0.0)]
     background_slope: Annotated[Quantity, must_be("level slope", ge=-60.0, le=60.0)]
-    background_corner: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)] = Quantity(
-        assumed=500.0, unit="Hz", source="motor and bearings; no source prints it"
+    background_corner_frequency: Annotated[Quantity, must_be("frequency", gt=0.0, le=1e6)] = (
+        Quantity(assumed=500.0, unit="Hz", source="motor and bearings; no source prints it")
     )
     calibrated_on: str = ""
 
@@ -136,7 +142,7 @@ class RigConfig(Strict):
     Parameters
     ----------
     name : str
-        Name of the rig, and of its file: small letters, digits and _ (default: own_rig).
+        Name of the rig, and of its file: small letters, digits and _ (default: default_rig).
     title : str or None
         Title in figures and reports (default: the name).
     follower, shaft, radiation : mapping or None
@@ -172,7 +178,7 @@ class RigConfig(Strict):
 
     def __init__(
         self,
-        name: str = "own_rig",
+        name: str = "default_rig",
         title: str | None = None,
         *,
         follower: FollowerMechanics | Mapping[str, object] | None = None,
@@ -301,7 +307,7 @@ class RigConfig(Strict):
         """
         data = self.model_dump(exclude_none=True)
         data["follower"] |= numbers
-        for key in ("gain", "corner") if numbers else ():
+        for key in ("gain", "corner_frequency") if numbers else ():
             number = data.get("radiation", {}).get(key, {})
             if "identified" in number:
                 number["assumed"] = number.pop("identified")

@@ -1,9 +1,9 @@
-"""Scene files: cams, rig, model and program of speeds of an experiment."""
+"""Scene files: cams, rig, model and speed schedule of an experiment."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -15,7 +15,7 @@ MIN_SPEED = 0.01 * RPM
 #: Largest cam speed of a scene, rad/s.
 MAX_SPEED = 1e5 * RPM
 #: Largest number of points per turn at which the motion is published for displays.
-MAX_POINTS_PER_TURN = 3600
+MAX_SAMPLES_PER_TURN = 3600
 #: Smallest number of samples of a ramp, and of a tick at the highest speed.
 MIN_SAMPLES = 2
 #: Name of a file, without its suffix.
@@ -35,8 +35,8 @@ Model = Annotated[
 ]
 
 
-class Program(Strict):
-    """Program of the cam's speed: `turns` turns at each of `speeds`.
+class SpeedSchedule(Strict):
+    """Schedule of the cam speed: `turns` turns at each of `speeds`.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Program(Strict):
         Cam speeds, rad/s.
     turns : Quantity
         Turns at each speed, a whole number.
-    settle_turns : Quantity
+    transient_turns : Quantity
         First turns at each speed, which are not evaluated. A whole number less than `turns`.
     ticks_per_turn : int
         Ticks of the simulation per turn (default: 1).
@@ -53,21 +53,23 @@ class Program(Strict):
         rest (default: the speed steps).
     """
 
+    earlier_keys: ClassVar = {"settle_turns": "transient_turns"}
+
     speeds: Annotated[Quantity, must_be("speed", is_list=True, ge=MIN_SPEED, le=MAX_SPEED)]
     turns: Annotated[Quantity, must_be("turns", ge=1.0, le=1e5)]
-    settle_turns: Annotated[Quantity, must_be("turns", ge=0.0)]
+    transient_turns: Annotated[Quantity, must_be("turns", ge=0.0)]
     ticks_per_turn: int = Field(default=1, ge=1, le=1000, strict=True)
     ramp: Annotated[Quantity, must_be("time", gt=0.0, le=3600.0)] | None = None
 
     @model_validator(mode="after")
-    def _check_turns(self) -> Program:
-        for key in ("turns", "settle_turns"):
+    def _check_turns(self) -> SpeedSchedule:
+        for key in ("turns", "transient_turns"):
             value = getattr(self, key).si
             if value != int(value):
                 raise ValueError(f"{key}: is {value:g} turns; allowed: a whole number")
-        if self.settle_turns.si >= self.turns.si:
+        if self.transient_turns.si >= self.turns.si:
             raise ValueError(
-                f"settle_turns: is {self.settle_turns.si:g} turns; "
+                f"transient_turns: is {self.transient_turns.si:g} turns; "
                 f"allowed: less than turns ({self.turns.si:g} turns)"
             )
         return self
@@ -89,13 +91,15 @@ class SceneConfig(Strict):
         Dynamic model of the follower.
     sample_rate : Quantity
         Sample rate of the motion and the sound, a whole number of Hz.
-    points_per_turn : int
+    samples_per_turn : int
         Points per turn at which the motion is published for displays (default: 72).
-    program : Program
+    schedule : SpeedSchedule
         Speeds and turns.
     published : str or None
         Name of the file of published levels to compare with.
     """
+
+    earlier_keys: ClassVar = {"points_per_turn": "samples_per_turn", "program": "schedule"}
 
     name: Name
     title: str
@@ -103,8 +107,8 @@ class SceneConfig(Strict):
     rig: Name
     model: Model
     sample_rate: Annotated[Quantity, must_be("frequency", ge=100.0, le=1e6)]
-    points_per_turn: int = Field(default=72, ge=1, le=MAX_POINTS_PER_TURN, strict=True)
-    program: Program
+    samples_per_turn: int = Field(default=72, ge=1, le=MAX_SAMPLES_PER_TURN, strict=True)
+    schedule: SpeedSchedule
     published: Name | None = None
 
     @model_validator(mode="after")
@@ -123,8 +127,8 @@ class SceneConfig(Strict):
 
         A tick of a ramp may be half as long as others, and must contain one sample.
         """
-        rate, ticks = self.sample_rate.si, self.program.ticks_per_turn
-        turn = TURN / max(self.program.speeds.si_list) * rate
+        rate, ticks = self.sample_rate.si, self.schedule.ticks_per_turn
+        turn = TURN / max(self.schedule.speeds.si_list) * rate
         if turn / ticks < MIN_SAMPLES:
             max_ticks = int(turn / MIN_SAMPLES)
             fewer = f", or ticks_per_turn up to {max_ticks}" if max_ticks else ""
@@ -133,9 +137,9 @@ class SceneConfig(Strict):
                 f"highest speed, {ticks} ticks_per_turn; allowed: at least {MIN_SAMPLES}, so "
                 f"{math.ceil(MIN_SAMPLES * ticks * rate / turn)} Hz{fewer}"
             )
-        ramp = self.program.ramp
+        ramp = self.schedule.ramp
         if ramp is not None and ramp.si * rate < MIN_SAMPLES:
             raise ValueError(
-                f"program.ramp: {ramp.si:g} s has {ramp.si * rate:.3g} samples at {rate:g} Hz; "
+                f"schedule.ramp: {ramp.si:g} s has {ramp.si * rate:.3g} samples at {rate:g} Hz; "
                 f"allowed: at least {MIN_SAMPLES}, or no ramp: without one the speed steps"
             )

@@ -200,7 +200,7 @@ Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
 RigOfCam = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs; by default the only one in rigs beside "
+        help="Rig file, or a name in config/rigs; by default the only one in rigs next to "
         "the cam, else paper_table2."
     ),
 ]
@@ -208,7 +208,7 @@ RigOfScene = Annotated[
     str | None,
     typer.Option(
         help="Rig file, or a name in config/rigs; by default the scene's, for cams the only one in "
-        "rigs beside them, else paper_table2."
+        "rigs next to them, else paper_table2."
     ),
 ]
 OtherRig = Annotated[

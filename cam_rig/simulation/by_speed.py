@@ -71,13 +71,13 @@ class SpeedRow:
     turns: float  #: number of settled turns with samples
     #: sound level, dB re 20 µPa; None if the messages of the microphone are missing
     level_db: float | None
-    force_peak: float  #: N, maximum contact force of the samples, 0 in flight
-    force_least: float  #: N, minimum; below 0 in a model that keeps the follower on the cam
+    peak_force: float  #: N, maximum contact force of the samples, 0 in flight
+    min_force: float  #: N, minimum; below 0 in a model that keeps the follower on the cam
     lift_offs: float  #: number of lift-offs per turn
     flight: float  #: s, longest time off the cam, with the resolution of one sample
     landing: float  #: N·s, largest landing impulse; landings within one sample are added
-    torque_peak: float  #: N·m, maximum of F s' (eq. 8 of the paper)
-    torque_least: float  #: N·m, minimum; below 0 the follower drives the cam
+    peak_torque: float  #: N·m, maximum of F s' (eq. 8 of the paper)
+    min_torque: float  #: N·m, minimum; below 0 the follower drives the cam
     torque_mean: float  #: N·m
 
 
@@ -118,13 +118,13 @@ class _TickStatistics:
             rpm=round(to_rpm(speed), 9),
             turns=turns,
             level_db=level,
-            force_peak=self.force[0],
-            force_least=self.force[1],
+            peak_force=self.force[0],
+            min_force=self.force[1],
             lift_offs=self.lift_offs / turns,
             flight=self.longest / rate,
             landing=self.landing,
-            torque_peak=self.torque[0],
-            torque_least=self.torque[1],
+            peak_torque=self.torque[0],
+            min_torque=self.torque[1],
             torque_mean=self.torque_sum / self.samples,
         )
 
@@ -138,13 +138,13 @@ class SpeedRows:
         Laws by the name of the cam.
     rate : int
         Sample rate, Hz.
-    settle_turns : float
+    transient_turns : float
         Number of turns left out at the start of each speed.
     """
 
-    def __init__(self, laws: dict[str, Law], rate: int, settle_turns: float) -> None:
+    def __init__(self, laws: dict[str, Law], rate: int, transient_turns: float) -> None:
         self._laws, self._rate = laws, rate
-        self._turns = WholeTurns[_TickStatistics](Settling(settle_turns))
+        self._turns = WholeTurns[_TickStatistics](Settling(transient_turns))
         self._flights = FlightCount(0.0)
         self._steps: dict[tuple[str, float], _TickStatistics] = {}
         self._previous_key: tuple[str, float] | None = None
@@ -153,7 +153,7 @@ class SpeedRows:
     def of(cls, loaded: LoadedScene) -> SpeedRows:
         """Return an empty accumulator for a run of a scene."""
         scene = loaded.scene
-        return cls(loaded.laws, int(scene.sample_rate.si), scene.program.settle_turns.si)
+        return cls(loaded.laws, int(scene.sample_rate.si), scene.schedule.transient_turns.si)
 
     def take(self, tick: TickSamples) -> None:
         """Add the samples of the next tick."""

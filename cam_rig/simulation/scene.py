@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cam_rig import laws
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, FollowerParameters
@@ -64,9 +63,6 @@ def load_cam(cam: str | Path) -> CamConfig:
     (0.05, 'given')
     """
     return load.load_cam(named_path("cams", cam))
-
-
-build_law = checked(laws.build_law)
 
 
 @checked
@@ -166,7 +162,10 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     only. Others are valid for the model and follower in the source of the gain, if it names them.
     """
     radiation, shipped = rig.radiation, _shipped_rig()
-    if radiation is None or not radiation.gain.origin == radiation.corner.origin == "identified":
+    if (
+        radiation is None
+        or not radiation.gain.origin == radiation.corner_frequency.origin == "identified"
+    ):
         return False
     if not has_shipped_constants(rig):
         stated = radiation.gain.source.partition(FITTED_WITH)[2]
@@ -192,7 +191,9 @@ def has_shipped_constants(rig: RigConfig) -> bool:
     radiation, shipped = rig.radiation, _shipped_rig().radiation
     if radiation is None or shipped is None:
         return False
-    return _equal(radiation.gain, shipped.gain) and _equal(radiation.corner, shipped.corner)
+    return _equal(radiation.gain, shipped.gain) and _equal(
+        radiation.corner_frequency, shipped.corner_frequency
+    )
 
 
 def _equal(first: Quantity | None, second: Quantity | None) -> bool:
@@ -396,7 +397,7 @@ ORDER_SPEEDS = 13
 
 def speeds_of(scene: SceneConfig) -> list[float]:
     """Return the different speeds (rpm) of a scene, sorted."""
-    return sorted({round(to_rpm(speed), 9) for speed in scene.program.speeds.si_list})
+    return sorted({round(to_rpm(speed), 9) for speed in scene.schedule.speeds.si_list})
 
 
 def spread(speeds: list[float], max_count: int) -> list[float]:

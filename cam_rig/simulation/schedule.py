@@ -80,10 +80,10 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
     In the last state the cam is stopped. It is the end of the last tick.
     """
-    time_ns, turns, angle, program = 0, 0, 0.0, scene.program
+    time_ns, turns, angle, schedule = 0, 0, 0.0, scene.schedule
     for cam in scene.cams:
         previous_speed = 0.0
-        for speed in program.speeds.si_list:
+        for speed in schedule.speeds.si_list:
             for ticks in (_ramp_ticks(scene, previous_speed, speed), _steady_ticks(scene, speed)):
                 tick = None
                 for tick in ticks:
@@ -99,8 +99,8 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
 def run_length(scene: SceneConfig) -> tuple[int, int]:
     """Return the rig time (ns) of the whole scene, and that of its longest tick."""
-    program, duration, longest = scene.program, 0, 0
-    for previous_speed, speed in pairwise([0.0, *program.speeds.si_list]):
+    schedule, duration, longest = scene.schedule, 0, 0
+    for previous_speed, speed in pairwise([0.0, *schedule.speeds.si_list]):
         ramp = _ramp_ticks(scene, previous_speed, speed)
         duration += ramp[-1].stop_ns if ramp else 0
         duration += _ticks_end_ns(scene, speed, ticks_per_step(scene))
@@ -123,7 +123,7 @@ def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
 
     It is rounded from an exact fraction: the time of a whole turn does not depend on its division.
     """
-    tick = Fraction(TURN) * NS / Fraction(speed) / scene.program.ticks_per_turn
+    tick = Fraction(TURN) * NS / Fraction(speed) / scene.schedule.ticks_per_turn
     numerator, denominator = (2 * tick).as_integer_ratio()
     return (ticks * numerator + denominator) // (2 * denominator)
 
@@ -137,21 +137,21 @@ def _steady_tick(start_ns: int, stop_ns: int, speed: float) -> Interval:
 
 def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list[Interval]:
     """Return the ticks of a ramp, not longer than a tick at its higher speed."""
-    if scene.program.ramp is None or previous_speed == speed:
+    if scene.schedule.ramp is None or previous_speed == speed:
         return []
-    length = round(scene.program.ramp.si * NS)
+    length = round(scene.schedule.ramp.si * NS)
     acceleration = (speed - previous_speed) * NS / length
     ramp = Interval(0, length, 0.0, previous_speed, acceleration)
-    return ramp.split(TURN / scene.program.ticks_per_turn)
+    return ramp.split(TURN / scene.schedule.ticks_per_turn)
 
 
 def ticks_per_step(scene: SceneConfig) -> int:
     """Return the number of ticks at each speed of each cam, without the ramp."""
-    return int(scene.program.turns.si) * scene.program.ticks_per_turn
+    return int(scene.schedule.turns.si) * scene.schedule.ticks_per_turn
 
 
 def tick_count(scene: SceneConfig) -> int:
     """Return the number of ticks of the whole scene, including ramps."""
-    speeds = scene.program.speeds.si_list
+    speeds = scene.schedule.speeds.si_list
     ramps = sum(len(_ramp_ticks(scene, *step)) for step in pairwise([0.0, *speeds]))
     return len(scene.cams) * (len(speeds) * ticks_per_step(scene) + ramps)

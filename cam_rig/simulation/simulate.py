@@ -121,10 +121,10 @@ class StepLevels:
     differ by one sample, and the level must not depend on the number of ticks per turn.
     """
 
-    def __init__(self, settle_turns: float) -> None:
+    def __init__(self, transient_turns: float) -> None:
         self.levels: dict[str, dict[float, float]] = {}
         self._energy: dict[tuple[str, float], tuple[float, int]] = {}
-        self._turns = WholeTurns[MeasuredTick](Settling(settle_turns))
+        self._turns = WholeTurns[MeasuredTick](Settling(transient_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
         """Add a tick, and return the new level if it completes a turn, else None."""
@@ -146,10 +146,10 @@ class StepLevels:
 
 
 def step_levels(
-    ticks: Iterable[MeasuredTick], settle_turns: float
+    ticks: Iterable[MeasuredTick], transient_turns: float
 ) -> dict[str, dict[float, float]]:
     """Return the level in dB by cam and speed (rad/s) of a run, see `StepLevels`."""
-    step = StepLevels(settle_turns)
+    step = StepLevels(transient_turns)
     for tick in ticks:
         step.add(tick)
     return step.levels
@@ -305,7 +305,7 @@ def turned_ticks(
     """Simulate a scene, and yield the samples of each tick.
 
     `start_state` is the follower's state at the first cam state (default: at rest on the cam).
-    `states` are the cam states (default: those of the scene's program).
+    `states` are the cam states (default: those of the scene's schedule).
     """
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
@@ -446,4 +446,4 @@ class Acoustics:
         self, gain: float, corner: float, response: tuple[float, ...] = ()
     ) -> Acoustics:
         """Return these constants with another gain, corner (Hz) and speed response."""
-        return Acoustics(replace(self.radiation, gain=gain, corner=corner), response)
+        return Acoustics(replace(self.radiation, gain=gain, corner_frequency=corner), response)

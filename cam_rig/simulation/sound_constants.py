@@ -89,5 +89,5 @@ def two_constants(
     with np.errstate(divide="ignore"):  # log 0 = −∞ means no lower limit
         low, high = np.log(corners).tolist()
     bounds = (-np.inf, low), (np.inf, high)
-    fit = least_squares(residual, np.log([r.gain, r.corner]), x_scale=0.1, bounds=bounds)
+    fit = least_squares(residual, np.log([r.gain, r.corner_frequency]), x_scale=0.1, bounds=bounds)
     return to_acoustics(fit.x)

@@ -21,7 +21,7 @@ from cam_rig.nodes.convert import message_class, qos
 from cam_rig.runner.node_table import ENTRIES
 
 #: Default wall time (s) after which a wait fails. It is ample for a busy machine.
-PATIENCE_S = 300.0
+TIMEOUT_S = 300.0
 #: Period (s, wall clock) of the evaluation of a condition.
 POLL_S = 0.02
 #: Wall time (s) without an answer after which the request to a service is repeated.
@@ -39,7 +39,7 @@ class RigClient:
     ----------
     domain : int
         ROS domain of the rig.
-    patience : float
+    timeout : float
         Wall time (s) after which a wait raises RunError.
     name : str
         Name of the node.
@@ -52,8 +52,8 @@ class RigClient:
         Context for nodes that are added by `add_node`.
     """
 
-    def __init__(self, domain: int, patience: float = PATIENCE_S, name: str = "test") -> None:
-        self.patience = patience
+    def __init__(self, domain: int, timeout: float = TIMEOUT_S, name: str = "test") -> None:
+        self.timeout = timeout
         self.context = rclpy.Context()
         rclpy.init(args=[], context=self.context, domain_id=domain)
         self.node = rclpy.create_node(name, context=self.context)
@@ -97,12 +97,12 @@ class RigClient:
         Raises
         ------
         RunError
-            If the condition is not true within `patience`.
+            If the condition is not true within `timeout`.
         """
-        deadline = time.monotonic() + self.patience
+        deadline = time.monotonic() + self.timeout
         while not (value := condition()):
             if time.monotonic() > deadline:
-                raise RunError(f"{what}: not reached within {self.patience:g} s")
+                raise RunError(f"{what}: not reached within {self.timeout:g} s")
             self.spin(POLL_S)
         return value
 
@@ -139,7 +139,7 @@ class RigClient:
         Raises
         ------
         RunError
-            If no such message arrives within `patience`.
+            If no such message arrives within `timeout`.
         """
         messages: list[Any] = []
         subscription = self._subscribe(topic, kind, messages.append)

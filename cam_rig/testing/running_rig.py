@@ -22,7 +22,7 @@ from cam_rig.runner.resources import domain_ports
 from cam_rig.schema.load import named_path
 from cam_rig.studies.simulate.recorded import read_bag
 from cam_rig.studies.simulate.study import SceneRun
-from cam_rig.testing.client import PATIENCE_S, RigClient
+from cam_rig.testing.client import TIMEOUT_S, RigClient
 
 # Programs that a test starts next to the rig.
 
@@ -175,7 +175,7 @@ class RunningRig(RigClient):
         Name of a shipped scene, or a path.
     bag : str or Path
         Folder to record into, which must not exist.
-    patience : float
+    timeout : float
         Wall time (s) after which a wait fails.
     **drive
         Parameters of cam_drive, such as ``pacing="20x"``. With ``autostart=False`` the cam is
@@ -202,13 +202,13 @@ class RunningRig(RigClient):
     """
 
     def __init__(
-        self, scene: str | Path, bag: str | Path, patience: float = PATIENCE_S, **drive: Any
+        self, scene: str | Path, bag: str | Path, timeout: float = TIMEOUT_S, **drive: Any
     ) -> None:
         self.scene, self.bag = named_path("scenes", scene), Path(bag)
         self.ticks: list[dict[str, Any]] = []
         self.log: list[str] = []
-        self._drive: dict[str, Any] = {"patience": patience, **drive}
-        self._client_patience = patience
+        self._drive: dict[str, Any] = {"progress_timeout": timeout, **drive}
+        self._client_timeout = timeout
         self._programs: list[StartedProgram] = []
         self._started = self._done = self._ending = False
         self._done_at = 0.0  # s, monotonic
@@ -226,7 +226,7 @@ class RunningRig(RigClient):
                 self.environment = dict(os.environ)
                 nodes = live(self.scene, self.bag, **self._drive)
                 self._graph = stack.enter_context(Graph(nodes, log=self.log.append))
-                super().__init__(self.domain, self._client_patience)
+                super().__init__(self.domain, self._client_timeout)
             stack.callback(RigClient.__exit__, self)
             self._watcher = Thread(target=self._watch, daemon=True)
             self._watcher.start()

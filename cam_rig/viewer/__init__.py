@@ -26,11 +26,11 @@ class ViewOptions:
         Layout of the views.
     rpm : float, optional
         Speed in rpm at which cams are compared (default: the highest speed of the run).
-    all_samples : bool
-        True if every sample is kept. False reduces the samples of a long run to the minimum and
-        the maximum of each bucket.
+    decimate : bool
+        True if the samples of a long run are reduced to the minimum and the maximum of each
+        bucket. False keeps every sample.
     """
 
     layout: Layout = Layout.RUN
     rpm: float | None = None
-    all_samples: bool = False
+    decimate: bool = True

@@ -107,8 +107,8 @@ def playback_begin(loaded: LoadedScene, duration: float) -> float:
 
     It is the start of the first settled turn, but at most half of the duration.
     """
-    program = loaded.scene.program
-    settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
+    schedule = loaded.scene.schedule
+    settled = max(1.0, schedule.transient_turns.si) * TURN / schedule.speeds.si_list[0]
     return min(settled, 0.5 * duration)
 
 

@@ -74,21 +74,21 @@ def delay_report(
 
 
 @contextmanager
-def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Screen]:
+def open_screen(view: bool, web: bool, wait_for_client: bool = False) -> Iterator[Screen]:
     """Open the requested display.
 
     The browser takes precedence over the window.
-    With `wait_for_it` the context starts once a browser has opened the page.
+    With `wait_for_client` the context starts once a browser has opened the page.
     """
-    if wait_for_it and not (view or web):
-        raise ConfigError("--wait: waits for a viewer, and there is none; add --web or --view")
+    if wait_for_client and not (view or web):
+        raise ConfigError("--wait-for-client requires a viewer; add --web or --view")
     if web:
         from cam_rig.viewer.rerun_page import serve
 
         with serve() as pages:
             print(pages.address, flush=True)
             console.print("open this address in a browser, now or after the run")
-            if wait_for_it:
+            if wait_for_client:
                 pages.page.until_open()
             yield Screen(str(pages.folder), stay_until_interrupted, pages.page)
     elif view:
@@ -128,10 +128,10 @@ def view(
     ] = None,
     scene: SceneOfBag = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
-    all_samples: Annotated[
+    no_decimation: Annotated[
         bool,
         typer.Option(
-            "--all-samples",
+            "--no-decimation",
             help="Keep every sample of a long run, not only minimum and maximum of each bucket.",
         ),
     ] = False,
@@ -157,7 +157,7 @@ def view(
         raise ConfigError("--save and --web: a file is written or a page served; name one")
     if save is None and force:
         raise ConfigError("--force: overwrites the file of --save, and none is named")
-    options = ViewOptions(layout, rpm, all_samples)
+    options = ViewOptions(layout, rpm, not no_decimation)
     scene_file = scene_path(scene) if scene else None
     if save is not None:
         convert(bag or newest_bag(), scene_file, save, options, force)

@@ -48,7 +48,7 @@ STEP = 10.0
 
 def speed_ends(loaded: LoadedScene) -> tuple[float, float]:
     """Return the limits (rpm) of an axis that contains all speeds of the scene."""
-    speeds = np.array(loaded.scene.program.speeds.si_list) * RPM_PER_RAD_S
+    speeds = np.array(loaded.scene.schedule.speeds.si_list) * RPM_PER_RAD_S
     low, high = float(speeds.min()), float(speeds.max())
     return (low, high) if high > low else (low - 50.0, high + 50.0)
 
@@ -93,7 +93,7 @@ class LevelChart:
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene) -> None:
         self._canvas, self._loaded, self._axes = canvas, loaded, level_axes(loaded)
-        self._measured = StepLevels(loaded.scene.program.settle_turns.si)
+        self._measured = StepLevels(loaded.scene.schedule.transient_turns.si)
         self._new: dict[str, tuple[int, float]] = {}
         self._drawn: set[str] = set()
         self._named: dict[str, float] = {}
@@ -222,7 +222,7 @@ def band_power(
     """
     frequency = np.asarray(np.fft.rfftfreq(force.size, 1.0 / sample_rate), dtype=np.float64)
     with np.errstate(divide="ignore"):  # the constant force radiates no sound
-        ratio = np.minimum(parameters.corner / frequency, 1e150)
+        ratio = np.minimum(parameters.corner_frequency / frequency, 1e150)
     transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * ratio)
     # Spectrum of a half sine of unit area: cos(πx)/(1 − 4x²) as a sum of two sinc functions, which
     # avoids 0/0 at x = 1/2.

@@ -281,13 +281,13 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
 
 def _shortened(scene: SceneConfig) -> SceneConfig:
     """Return the scene with at most `MAX_TURNS` turns at each speed."""
-    program = scene.program
-    if program.turns.si <= MAX_TURNS:
+    schedule = scene.schedule
+    if schedule.turns.si <= MAX_TURNS:
         return scene
     turns = Quantity(assumed=float(MAX_TURNS), unit="turns", source="what the axes are drawn for")
     settle = Quantity(assumed=0.0, unit="turns", source="as turns")
-    short = program.model_copy(update={"turns": turns, "settle_turns": settle})
-    return scene.model_copy(update={"program": short})
+    short = schedule.model_copy(update={"turns": turns, "transient_turns": settle})
+    return scene.model_copy(update={"schedule": short})
 
 
 def close_gap(gaps: Sequence[float]) -> Ranges:

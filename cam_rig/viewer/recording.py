@@ -189,9 +189,9 @@ def save_recording(
     if read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0) == 0:
         raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
     duration, speeds = _duration_and_speeds(bag)
-    rpm = compared_rpm(speeds or loaded.scene.program.speeds.si_list, view_options.rpm)
+    rpm = compared_rpm(speeds or loaded.scene.schedule.speeds.si_list, view_options.rpm)
     samples = round(duration * loaded.scene.sample_rate.si)
-    bucket = 1 if view_options.all_samples else bucket_for(samples)
+    bucket = bucket_for(samples) if view_options.decimate else 1
     draws_run, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
     plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.all_cams)
     with rrd_stream(path, f"{loaded.scene.title} ({bag.name})", plan) as stream:
@@ -269,7 +269,7 @@ class LiveView:
         duration, tick = (nanoseconds / NS for nanoseconds in run_length(loaded.scene))
         window = live_window(tick)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
-        rpm = compared_rpm(loaded.scene.program.speeds.si_list, None)
+        rpm = compared_rpm(loaded.scene.schedule.speeds.si_list, None)
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.all_cams, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)

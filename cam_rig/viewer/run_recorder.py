@@ -73,7 +73,7 @@ class RunRecorder:
         self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if draws_run else None
         self._levels = LevelChart(self._canvas, loaded)
         self._results = ResultTable(loaded)
-        self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
+        self._turns = TurnCollector(loaded.scene.schedule.ticks_per_turn)
         shaft = draws_run and loaded.scene.model == TORSIONAL
         self._twist = ShaftTwist(loaded) if shaft else None
         self._without_sound: dict[int, tuple[CamState, CamState]] = {}

@@ -255,7 +255,7 @@ def about(loaded: LoadedScene, bucket: int) -> str:
     lines = [
         f"# {scene.title}",
         f"Model `{scene.model}`, {scene.sample_rate.si:g} samples per second, "
-        f"{scene.program.turns.si:g} turns at each speed.",
+        f"{scene.schedule.turns.si:g} turns at each speed.",
         "The follower is drawn at its simulated lift; contact is lost where the force is zero.",
     ]
     if not loaded.calibrated:

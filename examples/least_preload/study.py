@@ -14,7 +14,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.laws.cam import CamSet
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
+from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_speeds
 from cam_rig.units import RPM
 
 DEFAULT_RPM = (300.0, 400.0, 500.0)
@@ -85,4 +85,4 @@ def least_preload(
     >>> import cam_rig
     >>> found = cam_rig.least_preload("poly345", rpm=300)
     """
-    return least_preloads(asked_cams(cams, rig), asked_speeds(rpm), progress)
+    return least_preloads(resolve_cams(cams, rig), resolve_speeds(rpm), progress)

@@ -115,7 +115,7 @@ class Driven:
 def drive(law: cam_rig.Law) -> Driven:
     """Compute the jump speed on the rig of Table 2, and levels on the rig of the scene."""
     scene = cam_rig.load_scene(SCENE)
-    speeds = scene.scene.program.speeds.si_list
+    speeds = scene.scene.schedule.speeds.si_list
     turns = settled_turns(law, "one_mass", scene.follower, speeds)
     landing = [v / RPM for v, impulse in zip(speeds, turns.impulses, strict=True) if impulse.any()]
     jump = cam_rig.jump_speed(law, cam_rig.load_rig(RIG)).rpm

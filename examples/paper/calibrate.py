@@ -24,7 +24,7 @@ CAM = "poly345"
 def study() -> SoundFit:
     """Fit the radiation to the published levels of `CAM` at the speeds of the scene."""
     scene = cam_rig.load_scene(SCENE)
-    rpm = np.array(scene.scene.program.speeds.numbers)
+    rpm = np.array(scene.scene.schedule.speeds.numbers)
     return cam_rig.fit_sound(np.column_stack([rpm, scene.published_levels(CAM, rpm)]), scene)
 
 

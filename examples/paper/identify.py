@@ -30,7 +30,7 @@ MAX_FLANK = 0.5
 #: Difference given to a geometry that cannot exist, dB.
 IMPOSSIBLE = 50.0
 #: Sample rate (Hz) and turns of a trial: levels are within 0.01 dB of those of the scene.
-TRIAL: dict[str, Any] = {"sample_rate": 8000, "turns": 3, "settle_turns": 1}
+TRIAL: dict[str, Any] = {"sample_rate": 8000, "turns": 3, "transient_turns": 1}
 
 
 class Geometry(NamedTuple):
@@ -58,7 +58,7 @@ def levels(cam: cam_rig.Cam, rpm: FloatArray) -> FloatArray:
 def study(seed: int = 1, generations: int = 30) -> Geometry:
     """Search by differential evolution, then locally from its best; a few minutes."""
     scene = cam_rig.load_scene(SCENE)
-    rpm = np.array(scene.scene.program.speeds.numbers)
+    rpm = np.array(scene.scene.schedule.speeds.numbers)
     published, cam, trials = scene.published_levels(CAM, rpm), scene.cams[CAM], 0
 
     def difference(x: Any) -> float:
@@ -110,7 +110,7 @@ def table(result: Geometry) -> Table:
 def figure(result: Geometry) -> Figure:
     """Draw published and simulated level over the speed."""
     scene = cam_rig.load_scene(SCENE)
-    rpm = np.array(scene.scene.program.speeds.numbers)
+    rpm = np.array(scene.scene.schedule.speeds.numbers)
     cam = with_geometry(scene.cams[CAM], 1e-3 * result.lift, result.event, result.nose)
     out = empty(3.3)
     axes = out.subplots()

@@ -153,7 +153,7 @@ def search(
     free: Sequence[str],
     run: float,
     *,
-    with_times: bool = False,
+    use_times: bool = False,
     nearby: bool = False,
     generations: int = 60,
     seed: int = 1,
@@ -162,7 +162,7 @@ def search(
     """Search for the `free` parameters, keys of `BOUNDS`, of least total miss of all cams.
 
     `fixed` parameters are in SI units, `run` is the duration (s) of each run from rest. The
-    printed times count if `with_times`.
+    printed times count if `use_times`.
     """
     trials, count = [Trials.of(cam, printed) for cam, printed in table.items()], 0
 
@@ -180,7 +180,7 @@ def search(
         speeds, times = (
             np.minimum(part, MAX_MISS).sum(axis=0) for part in zip(*parts, strict=True)
         )
-        return speeds + times if with_times else speeds
+        return speeds + times if use_times else speeds
 
     def report(intermediate_result: Any) -> bool:
         nonlocal count
@@ -201,7 +201,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     readings, run = load_readings()
     command = parser(__doc__)
     command.add_argument("name", choices=sorted(readings), help="reading to search again")
-    command.add_argument("--with-times", action="store_true", help="by the printed times too")
+    command.add_argument("--use-times", action="store_true", help="by the printed times too")
     command.add_argument("--nearby", action="store_true", help="omit the slower speeds")
     command.add_argument("--generations", type=int, default=60, help="number (%(default)s)")
     command.add_argument("--seed", type=int, default=1, help="of the search (%(default)s)")
@@ -213,7 +213,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         numbers,
         free,
         run,
-        with_times=chosen.with_times,
+        use_times=chosen.use_times,
         nearby=chosen.nearby,
         generations=chosen.generations,
         seed=chosen.seed,

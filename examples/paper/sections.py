@@ -19,7 +19,7 @@ from cam_rig.profile.cam_checks import GUIDED, check_cam
 from cam_rig.profile.measure import closure
 from cam_rig.report.document import Content, Section
 from cam_rig.report.sections import laws_table, origins
-from cam_rig.simulation.asked import named_cams
+from cam_rig.simulation.inputs import named_cams
 from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC
 from cam_rig.studies.contact import figures as contact_plot
 from cam_rig.studies.design import figures as design_plot
@@ -164,7 +164,7 @@ def _bounce(paper: Paper) -> Content:
         "bounce": found,
         "cam": paper.scene.titles[paper.arcs],
         "restitution": RESTITUTION,
-        "rest": [row.rpm for row in found.rows if row.rests and row.motion == PERIODIC],
+        "rest": [row.rpm for row in found.rows if row.comes_to_rest and row.motion == PERIODIC],
         "irregular": irregular,
         "spread": max((row.level_spread_db or 0.0 for row in irregular), default=0.0),
     }
@@ -217,7 +217,7 @@ def _timing(_: Paper) -> Content:
 
 
 def _contact(paper: Paper) -> Content:
-    found = cam_rig.contact([*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=GUIDED)
+    found = cam_rig.contact_stress([*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=GUIDED)
     rows = []
     for path, cam in named_cams(FORM_CLOSED):
         play = 1e9 * closure(cam.follower, law_of(path, cam))
@@ -244,7 +244,7 @@ def _noise(paper: Paper) -> Content:
 
 def _orders(paper: Paper) -> Content:
     """Return orders at the lowest speed, where all keep contact, the figures', and the highest."""
-    found = cam_rig.orders(SCENE, paper.scene.scene.program.speeds.numbers).studies
+    found = cam_rig.order_spectrum(SCENE, paper.scene.scene.schedule.speeds.numbers).studies
     rpm = [spectrum.rpm for spectrum in found[0].spectra]
     shown = OrdersResult(tuple(one.only(rpm[0], STEADY_RPM, rpm[-1]) for one in found))
     drawn = OrdersResult(tuple(one.up_to(SHOWN_ORDERS) for one in found), paper.scene.titles)

@@ -12,7 +12,7 @@ from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import load_tables
 from cam_rig.schema.load import tables_path
 from cam_rig.show.looks import in_words
-from cam_rig.simulation.asked import asked_cams
+from cam_rig.simulation.inputs import resolve_cams
 from cam_rig.studies.jump.comparison import rms_difference
 from cam_rig.studies.vibration.study import HIGHER, LOWER, Claim
 from examples.paper import factorial, readings
@@ -32,7 +32,7 @@ class Paper:
         self._factorial = factorial_study
         self.printed = load_tables(tables_path())
         self.scene = cam_rig.load_scene(SCENE)
-        self.cam_set = asked_cams(list(CAMS), RIG)
+        self.cam_set = resolve_cams(list(CAMS), RIG)
         self.stiff = cam_rig.load_rig(STIFF_RIG)
         self.readings_by_name, self.readings_run = readings.load_readings()
         #: Cam in place of the TM21's cam, with a geometry identified from its noise.
@@ -43,7 +43,7 @@ class Paper:
     @cached_property
     def jumps(self) -> Any:
         """Jump speeds compared with Table 2."""
-        return cam_rig.jump(list(CAMS), RIG)
+        return cam_rig.jump_speeds(list(CAMS), RIG)
 
     @cached_property
     def readings(self) -> list[readings.Read]:
@@ -63,7 +63,7 @@ class Paper:
     @cached_property
     def noise(self) -> Any:
         """The noise study."""
-        return cam_rig.noise(SCENE, RIG)
+        return cam_rig.noise_study(SCENE, RIG)
 
     @cached_property
     def factorial(self) -> factorial.Study:

@@ -30,7 +30,7 @@ from cam_rig.show.figure import (
 from cam_rig.units import TURN, FloatArray
 from examples.paper.common import CAMS, Table, parser, publish
 
-#: Cam whose timing is studied, and the passages that are timed, as `cam_rig.law` names them.
+#: Cam whose timing is studied, and the timed passages, named as in `cam_rig.law_summary`.
 CAM = "bezier15"
 EVENTS = {
     "up_1": "1 % up",
@@ -74,7 +74,7 @@ class Curve:
     @cached_property
     def angles(self) -> FloatArray:
         """Cam angles of `EVENTS` in rad."""
-        heights = cam_rig.law(self.cam).to_pandas("heights")
+        heights = cam_rig.law_summary(self.cam).to_pandas("heights")
         return np.asarray(heights[list(EVENTS)].iloc[0], dtype=float)
 
     @cached_property
@@ -137,7 +137,7 @@ def spline_with_same_events(curve: Curve) -> Curve:
     size = functions.c.shape[0]
     held = int(np.flatnonzero(curve.free)[0])  # equal ordinates at either end
     at_ends = np.eye(size)[np.r_[:held, size - held : size]]
-    extremes = cam_rig.law(curve.cam).to_pandas("extremes").set_index("quantity")
+    extremes = cam_rig.law_summary(curve.cam).to_pandas("extremes").set_index("quantity")
     top = extremes.loc["lift", "largest_at"]
     tops = np.array([top, TURN - top])  # the curve is symmetric
     conditions = [at_ends, functions(curve.angles), functions(tops), functions(tops, 1)]
@@ -165,7 +165,7 @@ def study() -> tuple[Curve, Curve]:
 
 def events_table(cams: Sequence[str] = CAMS) -> Table:
     """Return the cam angles of the events of shipped cams."""
-    heights = cam_rig.law(list(cams)).to_pandas("heights").set_index("cam")
+    heights = cam_rig.law_summary(list(cams)).to_pandas("heights").set_index("cam")
     angles = np.degrees(heights[list(EVENTS)])
     return Table(
         "Cam angles at which the lift is passed",

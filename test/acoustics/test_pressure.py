@@ -48,8 +48,11 @@ def test_constants_are_those_of_the_rig_file(rig, follower, radiation):
 
     Twice the impulse of a landing has four times the energy.
     """
-    constants, base = acoustics.RadiationParameters.from_rig(rig), radiation.background_at
-    for key in ("gain", "corner", "background_at"):
+    constants, base = (
+        acoustics.RadiationParameters.from_rig(rig),
+        radiation.background_reference_speed,
+    )
+    for key in ("gain", "corner_frequency", "background_reference_speed"):
         assert getattr(constants, key) == getattr(rig.radiation, key).si
     assert constants.contact_time == pytest.approx(follower.contact_time, rel=1e-15)
     low, high = (
@@ -69,7 +72,7 @@ def test_landing_energy_is_a_half_sine_through_the_structure(radiation, share):
     # ends at ω_c J and then adds gain² ω_c³ J²/2, which the microphone receives through q.
     time, impulse = radiation.contact_time, 2.0
     rate, nu = share / time, math.pi / time
-    low = dataclasses.replace(radiation, corner=rate / (2.0 * math.pi))
+    low = dataclasses.replace(radiation, corner_frequency=rate / (2.0 * math.pi))
     peak = 0.5 * math.pi * impulse / time
 
     def structure(t):
@@ -222,11 +225,11 @@ def test_a_landing_keeps_area_and_energy(silent):
     impulse, none = np.zeros(200), np.zeros(200)
     impulse[[3, 60]] = 1.5, 0.5
     for contact_time in (2e-4, 1e-3, 1e-6):
-        radiation = dataclasses.replace(silent, contact_time=contact_time, corner=1e-6)
+        radiation = dataclasses.replace(silent, contact_time=contact_time, corner_frequency=1e-6)
         source = SoundSource(radiation, FAST)
         area = float(source.pressure(none, impulse, SPEED).sum()) / source.rate
         assert area == pytest.approx(radiation.gain * radiation.corner_rate * 2.0, rel=1e-6)
-    radiation = dataclasses.replace(silent, contact_time=2e-4, corner=1e-3)
+    radiation = dataclasses.replace(silent, contact_time=2e-4, corner_frequency=1e-3)
     pressure = SoundSource(radiation, FAST).pressure(none, impulse, SPEED)
     energy = float(pressure @ pressure) / source.rate
     assert energy == pytest.approx(float(radiation.landing_energy(impulse).sum()), rel=0.01)
@@ -247,7 +250,7 @@ def test_samples_do_not_depend_on_blocks(radiation, random, size):
 def test_the_background_has_its_level_and_seed(radiation):
     """At rest the background has the level of the speed, and depends on the seed."""
     source, still = SoundSource(radiation, FAST), np.full(2 * FAST, 100.0)
-    for speed in (radiation.background_at, 2.0 * radiation.background_at):
+    for speed in (radiation.background_reference_speed, 2.0 * radiation.background_reference_speed):
         level = float(level_db(rms(source.pressure(still, 0.0 * still, speed))))
         expected = float(level_db(np.sqrt(radiation.background_power(speed))))
         assert level == pytest.approx(expected, abs=0.2)

@@ -27,7 +27,7 @@ def golden():
 def whole(tmp_path_factory, golden):
     """The golden run in one file, with two instants per turn."""
     bag = tmp_path_factory.mktemp("whole") / "bag"
-    record(bag, golden, points_per_turn=2).close()
+    record(bag, golden, samples_per_turn=2).close()
     return bag
 
 
@@ -37,7 +37,7 @@ def split(tmp_path_factory, golden):
     bag = tmp_path_factory.mktemp("split") / "bag"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DISTRO", "kilted")
-        record(bag, golden, split=Split(duration=0.5), points_per_turn=2).close()
+        record(bag, golden, split=Split(duration=0.5), samples_per_turn=2).close()
     assert len(mcap_files(bag)) > 2
     return bag
 

@@ -67,7 +67,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
     """All messages were flushed. The recovered bag equals the closed bag."""
 
     def prepare(name):
-        recorder = record(tmp_path / f"bag{name}", golden, points_per_turn=2)
+        recorder = record(tmp_path / f"bag{name}", golden, samples_per_turn=2)
         recorder._session.close()
         recorder._writer.flush()
         return tmp_path / f"bag{name}", recorder.close
@@ -85,7 +85,7 @@ def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, gold
 
     def noting(bag):
         """Return a recorder that writes its number of flushed messages to a file."""
-        recorder = BagRecorder(bag, LOADED, split=SPLIT, points_per_turn=2)
+        recorder = BagRecorder(bag, LOADED, split=SPLIT, samples_per_turn=2)
         for topic, number, cdr in golden[: len(golden) // 2]:
             recorder.take(topic, cdr, b"live", number)
             recorder._writer.flush()
@@ -228,7 +228,7 @@ def test_derived_motion_has_the_requested_points_per_turn(tmp_path, golden):
         assert [time for time, _ in unkilled[topic]] == [time for time, _ in stored[topic]]
         for (_, made), (_, expected) in zip(unkilled[topic], stored[topic], strict=True):
             assert_same_numbers(made, expected)
-    record(tmp_path / "bag", golden, points_per_turn=12).close()
+    record(tmp_path / "bag", golden, samples_per_turn=12).close()
     few = payloads(tmp_path / "bag")
     assert 16 * 12 <= len(few["/joint_states"]) <= 16 * 14
     for topic in stored.keys() - derived:

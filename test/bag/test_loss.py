@@ -131,7 +131,7 @@ def test_missing_instants_and_diagnostics_are_counted():
 def test_an_interrupted_run_has_no_loss(tmp_path, golden):
     """It was closed after tick 6 of 16. Ticks that were not recorded are not lost."""
     bag, last = tmp_path / "bag", max(i for i, m in enumerate(golden) if m[0].per == "tick")
-    recorder = BagRecorder(bag, LOADED, points_per_turn=2)
+    recorder = BagRecorder(bag, LOADED, samples_per_turn=2)
     for topic, number, cdr in golden[: last + 1]:
         if recorder.take(topic, cdr, b"x", number)[-1:] == [TIMES[6]]:
             break
@@ -259,10 +259,10 @@ def test_a_damaged_length_loses_only_its_chunk(tmp_path):
 
 def test_the_missing_end_of_a_long_scene_is_not_counted():
     """The report of 100 000 turns states the early end, or the last tick if closed."""
-    program = SCENE.program.model_copy(
-        update={"turns": SCENE.program.turns.model_copy(update={"assumed": 1e5, "given": None})}
+    schedule = SCENE.schedule.model_copy(
+        update={"turns": SCENE.schedule.turns.model_copy(update={"assumed": 1e5, "given": None})}
     )
-    endless = SCENE.model_copy(update={"program": program})
+    endless = SCENE.model_copy(update={"schedule": schedule})
     kept = held(lambda _topic, m: m.log_time <= 300_000_000)
     loss = loss_of(kept, endless, False, True)
     assert loss.open_end and loss.messages < 100

@@ -161,7 +161,7 @@ def test_no_tick_is_divided(split):
 @pytest.mark.parametrize("limit", [Split(duration=0.7), Split(size=60_000)], ids=["s", "bytes"])
 def test_the_limits_are_kept(tmp_path, golden, limit):
     """A file ends with the first tick that reaches a limit. A tick has about 20 kB."""
-    record(tmp_path / "bag", golden, split=limit, points_per_turn=12).close()
+    record(tmp_path / "bag", golden, split=limit, samples_per_turn=12).close()
     files = mcap_files(tmp_path / "bag")
     assert len(files) > 2
     for file in files:
@@ -199,21 +199,20 @@ def test_a_missing_middle_file_is_named(split, tmp_path):
 
 
 def test_a_limit_is_parsed_or_refused_with_the_allowed_values():
-    for text, expected in {
-        "100MB": Split(size=100_000_000),
-        "1.5 GiB": Split(size=1_610_612_736),
-        "60s": Split(duration=60.0),
-        "10min": Split(duration=600.0),
-        "2 h": Split(duration=7200.0),
-    }.items():
-        assert Split.parsed(text) == expected
-    for text, words in (
-        ("100", r"allowed: a number and one of MB, GB, MiB, GiB, s, min, h, as 100MB or 60s"),
-        ("-5s", "allowed: a number and one of"),
-        ("1e9s", "allowed: a number and one of"),
-        ("0.5MB", r"is 0\.5MB; allowed: a file of 1000000 bytes \(1 MB\) or more"),
-        ("0s", r"is 0s; allowed: a file of 1 to 3\.2e\+08 s of rig time"),
-        ("99999999999GB", "allowed: a file of 1000000 bytes"),
+    """Size and duration have units, and may be combined."""
+    assert Split.parse("100MB", None) == Split(size=100_000_000)
+    assert Split.parse("1.5 GiB", "2 h") == Split(size=1_610_612_736, duration=7200.0)
+    assert Split.parse(None, "60s") == Split(duration=60.0)
+    assert Split.parse(None, "10min") == Split(duration=600.0)
+    assert Split.parse(None, None) == Split()
+    for size, duration, words in (
+        ("100", None, "max-bag-size: is '100'; allowed: a number with a unit, MB, GB, MiB, GiB"),
+        ("60s", None, "max-bag-size: is '60s'; allowed"),
+        (None, "-5s", "max-bag-duration: is '-5s'; allowed: a number with a unit, s, min, h"),
+        (None, "1e9s", "max-bag-duration: is '1e9s'; allowed"),
+        ("0.5MB", None, r"is 0\.5MB; allowed: a file of 1000000 bytes \(1 MB\) or more"),
+        (None, "0s", r"is 0s; allowed: a file of 1 to 3\.2e\+08 s of rig time"),
+        ("99999999999GB", None, "allowed: a file of 1000000 bytes"),
     ):
         with pytest.raises(ConfigError, match=words):
-            Split.parsed(text)
+            Split.parse(size, duration)

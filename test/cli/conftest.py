@@ -55,7 +55,7 @@ def written(root, files):
 def sweep(tmp_path_factory):
     """Return the file of the shipped sweep at steps of 25 rpm."""
     scene = load("scenes", "tm21_sweep")
-    scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
+    scene["schedule"]["speeds"]["given"] = list(range(200, 401, 25))
     path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"
     path.parent.mkdir(parents=True)
     path.write_text(json.dumps(scene), encoding="utf-8")

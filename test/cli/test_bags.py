@@ -151,7 +151,7 @@ class FakeGraph:
     """Replacement for the nodes of a replay, with a copy of the golden bag as their recording."""
 
     def __init__(self, nodes):
-        self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["bag"]))
+        self._bag = Path(shutil.copytree(GOLDEN, nodes["recorder"]["output_uri"]))
 
     def __enter__(self):
         return self
@@ -242,6 +242,15 @@ def test_command_that_repeats_a_run_has_its_options(monkeypatch, tmp_path):
     """It has all options but the bag, whose folder then exists."""
     commands = []
     monkeypatch.setattr("cam_rig.cli.run._run", lambda *arguments: commands.append(arguments[-1]))
-    words = ["--pacing", "real_time", "--network", "--namespace", "/rig1", "--split", "100MB"]
+    words = [
+        "--pacing",
+        "real_time",
+        "--discovery",
+        "subnet",
+        "--namespace",
+        "/rig1",
+        "--max-bag-size",
+        "100MB",
+    ]
     done("run", "quick", "--bag", tmp_path / "bag", *words)
     assert commands == [" ".join(["cam-rig run quick", *words])]

@@ -32,9 +32,9 @@ CASES = [
     "simulate {five} --plot",
     "orders {five} --plot",
     "orders {bezier_14} --rpm 3000 --plot",
-    "bounce --restitution 0.7 --rpm 380:460:8 --turns 20 --settle 40 --follow --plot",
-    "bounce --restitution 0.7 --rpm 450 --over mass --range 1:2:.2 --turns 20 --settle 9 --plot",
-    "bounce {bezier_14} --rig paper_table2 --rpm 300,400 --turns 20 --settle 0 --jobs 1 --plot",
+    "bounce --restitution 0.7 --rpm 380:460:8 --turns 20 --continuation --plot",
+    "bounce --restitution 0.7 --rpm 450 --parameter mass --values 1:2:.2 --turns 20 --plot",
+    "bounce {bezier_14} --rig paper_table2 --rpm 300,400 --turns 20 --jobs 1 --plot",
     "bounce --restitution 0.7 --rpm 420 --basins --jobs 1 --plot",
     "jump {five} --plot",
     "jump {tiny_3} --plot",
@@ -64,7 +64,7 @@ CAMPAIGNS = {
           rig.follower.mass: {normal: 80, unit: "%"}
           rig.follower.preload: {uniform: 100, unit: "%"}
           rig.follower.stem_stiffness: {uniform: 0, unit: "%"}
-          rig.radiation.background_corner: {uniform: 1, unit: "%"}
+          rig.radiation.background_corner_frequency: {uniform: 1, unit: "%"}
           cam.follower.base_radius: {uniform: 2, unit: "%"}
           profile.eccentricity.amplitude: {range: [0, 1], unit: mm}
           profile.waviness.amplitude: {range: [0, 1], unit: um}

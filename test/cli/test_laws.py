@@ -12,7 +12,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws.catalogue import free_laws
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.load import one_scene
-from cam_rig.simulation.asked import asked_cams, asked_scene, scene_speeds
+from cam_rig.simulation.inputs import resolve_cams, resolve_scene, scene_speeds
 
 from ..conftest import scene_data
 from .conftest import call, data_of, done, shipped, written
@@ -129,24 +129,24 @@ def own(tmp_path_factory):
 
 def test_default_rig_of_cams_and_of_a_scene(own):
     """Cams are on the paper's rig and a scene on its rig, unless another rig is named."""
-    assert asked_cams(["poly345"], None).rig.name == "paper_table2"
-    assert set(asked_cams(None, None).cams) >= {"poly345", "bezier15"}
-    cam_set = asked_cams([str(own)], None)
+    assert resolve_cams(["poly345"], None).rig.name == "paper_table2"
+    assert set(resolve_cams(None, None).cams) >= {"poly345", "bezier15"}
+    cam_set = resolve_cams([str(own)], None)
     assert (set(cam_set.cams), cam_set.rig.name) == ({"lug"}, "mine")
-    assert asked_cams(["quick"], "paper_table2").rig.name == "paper_table2"
+    assert resolve_cams(["quick"], "paper_table2").rig.name == "paper_table2"
     assert one_scene(["poly345"]) is None and one_scene(["quick", "poly345"]) is None
 
 
 def test_rig_by_name_or_by_file(own, tmp_path):
     """A name is searched for next to the scene, then among the shipped rigs."""
-    assert asked_scene(str(own), "other").rig.name == "other"
-    assert asked_scene(str(own), "paper_table2").rig.name == "paper_table2"
+    assert resolve_scene(str(own), "other").rig.name == "other"
+    assert resolve_scene(str(own), "paper_table2").rig.name == "paper_table2"
     file = tmp_path / "a_rig.yaml"
     copy(own.parents[1] / "rigs" / "other.yaml", file)
-    loaded = asked_scene(str(own), str(file))
+    loaded = resolve_scene(str(own), str(file))
     assert (loaded.rig.name, loaded.rig_file) == ("other", file)
     with pytest.raises(ConfigError, match="no such file"):
-        asked_scene("quick", "other")  # there is no such rig next to this scene
+        resolve_scene("quick", "other")  # there is no such rig next to this scene
 
 
 def test_speeds_of_a_scene(own):
@@ -195,7 +195,7 @@ def test_only_rig_next_to_a_cam_is_used_and_named(own, tmp_path):
     assert not call("jump", "poly345").stderr.startswith("rig ")
     for command in (
         ("orders", cam, "--rpm", 300),
-        ("bounce", cam, "--rpm", 300, "--restitution", 0.3, "--turns", 20, "--settle", 2),
+        ("bounce", cam, "--rpm", 300, "--restitution", 0.3, "--turns", 20, "--transient-turns", 2),
         ("design", cam, "--minimise", "peak_acceleration", "--pieces", 4),
     ):
         assert call(*command).stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}")

@@ -16,7 +16,7 @@ REFUSED = [
     ("simulate no_such_scene", 2, "no_such_scene.yaml: no such file; there are: "),
     ("run no_such_scene --bag {tmp}/bag", 2, "no such file"),
     ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
-    ("run quick --bag {tmp}/bag --wait", 2, "--wait: waits for a viewer"),
+    ("run quick --bag {tmp}/bag --wait-for-client", 2, "--wait-for-client requires a viewer"),
     ("simulate --nonsense", 2, ""),
     ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
     ("simulate quick --json /proc/none/a.json", 1, "/proc/none/a.json: cannot be"),

@@ -10,7 +10,8 @@ import pytest
 
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.report.command import page_made
-from cam_rig.simulation.scene import build_law, load_cam, load_scene
+from cam_rig.simulation.inputs import build_law
+from cam_rig.simulation.scene import load_cam, load_scene
 from cam_rig.studies.simulate.study import run_scene
 
 from ..conftest import scene_data
@@ -145,7 +146,7 @@ def test_numbers_of_the_page_equal_those_of_the_commands(own_scene, tmp_path):
     row = run.by_speed[1]
     assert results["simulate"]["speeds"] == run.data()["speeds"]
     text = out.read_text(encoding="utf-8")
-    assert f"| {row.force_peak:.1f} |" in text and f"| {jump:.1f} |" in text
+    assert f"| {row.peak_force:.1f} |" in text and f"| {jump:.1f} |" in text
     assert "Jump speed: one rigid mass, from rest as in steady state." in text
     assert ".md`; with" in text  # no date, so that the page is the same every day
     assert "<img" not in text

@@ -52,10 +52,10 @@ def test_table_of_parameters():
             described[node, name] = "**live**" in words
     for node, specs in PARAMETERS.items():
         for spec in specs:
-            if spec.name in ("scene", "at_end"):
+            if spec.name in ("scene", "on_finish"):
                 continue
             assert described.pop((node, spec.name)) == spec.live, f"{node} {spec.name}"
-    common = {("all but player", "scene"), ("all", "at_end")}
+    common = {("all but player", "scene"), ("all", "on_finish")}
     assert set(described) == common
 
 
@@ -80,7 +80,7 @@ def test_the_bag_of_quick_with_more_ticks(tmp_path):
     scene, bag = tmp_path / "scenes" / "quick.yaml", tmp_path / "bag"
     scene.parent.mkdir()
     text = (ROOT / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
-    scene.write_text(text.replace("program:", f"program:\n  ticks_per_turn: {ticks}"))
+    scene.write_text(text.replace("schedule:", f"schedule:\n  ticks_per_turn: {ticks}"))
     with isolated_domain():
         done("run", scene, "--bag", bag)
     found = size_of(bag)

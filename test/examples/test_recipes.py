@@ -140,9 +140,9 @@ PAGE = """
 from types import SimpleNamespace
 from cam_rig.report.document import Made, render
 from cam_rig.report.scene import SECTIONS
-from cam_rig.simulation.asked import asked_cams
+from cam_rig.simulation.inputs import resolve_cams
 section = next(one for one in SECTIONS if one.key == "least_preload")
-content = section.find(SimpleNamespace(cam_set=asked_cams(["poly345"], None)))
+content = section.find(SimpleNamespace(cam_set=resolve_cams(["poly345"], None)))
 assert content.drawn["preload"][0].startswith("data:image/svg")
 print(render("md", "A page", Made("a command"), {section: content}))
 """

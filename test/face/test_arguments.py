@@ -26,7 +26,7 @@ def test_error_of_an_invalid_argument():
     """It has name, value, type, the allowed values and the function that returns them."""
     jump, simulate = partial(cam_rig.jump_speed, LAW, RIG), partial(cam_rig.simulate, LAW, RIG)
     fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
-    cam, law = "allowed: a cam, of load_cam('poly345')", "allowed: a Law, of build_law"
+    law = "allowed: a Law, of build_law"
     number, text = "allowed: a finite number", "allowed: a text without NUL"
     seconds, motion = "allowed: above 0, to 60 s", "allowed: a motion, of simulate"
     for call, words in (
@@ -42,11 +42,12 @@ def test_error_of_an_invalid_argument():
         (partial(simulate, rpm=450, turns=None), "turns: is None (NoneType); allowed: a whole"),
         (partial(simulate, rpm=450, turns=100_000), "make 6.4e+08 samples; allowed: 2e+07"),
         (partial(simulate, rpm=450, model="two mass"), "is 'two mass' (did you mean 'two_mass'"),
-        (partial(cam_rig.simulate, "poly345", RIG, rpm=450), f"law: is 'poly345' (str); {law}"),
-        (partial(cam_rig.build_law, "poly345"), f"cam: is 'poly345' (str); {cam}"),
-        (partial(fit, given=MIXED), f"given['damping']: is '8' (str); {number}"),
-        (partial(fit, given={"damping": math.nan}), f"given['damping']: is nan (float); {number}"),
-        (partial(fit, given={1: 8.6}), f"a name in given: is 1 (int); {text}"),
+        (partial(cam_rig.simulate, "poly34", RIG, rpm=450), "poly34.yaml: no such file (did you"),
+        (partial(cam_rig.simulate, "conjugate", RIG, rpm=450), "allowed on a rig: a follower"),
+        (partial(cam_rig.build_law, 3), f"cam: is 3 (int); {text} or a path or a cam"),
+        (partial(fit, fix=MIXED), f"fix['damping']: is '8' (str); {number}"),
+        (partial(fit, fix={"damping": math.nan}), f"fix['damping']: is nan (float); {number}"),
+        (partial(fit, fix={1: 8.6}), f"a name in fix: is 1 (int); {text}"),
         (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
         (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
         (partial(cam_rig.load_cam, "poly34"), "poly34.yaml: no such file (did you mean 'poly345'"),
@@ -94,7 +95,7 @@ INVALID = [
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 #: Functions that compute for many seconds. They are replaced, so that only arguments are checked.
-LONG = {"noise": ["cam_rig.studies.noise.study.study_noise"]}
+LONG = {"noise_study": ["cam_rig.studies.noise.study.study_noise"]}
 
 
 @pytest.fixture(scope="module")
@@ -111,36 +112,37 @@ def valid_arguments(tmp_path_factory):
     fitted = {"damping": 8.6, "spring_stiffness": 4030.0}
     named = {
         "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates},
-        "bounce_map": on_rig | {"rpm": [450.0], "restitution": 0.5, "turns": 20, "settle": 0},
+        "bounce_map": on_rig
+        | {"rpm": [450.0], "restitution": 0.5, "turns": 20, "transient_turns": 0},
         "build_law": {"cam": CAM},
         "campaign": {"study": "tolerance_poly345", "points": 1, "seed": 1}
         | {"out": tmp_path_factory.mktemp("out") / "campaign"},
         "check_contours": {"cams": "poly345"},
         "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"},
-        "contact": on_tm21 | {"rpm": 200.0},
+        "contact_stress": on_tm21 | {"rpm": 200.0},
         "contour": {"cam": CAM, "points": 36},
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration"}
         | {"pieces": 6, "joints": 1, "starts": 1, "points": 3},
         "fit_cam": {"tables": folder / "lifts.csv"},
         "fit_rig": {"source": folder / "jumps.csv", "cam": "poly345", "rig": "tm21"}
-        | {"given": fitted},
+        | {"fix": fitted},
         "fit_sound": {"levels": levels, "scene": "tm21_sweep", "cam": "poly345"},
-        "jump": on_tm21 | {"from_rest": 0.5},
+        "jump_speeds": on_tm21 | {"from_rest": 0.5},
         "jump_speed": on_rig | {"duration": 0.5},
-        "law": {"names": "poly345"},
+        "law_summary": {"names": "poly345"},
         "list_laws": {"family": "start"},
         "load_cam": {"cam": "poly345"},
         "load_rig": {"rig": "tm21"},
         "load_scene": {"scene": "quick"},
-        "noise": {"scene": "quick", "rig": RIG},
-        "orders": {"source": "poly345", "rpm": 300.0, "rig": "tm21"}
+        "noise_study": {"scene": "quick", "rig": RIG},
+        "order_spectrum": {"source": "poly345", "rpm": 300.0, "rig": "tm21"}
         | {"model": "one_mass", "orders": 5},
         "plot_law": {"law": LAW},
         "read_bag": {"bag": GOLDEN},
         "run_scene": {"scene": "quick"},
         "simulate": on_rig | {"rpm": 450, "turns": 1},
         "sound_level": {"motion": cam_rig.simulate(LAW, RIG, rpm=450, turns=2)},
-        "sweep": on_tm21 | {"rpm": [300.0], "turns": 2, "settle_turns": 1, "sample_rate": 1000},
+        "sweep": on_tm21 | {"rpm": [300.0], "turns": 2, "transient_turns": 1, "sample_rate": 1000},
         "vibration": on_tm21 | {"rpm": 300.0},
     }
     return {

@@ -160,7 +160,7 @@ PARTS = {
 #: Options for figures and files, which are methods of the result in Python.
 FILES = {
     "bounce": {"basins"},  # a separate function, `cam_rig.studies.bounce.basins`
-    "contact": {"events", "sharpest"},
+    "contact": {"events", "min-radius"},
     "fit sound": {"dry-run"},
     "law": {"out", "save"},
     "compare": {"save"},
@@ -265,9 +265,9 @@ reveal_type(cam_rig.load_rig("tm21"))  # RigConfig
 reveal_type(cam_rig.simulate(law, rig, rpm=450).force)  # ndarray
 reveal_type(cam_rig.jump_speed(law, rig).rpm)  # float
 reveal_type(cam_rig.jump_speed(law, rig, preload=np.ones(3)))  # JumpSpeeds
-reveal_type(cam_rig.sweep([cam, "poly345"], rig, rpm=[300, 400]).by_speed[0].force_peak)  # float
+reveal_type(cam_rig.sweep([cam, "poly345"], rig, rpm=[300, 400]).by_speed[0].peak_force)  # float
 reveal_type(cam_rig.vibration("poly345", rig, 300))  # VibrationResult
-reveal_type(cam_rig.orders(cam, rpm=np.arange(3.0)).summary())  # list[str]
+reveal_type(cam_rig.order_spectrum(cam, rpm=np.arange(3.0)).summary())  # list[str]
 reveal_type(cam_rig.design(cam, rig, minimise="a").law)  # Law
 reveal_type(cam_rig.design(cam, rig, minimise="a", pareto="b"))  # Front
 reveal_type(cam_rig.fit_rig("a.csv", "poly345").identified)  # tuple

@@ -84,7 +84,7 @@ def test_launch_starts_the_nodes_of_the_runner_in_order(load):
         declared = {spec.name for spec in PARAMETERS[name]}
         assert set(given) <= declared | {"use_sim_time"}
         of_runner = set(runner[name]) - {"consumers"}
-        assert of_runner - ({"at_end"} if name == VIEWER else set()) <= set(given)
+        assert of_runner - ({"on_finish"} if name == VIEWER else set()) <= set(given)
 
 
 def test_launch_arguments_have_priority_over_the_parameter_file(load):
@@ -97,7 +97,7 @@ def test_launch_arguments_have_priority_over_the_parameter_file(load):
         assert node["namespace"].given == ("namespace",)
     default = launch_nodes(load("rig.launch.py"))
     assert {name: list(node["parameters"][0]) for name, node in default.items()} == {
-        name: ["patience"] if name == DRIVE else [] for name in default
+        name: ["progress_timeout"] if name == DRIVE else [] for name in default
     }
 
 
@@ -129,7 +129,7 @@ def test_missing_parameter_file_is_an_error(load, tmp_path):
             launch_nodes(load("rig.launch.py"), params_file=file)
 
 
-def test_profiles_restrict_sockets_unless_network_is_true(load):
+def test_profiles_restrict_sockets_unless_the_subnet_is_allowed(load):
     """The two profiles exist, and each is set under its condition."""
     variables = of(load("rig.launch.py"), "SetEnvironmentVariable")
     profiles = {v.given[1].given[0][-1] for v in variables if "FASTDDS" in v.given[0]}

@@ -53,7 +53,7 @@ def test_the_law_has_the_height_at_every_passage(seed):
 
 def test_passages_are_columns_of_the_law_table():
     """The columns are the first passage upwards and the last one downwards, in rad."""
-    heights = cam_rig.law(["poly345", "bezier15"]).to_pandas("heights").set_index("cam")
+    heights = cam_rig.law_summary(["poly345", "bezier15"]).to_pandas("heights").set_index("cam")
     assert list(heights) == ["up_1", "up_50", "up_99", "down_99", "down_50", "down_1"]
     assert heights.up_50["poly345"] == pytest.approx(0.5 * np.pi)
     degrees = np.degrees(heights.loc["bezier15"].astype(float)).round(3).tolist()

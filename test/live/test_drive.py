@@ -20,9 +20,9 @@ LOADED = open_scene(config_root() / "scenes" / "quick.yaml")
 SCENE = LOADED.scene
 PLAN = list(cam_states(SCENE))
 RAMP = Quantity.model_validate({"assumed": 0.7, "unit": "s", "source": "a test"})
-PROGRAM = SCENE.program.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
+PROGRAM = SCENE.schedule.model_copy(update={"ramp": RAMP, "ticks_per_turn": 2})
 #: The same scene from rest, with a ramp to each speed.
-RAMPED = SCENE.model_copy(update={"program": PROGRAM})
+RAMPED = SCENE.model_copy(update={"schedule": PROGRAM})
 
 
 def run_out(schedule, commands=()):

@@ -127,7 +127,7 @@ def test_the_follower_joint_is_the_same_for_all_cams_of_the_scene(scene_of_kinds
     The bodies of the bench do not depend on the mounted cam either.
     """
     limits, bench = [], []
-    fastest = max(scene_of_kinds.scene.program.speeds.si_list)
+    fastest = max(scene_of_kinds.scene.schedule.speeds.si_list)
     for cam in scene_of_kinds.scene.cams:
         text = urdf(Robot.of(scene_of_kinds, cam))
         links = links_of(text)

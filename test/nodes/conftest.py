@@ -170,8 +170,8 @@ def has_ticks(bag):
 
 
 def patient(scene, bag, screen=None, **drive):
-    """Return the parameters of the nodes of a run, with a patience for a busy machine."""
-    return live(scene, bag, screen, **{"patience": WAIT, **drive})
+    """Return the parameters of the nodes of a run, with a progress_timeout for a busy machine."""
+    return live(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
 
 
 def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
@@ -195,7 +195,7 @@ def short_scene(tmp_path_factory):
     """Scene of 64 ticks with two cams and two speeds."""
     path = tmp_path_factory.mktemp("short") / "scenes" / "short.yaml"
     path.parent.mkdir()
-    changes = {"cams": ["tm21", "bezier15"], "points_per_turn": 24, "published": "tm21_noise"}
+    changes = {"cams": ["tm21", "bezier15"], "samples_per_turn": 24, "published": "tm21_noise"}
     program = {"speeds": [250, 400], "turns": 8, "ticks_per_turn": 2, "sample_rate": 2000}
     path.write_text(json.dumps(scene_data(name="short", **changes, **program)), encoding="utf-8")
     return path
@@ -226,7 +226,7 @@ def domain():
 @pytest.fixture
 def make(domain, short_scene, tmp_path):
     """Factory of nodes in this process that are not spun."""
-    parameters = {"scene": str(short_scene), "recorder:bag": str(tmp_path / "bag")}
+    parameters = {"scene": str(short_scene), "recorder:output_uri": str(tmp_path / "bag")}
     pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in parameters.items())
     nodes = []
     rclpy.init(args=["--ros-args", *(part for pair in pairs for part in pair)])

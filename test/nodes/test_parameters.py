@@ -80,9 +80,18 @@ def test_a_node_has_the_interface_of_its_tables(make):
 
 def test_integers_and_names_are_converted_at_the_start(values_of):
     """An integer is a number, 20 is 20x, and the name of a scene is its path."""
-    arguments = ("-p", "rpm:=300", "-p", "pacing:=20", "-p", "scene:=quick", "-p", "patience:=60")
+    arguments = (
+        "-p",
+        "rpm:=300",
+        "-p",
+        "pacing:=20",
+        "-p",
+        "scene:=quick",
+        "-p",
+        "progress_timeout:=60",
+    )
     values = values_of("cam_drive", *arguments)
-    assert (values["rpm"], values["pacing"], values["patience"]) == (300.0, "20x", 60.0)
+    assert (values["rpm"], values["pacing"], values["progress_timeout"]) == (300.0, "20x", 60.0)
     assert type(values["rpm"]) is float and values["scene"] == QUICK
     assert values_of("cam_drive", "-p", "pacing:=0.5")["pacing"] == "0.5x"
 
@@ -94,7 +103,7 @@ WRONG = {
     "rpm:=.nan": "rpm: is nan; allowed: 0 to 100000",
     "autostart:=1": "autostart: is 1; allowed: true or false",
     "pacing:=-3": "pacing: is '-3x'; allowed: free, real_time, or a factor",
-    "at_end:=never": "at_end: has never; allowed: end, stay, wait",
+    "on_finish:=never": "on_finish: has never; allowed: end, stay, wait",
     "scene:=7": "scene: is 7; allowed: a text",
     "consumers:=[nobody]": "consumers: has nobody; allowed: recorder",
 }
@@ -153,8 +162,8 @@ def test_a_parameter_file_contains_every_default(values_of):
         assert values == {spec.name: spec.default for spec in PARAMETERS[name]}
         actual = values_of(name, "--params-file", str(file), namespace="/rig1/left")
         assert actual == {spec.name: spec.convert(spec.default) for spec in PARAMETERS[name]}
-        later = ("-p", "at_end:=wait")
-        assert values_of(name, "--params-file", str(file), *later)["at_end"] == "wait"
+        later = ("-p", "on_finish:=wait")
+        assert values_of(name, "--params-file", str(file), *later)["on_finish"] == "wait"
 
 
 def test_an_unknown_parameter_makes_a_warning(parameter_table):

@@ -161,7 +161,7 @@ def run_here(monkeypatch, capfd):
 FAILURES = (
     ("law_server", "-p scene:=5", 2, "scene: is 5; allowed: a text"),
     ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
-    ("cam_drive", "-p patience:=1.0", 1,
+    ("cam_drive", "-p progress_timeout:=1.0", 1,
      "not ready after 1 s: follower, law_server, microphone, recorder; is it"),
     ("law_server", f"-r __ns:=/{'a' * 254}", 2, "200 characters"),
     ("follower", "--params-file none.yaml", 2, "Couldn't parse params file"),
@@ -235,7 +235,7 @@ def test_an_early_signal_ends_a_node_in_order(domain, short_scene, tmp_path, num
     chance = random.Random(int(number))
     for i in range(nodes):
         name = NODES[i % len(NODES)]
-        more = {"bag": str(tmp_path / f"bag_{i}")} if name == "recorder" else {}
+        more = {"output_uri": str(tmp_path / f"bag_{i}")} if name == "recorder" else {}
         node = NodeProcess(name, {"scene": str(short_scene), **more}, False, lambda _line: None)
         time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment is possible
         node.process.send_signal(number)

@@ -111,7 +111,7 @@ def test_a_paced_run_has_constant_rates_and_the_bag_of_a_free_run(
     """
     bag, watcher = tmp_path / "bag", Watcher(user, rate)
     nodes = patient(short_scene, bag, autostart=False, pacing=f"{factor}x")
-    nodes["follower"]["motion_rate"] = rate
+    nodes["follower"]["visualization_rate"] = rate
     with OneProcess(nodes) as run:
         for topic in watcher.received:
             wait_until(lambda topic=topic: watcher.has_discovered(topic))

@@ -31,7 +31,10 @@ def parameters(short_scene, tmp_path):
     """Function that returns the parameters of nodes that are started one by one."""
 
     def parameters(*names, **common):
-        special = {RECORDER: {"bag": str(tmp_path / "bag")}, DRIVE: {"patience": 300.0}}
+        special = {
+            RECORDER: {"output_uri": str(tmp_path / "bag")},
+            DRIVE: {"progress_timeout": 300.0},
+        }
         scene = {"scene": str(short_scene)}
         return {name: scene | special.get(name, {}) | common for name in names}
 
@@ -88,8 +91,8 @@ def test_nodes_that_stay_make_another_run_with_another_bag(
     user, start, undisturbed, tmp_path, drive
 ):
     """The bags are equal byte by byte: no node keeps state of the first run."""
-    nodes = list(start(*NODES[:-1], at_end="stay"))
-    first = start(DRIVE, at_end="stay" if drive == "that stays" else "end")[-1]
+    nodes = list(start(*NODES[:-1], on_finish="stay"))
+    first = start(DRIVE, on_finish="stay" if drive == "that stays" else "end")[-1]
     if drive == "that stays":
         wait_until(lambda: any("ready for another" in line for line in first.stderr_lines))
         user.call("/cam_drive/start")
@@ -142,7 +145,10 @@ def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path
     pressures = listen(user, FluidPressure, "/microphone/pressure")
     finished = listen(user, DiagnosticStatus, "/rig/finished")
     nodes = parameters(*NODES)
-    nodes[DRIVE] |= {"pacing": "real_time", "patience": 300.0 if reason == "stopped" else 5.0}
+    nodes[DRIVE] |= {
+        "pacing": "real_time",
+        "progress_timeout": 300.0 if reason == "stopped" else 5.0,
+    }
     resume = threading.Event()
     with OneProcess(nodes) as here:
         wait_until(lambda: user.spin(0.1) or len(pressures) > 2)

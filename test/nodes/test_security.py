@@ -59,7 +59,7 @@ def hostile():
     far = Header(stamp=Time(sec=2**31 - 1))
     yield "/follower/state", JointState(header=far)
     yield "/microphone/pressure", FluidPressure(header=far)
-    yield "/recorder/written", far
+    yield "/recorder/ack", far
     yield "/microphone/level", Float64(data=math.inf)
 
 
@@ -86,8 +86,8 @@ def test_invalid_messages_do_not_end_a_node(user, short_scene, tmp_path, capfd):
     """
     for name in ("follower", "microphone", "law_server", "cam_drive", "recorder"):
         subscribed = {topic.name for topic in ABOUT[name].subscribed}
-        parameters = {"scene": str(short_scene), "at_end": "wait"}
-        parameters |= {"bag": str(tmp_path / "bag")} if name == "recorder" else {}
+        parameters = {"scene": str(short_scene), "on_finish": "wait"}
+        parameters |= {"output_uri": str(tmp_path / "bag")} if name == "recorder" else {}
         logged = ""
         with OneProcess({name: parameters}) as here:
             publishers = {}
@@ -150,7 +150,7 @@ def test_impossible_messages_on_open_topics_do_not_affect_the_run(
 
 
 @pytest.mark.parametrize(
-    ("topic", "message"), [("/cam/state", JointState()), ("/recorder/written", Header())]
+    ("topic", "message"), [("/cam/state", JointState()), ("/recorder/ack", Header())]
 )
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
     """The error names the topic and the other node."""

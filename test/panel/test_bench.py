@@ -41,7 +41,7 @@ def test_a_set_up_is_written_as_a_scene(tmp_path):
         assert follower.preload.si == 45.0
         assert follower.spring_stiffness == RIG.follower.spring_stiffness
         assert loaded.scene.model == model
-        rpm = np.array(loaded.scene.program.speeds.si_list) * 30 / np.pi
+        rpm = np.array(loaded.scene.schedule.speeds.si_list) * 30 / np.pi
         np.testing.assert_allclose(rpm, [321.0, runner.AXIS_RPM])
 
 

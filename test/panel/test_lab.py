@@ -267,12 +267,12 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
     assert book.recorded.readings == ()
 
 
-# -- cam-rig panel --mark: difference of each answer, and files that are not sheets -----------
+# -- cam-rig panel --grade: difference of each answer, and files that are not sheets -----------
 
 
 def mark(*arguments):
-    """Return exit code, stdout and stderr of `cam-rig panel --mark`."""
-    result = call("panel", "--mark", *arguments)
+    """Return exit code, stdout and stderr of `cam-rig panel --grade`."""
+    result = call("panel", "--grade", *arguments)
     return result.exit_code, result.stdout, result.stderr
 
 
@@ -379,8 +379,8 @@ def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
         (("cycloidal", path), "the sheet names cam 'poly345', not 'cycloidal'"),
         ((path, "--rig", "paper_table2"), "the sheet names rig 'tm21', not 'paper_table2'"),
         ((tmp_path / "none.csv",), "No such file"),
-        ((), "--mark requires a sheet"),
+        ((), "--grade requires a sheet"),
         ((path, "--seed", "x"), "--seed"),
-        ((path, "--lab", "jump"), "--mark cannot be combined with --lab"),
+        ((path, "--lab", "jump"), "--grade cannot be combined with --lab"),
     ):
         refused(text, *arguments)

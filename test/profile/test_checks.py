@@ -134,7 +134,7 @@ def test_cam_surrounds_its_shaft():
         (contour,) = contours(sample.cam.follower, sample.law, 3600)
         assert not Polygon(contour.points.T).buffer(0).contains(axis)
         (check,) = named(sample, "distance from the axis")
-        assert check.vital and not check.passed
+        assert check.is_fatal and not check.passed
         assert check.degrees == pytest.approx(180.0)
         text = r"axis is -[\d.]+ mm at 180°; allowed: more than 0 mm"
         with pytest.raises(ProfileError, match=text):
@@ -158,11 +158,11 @@ def test_breadth_condition():
         off = np.abs(sample.law(angle) + sample.law(angle + np.pi) - 0.010)
         assert check.value == pytest.approx(off.max(), rel=1e-8)
         assert np.interp(check.angle, angle, off) == pytest.approx(off.max(), rel=1e-6)
-        assert check.vital and not check.passed
+        assert check.is_fatal and not check.passed
 
 
 def test_corner_is_rejected(make_cam):
-    """A jump of the slope is a vital failure."""
+    """A jump of the slope is a is_fatal failure."""
     corner = {"law": "bezier", "span": 180, "ordinates": [0.0, 2.0, 0.0]}
     cam = make_cam(dwell(180), corner, lift=0.01)
     with pytest.raises(ProfileError, match=r"step of the slope s' is 12\.732 mm/rad at 0°"):

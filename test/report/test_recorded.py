@@ -32,7 +32,7 @@ def golden(config_dir):
 def test_recorded_levels_equal_simulated_levels(quick, golden):
     """The node graph and one process compute the same numbers."""
     recorded = read_recorded(golden, quick)
-    levels = step_levels(simulate(quick), quick.scene.program.settle_turns.si)
+    levels = step_levels(simulate(quick), quick.scene.schedule.transient_turns.si)
     assert recorded.level_db.keys() == levels.keys()
     for cam, steps in levels.items():
         expected = np.array([steps[speed] for speed in sorted(steps)])

@@ -15,10 +15,13 @@ import cam_rig
 from benchmark.speed.cases import SAMPLED
 from cam_rig.cli.main import app
 from cam_rig.dynamics import MODELS
+from cam_rig.errors import ConfigError
 from cam_rig.panel.bench import runner as setup
-from cam_rig.schema.load import Library, config_root
+from cam_rig.schema import RigConfig, SceneConfig
+from cam_rig.schema.load import Library, config_root, load_rig, load_scene
 from cam_rig.schema.quantity import ORIGINS, UNITS, Quantity, must_be
-from cam_rig.schema.scene import OLD_MODELS, Model
+from cam_rig.schema.rig import Radiation
+from cam_rig.schema.scene import OLD_MODELS, Model, SpeedSchedule
 from cam_rig.studies.campaign.campaign import campaign_from
 from cam_rig.studies.fit_rig.study import MODELS as FITTED
 from cam_rig.studies.orders.steady_force import BUILDERS
@@ -110,3 +113,30 @@ def test_a_fit_accepts_an_old_name_and_rejects_an_unknown_name():
     for name, message in (("separation", "no such file"), ("two", "allowed: one_mass or two_mass")):
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
         assert done.exit_code == 2 and message in " ".join(done.output.replace("│", " ").split())
+
+
+def test_keys_of_earlier_versions_are_read(tmp_path):
+    """A scene and a rig with the earlier keys are equal to those with the present keys."""
+    root = config_root()
+    for path, load, model in (
+        (root / "scenes" / "bounce.yaml", load_scene, SceneConfig),
+        (root / "rigs" / "tm21.yaml", load_rig, RigConfig),
+    ):
+        earlier = path.read_text(encoding="utf-8")
+        kinds = [model, Radiation if model is RigConfig else SpeedSchedule]
+        names = {new: old for kind in kinds for old, new in kind.earlier_keys.items()}
+        for new, old in names.items():
+            earlier, count = re.subn(rf"(?m)^(\s*){new}:", rf"\1{old}:", earlier)
+            assert count == 1
+        file = tmp_path / path.name
+        file.write_text(earlier, encoding="utf-8")
+        assert load(file) == load(path)
+
+
+def test_an_earlier_and_a_present_key_together_are_an_error(tmp_path):
+    """Neither of two values is ignored."""
+    text = (config_root() / "scenes" / "quick.yaml").read_text(encoding="utf-8")
+    file = tmp_path / "two.yaml"
+    file.write_text(f"{text}program: {{}}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="program: unknown key"):
+        load_scene(file)

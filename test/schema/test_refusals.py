@@ -93,7 +93,7 @@ damping | {given: -1, unit: N*s/m} | follower.damping: is -1 N*s/m; allowed: at 
 preload | 15 N | follower.preload: is '15 N'; allowed: a number by its origin, with its unit, as {
 restitution | {given: 1, unit: "1"} | follower.restitution: is 1; allowed: at most 0.999
 restitution | {given: -0.1, unit: "1"} | follower.restitution: is -0.1; allowed: at least 0
-corner | {given: -17, unit: Hz} | radiation.corner: is -17 Hz; allowed: greater than 0
+corner_frequency | {given: -17, unit: Hz} | radiation.corner_frequency: is -17 Hz; allowed: g
 background | {given: 73, unit: Hz} | radiation.background: has unit 'Hz', not a level; allowed: dB
 """
 SCENE = """
@@ -106,14 +106,14 @@ sample_rate | {given: 99, unit: Hz} | sample_rate: is 99 Hz; allowed: at least 1
 sample_rate | {given: 2000, unit: kHz} | sample_rate: is 2000 kHz; allowed: at most
 sample_rate | {given: 440.5, unit: Hz} | sample_rate: is 440.5 Hz; allowed: a whole
 turns | {given: 2.5, unit: turns} | …turns: is 2.5 turns; allowed: a whole number
-turns | {given: 0, unit: turns} | program.turns: is 0 turns; allowed: at least 1
-settle_turns | {given: 1000, unit: turns} | …settle_turns: is 1000 turns; allowed: less
-ticks_per_turn | 0 | program.ticks_per_turn: is 0; allowed: greater than or equal to 1
-points_per_turn | 0 | points_per_turn: is 0; allowed: greater than or equal to 1
-points_per_turn | 3601 | points_per_turn: is 3601; allowed: less than or equal
-given | [-200, 210] | program.speeds: is -200 rpm; allowed: at least 0.01 rpm
-given | [.nan, 210] | program.speeds: …allowed: finite numbers
-unit | Hz | program.speeds: has unit 'Hz', not a speed; allowed: rad/s, rpm
+turns | {given: 0, unit: turns} | schedule.turns: is 0 turns; allowed: at least 1
+transient_turns | {given: 1000, unit: turns} | …transient_turns: is 1000 turns; allowed: less
+ticks_per_turn | 0 | schedule.ticks_per_turn: is 0; allowed: greater than or equal to 1
+samples_per_turn | 0 | samples_per_turn: is 0; allowed: greater than or equal to 1
+samples_per_turn | 3601 | samples_per_turn: is 3601; allowed: less than or equal
+given | [-200, 210] | schedule.speeds: is -200 rpm; allowed: at least 0.01 rpm
+given | [.nan, 210] | schedule.speeds: …allowed: finite numbers
+unit | Hz | schedule.speeds: has unit 'Hz', not a speed; allowed: rad/s, rpm
 """
 PUBLISHED = """
 range_rpm | [200] | range_rpm[1]: missing
@@ -139,7 +139,7 @@ def test_ticks_and_ramps_need_two_samples(config_dir, load_text):
     assert message.endswith("allowed: at least 2, so 13334 Hz, or ticks_per_turn up to 600")
     ramp = '  ramp: {assumed: 0.1, unit: ms, source: "a test"}\n  ticks_per_turn:'
     message = load_text("scene", text.replace("  ticks_per_turn:", ramp))
-    assert_matches(message, "program.ramp: 0.0001 s has 1.2 samples at 12000 Hz; allowed: at le")
+    assert_matches(message, "schedule.ramp: 0.0001 s has 1.2 samples at 12000 Hz; allowed: at le")
 
 
 #: Cases of wrong cams: text in the shipped file, its replacement, the message.

@@ -115,7 +115,7 @@ def test_ruamel_reads_the_same_values_from_random_texts(text):
 
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
 #: Keys of plain numbers without unit and origin: counts, degrees, fractions of the lift.
-BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}
+BARE = {"to", "degree", "order", "samples_per_turn", "ticks_per_turn", "seed"}
 
 
 def quantities(node, key=""):

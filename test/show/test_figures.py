@@ -38,7 +38,7 @@ from cam_rig.show.looks import (
     of_cam,
     web,
 )
-from cam_rig.simulation.asked import asked_cams
+from cam_rig.simulation.inputs import resolve_cams
 from cam_rig.simulation.regression import compare
 from cam_rig.simulation.scene import open_scene
 from cam_rig.studies.jump import figures as jump
@@ -63,7 +63,7 @@ DURATION, SPEED = 0.5, 460.0
 @pytest.fixture(scope="module")
 def cam_set() -> CamSet:
     """Return two cams of the paper on the rig of its Table 2."""
-    return asked_cams(["bezier15", "poly345"], "paper_table2")
+    return resolve_cams(["bezier15", "poly345"], "paper_table2")
 
 
 @pytest.fixture(scope="module")

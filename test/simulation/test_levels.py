@@ -49,7 +49,7 @@ def test_the_first_turns_of_each_step_are_left_out():
         *ticks([9.0, 2.0], speed=20.0, angle=99.0, time_ns=10 * NS),
         *ticks([9.0, 3.0], speed=20.0, cam="b", angle=200.0, time_ns=20 * NS),
     ]
-    levels = step_levels(run, settle_turns=1)
+    levels = step_levels(run, transient_turns=1)
     assert levels["a"][10.0] == pytest.approx(float(level_db(1.0)))
     assert levels["a"][20.0] == pytest.approx(float(level_db(2.0)))
     assert levels["b"][20.0] == pytest.approx(float(level_db(3.0)))
@@ -62,7 +62,7 @@ def test_the_level_is_the_energy_mean_over_all_samples():
         MeasuredTick(state, 2 * NS, 3.0, samples=1),
         MeasuredTick(CamState(2 * NS, 20.0, 10.0, "a"), 4 * NS, 1.0, samples=3),
     ]
-    level = step_levels(run, settle_turns=0)["a"][10.0]
+    level = step_levels(run, transient_turns=0)["a"][10.0]
     assert level == pytest.approx(float(level_db(np.sqrt((9.0 + 3.0) / 4.0))), abs=1e-12)
 
 
@@ -76,11 +76,11 @@ def test_an_incomplete_turn_does_not_count(left_out):
         )
         for k in range(32 - left_out)
     ]
-    levels = step_levels(run, settle_turns=1)
-    assert levels == step_levels(run[:24], settle_turns=1)
+    levels = step_levels(run, transient_turns=1)
+    assert levels == step_levels(run[:24], transient_turns=1)
     assert levels["a"][10.0] == pytest.approx(float(level_db(np.sqrt(25.5))))
-    assert not step_levels(run[:15], settle_turns=1)
-    gap = step_levels(run[:12] + run[13:], settle_turns=1)  # a turn starts after the lost tick
+    assert not step_levels(run[:15], transient_turns=1)
+    gap = step_levels(run[:12] + run[13:], transient_turns=1)  # a turn starts after the lost tick
     assert gap["a"][10.0] == pytest.approx(levels["a"][10.0])
 
 
@@ -92,7 +92,7 @@ def test_a_stop_of_the_cam_starts_a_new_step(speed, stop_ns):
     end = run[-1]
     angle = end.start.unwrapped + 2.0 * np.pi
     again = ticks([9.0, 1.0], speed, angle=angle, time_ns=end.stop_ns + stop_ns)
-    level = step_levels([*run, *again], settle_turns=1)["a"][speed]
+    level = step_levels([*run, *again], transient_turns=1)["a"][speed]
     quiet = float(level_db(1.0))
     assert (level == pytest.approx(quiet)) == bool(stop_ns)
 
@@ -130,7 +130,7 @@ def test_rms_difference_to_the_published_curve(published):
 
 def test_a_run_without_settled_turns_is_an_error():
     with pytest.raises(CamRigError, match="here: no whole settled turn"):
-        require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
+        require_ticks(step_levels(ticks([1.0, 1.0]), transient_turns=5), "here")
 
 
 def test_regression_recovers_a_cubic():

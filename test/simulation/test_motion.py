@@ -74,11 +74,11 @@ def test_the_level_leaves_out_the_first_turns(law, rig):
     """It is the energy mean of the other turns. At least one turn must remain."""
     # At 375 rpm each turn has 640 samples, so all turns have the same weight.
     motion = cam_rig.simulate(law, rig, rpm=375, turns=4, sample_rate=4000)
-    result = cam_rig.sound_level(motion, settle_turns=2)
+    result = cam_rig.sound_level(motion, transient_turns=2)
     mean = 10.0 * np.log10(np.mean(10.0 ** (result.by_turn[2:] / 10.0)))
     assert result.level_db == pytest.approx(mean, abs=1e-9)
-    with pytest.raises(ConfigError, match=r"settle_turns: 4; allowed: 0 to 3, fewer than the 4"):
-        cam_rig.sound_level(motion, settle_turns=4)
+    with pytest.raises(ConfigError, match=r"transient_turns: 4; allowed: 0 to 3, fewer than the 4"):
+        cam_rig.sound_level(motion, transient_turns=4)
 
 
 def test_a_level_reports_its_calibration(law, rig):

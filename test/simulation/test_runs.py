@@ -23,7 +23,7 @@ from ..conftest import GOLDEN
 
 
 def levels_of(loaded):
-    return step_levels(simulation.simulate(loaded), loaded.scene.program.settle_turns.si)
+    return step_levels(simulation.simulate(loaded), loaded.scene.schedule.transient_turns.si)
 
 
 def test_every_tick_is_measured(make_loaded_scene):
@@ -65,7 +65,7 @@ def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
     assert len(ticks) == tick_count(loaded.scene)
     assert sum(not tick.steady for tick in ticks) == tick_count(loaded.scene) - 2 * 2 * 3
     levels = step_levels(ticks, 1.0)
-    speeds = [float(speed) for speed in loaded.scene.program.speeds.si_list]
+    speeds = [float(speed) for speed in loaded.scene.schedule.speeds.si_list]
     assert {cam: list(steps) for cam, steps in levels.items()} == dict.fromkeys(
         ("poly345", "bezier15"), speeds
     )
@@ -98,7 +98,7 @@ def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, ca
 def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
     """The levels of settled turns agree to 0.02 dB with the run, for a cam that jumps."""
     loaded = make_loaded_scene(
-        cams=["tm21"], speeds=[350, 400], turns=6, settle_turns=2, sample_rate=12000
+        cams=["tm21"], speeds=[350, 400], turns=6, transient_turns=2, sample_rate=12000
     )
     run = step_levels(simulation.simulate(loaded), 2.0)["tm21"]
     turns = settled_turns(loaded.laws["tm21"], "one_mass", loaded.follower, sorted(run))
@@ -140,7 +140,7 @@ def random_scene(seed):
         rpm = np.minimum(rpm, TWO_MASS_RPM)
     cam = str(rng.choice(CAMS if model in ("one_mass", "elastic_stem") else CAMS[3:5]))
     rate = int(rng.choice(EVEN_HZ)) if even else int(rng.integers(1000, 48_001))
-    scene = {"speeds": rpm.tolist(), "settle_turns": int(rng.integers(3))}
+    scene = {"speeds": rpm.tolist(), "transient_turns": int(rng.integers(3))}
     if rng.integers(2):
         scene["ramp"] = round(float(rng.uniform(0.05, 0.4)), 2)
     rig = "paper_table2" if model in ("two_mass", "torsional") else "tm21"
@@ -200,7 +200,7 @@ def run_of_the_nodes(loaded):
 def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
     """The classes of the nodes give the same levels as the simulation in one process."""
     scene = random_scene(seed)
-    settle = scene["settle_turns"]
+    settle = scene["transient_turns"]
     levels = levels_of(divided(scene, 1))
     for ticks in (1, 5):
         assert_equal(step_levels(run_of_the_nodes(divided(scene, ticks)), settle), levels)
@@ -228,7 +228,7 @@ def on_rig(loaded, **numbers):
 def test_flights_in_the_samples_are_those_of_the_events(make_loaded_scene, seed):
     """Lift-offs and flights of random followers agree with the events.
 
-    The longest flight agrees to one sample. The hardest landing agrees to 1e-9 if each sample
+    The longest flight agrees to one sample. The fastest landing agrees to 1e-9 if each sample
     contains at most one landing.
     """
     random = np.random.default_rng(seed)
@@ -281,14 +281,14 @@ def test_the_mean_torque_is_the_work_of_the_damper(make_loaded_scene):
         angles = law.breaks[:-1, None] + law.spans[:, None] * 0.5 * (nodes + 1.0)
         square = float((law(angles, 1) ** 2 @ weights) @ (0.5 * law.spans))
         assert row.torque_mean == pytest.approx(damping * row.rpm * RPM * square / TURN, rel=1e-5)
-        assert row.torque_least < 0.0 < row.torque_peak
+        assert row.min_torque < 0.0 < row.peak_torque
 
 
 def test_a_follower_at_rest_without_preload_is_not_in_flight(make_loaded_scene):
     """Its force is zero on the dwell, but it has not left the cam."""
     loaded = on_rig(make_loaded_scene(speeds=[60], cams=["poly345"]), preload=0.0)
     (row,) = rows_of(loaded)
-    assert row.force_least == 0.0
+    assert row.min_force == 0.0
     assert (row.lift_offs, row.flight, row.landing) == (0.0, 0.0, 0.0)
 
 
@@ -326,7 +326,7 @@ def test_a_bag_has_the_rows_of_its_scene():
     assert_rows(recorded.by_speed, computed.by_speed, 1e-9)
     table, _ = recorded.to_display()
     assert len(table.rows) == 8
-    assert {"level [dB]", "hardest landing [N·s]"} <= {column.title for column in table.columns}
+    assert {"level [dB]", "fastest landing [N·s]"} <= {column.title for column in table.columns}
     assert recorded.data()["levels"] == [
         {key: row[key] for key in ("cam", "rpm", "level")} for row in recorded.data()["speeds"]
     ]

@@ -285,12 +285,12 @@ def test_the_angle_is_exact_after_many_turns(make_scene):
 def test_order_of_cams_and_speeds(scene):
     """Cams and speeds are in the order of the scene, with `tick_count` ticks."""
     states = list(cam_states(scene))
-    assert len(states) == tick_count(scene) + 1 == 2 * 4 * 3 * scene.program.ticks_per_turn + 1
+    assert len(states) == tick_count(scene) + 1 == 2 * 4 * 3 * scene.schedule.ticks_per_turn + 1
     assert states[0].time_ns == 0
     assert all(a.time_ns < b.time_ns for a, b in pairwise(states))
     assert (states[-1].speed, states[-1].cam) == (0.0, "bezier15")
     steps = dict.fromkeys((state.cam, state.speed) for state in states if state.speed)
-    speeds = [float(speed) for speed in scene.program.speeds.si_list]
+    speeds = [float(speed) for speed in scene.schedule.speeds.si_list]
     assert list(steps) == [(cam, speed) for cam in ("poly345", "bezier15") for speed in speeds]
 
 
@@ -323,7 +323,7 @@ def test_angle_and_speed_are_continuous(scene, ramped):
 
 def test_ticks_of_a_ramp_are_not_longer_than_at_its_higher_speed(ramped):
     """The blocks of a bag are therefore not larger on a ramp."""
-    turn = TURN / ramped.program.ticks_per_turn
+    turn = TURN / ramped.schedule.ticks_per_turn
     for part in intervals(ramped):
         if part.acceleration != 0.0:
             fastest = max(part.speed, part.speed_at(part.duration))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.simulation.asked import asked_cams
+from cam_rig.simulation.inputs import resolve_cams
 
 from ..cli.conftest import no_broken_heading, no_faulty_figure
 
@@ -35,4 +35,4 @@ def lift_table(tmp_path):
 @pytest.fixture(scope="session")
 def cam_set():
     """The five laws of Table 2 on the rig of the paper's jump speeds."""
-    return asked_cams(list(FIVE), "paper_table2")
+    return resolve_cams(list(FIVE), "paper_table2")

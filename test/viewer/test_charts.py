@@ -153,7 +153,7 @@ def test_a_tone_has_power_in_its_band_only(radiation):
     time = np.arange(12_000) / RATE
     power = level_chart.band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
     numbers = level_chart.band_numbers(RATE)
-    ratio = 1e3 / np.hypot(1e3, radiation.corner)
+    ratio = 1e3 / np.hypot(1e3, radiation.corner_frequency)
     expected = 0.5 * (radiation.gain * radiation.corner_rate * ratio) ** 2
     np.testing.assert_allclose(power[numbers == 30.0], expected, rtol=1e-9)
     assert power[numbers != 30.0].max() < 1e-20 * expected

@@ -54,7 +54,7 @@ def test_landings_are_marked(bag, picture):
 
 
 def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
-    """A reduced run contains the extremes of each tick, and `all_samples` keeps all."""
+    """A reduced run contains the extremes of each tick, and `decimate=False` keeps all."""
     monkeypatch.setattr(recording, "WHOLE_BELOW", 100)
     monkeypatch.setattr(recording, "BUCKETS", 40)
     save_recording(bag.path, tmp_path / "few.rrd")
@@ -65,7 +65,7 @@ def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
         for rows in bag.rows:
             for peak in (rows[row].max(), rows[row].min()):
                 assert np.isclose(values, peak * line.factor, rtol=1e-12).any()
-    save_recording(bag.path, tmp_path / "all.rrd", ViewOptions(all_samples=True))
+    save_recording(bag.path, tmp_path / "all.rrd", ViewOptions(decimate=False))
     assert Picture(tmp_path / "all.rrd").time(LIFT.entity).size == bag.samples.shape[1]
     monkeypatch.undo()
     assert bucket_for(WHOLE_BELOW - 1) == 1 and bucket_for(6_314_142) == 26

@@ -143,7 +143,7 @@ def test_the_arrow_is_visible_at_every_speed(scene):
     """The arrow of the preload is longer than a hundredth of the view."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     for cam in loaded.cams:
-        slowest = min(loaded.scene.program.speeds.si_list)
+        slowest = min(loaded.scene.schedule.speeds.si_list)
         share = ARROW * loaded.follower.preload / max_contact_force(loaded, cam, slowest)
         assert share > 0.01
 

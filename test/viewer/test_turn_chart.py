@@ -175,7 +175,7 @@ def exact(loaded):
     Each speed starts from the last state of the previous speed.
     """
     (law,), state = loaded.laws.values(), ON_THE_CAM
-    for speed in loaded.scene.program.speeds.si_list:
+    for speed in loaded.scene.schedule.speeds.si_list:
         run = StroboscopicMap(law, bouncing(loaded.rig, None), speed).run(TURNS, state)
         state = tuple(run.states[-1].tolist())
         yield from ((speed / RPM, 1e3 * gap) for gap in run.states[:, 0])
@@ -209,9 +209,9 @@ def test_a_turn_is_shown_once_it_is_over(bouncing_bag, replayed):
     """Its row has the time of the tick in which the cam passes angle 0."""
     time = replayed.time(f"{GAPS}/tm21")
     scene = bouncing_bag.loaded.scene
-    ticks = scene.program.ticks_per_turn
+    ticks = scene.schedule.ticks_per_turn
     ends = np.array([state.time_ns / NS for state in cam_states(scene)][ticks:-1:ticks])
-    late, tick = time - ends, TURN / scene.program.speeds.si_list[0] / ticks
+    late, tick = time - ends, TURN / scene.schedule.speeds.si_list[0] / ticks
     assert np.all(np.diff(time) > 0.0)
     assert late.min() > 0.0 and late.max() <= tick
 

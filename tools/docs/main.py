@@ -81,7 +81,7 @@ def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         archive = read_turns(bag, lambda: bar.advance(task))
     loaded = archive.loaded
-    levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
+    levels = step_levels(read_recording(bag).ticks, loaded.scene.schedule.transient_turns.si)
     roles = {cam: loaded.level_origin(cam) for cam in levels}
     return archive, compare(levels, roles, loaded.published)
 

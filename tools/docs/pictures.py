@@ -31,7 +31,7 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
     ``archive`` has the last turn of every cam at every speed of a run. ``noise`` draws noise
     against rpm into a file. ``folder`` must exist.
     """
-    rpm = compared_rpm(archive.loaded.scene.program.speeds.si_list, None)
+    rpm = compared_rpm(archive.loaded.scene.schedule.speeds.si_list, None)
     turns = [archive.turn(cam, rpm) for cam in archive.loaded.cams]
     highest = max(turns, key=lambda turn: float(gap(archive.loaded, turn).max()))
     plot = folder / f"{archive.loaded.scene.name}.png"

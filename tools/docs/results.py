@@ -29,7 +29,7 @@ GIVEN_BY = {
     "fit_spline": "fit cam TABLES",
     "front": "design START --pareto QUANTITY",
     "law_rises": "law NAMES --rises",
-    "panel_marks": "panel SHEETS --mark",
+    "panel_marks": "panel SHEETS --grade",
     "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
 }

@@ -28,7 +28,7 @@ class TurnArchive:
     _newest: TurnCollector = field(init=False)
 
     def __post_init__(self) -> None:
-        self._newest = TurnCollector(self.loaded.scene.program.ticks_per_turn)
+        self._newest = TurnCollector(self.loaded.scene.schedule.ticks_per_turn)
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Store one tick."""

@@ -116,7 +116,7 @@ class RigNode(Node):
     needs_message_info = False
     #: Nodes whose messages this node needs before its first tick.
     waits_for: tuple[str, ...] = ("cam_drive",)
-    #: Number of runs that this process has completed (parameter at_end: stay).
+    #: Number of runs that this process has completed (parameter on_finish: stay).
     runs_before: ClassVar[int] = 0
 
     def __init__(self, name: str) -> None:
@@ -317,10 +317,10 @@ class RigNode(Node):
     @property
     def stays(self) -> bool:
         """True if the run has ended and this process waits for another run."""
-        return bool(self.rig_endpoints) and self.settings.get("at_end") == STAY
+        return bool(self.rig_endpoints) and self.settings.get("on_finish") == STAY
 
     def monitor_run_end(self) -> None:
-        """End the node with the run, as the parameter at_end requires."""
+        """End the node with the run, as the parameter on_finish requires."""
         RunEndMonitor(self)
 
     def remember_endpoints(self) -> None:

@@ -2,7 +2,7 @@
 
 The drive, or the player, publishes `FINISHED` and stays until the recorder has closed its bag. The
 other nodes end when the drive has left, because late subscribers may request their latched messages
-until then. A node with ``at_end: stay`` is created again in the same process when all publishers
+until then. A node with ``on_finish: stay`` is created again in the same process when all publishers
 of the previous run have left.
 
 Lost nodes are detected by polling the endpoints that DDS discovery reports. The liveliness event of
@@ -120,7 +120,7 @@ class RunEndMonitor:
     def __init__(self, node: RigNode) -> None:
         self._node, self._drives = node, Endpoints()
         self._lost_drive = LostDriveMonitor(node)
-        if node.settings["at_end"] != WAIT:
+        if node.settings["on_finish"] != WAIT:
             node.subscribe(topics.FINISHED, self._on_finished)
             node.create_wall_timer(POLL_S, self._poll)
 

@@ -142,7 +142,7 @@ def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
         "rpm": setup.rpm,
         "curves": base64.b64encode(values.tobytes()).decode("ascii"),
         "level_db": row.level_db,
-        "least_n": row.force_least,
+        "least_n": row.min_force,
         "lost": bool((block.force == 0.0).any()),
         "settled": is_steady,
     }

@@ -137,10 +137,10 @@ class Setup:
             "rig": "bench",
             "model": self.model,
             "sample_rate": {"assumed": SAMPLE_RATE, "unit": "Hz", "source": "the bench's"},
-            "program": {
+            "schedule": {
                 "speeds": {"assumed": speeds, "unit": "rpm", "source": SPEEDS_SOURCE},
                 "turns": {"assumed": turns, "unit": "turns", "source": "until it is ended"},
-                "settle_turns": {"assumed": 1, "unit": "turns", "source": "the bench's"},
+                "transient_turns": {"assumed": 1, "unit": "turns", "source": "the bench's"},
                 "ticks_per_turn": TICKS_PER_TURN,
             },
         }

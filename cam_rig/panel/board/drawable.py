@@ -264,7 +264,7 @@ def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
         failed = [check for check in check_cam(cam, law) if not check.passed]
     except CamRigError as error:
         return [str(error)], [str(error)]
-    return [str(check) for check in failed if check.vital], [str(check) for check in failed]
+    return [str(check) for check in failed if check.is_fatal], [str(check) for check in failed]
 
 
 def file_jump(cam: CamConfig, rig: RigConfig) -> PageValue:

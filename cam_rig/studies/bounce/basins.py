@@ -19,7 +19,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
-from cam_rig.simulation.asked import speeds_within
+from cam_rig.simulation.inputs import speeds_within
 from cam_rig.studies.bounce.motion import PERIODIC, TurnMotion, bouncing, motion_of
 from cam_rig.studies.bounce.result import EXPONENT
 from cam_rig.units import NS, RPM, FloatArray
@@ -45,7 +45,7 @@ class EndMotion(TurnMotion):
     """Motion in which some starts end."""
 
     landings_per_turn: float
-    hardest: float  #: m/s, fastest landing of the last turns
+    max_landing_speed: float  #: m/s, fastest landing of the last turns
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
     name: str = ""  #: letter that identifies the motion
     share: float = 0.0  #: fraction of the starts that end in it
@@ -59,7 +59,9 @@ class EndMotion(TurnMotion):
             return False
         if self.motion != PERIODIC:
             return True
-        return abs(self.hardest - other.hardest) <= LANDING_RTOL * max(self.hardest, other.hardest)
+        return abs(self.max_landing_speed - other.max_landing_speed) <= LANDING_RTOL * max(
+            self.max_landing_speed, other.max_landing_speed
+        )
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -68,10 +70,10 @@ class Basins(Result):
 
     Attributes
     ----------
-    gap, opening : FloatArray
+    gap, gap_rate : FloatArray
         ``(n,)`` gaps (m) and rates (m/s) of the starts.
     ends : ndarray of int
-        ``(n, n)`` index into ``motions``, by opening and gap.
+        ``(n, n)`` index into ``motions``, by gap_rate and gap.
     motions : tuple of EndMotion
         Motions, the most frequent first.
     """
@@ -85,12 +87,14 @@ class Basins(Result):
             Column("period", "", "d", doc="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
             *EXPONENT,
-            Column("hardest", "m/s", ".3f", "hardest landing"),
+            Column("max_landing_speed", "m/s", ".3f", "fastest landing"),
             Column("share", "%", ".1f", "starts"),
         ),
         "starts": (
-            Column("gap", "mm", of=lambda result: np.tile(result.gap, result.opening.size)),
-            Column("opening", "m/s", of=lambda result: np.repeat(result.opening, result.gap.size)),
+            Column("gap", "mm", of=lambda result: np.tile(result.gap, result.gap_rate.size)),
+            Column(
+                "gap_rate", "m/s", of=lambda result: np.repeat(result.gap_rate, result.gap.size)
+            ),
             Column(
                 "name",
                 heading="motion",
@@ -104,7 +108,7 @@ class Basins(Result):
     parameters: FollowerParameters
     rpm: float
     gap: FloatArray
-    opening: FloatArray
+    gap_rate: FloatArray
     ends: np.ndarray
     motions: tuple[EndMotion, ...]
 
@@ -141,7 +145,7 @@ def _ends(
         end = EndMotion(
             **vars(motion),
             landings_per_turn=float(run.landings[-turns:].mean()),
-            hardest=float(run.max_landing_speeds[-turns:].max()),
+            max_landing_speed=float(run.max_landing_speeds[-turns:].max()),
             states=run.states[-turns:],
         )
         ends.append(end)
@@ -204,8 +208,8 @@ def basins(
     p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
     assert isinstance(p, FollowerParameters)  # gap and rate are the state of one mass
     expect_many()
-    gap, opening = _axes(StroboscopicMap(law, p, speed), grid)
-    lines = [[(float(x), float(rate)) for x in gap] for rate in opening]
+    gap, gap_rate = _axes(StroboscopicMap(law, p, speed), grid)
+    lines = [[(float(x), float(rate)) for x in gap] for rate in gap_rate]
     progress.start(grid, law.name)
     ends, motions = list[int](), list[EndMotion]()
     for line in (map if executor is None else executor.map)(partial(_ends, law, p, speed), lines):
@@ -222,7 +226,7 @@ def basins(
         for rank, i in enumerate(order.tolist())
     )
     end_indices = np.argsort(order)[np.array(ends)].reshape(grid, grid)
-    return Basins(law, rig, p, rpm, gap, opening, end_indices, named)
+    return Basins(law, rig, p, rpm, gap, gap_rate, end_indices, named)
 
 
 def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]:

@@ -57,7 +57,7 @@ PASS_ATOL = 1e-5
 #: Kinds of bifurcation, as tables and JSON contain them.
 
 LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
-SPIRAL, GRAZE, CORNER, LOST = "Neimark-Sacker", "grazing", "corner", "not told"
+SPIRAL, GRAZE, CORNER, LOST = "Neimark-Sacker", "grazing", "corner", "undetermined"
 #: Explanation of each kind, a note below the table of bifurcations.
 DESCRIPTIONS = {
     LIFT_OFF: "on one side the follower stays on the cam; on the other it flies and bounces, and "
@@ -83,8 +83,8 @@ class PeriodicMotion:
     states: FloatArray  #: at the end of each turn, as in `TurnsRun.states`
     derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
     landings: int  #: number in the period
-    hardest: float  #: fastest landing against the cam, m/s
-    softest: float  #: slowest landing against the cam, m/s
+    max_landing_speed: float  #: fastest landing against the cam, m/s
+    min_landing_speed: float  #: slowest landing against the cam, m/s
 
     @property
     def period(self) -> int:
@@ -238,8 +238,8 @@ class Family:
             states=run.states,
             derivative=run.derivative(),
             landings=int(run.landings.sum()),
-            hardest=float(run.max_landing_speeds.max()),
-            softest=float(run.min_landing_speeds.min()),
+            max_landing_speed=float(run.max_landing_speeds.max()),
+            min_landing_speed=float(run.min_landing_speeds.min()),
         )
         return run.states[-1] / self._scale[:-1], motion
 
@@ -369,8 +369,13 @@ class Branch:
             low, high = self.sweep.value(a.point), self.sweep.value(b.point)
             if (low - value) * (high - value) <= 0.0 and low != high:
                 fraction = (value - low) / (high - low)
-                hardest = a.hardest + fraction * (b.hardest - a.hardest)
-                if abs(hardest - motion.hardest) < LANDING_RTOL * hardest:
+                max_landing_speed = a.max_landing_speed + fraction * (
+                    b.max_landing_speed - a.max_landing_speed
+                )
+                if (
+                    abs(max_landing_speed - motion.max_landing_speed)
+                    < LANDING_RTOL * max_landing_speed
+                ):
                     return True
         return False
 

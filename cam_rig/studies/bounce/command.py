@@ -30,18 +30,18 @@ FROM = 0.9
 TO = 1.8
 
 
-#: Choices of the options --model, --over and --from.
+#: Choices of the options --model, --parameter and --from.
 Masses = Enum("Masses", {"ONE_MASS": "one_mass", "TWO_MASS": "two_mass"})
-Over = Enum(
-    "Over", {"RPM": "rpm", "RESTITUTION": "restitution", "PRELOAD": "preload", "MASS": "mass"}
+Parameter = Enum(
+    "Parameter", {"RPM": "rpm", "RESTITUTION": "restitution", "PRELOAD": "preload", "MASS": "mass"}
 )
 Start = Enum("Start", {"REST": "rest", "BELOW": "below", "ABOVE": "above"})
 
-OwnRig = Annotated[
+RigOption = Annotated[
     str | None,
     typer.Option(
         "--rig",
-        help="Rig file, or a name in config/rigs; by default the only one in rigs beside "
+        help="Rig file, or a name in config/rigs; by default the only one in rigs next to "
         "the cam, else tm21.",
     ),
 ]
@@ -58,19 +58,20 @@ Follower = Annotated[
     Masses,
     typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
 ]
-Swept = Annotated[
-    Over, typer.Option("--over", help="Swept quantity; all but rpm need one speed and --range.")
+SweptParameter = Annotated[
+    Parameter,
+    typer.Option("--parameter", help="Swept quantity; all but rpm need one speed and --values."),
 ]
-Range = Annotated[
+Values = Annotated[
     str | None,
     typer.Option(
-        "--range",
+        "--values",
         help="Values of the swept quantity at one speed, such as 0:0.9:0.01; preload in N, "
         "mass in kg.",
     ),
 ]
 Kept = Annotated[int, typer.Option(min=20, help="Number of kept turns.")]
-Settle = Annotated[int, typer.Option(min=0, help="Number of turns before the kept turns.")]
+TransientTurns = Annotated[int, typer.Option(min=0, help="Number of turns before the kept turns.")]
 From = Annotated[
     Start,
     typer.Option(
@@ -78,10 +79,10 @@ From = Annotated[
         help="Start of each row: on the cam (rest), or the end state of the row below or above.",
     ),
 ]
-Follow = Annotated[
+Continuation = Annotated[
     bool,
     typer.Option(
-        "--follow",
+        "--continuation",
         help="Follow the periodic motions of the rows, stable or unstable, and find their "
         "bifurcations; more rows find more motions.",
     ),
@@ -102,16 +103,16 @@ BasinsToo = Annotated[
 @command("json", "csv", "plot")
 def bounce(
     cam: OneCam = "tm21",
-    rig: OwnRig = None,
+    rig: RigOption = None,
     rpm: Speeds = None,
     restitution: Restitution = None,
     model: Follower = Masses.ONE_MASS,
-    over: Swept = Over.RPM,
-    values: Range = None,
+    parameter: SweptParameter = Parameter.RPM,
+    values: Values = None,
     turns: Kept = 200,
-    settle: Settle = 300,
+    transient_turns: TransientTurns = 300,
     start: From = Start.REST,
-    follow: Follow = False,
+    continuation: Continuation = False,
     basins: BasinsToo = False,
     out: Out = None,
     resume: Resume = False,
@@ -124,10 +125,10 @@ def bounce(
 
     The Lyapunov exponent comes from the exact derivative of each turn, not from a time series. The
     level is that of a sound-level meter, with its range from turn to turn. Starts from below and
-    from above differ if two motions are possible. --over sweeps another number at one speed.
+    from above differ if two motions are possible. --parameter sweeps another number at one speed.
 
-    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, over, values, turns, settle,
-    start, follow, out, resume)
+    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, parameter, values, turns,
+    transient_turns, start, continuation, out, resume)
 
     Examples
     --------
@@ -135,13 +136,13 @@ def bounce(
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
 
-    cam-rig bounce tm21 --rpm 450 --over restitution --range 0.3:0.9:0.005 --follow --csv out/e.csv
+    cam-rig bounce tm21 --rpm 450 --parameter preload --values 5:40:0.25 --continuation
 
     cam-rig bounce poly345 --rig paper_table2 --model two_mass --rpm 400:600:1 --out out/two
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
-    from cam_rig.simulation.asked import speeds_in
+    from cam_rig.simulation.inputs import speeds_in
     from cam_rig.studies.bounce.study import bounce_map
     from cam_rig.workers import check_workplace, workplace
 
@@ -150,13 +151,22 @@ def bounce(
     speeds = _around_jump(law, config, model) if rpm is None else speeds_in(rpm)
     if basins:
         if model != Masses.ONE_MASS or out is not None:
-            raise ConfigError("--basins: are of one mass, and keep no rows; allowed: without both")
+            raise ConfigError("--basins requires one mass, and cannot be combined with --out")
         pool = workplace(jobs, dask)
         return _basins(law, config, speeds, pool, restitution=restitution, progress=progress)
     find = partial(bounce_map, law, config, rpm=speeds, restitution=restitution, progress=progress)
-    find = partial(find, model=model.value, over=over.value, values=_values(values), turns=turns)
-    find = partial(find, settle=settle, start=start.value, follow=follow, out=out, resume=resume)
-    if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
+    find = partial(
+        find, model=model.value, parameter=parameter.value, values=_values(values), turns=turns
+    )
+    find = partial(
+        find,
+        transient_turns=transient_turns,
+        start=start.value,
+        continuation=continuation,
+        out=out,
+        resume=resume,
+    )
+    if start != Start.REST or (parameter == Parameter.RPM and len(speeds) == 1):
         return find()
     with workplace(jobs, dask) as place:
         return find(executor=place.executor, workers=place.count)
@@ -166,22 +176,26 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
-    from cam_rig.simulation.asked import own_rig
+    from cam_rig.simulation.inputs import default_rig
 
     path = cam_path(cam)
     loaded = load_cam(path)
     require_sprung(path, loaded)
-    return law_of(path, loaded), load_rig(own_rig([path], "tm21") if rig is None else rig_path(rig))
+    return law_of(path, loaded), load_rig(
+        default_rig([path], "tm21") if rig is None else rig_path(rig)
+    )
 
 
 def _values(text: str | None) -> list[float] | None:
-    """Return the numbers of --range."""
-    from cam_rig.simulation.asked import numbers_in
+    """Return the numbers of --values."""
+    from cam_rig.simulation.inputs import numbers_in
 
     if text is None:
         return None
     if not (values := numbers_in(text)):
-        raise ConfigError(f"--range {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)")
+        raise ConfigError(
+            f"--values {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)"
+        )
     return values
 
 
@@ -206,6 +220,6 @@ def _basins(law: Law, rig: RigConfig, speeds: list[float], pool: Place, **how: A
     from cam_rig.studies.bounce.basins import basins
 
     if len(speeds) > 1:
-        raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
+        raise ConfigError(f"--basins requires one speed, such as --rpm 420; got {len(speeds)}")
     with pool as place:
         return basins(law, rig, rpm=speeds[0], executor=place.executor, **how)

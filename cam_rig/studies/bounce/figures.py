@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from cam_rig.show.figure import CAM_SPEED, empty, series_marker, styled, wrapped
 from cam_rig.show.looks import in_words
 from cam_rig.studies.bounce.basins import Basins
-from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDETERMINED
 from cam_rig.studies.bounce.result import BounceMap
 from cam_rig.studies.bounce.sweep import SPEED, SWEPT
 
@@ -38,12 +38,12 @@ def figure(result: BounceMap) -> Figure:
     if has_level:
         _levels(panels[2], result)
     swept = result.swept(result.rows)
-    name, unit, factor = SWEPT[result.sweep.over]
+    name, unit, factor = SWEPT[result.sweep.parameter]
     for axes in panels:
         if swept[0] <= result.lift_off / factor <= swept[-1]:
             axes.axvline(result.lift_off / factor, color="0.3", ls=":", lw=0.9)
     label = f"{name} [{unit}]" if unit else name
-    panels[-1].set(xlabel=CAM_SPEED if result.sweep.over == SPEED else label)
+    panels[-1].set(xlabel=CAM_SPEED if result.sweep.parameter == SPEED else label)
     out.suptitle(wrapped(f"{in_words(result.law.name)} on {result.rig.title}, {result.held}"))
     out.legend(*panels[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return out
@@ -51,29 +51,31 @@ def figure(result: BounceMap) -> Figure:
 
 def _diagram(axes: Axes, result: BounceMap) -> None:
     swept = result.per_turn(result.swept(result.rows))
-    hardest = np.concatenate([row.hardest for row in result.rows])
-    axes.plot(swept, hardest, ls="", marker=".", ms=2.0, mew=0.0, color="0.1", rasterized=True)
+    max_landing_speed = np.concatenate([row.max_landing_speed for row in result.rows])
+    axes.plot(
+        swept, max_landing_speed, ls="", marker=".", ms=2.0, mew=0.0, color="0.1", rasterized=True
+    )
     for branch in result.branches:
         for stable, run in groupby(branch.motions, lambda motion: motion.stable):
             motions = list(run)
-            y = [motion.hardest for motion in motions]
+            y = [motion.max_landing_speed for motion in motions]
             axes.plot(
                 result.swept(motions), y, "-" if stable else ":", color="0.45", lw=0.8, zorder=1.5
             )
-    axes.set(ylabel="hardest landing\nof each turn [m/s]")
+    axes.set(ylabel="fastest landing\nof each turn [m/s]")
     axes.set_ylim(bottom=0.0)
 
 
 def _exponents(axes: Axes, result: BounceMap) -> None:
     axes.axhline(0.0, color="0.3", lw=0.8)
-    for i, kind in enumerate((IRREGULAR, NOT_TOLD, PERIODIC, IN_CONTACT)):
-        rows = [r for r in result.rows if r.motion == kind and np.isfinite(r.exponent)]
+    for i, kind in enumerate((IRREGULAR, UNDETERMINED, PERIODIC, IN_CONTACT)):
+        rows = [r for r in result.rows if r.motion == kind and np.isfinite(r.lyapunov_exponent)]
         if rows:
-            y, errors = [r.exponent for r in rows], [r.exponent_error for r in rows]
+            y, errors = [r.lyapunov_exponent for r in rows], [r.exponent_error for r in rows]
             axes.errorbar(
                 result.swept(rows), y, errors, ls="", ms=2.4, lw=0.8, label=kind, **series_marker(i)
             )
-    rests = [r for r in result.rows if r.exponent == -np.inf]
+    rests = [r for r in result.rows if r.lyapunov_exponent == -np.inf]
     if rests:
         transform, heights = axes.get_xaxis_transform(), np.full(len(rests), MARK_HEIGHT)
         axes.plot(
@@ -106,7 +108,12 @@ def basin_figure(result: Basins) -> Figure:
     colours = [look["color"] for look in looks]
     mapped = ListedColormap([*colours, "0.8"])
     shown = np.minimum(result.ends, len(colours))
-    extent: Any = [result.gap[0] * 1e3, result.gap[-1] * 1e3, result.opening[0], result.opening[-1]]
+    extent: Any = [
+        result.gap[0] * 1e3,
+        result.gap[-1] * 1e3,
+        result.gap_rate[0],
+        result.gap_rate[-1],
+    ]
     options: dict[str, Any] = {"origin": "lower", "aspect": "auto", "interpolation": "nearest"}
     left.imshow(shown, cmap=mapped, vmin=-0.5, vmax=len(colours) + 0.5, extent=extent, **options)
     left.set(xlabel="gap at cam angle 0 [mm]", ylabel="rate of the gap there [m/s]")

@@ -1,6 +1,6 @@
 """Motion and Lyapunov exponents of a run of many turns.
 
-A motion is in contact, periodic, irregular or undetermined ("not told").
+A motion is in contact, periodic, irregular or undetermined ("undetermined").
 """
 
 from __future__ import annotations
@@ -21,7 +21,12 @@ Bouncing = FollowerParameters | TwoMassParameters
 #: Names of the two models.
 ONE_MASS, TWO_MASS = "one_mass", "two_mass"
 #: Kinds of motion, as tables and JSON contain them.
-IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
+IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED = (
+    "in contact",
+    "periodic",
+    "irregular",
+    "undetermined",
+)
 #: Least number of times that a period must repeat in the kept turns.
 MIN_REPEATS = 4
 #: Relative rounding error of a state.
@@ -49,7 +54,7 @@ class TurnMotion:
     exponent_error: float  #: of the largest exponent, 1/turn, 95 %, from its convergence
 
     @property
-    def exponent(self) -> float:
+    def lyapunov_exponent(self) -> float:
         """Largest Lyapunov exponent, 1/turn."""
         return self.exponents[0]
 
@@ -70,10 +75,10 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion
     """Return the motion in the last ``kept`` turns of a run."""
     landings, undetermined = run.landings[-kept:], (math.nan,) * run.size
     if not landings.any() and not run.contact_times[-kept:].all():  # it flies, and did not land
-        return TurnMotion(NOT_TOLD, None, None, undetermined, math.nan)
+        return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
     states = run.states / turn_map.scale
     if _rounding_grows(run, turn_map.scale, kept):
-        return TurnMotion(NOT_TOLD, None, None, undetermined, math.nan)
+        return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
     period = _period(states[-kept:])
     if period is None:
         return _without_period(run.growth[-kept:])
@@ -148,9 +153,9 @@ def _without_period(growth: FloatArray) -> TurnMotion:
     largest = growth[:, 0]
     if not np.isfinite(largest).all():  # a turn started on the cam, or some turns rest there
         undetermined = (math.nan,) * growth.shape[1]
-        return TurnMotion(NOT_TOLD, None, None, undetermined, math.nan)
+        return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
     means = np.array([block.mean() for block in np.array_split(largest, BLOCKS)])
     exponents = tuple(growth.mean(axis=0).tolist())
     error = STUDENT * float(means.std(ddof=1)) / math.sqrt(BLOCKS)
-    kind = IRREGULAR if exponents[0] > error else NOT_TOLD
+    kind = IRREGULAR if exponents[0] > error else UNDETERMINED
     return TurnMotion(kind, None, None, exponents, error)

@@ -16,7 +16,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.studies.bounce.branches import DESCRIPTIONS, LIFT_OFF, Bifurcation, Branch
-from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, TurnMotion
+from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC, UNDETERMINED, TurnMotion
 from cam_rig.studies.bounce.sweep import (
     RESTITUTION,
     SPEED,
@@ -37,10 +37,12 @@ class BounceRow(TurnMotion):
 
     point: OperatingPoint
     landings_per_turn: float
-    rests: bool  #: True if it comes to rest on the cam in the kept turns
+    comes_to_rest: bool  #: True if it comes to rest on the cam in the kept turns
     level_db: float | None
     level_spread_db: float | None  #: loudest turn less quietest turn
-    hardest: FloatArray  #: ``(n,)`` m/s, fastest landing of each turn: of a period, or all kept
+    max_landing_speed: (
+        FloatArray  #: ``(n,)`` m/s, fastest landing of each turn: of a period, or all kept
+    )
     states: FloatArray  #: at the ends of those turns, as in `TurnsRun.states`
 
     @property
@@ -59,7 +61,7 @@ RESTS = Footnote(
     "It comes to rest on the cam, where the mass in contact has no freedom. Every change of one "
     "mass decays there, and the exponent is −∞. Of two masses the end mass continues to vibrate. "
     "Landings lower than rounding are not counted; in the limit their number is infinite.",
-    lambda row: row.rests and row.motion == PERIODIC,
+    lambda row: row.comes_to_rest and row.motion == PERIODIC,
     "*",
 )
 
@@ -72,20 +74,20 @@ def _exponent(number: int, row: BounceRow) -> float | None:
 #: Columns of the largest exponent, of a row and of a motion in which starts end.
 EXPONENT = (
     Column(
-        "exponent",
+        "lyapunov_exponent",
         "1/turn",
         ".3f",
-        cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
+        cell=lambda row: "−∞" if row.lyapunov_exponent == -math.inf else row.lyapunov_exponent,
         doc="largest Lyapunov exponent, −∞ (null) if it rests",
     ),
     Column("exponent_error", "1/turn", ".1g", "error", doc="95 %"),
 )
 
 #: Note of rows whose motion is undetermined.
-UNDETERMINED = Footnote(
-    "Not told: the turns do not repeat yet, and no exponent above its error shows that they never "
-    "will; or the follower never lands. More turns to settle may decide.",
-    lambda row: row.motion == NOT_TOLD,
+UNDETERMINED_NOTE = Footnote(
+    "Undetermined: the turns do not repeat yet, and no exponent above its error shows that they "
+    "never will; or the follower never lands. More transient turns may decide.",
+    lambda row: row.motion == UNDETERMINED,
     "?",
 )
 
@@ -100,12 +102,12 @@ class BounceMap(Result):
         "speeds": (
             Column(
                 "motion",
-                doc="in contact, periodic, irregular or not told, in the kept turns",
+                doc="in contact, periodic, irregular or undetermined, in the kept turns",
             ),
             *point_columns(),
             Column("period", "", "d", doc="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
-            Column("rests", hidden=True, doc="true if it comes to rest on the cam"),
+            Column("comes_to_rest", hidden=True, doc="true if it comes to rest on the cam"),
             *EXPONENT,
             *(
                 Column(
@@ -132,19 +134,23 @@ class BounceMap(Result):
             Column("period"),
             Column("landings", doc="in the period"),
             Column("stable"),
-            Column("hardest", "m/s", doc="fastest landing against the cam"),
-            Column("softest", "m/s", doc="slowest"),
+            Column("max_landing_speed", "m/s", doc="fastest landing against the cam"),
+            Column("min_landing_speed", "m/s", doc="slowest"),
             Column("gap", "mm", of="state.0", doc="at cam angle 0"),
-            Column("opening", "m/s", of="state.1", doc="its rate there"),
+            Column("gap_rate", "m/s", of="state.1", doc="its rate there"),
             Column("multiplier", of="leading.real", doc="of the largest the real part"),
             Column("multiplier_imaginary", of="leading.imag"),
         ),
         "turns": (
             Column("rpm", "rpm", of=lambda m: m.per_turn([r.rpm for r in m.rows])),
             Column("row", doc="of speeds", of=lambda m: m.per_turn(range(len(m.rows)))),
-            Column("hardest", "m/s", of=lambda m: _joined(r.hardest for r in m.rows)),
+            Column(
+                "max_landing_speed",
+                "m/s",
+                of=lambda m: _joined(r.max_landing_speed for r in m.rows),
+            ),
             Column("gap", "mm", of=lambda m: _joined(r.states[:, 0] for r in m.rows)),
-            Column("opening", "m/s", of=lambda m: _joined(r.states[:, 1] for r in m.rows)),
+            Column("gap_rate", "m/s", of=lambda m: _joined(r.states[:, 1] for r in m.rows)),
             Column("stretch", "µm", of=lambda m: m.stem(2), doc="of the stem of two masses"),
             Column("stretch_rate", "m/s", of=lambda m: m.stem(3)),
         ),
@@ -161,14 +167,14 @@ class BounceMap(Result):
     @property
     def jump_rpm(self) -> float:
         """Speed of the first lift-off, rpm, or NaN if the speed is not swept."""
-        return self.lift_off / RPM if self.sweep.over == SPEED else math.nan
+        return self.lift_off / RPM if self.sweep.parameter == SPEED else math.nan
 
     def swept(self, points: Iterable[Any]) -> FloatArray:
         """Return the swept quantity of several points in its displayed unit.
 
         ``points`` are rows, motions or bifurcations.
         """
-        return np.array([getattr(item.point, self.sweep.over) for item in points], dtype=float)
+        return np.array([getattr(item.point, self.sweep.parameter) for item in points], dtype=float)
 
     def stem(self, number: int) -> FloatArray:
         """Return a component of the stem's state at each turn's end, NaN for one mass."""
@@ -177,7 +183,7 @@ class BounceMap(Result):
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
         """Return one number per turn from one number per row."""
-        return np.repeat(list(numbers), [row.hardest.size for row in self.rows])
+        return np.repeat(list(numbers), [row.max_landing_speed.size for row in self.rows])
 
     def tables(self) -> list[Records]:
         """Return the tables ``speeds``, ``bifurcations``, ``orbits`` and ``turns``.
@@ -192,9 +198,9 @@ class BounceMap(Result):
             for kind in dict.fromkeys(item.kind for item in bifurcations)
         )
         shown = _changes(self.rows) if len(self.rows) > MAX_SHOWN_ROWS else self.rows
-        notes: list[Footnote | str] = [RESTS, UNDETERMINED]
+        notes: list[Footnote | str] = [RESTS, UNDETERMINED_NOTE]
         if len(shown) < len(self.rows):
-            count = f"{len(self.rows)} {'speeds' if self.sweep.over == SPEED else 'rows'}"
+            count = f"{len(self.rows)} {'speeds' if self.sweep.parameter == SPEED else 'rows'}"
             notes.append(f"{count}; here those at which the motion changes.")
         tables = [
             self.table(
@@ -214,16 +220,18 @@ class BounceMap(Result):
     @property
     def held(self) -> str:
         """Fixed quantities and the start of each row, as text."""
-        base, over = self.sweep.base, self.sweep.over
-        speed = [] if over == SPEED else [f"{base.rpm:g} rpm"]
-        restitution = [] if over == RESTITUTION else [f"restitution {base.restitution:g}"]
+        base, parameter = self.sweep.base, self.sweep.parameter
+        speed = [] if parameter == SPEED else [f"{base.rpm:g} rpm"]
+        restitution = [] if parameter == RESTITUTION else [f"restitution {base.restitution:g}"]
         masses = ["two masses"] if isinstance(base.parameters, TwoMassParameters) else []
         return ", ".join([*masses, *speed, *restitution, START_TEXT[self.start]])
 
     def _show_swept(self, columns: tuple[Column, ...]) -> tuple[Column, ...]:
         """Return the columns with only the swept quantity displayed."""
-        over = self.sweep.over
-        return tuple(replace(c, hidden=c.key != over) if c.key in SWEPT else c for c in columns)
+        parameter = self.sweep.parameter
+        return tuple(
+            replace(c, hidden=c.key != parameter) if c.key in SWEPT else c for c in columns
+        )
 
     @property
     def bifurcations(self) -> list[Bifurcation]:
@@ -243,14 +251,14 @@ class BounceMap(Result):
 
     def summary(self) -> list[str]:
         """Return a line with the first loss of contact and the number of rows per kind."""
-        kinds, over = [row.motion for row in self.rows], self.sweep.over
+        kinds, parameter = [row.motion for row in self.rows], self.sweep.parameter
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in KINDS if kind in kinds)
-        if over == SPEED:
+        if parameter == SPEED:
             return [f"contact is first lost at {self.jump_rpm:.2f} rpm; speeds: {counts}"]
         lost = ""
         if math.isfinite(self.lift_off):
             lost = f"contact is first lost at {self.sweep.words(self.lift_off)}; "
-        return [f"{lost}{len(kinds)} values of {over}: {counts}"]
+        return [f"{lost}{len(kinds)} values of {parameter}: {counts}"]
 
     def __repr__(self) -> str:
         return f"BounceMap({self.law.name} on {self.rig.name}: {self.summary()[0]})"
@@ -261,7 +269,7 @@ def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
 
     Rows are equal in kind of motion, period and rest.
     """
-    kinds = [(row.motion, row.period, row.rests) for row in rows]
+    kinds = [(row.motion, row.period, row.comes_to_rest) for row in rows]
     last = len(rows) - 1
     return [
         row
@@ -273,7 +281,7 @@ def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
 #: Number of rows up to which a terminal shows all rows.
 MAX_SHOWN_ROWS = 40
 #: Kinds of motion in the order of the summary.
-KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD)
+KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED)
 #: Start of each row as text.
 START_TEXT = {REST: "each from the cam"} | {x: f"each from the one {x}" for x in (BELOW, ABOVE)}
 

@@ -21,7 +21,7 @@ from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rm
 from cam_rig.datasets.batches import InThisProcess, compute_missing
 from cam_rig.datasets.point_files import Batch, PointFiles
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
-from cam_rig.dynamics.parameters import told
+from cam_rig.dynamics.parameters import require_parameter
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State, StroboscopicMap, TurnsRun
 from cam_rig.extras import require
 from cam_rig.laws import Law
@@ -46,12 +46,18 @@ class BounceRuns:
     sweep: Sweep
     values: tuple[float, ...]  #: of the swept quantity, SI
     radiation: RadiationParameters | None  #: None if the rig does not define it
-    settle: int  #: turns before the kept turns
+    transient_turns: int  #: turns before the kept turns
     turns: int  #: number of kept turns
 
     @classmethod
     def of(
-        cls, law: Law, rig: RigConfig, sweep: Sweep, values: list[float], settle: int, turns: int
+        cls,
+        law: Law,
+        rig: RigConfig,
+        sweep: Sweep,
+        values: list[float],
+        transient_turns: int,
+        turns: int,
     ) -> BounceRuns:
         """Create the runs on a rig.
 
@@ -59,7 +65,7 @@ class BounceRuns:
         """
         has_sound = rig.radiation is not None and rig.follower.stem_stiffness is not None
         sound = RadiationParameters.from_rig(rig) if has_sound else None
-        return cls(law, sweep, tuple(values), sound, settle, turns)
+        return cls(law, sweep, tuple(values), sound, transient_turns, turns)
 
     @property
     def total(self) -> int:
@@ -74,7 +80,11 @@ class BounceRuns:
             digest.update(np.ascontiguousarray(part).tobytes())
         law = f"{self.law.name} {digest.hexdigest()[:16]}"
         numbers: dict[str, Any] = {"law": law, "values": self.values}
-        numbers |= {"settle": self.settle, "turns": self.turns, "sweep": asdict(self.sweep)}
+        numbers |= {
+            "transient_turns": self.transient_turns,
+            "turns": self.turns,
+            "sweep": asdict(self.sweep),
+        }
         numbers["radiation"] = self.radiation and asdict(self.radiation)
         return json.dumps(numbers, sort_keys=True)
 
@@ -82,7 +92,7 @@ class BounceRuns:
         """Return the row of a value (SI), started from a state as in `TurnsRun.states`."""
         point = self.sweep.at(value)
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
-        run = turn_map.run(self.settle + self.turns, start)
+        run = turn_map.run(self.transient_turns + self.turns, start)
         motion = motion_of(turn_map, run, self.turns)
         shown = 1 if motion.motion == IN_CONTACT else motion.period or self.turns
         level, spread = self._level(point, turn_map, run, min(shown, LEVEL_TURNS))
@@ -90,10 +100,10 @@ class BounceRuns:
             **vars(motion),
             point=point,
             landings_per_turn=float(run.landings[-(motion.period or self.turns) :].mean()),
-            rests=bool(run.contact_times[-self.turns :].any()),
+            comes_to_rest=bool(run.contact_times[-self.turns :].any()),
             level_db=level,
             level_spread_db=spread,
-            hardest=run.max_landing_speeds[-shown:],
+            max_landing_speed=run.max_landing_speeds[-shown:],
             states=run.states[-shown:],
         )
 
@@ -110,7 +120,7 @@ class BounceRuns:
         state = turn_map.follower(run.states[-turns - 2].tolist())
         # The mass sets the duration of a landing: half a period on the stem.
         pulse = math.pi * math.sqrt(
-            point.mass / told("stem_stiffness", point.parameters.stem_stiffness)
+            point.mass / require_parameter("stem_stiffness", point.parameters.stem_stiffness)
         )
         radiation = replace(self.radiation, contact_time=pulse)
         two = isinstance(point.parameters, TwoMassParameters)
@@ -131,14 +141,14 @@ class BounceRuns:
 # Rows in a folder of Parquet files.
 
 #: Arrow types of the columns that are not floating-point numbers.
-KINDS = {"motion": "string", "period": "int64", "settled": "int64", "rests": "bool_"}
+KINDS = {"motion": "string", "period": "int64", "settled": "int64", "comes_to_rest": "bool_"}
 #: Columns that are fields of `BounceRow` with the same name.
 PLAIN = (
-    *("motion", "period", "landings_per_turn", "rests", "settled"),
+    *("motion", "period", "landings_per_turn", "comes_to_rest", "settled"),
     *("level_db", "level_spread_db"),
 )
 #: Lists that the figure and the next row need in addition, with their units.
-LISTS = {"hardest": "m/s", "states": "SI"}
+LISTS = {"max_landing_speed": "m/s", "states": "SI"}
 
 
 @dataclass(frozen=True)
@@ -184,13 +194,13 @@ class BounceFiles(PointFiles):
         runs = self.campaign
         for table in self.tables():
             for row in table.to_pylist():
-                numbers = [row["exponent"], *(row[f"exponent_{i}"] for i in (2, 3, 4))]
+                numbers = [row["lyapunov_exponent"], *(row[f"exponent_{i}"] for i in (2, 3, 4))]
                 exponents = tuple(number for number in numbers if number is not None)
                 yield BounceRow(
                     point=runs.sweep.at(runs.values[row["point"]]),
                     exponents=exponents,
                     exponent_error=row["exponent_error"],
-                    hardest=np.array(row["hardest"]),
+                    max_landing_speed=np.array(row["max_landing_speed"]),
                     states=np.array(row["states"]).reshape(-1, len(exponents)),
                     **{key: row[key] for key in PLAIN},
                 )

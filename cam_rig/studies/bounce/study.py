@@ -10,10 +10,17 @@ from cam_rig.arguments import checked, on_one_axis
 from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State
 from cam_rig.errors import ConfigError
-from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
-from cam_rig.simulation.asked import MAX_SPEEDS, Speeds, speeds_within
+from cam_rig.simulation.inputs import (
+    MAX_SPEEDS,
+    LawOrCam,
+    RequiredRig,
+    Speeds,
+    resolve_law,
+    resolve_rig,
+    speeds_within,
+)
 from cam_rig.studies.bounce.branches import Branch, branches
 from cam_rig.studies.bounce.motion import MIN_REPEATS, ONE_MASS, TWO_MASS, bouncing
 from cam_rig.studies.bounce.result import ABOVE, REST, START_TEXT, BounceMap, BounceRow
@@ -31,18 +38,18 @@ MAX_TURNS = 2_000_000
 
 @checked
 def bounce_map(
-    law: Law,
-    rig: RigConfig,
+    law: LawOrCam,
+    rig: RequiredRig,
     *,
     rpm: Speeds,
     restitution: float | None = None,
     model: str = ONE_MASS,
-    over: str = SPEED,
+    parameter: str = SPEED,
     values: Speeds | None = None,
     turns: int = 200,
-    settle: int = 300,
+    transient_turns: int = 300,
     start: str = REST,
-    follow: bool = False,
+    continuation: bool = False,
     out: str | Path | None = None,
     resume: bool = False,
     executor: Executor | None = None,
@@ -53,14 +60,14 @@ def bounce_map(
 
     The command is ``cam-rig bounce``. Impacts are roots and flights are closed forms, so the
     derivative of each turn is exact, and the Lyapunov exponent is not estimated from a time series.
-    A motion whose exponent is zero within its error is "not told".
+    A motion whose exponent is zero within its error is "undetermined".
 
     Parameters
     ----------
-    law : Law
-        Displacement law of the cam.
-    rig : RigConfig
-        Rig with the follower.
+    law : Law, Cam, str or Path
+        Motion law, or a cam: its name in ``config/cams``, its path, or the object.
+    rig : Rig, str or Path
+        Rig: its name in ``config/rigs``, its path, or the object.
     rpm : float or sequence of float
         Cam speeds, rpm. A single speed is needed if another quantity is swept.
     restitution : float, optional
@@ -68,18 +75,18 @@ def bounce_map(
     model : str, optional
         ``one_mass`` (rigid, default), or ``two_mass`` with a roller and an end mass on an elastic
         stem.
-    over : str, optional
+    parameter : str, optional
         Swept quantity: ``rpm`` (default), ``restitution``, ``preload`` or ``mass``.
     values : sequence of float, optional
         Values of the swept quantity at one speed, preload in N, mass in kg.
     turns : int, optional
         Number of kept turns of each row, at least 20 (default: 200).
-    settle : int, optional
+    transient_turns : int, optional
         Number of turns before the kept turns (default: 300).
     start : str, optional
         ``rest`` (default): each row starts on the cam. ``below`` or ``above``: it starts in the end
         state of that neighbouring row.
-    follow : bool, optional
+    continuation : bool, optional
         Follow each periodic motion that does not rest over all rows, and find its bifurcations.
     out : str or Path, optional
         Folder of Parquet files in which rows are stored.
@@ -110,21 +117,22 @@ def bounce_map(
     Examples
     --------
     >>> import cam_rig
-    >>> law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
-    >>> result = cam_rig.bounce_map(law, rig, rpm=[420, 450], restitution=0.7, turns=40, settle=60)
+    >>> turns = {"turns": 40, "transient_turns": 60}
+    >>> result = cam_rig.bounce_map("tm21", "tm21", rpm=[420, 450], restitution=0.7, **turns)
     >>> [row.motion for row in result.rows]
     ['irregular', 'periodic']
     """
-    sweep, swept = _sweep(rig, model, speeds_within(rpm), restitution, over, values)
-    _check(len(swept), turns, settle, start, follow)
+    law, rig = resolve_law(law), resolve_rig(rig)
+    sweep, swept = _sweep(rig, model, speeds_within(rpm), restitution, parameter, values)
+    _check(len(swept), turns, transient_turns, start, continuation)
     _check_kept(out, resume, start)
-    runs = BounceRuns.of(law, rig, sweep, swept, settle, turns)
+    runs = BounceRuns.of(law, rig, sweep, swept, transient_turns, turns)
     expect_many()
     if out is not None:
         rows = stored_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
     else:
         rows = _compute_rows(runs, start, executor, progress)
-    followed = _follow_motions(runs, rows, progress) if follow else ()
+    followed = _follow_motions(runs, rows, progress) if continuation else ()
     return BounceMap(law, rig, sweep, start, sweep.lift_off(law, swept), tuple(rows), followed)
 
 
@@ -145,31 +153,33 @@ def _sweep(
     model: str,
     rpm: list[float],
     restitution: float | None,
-    over: str,
+    parameter: str,
     values: Speeds | None,
 ) -> tuple[Sweep, list[float]]:
     """Return the swept quantity and its values in SI, in rising order."""
     if model not in (ONE_MASS, TWO_MASS):
         raise ConfigError(f"model: is {model!r}; allowed: {ONE_MASS}, {TWO_MASS}")
-    if over not in SWEPT:
-        raise ConfigError(f"over: is {over!r}; allowed: {', '.join(SWEPT)}")
-    if over == SPEED and values is not None:
-        raise ConfigError(
-            "--range: is given where the speed is swept; allowed: --over another number"
-        )
-    if over == SPEED:
+    if parameter not in SWEPT:
+        raise ConfigError(f"parameter: is {parameter!r}; allowed: {', '.join(SWEPT)}")
+    if parameter == SPEED and values is not None:
+        raise ConfigError("values: is for a swept parameter other than rpm; add --parameter")
+    if parameter == SPEED:
         swept = sorted(speed * RPM for speed in rpm)
         return Sweep(OperatingPoint(bouncing(rig, restitution, model), swept[0])), swept
     if len(rpm) > 1:
-        raise ConfigError(f"rpm: are {len(rpm)} speeds over {over}; allowed: one speed")
+        raise ConfigError(f"rpm: {parameter} is swept at one speed, got {len(rpm)} speeds")
     swept = [] if values is None else sorted(map(float, on_one_axis("values", values)))
     if not 1 <= len(swept) <= MAX_SPEEDS:
-        raise ConfigError(f"--range: are {len(swept)} of {over}; allowed: 1 to {MAX_SPEEDS}")
-    if over == RESTITUTION:
+        raise ConfigError(
+            f"values: {parameter} must have 1 to {MAX_SPEEDS} values, got {len(swept)}"
+        )
+    if parameter == RESTITUTION:
         if restitution is not None:
-            raise ConfigError("--restitution: is what is swept; allowed: --range alone")
+            raise ConfigError(
+                "restitution: cannot be combined with a swept restitution; use values"
+            )
         restitution = swept[0]
-    sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), over)
+    sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), parameter)
     for value in swept:  # an invalid value is refused before any row is computed
         sweep.at(value)
     return sweep, swept
@@ -181,25 +191,25 @@ def _follow_motions(
     """Follow the periodic motions of some rows over the range of all rows."""
     progress.describe("periodic motions")
     sweep = runs.sweep
-    flying = [row for row in rows if row.period is not None and not row.rests]
+    flying = [row for row in rows if row.period is not None and not row.comes_to_rest]
     motions = [(sweep.value(row.point), row.end, row.period or 1) for row in flying]
     low, high = (sweep.value(rows[i].point) for i in (0, -1))
     return branches(runs.law, sweep, motions, low, high)
 
 
-def _check(rows: int, turns: int, settle: int, start: str, follow: bool) -> None:
+def _check(rows: int, turns: int, transient_turns: int, start: str, continuation: bool) -> None:
     """Raise a `ConfigError` if an argument is out of range."""
     if start not in START_TEXT:
         raise ConfigError(f"start: is {start!r}; allowed: {', '.join(START_TEXT)}")
     if turns < MIN_TURNS:
         raise ConfigError(f"turns: is {turns}; allowed: {MIN_TURNS} or more")
-    if settle < 0:
-        raise ConfigError(f"settle: is {settle}; allowed: 0 or more turns")
-    if follow and rows < 2:
-        raise ConfigError("follow: over one value; allowed: two or more, as 385:480:5")
-    if settle + turns > MAX_TURNS:
+    if transient_turns < 0:
+        raise ConfigError(f"transient_turns: is {transient_turns}; allowed: 0 or more")
+    if continuation and rows < 2:
+        raise ConfigError("continuation: requires two or more values, such as 385:480:5")
+    if transient_turns + turns > MAX_TURNS:
         raise ConfigError(
-            f"turns: are {turns} after {settle} to settle; allowed: {MAX_TURNS} together"
+            f"turns: {turns} and transient_turns: {transient_turns}; allowed: {MAX_TURNS} in all"
         )
 
 

@@ -82,7 +82,7 @@ class Sweep:
     """
 
     base: OperatingPoint
-    over: str = SPEED
+    parameter: str = SPEED
 
     def at(self, value: float) -> OperatingPoint:
         """Return the operating point at a value (SI).
@@ -92,28 +92,30 @@ class Sweep:
         DynamicsError
             If the value is invalid.
         """
-        if self.over == SPEED:
+        if self.parameter == SPEED:
             return replace(self.base, speed=value)
         p = self.base.parameters
-        numbers: dict[str, Any] = {self.over: value}
-        if self.over == MASS and isinstance(p, TwoMassParameters):  # keeps the ratio of the masses
+        numbers: dict[str, Any] = {self.parameter: value}
+        if self.parameter == MASS and isinstance(
+            p, TwoMassParameters
+        ):  # keeps the ratio of the masses
             share = p.roller_mass / self.base.mass
             numbers = {"roller_mass": share * value, "end_mass": (1.0 - share) * value}
         return replace(self.base, parameters=replace(p, **numbers))
 
     def value(self, point: OperatingPoint) -> float:
         """Return the value (SI) of the swept quantity at an operating point."""
-        return float(getattr(point, self.over)) if self.over != SPEED else point.speed
+        return float(getattr(point, self.parameter)) if self.parameter != SPEED else point.speed
 
     def words(self, value: float) -> str:
         """Return a value as text, such as ``418.803 rpm`` or ``preload 12.75 N``."""
-        heading, unit, factor = SWEPT[self.over]
-        name = "" if self.over == SPEED else f"{heading} "
+        heading, unit, factor = SWEPT[self.parameter]
+        name = "" if self.parameter == SPEED else f"{heading} "
         return f"{name}{value / factor:.6g} {unit}".strip()
 
     def size(self, value: float) -> float:
         """Return the scale (SI) of changes of the swept quantity near a value."""
-        return 1.0 if self.over == RESTITUTION else value or 1.0
+        return 1.0 if self.parameter == RESTITUTION else value or 1.0
 
     def lift_off(self, law: Law, values: Sequence[float]) -> float:
         """Return the value (SI) at which steady contact is first lost.
@@ -123,9 +125,9 @@ class Sweep:
         kept, at all values.
         """
         if law.velocity_jumps:
-            return 0.0 if self.over == SPEED else math.nan
+            return 0.0 if self.parameter == SPEED else math.nan
         p = self.base.parameters
-        if self.over == SPEED:
+        if self.parameter == SPEED:
             if not isinstance(p, TwoMassParameters):
                 return rigid_jump(law, p)[0]
             try:

@@ -45,7 +45,7 @@ SAMPLE_RATE = 48_000
 #: Number of turns of a base without a scene.
 TURNS = 4
 #: Number of first turns that are excluded.
-SETTLE_TURNS = 1
+TRANSIENT_TURNS = 1
 #: Path of the amplitude of a waviness, which needs a wavelength.
 WAVE = "profile.waviness.amplitude"
 #: Path of the wavelength of a waviness.
@@ -231,7 +231,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
 def _check(campaign: Campaign) -> Campaign:
     """Return a campaign, or raise a `ConfigError` if its parts do not fit together."""
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
-        raise ConfigError(f"vary.{WAVE}: has no wavelength; needed beside it: {WAVELENGTH}")
+        raise ConfigError(f"vary.{WAVE}: requires {WAVELENGTH}")
     for item in campaign.inputs:
         if item.path == WAVELENGTH:
             for wavelength in ends_of(item).tolist():
@@ -256,13 +256,13 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
     number = partial(quantity, "assumed", source="campaign")
     follower = rig.follower
     split = None not in (follower.roller_share, follower.stem_stiffness, follower.stem_damping)
-    program = {
+    schedule = {
         "speeds": number([SPEED_RPM], "rpm"),
         "turns": number(TURNS, "turns"),
-        "settle_turns": number(SETTLE_TURNS, "turns"),
+        "transient_turns": number(TRANSIENT_TURNS, "turns"),
     }
     head = {"name": "campaign", "title": cam.title, "cams": [cam.name], "rig": rig.name}
-    run = {"model": model or ("two_mass" if split else "one_mass"), "program": program}
+    run = {"model": model or ("two_mass" if split else "one_mass"), "schedule": schedule}
     sampling = {"sample_rate": number(SAMPLE_RATE, "Hz")}
     return SceneConfig.model_validate(head | run | sampling)
 

@@ -24,7 +24,7 @@ from cam_rig.studies.campaign.schema import PERCENT
 from cam_rig.units import FloatArray
 
 #: Parts of a path that locate a number but do not describe it.
-_PREFIXES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:program\.)?)")
+_PREFIXES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:schedule\.)?)")
 #: Displayed symbols of units.
 _UNITS = {"um": "µm", "deg": "°"}
 

@@ -177,7 +177,7 @@ class CampaignResult(Result):
             Column("points", "", "d", hidden=True),
             Column("correlated", heading="covariances"),
             Column(
-                "left_out",
+                "excluded",
                 heading="without",
                 of=lambda row: [i.path for i in row.inputs if i.derivative is None],
                 cell=lambda row: ", ".join(i.path for i in row.inputs if i.derivative is None),

@@ -69,7 +69,7 @@ class Variation(Strict):
             ("count", ("range",)),
         ):
             if getattr(self, key) is not None and named[0] not in owners:
-                raise ValueError(f"{key}: stands beside {' or '.join(owners)}, not {named[0]}")
+                raise ValueError(f"{key}: requires {' or '.join(owners)}, got {named[0]}")
         if self.range is not None and not self.range[0] < self.range[1]:
             raise ValueError(f"range: is {list(self.range)}; allowed: rising, low before high")
         if self.values is not None and len(set(self.values)) != len(self.values):
@@ -105,7 +105,7 @@ class CampaignBase(Strict):
         if self.scene is None and (self.cam is None or self.rig is None):
             raise ValueError("needs a scene, or a cam and a rig")
         if self.scene is not None and (self.rig is not None or self.model is not None):
-            raise ValueError("has a scene, with its own rig and model; allowed beside it: cam")
+            raise ValueError("a scene has its rig and model, so it can be combined with cam only")
         return self
 
 

@@ -239,7 +239,7 @@ def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]
     contacts = [(row.rpm, row.contact) for row in rows if row.contact is not None]
     by_speed = {
         ("lift_offs", "1/turn"): [(part.measured - part.model, rpm) for rpm, part in contacts],
-        ("events_later", "s"): [(c.shift, rpm) for rpm, c in contacts if c.shift is not None],
+        ("event_delay", "s"): [(c.shift, rpm) for rpm, c in contacts if c.shift is not None],
         ("level", "dB"): [
             (row.level_difference, row.rpm) for row in rows if row.level_difference is not None
         ],
@@ -292,7 +292,7 @@ def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
         ),
         AlignmentNumber("angle_residual", residual, "rad", Origin.FROM_ANGLE),
         AlignmentNumber("uneven_speed", uneven, "1", Origin.FROM_ANGLE),
-        AlignmentNumber("left_out_time", pairs.left_out, "1", Origin.FROM_ANGLE),
+        AlignmentNumber("excluded_time", pairs.excluded, "1", Origin.FROM_ANGLE),
         AlignmentNumber("sensor_clock_drift", fit.drift, "1", from_lift),
         AlignmentNumber("sensor_stamp_delay", fit.delay, "s", from_lift),
         AlignmentNumber(

@@ -256,6 +256,6 @@ def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) 
         if microphone is not None:
             pressure = microphone.listen(block.rows, block.interval.mean_speed)
             sound.append((block.interval.stop_ns / NS, pressure**2, float(block.rows.shape[1])))
-    settle = loaded.scene.program.settle_turns.si * TURN / stretch.mean_speed
+    settle = loaded.scene.schedule.transient_turns.si * TURN / stretch.mean_speed
     start = float(stretch.knots[0]) + settle
     return ModelRun(stretch, start, np.hstack(blocks), np.array(sound).T)

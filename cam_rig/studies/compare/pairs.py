@@ -88,7 +88,7 @@ class RecordedPairs:
         `ticks` and `states` are those of the bag in their order. `pressures` is the measured r.m.s.
         pressure (Pa) by the stamp (ns) of the tick's end.
         """
-        settle = self.loaded.scene.program.settle_turns.si
+        settle = self.loaded.scene.schedule.transient_turns.si
         settling, parts = Settling(settle), None
         for tick, model in self._match_ticks(ticks, states):
             key = tick.cam, tick.start.speed
@@ -240,7 +240,7 @@ class MeasuredPairs:
         return count if is_rounded else 0.0
 
     @property
-    def left_out(self) -> float:
+    def excluded(self) -> float:
         """Fraction of the time without steady turns, which is not compared.
 
         Pauses are not part of the time. A pause is a gap in the readings, or a time in which the
@@ -254,7 +254,7 @@ class MeasuredPairs:
 
     def steps(self) -> Iterator[PairedStep]:
         """Yield the settled turns of each stretch as pairs, the slowest first."""
-        settle = self.loaded.scene.program.settle_turns.si
+        settle = self.loaded.scene.schedule.transient_turns.si
         for stretch in sorted(self.stretches, key=lambda stretch: stretch.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)
             force = self._pair(self.run.force, model, 4)
@@ -327,7 +327,7 @@ def pair_measured(
     BagError : the run has no steady turns after those that settle
     """
     loaded.law_of(cam)
-    settle = loaded.scene.program.settle_turns.si
+    settle = loaded.scene.schedule.transient_turns.si
     stretches = tuple(steady_stretches(run.angle, settle + MIN_TURNS))
     if not stretches:
         raise BagError(

@@ -82,9 +82,9 @@ NOTES = (
     ),
 )
 #: Display units in tables with one unit per row. Other quantities have SI units.
-DISPLAY_UNITS = {"lift": "µm", "lift_zero": "mm", "lift_hysteresis": "µm", "events_later": "ms"}
+DISPLAY_UNITS = {"lift": "µm", "lift_zero": "mm", "lift_hysteresis": "µm", "event_delay": "ms"}
 DISPLAY_UNITS |= {"cam_angle_offset": "°", "angle_residual": "°", "sensor_stamp_delay": "ms"}
-DISPLAY_UNITS |= {"sensor_clock_drift": "ppm", "uneven_speed": "%", "left_out_time": "%"}
+DISPLAY_UNITS |= {"sensor_clock_drift": "ppm", "uneven_speed": "%", "excluded_time": "%"}
 
 
 def _shown_unit(row: LargestDeviation | AlignmentNumber) -> str:
@@ -147,8 +147,8 @@ class RunComparison(Result):
             Column("rpm", "rpm", ".5g", "speed"),
             Column("lift_offs_measured", "1/turn", ".3g", "lift-offs measured", "contact.measured"),
             Column("lift_offs_model", "1/turn", ".3g", "model", "contact.model"),
-            Column("events_later", "ms", "+.3f", "events later by", "contact.shift"),
-            Column("events_later_angle", "°", "+.2f", "by", "later"),
+            Column("event_delay", "ms", "+.3f", "event delay", "contact.shift"),
+            Column("event_delay_angle", "°", "+.2f", "by", "later"),
             Column("contact_lost", "", "", "contact lost", "contact.rule"),
             Column("level_measured", "dB", ".1f", "level measured", "measured_db"),
             Column(

@@ -25,13 +25,13 @@ Events = Annotated[
 Rpm = Annotated[float, typer.Option(min=0.0, max=1e5, help="Speed of the cam.")]
 
 
-Steepest = Annotated[
+PressureAngle = Annotated[
     float,
     typer.Option(metavar="DEG", min=1.0, max=89.0, help="Pressure angle of --events."),
 ]
 
 
-Sharpest = Annotated[
+MinRadius = Annotated[
     float,
     typer.Option(
         metavar="LIFTS",
@@ -43,9 +43,9 @@ Sharpest = Annotated[
 
 
 #: Default of the largest pressure angle of the nomogram, degrees.
-STEEPEST = 30.0
+MAX_PRESSURE_ANGLE = 30.0
 #: Default of the sum of roller radius and least radius of curvature, in lifts.
-SHARPEST = 2.0
+MIN_RADIUS = 2.0
 
 
 @command("json", "csv", "plot")
@@ -54,8 +54,8 @@ def contact(
     rig: RigOfScene = None,
     rpm: Rpm = CONTACT_RPM,
     events: Events = None,
-    pressure_angle: Steepest = STEEPEST,
-    sharpest: Sharpest = SHARPEST,
+    pressure_angle: PressureAngle = MAX_PRESSURE_ANGLE,
+    min_radius: MinRadius = MIN_RADIUS,
 ) -> Result:
     """Find Hertz pressure, sliding speed and bounds on the base radius.
 
@@ -64,7 +64,7 @@ def contact(
     listed. Pressure, curvature and pressure angle give lower bounds on the base radius, and sliding
     gives an upper bound. --events draws the nomogram: least radii in lifts over the event angle.
 
-    In Python: cam_rig.contact(cams, rig, rpm, pressure_angle)
+    In Python: cam_rig.contact_stress(cams, rig, rpm, pressure_angle)
 
     Examples
     --------
@@ -75,15 +75,13 @@ def contact(
     from cam_rig.studies.contact import study
 
     check_outputs(None, events)
-    if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
-        raise ConfigError(
-            "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
-        )
+    if events is None and (pressure_angle, min_radius) != (MAX_PRESSURE_ANGLE, MIN_RADIUS):
+        raise ConfigError("--pressure-angle and --min-radius require --events")
     max_angle = math.radians(pressure_angle)
     nomogram_angle = None if events is None else max_angle
-    result = study.contact(cams, rig, rpm, pressure_angle=nomogram_angle)
+    result = study.contact_stress(cams, rig, rpm, pressure_angle=nomogram_angle)
     if events is not None:
         from cam_rig.studies.contact.figures import events_figure
 
-        write_plot(events, lambda: events_figure(max_angle, sharpest))
+        write_plot(events, lambda: events_figure(max_angle, min_radius))
     return result

@@ -21,7 +21,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
-from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams
+from cam_rig.simulation.inputs import FASTEST_RPM, Cams, Rig, resolve_cams
 from cam_rig.studies.contact.surfaces import (
     LOWER,
     RISES,
@@ -282,7 +282,7 @@ SPEED = 300.0
 
 
 @checked
-def contact(
+def contact_stress(
     cams: Cams = None, rig: Rig = None, rpm: float = SPEED, *, pressure_angle: float | None = None
 ) -> ContactResult:
     """Find Hertz pressure, sliding speed and bounds on the base radius.
@@ -319,7 +319,7 @@ def contact(
     Examples
     --------
     >>> import cam_rig
-    >>> result = cam_rig.contact("poly345", rpm=200)
+    >>> result = cam_rig.contact_stress("poly345", rpm=200)
     >>> result.to_pandas().cam.tolist()
     ['poly345']
     """
@@ -329,4 +329,4 @@ def contact(
         raise ConfigError(
             f"pressure_angle: is {math.degrees(pressure_angle):g}°; allowed: 1° to 89°"
         )
-    return compare_contacts(asked_cams(cams, rig), rpm, pressure_angle)
+    return compare_contacts(resolve_cams(cams, rig), rpm, pressure_angle)

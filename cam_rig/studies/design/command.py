@@ -87,7 +87,7 @@ def design(
     cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
     if out is not None and pareto is not None:
-        raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
+        raise ConfigError("--pareto cannot be combined with --out, because it designs many cams")
     new_yaml(out)
     goals = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
     others = {"starts": starts, "seed": seed, "keep": keep.split(",")}
@@ -103,22 +103,24 @@ def _config(start: str, goals: dict[str, Any], **others: Any) -> DesignConfig:
     The files that a design file names are next to it, or shipped.
     """
     from cam_rig.schema.load import cam_path, load
-    from cam_rig.simulation.asked import own_rig
+    from cam_rig.simulation.inputs import default_rig
     from cam_rig.studies.design.request import ClassConfig, DesignConfig, is_design
 
     path = cam_path(start)
     if not is_design(path):
-        others["rig"] = str(own_rig([path])) if others["rig"] is None else others["rig"]
+        others["rig"] = str(default_rig([path])) if others["rig"] is None else others["rig"]
         others["class_"] = ClassConfig(**others["class_"])
         return DesignConfig.model_construct(start=start, **goals, **others)
     if any(goals.values()):
         raise ConfigError(
-            f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
-            "--maximise, --limit"
+            f"{path}: has a goal and limits; it cannot be combined with --minimise, "
+            "--maximise or --limit"
         )
     file = load(path, DesignConfig)
-    beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
-    return file.model_copy(update={key: str(p) for key, p in beside.items() if p.is_file()})
+    neighbours = {
+        key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))
+    }
+    return file.model_copy(update={key: str(p) for key, p in neighbours.items() if p.is_file()})
 
 
 def _found(

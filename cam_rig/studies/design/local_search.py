@@ -196,7 +196,7 @@ class EventSpans:
             )
         value, unknowns = min(ends, key=lambda pair: pair[0])
         near = sum(goal <= value + MULTISTART_RTOL * abs(value) for goal, _ in ends)
-        return self.moved(self._spans(unknowns)), replace(search, near=near)
+        return self.moved(self._spans(unknowns)), replace(search, starts_agreeing=near)
 
     def _start_spans(self, search: Multistart) -> Iterator[FloatArray]:
         """Yield start spans: the base spans, and random spans, if possible with a law."""
@@ -295,7 +295,7 @@ def local_best(
     local_goal = _local_term(problem, goal) if rows.is_local(problem, True) else goal
     if rows.run is not None and not rows.run.rigid and problem.two_masses:
         raise ConfigError(
-            f"goal {goal.term.key}: stands beside a limit that is not convex; allowed: it "
+            f"goal {goal.term.key}: cannot be combined with a limit that is not convex; use it "
             "as a limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
         )
     local = [_local_term(problem, limit) for limit in limits if limit not in convex]
@@ -322,4 +322,4 @@ def local_best(
     best = min(kept, key=lambda end: end.goal)
     count = sum(end.goal <= best.goal + MULTISTART_RTOL * abs(best.goal) for end in kept)
     result = Best(best.unknowns, active=best.active, rounds=solver.rounds)
-    return replace(result, multistart=replace(search, near=count))
+    return replace(result, multistart=replace(search, starts_agreeing=count))

@@ -154,12 +154,12 @@ MULTISTART_RTOL = 1e-3
 class Multistart:
     """Search from several laws.
 
-    ``near`` is the number of descents that ended within 0.1 % of the best.
+    ``starts_agreeing`` is the number of descents that ended within 0.1 % of the best.
     """
 
     starts: int = DEFAULT_STARTS
     seed: int = 1
-    near: int = 0
+    starts_agreeing: int = 0
 
     def __post_init__(self) -> None:
         if not 1 <= self.starts <= MAX_STARTS:
@@ -171,7 +171,7 @@ class Multistart:
     def words(self) -> str:
         """Description of the search for tables."""
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
-        return f"local ({starts}, {self.near} ended within 0.1 % of the best)"
+        return f"local ({starts}, {self.starts_agreeing} ended within 0.1 % of the best)"
 
 
 #: Parts of the start that can be kept: all, all but the spans of events, or the lift only.

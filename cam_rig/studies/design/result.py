@@ -109,7 +109,11 @@ class LawDesign(Result):
             Column("gap", doc="relative distance to the bound"),
             Column("starts", of="multistart.starts"),
             Column("seed", of="multistart.seed"),
-            Column("near", of="multistart.near", doc="number of starts with the same result"),
+            Column(
+                "starts_agreeing",
+                of="multistart.starts_agreeing",
+                doc="number of starts with the same result",
+            ),
             Column("bound_at_these_events", of="spans_bound"),
             Column("programs", of="rounds", doc="solved"),
         ),

@@ -144,7 +144,7 @@ def _sound(problem: DesignProblem, term: Term) -> Affine:
     the corner frequency of the structure.
     """
     rigid = problem.rigid
-    corner = TURN * problem.rig.need_radiation(f"the goal or limit {term.key}").corner.si
+    corner = TURN * problem.rig.need_radiation(f"the goal or limit {term.key}").corner_frequency.si
     order = np.arange(1.0, HARMONICS + 1.0)
     power = np.zeros(HARMONICS)
     for speed in np.linspace(term.low, term.high, SPEEDS):

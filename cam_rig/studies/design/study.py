@@ -17,6 +17,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.quantities.terms import Limit, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
+from cam_rig.simulation.inputs import Cam, RequiredRig, resolve_cam, resolve_rig
 from cam_rig.studies.design.cutting_planes import Best, OnBetterLaw, Solver
 from cam_rig.studies.design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.studies.design.request import (
@@ -247,16 +248,16 @@ class DesignOptions(TypedDict, total=False):
 
 @overload
 def design(
-    cam: CamConfig, rig: RigConfig, *, pareto: None = ..., **options: Unpack[DesignOptions]
+    cam: Cam, rig: RequiredRig, *, pareto: None = ..., **options: Unpack[DesignOptions]
 ) -> LawDesign: ...
 @overload
 def design(
-    cam: CamConfig, rig: RigConfig, *, pareto: str, **options: Unpack[DesignOptions]
+    cam: Cam, rig: RequiredRig, *, pareto: str, **options: Unpack[DesignOptions]
 ) -> Front: ...
 @checked
 def design(
-    cam: CamConfig,
-    rig: RigConfig,
+    cam: Cam,
+    rig: RequiredRig,
     *,
     minimise: str | None = None,
     maximise: str | None = None,
@@ -278,10 +279,10 @@ def design(
 
     Parameters
     ----------
-    cam : CamConfig
-        Cam with the start law.
-    rig : RigConfig
-        Rig with the follower.
+    cam : Cam, str or Path
+        Cam with the start law: its name in ``config/cams``, its path, or the object.
+    rig : Rig, str or Path
+        Rig: its name in ``config/rigs``, its path, or the object.
     minimise, maximise : str, optional
         Goal, as in `cam-rig design`. Exactly one of them is needed.
     limits : sequence of str, optional
@@ -320,11 +321,12 @@ def design(
     Examples
     --------
     >>> import cam_rig
-    >>> cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
-    >>> result = cam_rig.design(cam, rig, minimise="peak_acceleration", joints=1)
+    >>> goal = {"minimise": "peak_acceleration", "joints": 1}
+    >>> result = cam_rig.design("poly345", "paper_table2", **goal)
     >>> print(f"{result.goal.start:.4f} {result.goal.result:.4f} m/rad^2")
     0.0686 0.0476 m/rad^2
     """
+    cam, rig = resolve_cam(cam), resolve_rig(rig)
     request = DesignRequest.of(
         minimise=minimise,
         maximise=maximise,

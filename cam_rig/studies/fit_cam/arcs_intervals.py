@@ -117,7 +117,7 @@ class Told:
         if self.over_straight or not math.isfinite(self.value):
             return "straight within the readings"
         if not math.isfinite(self.error):
-            return "not told"
+            return "undetermined"
         return "poorly" if self.hardly else ""
 
     @property

@@ -206,7 +206,7 @@ def new(
     cam-rig new gl110 --from-csv gl110.csv --shape arcs --folder mine
     """
     from cam_rig.schema.load import load_rig, rig_path
-    from cam_rig.studies.fit_cam.files import own_rig, own_scene
+    from cam_rig.studies.fit_cam.files import default_rig, own_scene
     from cam_rig.studies.fit_cam.gauge_table import TableOptions
     from cam_rig.studies.fit_cam.study import FitRequest
 
@@ -227,7 +227,7 @@ def new(
     files = request.files(found, name)
     scene, speeds = own_scene(name, files.law, like)
     texts = {f"cams/{file}": text for file, text in files.texts.items()}
-    texts |= {f"rigs/{name}.yaml": own_rig(name, like), f"scenes/{name}.yaml": scene}
+    texts |= {f"rigs/{name}.yaml": default_rig(name, like), f"scenes/{name}.yaml": scene}
     write_new(place, texts)
     show(*found.to_display())
     say(*found.summary())

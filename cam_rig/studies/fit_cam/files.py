@@ -333,7 +333,7 @@ MOST_RPM = 20_000.0
 SAMPLES, LEAST_RATE = 720, 10_000
 
 
-def own_rig(name: str, like: RigConfig) -> str:
+def default_rig(name: str, like: RigConfig) -> str:
     """Return a rig file with the numbers of the rig `like`, marked as assumed."""
     data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
@@ -365,10 +365,10 @@ def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ..
         "rig": name,
         "model": "one_mass",
         "sample_rate": quantity("assumed", rate, "Hz", f"at least {SAMPLES} samples a turn"),
-        "program": {
+        "schedule": {
             "speeds": quantity("assumed", list(speeds), "rpm", above),
             "turns": quantity("assumed", 3, "turns", turns),
-            "settle_turns": quantity("assumed", 1, "turns", settle),
+            "transient_turns": quantity("assumed", 1, "turns", settle),
         },
     }
     return to_yaml(data), speeds

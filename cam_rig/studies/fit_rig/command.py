@@ -35,9 +35,9 @@ Model = Annotated[
         help="One rigid mass, or two masses and a stem (default: the likelier).",
     ),
 ]
-Given = Annotated[
+Fixed = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=VALUE", help="Known parameter in SI, such as mass=1.3."),
+    typer.Option("--fix", metavar="NAME=VALUE", help="Known parameter in SI, such as mass=1.3."),
 ]
 Tolerance = Annotated[
     float | None,
@@ -57,7 +57,7 @@ def fit_rig(
     namespace: RigOfBag = None,
     rig: RigOfScene = None,
     model: Model = None,
-    given: Given = None,
+    fix: Fixed = None,
     tolerance: Tolerance = None,
     out: Out = None,
     *,
@@ -72,13 +72,13 @@ def fit_rig(
     identifiable has no value, and a reason. The encoder's zero, the error of the sensors' clock,
     and the zero offset and backlash of the lift are fitted too.
 
-    In Python: cam_rig.fit_rig(source, cam, topics, …, given, tolerance, out)
+    In Python: cam_rig.fit_rig(source, cam, topics, …, fix, tolerance, out)
 
     Examples
     --------
     cam-rig fit rig bench.mcap mycam --topics "angle=/encoder.position[0] force=/cell.data"
 
-    cam-rig fit rig jumps.csv poly345 --given damping=8.6 --out mine/rigs/bench.yaml
+    cam-rig fit rig jumps.csv poly345 --fix damping=8.6 --out mine/rigs/bench.yaml
     """
     from cam_rig.studies.fit_rig import study
 
@@ -90,7 +90,7 @@ def fit_rig(
         namespace=namespace,
         rig=rig,
         model=model,
-        given=_parse_given(given),
+        fix=_parse_fixed(fix),
         tolerance=tolerance,
         out=out,
         progress=progress,
@@ -100,22 +100,22 @@ def fit_rig(
     return result
 
 
-def _parse_given(given: list[str] | None) -> dict[str, float]:
+def _parse_fixed(options: list[str] | None) -> dict[str, float]:
     """Return the values by name of options such as ``mass=1.3``.
 
     The names are checked by the fit.
     """
     values = dict[str, float]()
-    for option in given or []:
+    for option in options or []:
         name, _, text = (part.strip() for part in option.partition("="))
         if name in values:
-            raise ConfigError(f"--given {option}: {name} is given twice; allowed: once")
+            raise ConfigError(f"--fix {option}: {name} is fixed twice; allowed: once")
         try:
             values[name] = float(text)
         except ValueError:
             values[name] = math.nan
         if not math.isfinite(values[name]):
             raise ConfigError(
-                f"--given {option}: {text!r} is not a finite number; allowed: NAME=NUMBER, in SI"
+                f"--fix {option}: {text!r} is not a finite number; allowed: NAME=NUMBER, in SI"
             )
     return values

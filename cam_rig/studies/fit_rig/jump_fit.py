@@ -297,7 +297,7 @@ class JumpFit(RigParameters):
         )
         yield from (n.to_sentence() for n in self.numbers if n.value is None)
         if "mass" in self.read.columns:
-            yield "The mass is the follower's own, beside what was put on."
+            yield "The mass is that of the follower without the added mass."
         if not self.error_given:
             yield (
                 f"The error of a reading is taken from the residuals: {self.error:.3g} rpm, of "
@@ -317,7 +317,7 @@ def fit_jumps(
     table: JumpTable,
     base: RigConfig,
     model: str | None = None,
-    given: dict[str, float] | None = None,
+    fixed: dict[str, float] | None = None,
     error: float | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> JumpFit:
@@ -329,7 +329,7 @@ def fit_jumps(
     table : measured jump speeds and their set-ups
     base : rig with the start values
     model : one_mass (default) or two_mass, both in steady state
-    given : known values in SI by name
+    fixed : known values in SI by name
     error : standard deviation of a reading in rpm (default: from the residuals)
     progress : receiver of the progress
 
@@ -337,22 +337,22 @@ def fit_jumps(
     ------
     ConfigError : too few readings, readings outside the limits, or readings that fit no follower
     """
-    given, two = dict(given or {}), model == "two_mass"
-    check_fixed(given, model)
-    if clash := sorted(set(given) & (set(table.columns) - {"mass"})):
+    fixed, two = dict(fixed or {}), model == "two_mass"
+    check_fixed(fixed, model)
+    if clash := sorted(set(fixed) & (set(table.columns) - {"mass"})):
         raise ConfigError(f"{table.file}: has {', '.join(clash)} too; allowed: given once")
     names = (*RIGID, *STEM) if two else RIGID
-    free = tuple(n for n in names if n not in given and (n == "mass" or n not in table.columns))
+    free = tuple(n for n in names if n not in fixed and (n == "mass" or n not in table.columns))
     count = len(table.readings)
     if count < len(free) or (error is None and count == len(free)):
         need = len(free) + (error is None)
         raise ConfigError(
             f"{table.file}: {count} readings for {len(free)} numbers ({', '.join(free)}); "
-            f"needed: {need} or more, so measure more, or give some with --given"
+            f"needed: {need} or more, so measure more, or give some with --fix"
             f"{' and the error of a reading with --tolerance' if error is None else ''}"
         )
     _check_readings(table)
-    values = _start_values(table, base, given, two)
+    values = _start_values(table, base, fixed, two)
     trial = JumpModel(law, table, free, values, progress)
     x = search_jumps(trial)
     speeds, surplus = trial.speeds(x), count - len(free)
@@ -361,11 +361,11 @@ def fit_jumps(
     covariance, null_groups = normal_inverse(_slopes(trial, x) / deviation)
     estimates = [
         *_estimates(trial, x, np.sqrt(np.diag(covariance)), null_groups, within),
-        *(ParameterEstimate(name, value, None, "given") for name, value in given.items()),
+        *(ParameterEstimate(name, value, None, "given") for name, value in fixed.items()),
     ]
-    order = (*names, *given)
+    order = (*names, *fixed)
     estimates.sort(key=lambda number: order.index(number.name))
-    if "restitution" not in given:
+    if "restitution" not in fixed:
         reason = "no landing is in a jump speed"
         estimates.append(ParameterEstimate.unidentified("restitution", reason))
     indices = [free.index(n.name) for n in estimates if n.name in free and n.value is not None]
@@ -420,13 +420,13 @@ def _deviation(
 
 
 def _start_values(
-    table: JumpTable, base: RigConfig, given: dict[str, float], two: bool
+    table: JumpTable, base: RigConfig, fixed: dict[str, float], two: bool
 ) -> dict[str, float]:
     follower = base.follower
     values = {name: base.need(name, "the fit").si for name in RIGID}
     values["restitution"] = 0.0  # no landing is in a jump speed
     if two:
-        if "stem_stiffness" not in given:
+        if "stem_stiffness" not in fixed:
             by, one_mass = "the start of a fit of two masses", "take --model one_mass"
             values["stem_stiffness"] = base.need("stem_stiffness", by, one_mass).si
         share, damping = follower.roller_share, follower.stem_damping
@@ -435,7 +435,7 @@ def _start_values(
     if "mass" in table.columns and (least := min(r.known["mass"] for r in table.readings)) > 0.0:
         values["mass"] = max(0.5 * least, MIN_OWN_MASS)
     values["preload"] = max(values["preload"], 1.0)  # without one there is no jump speed
-    return values | given
+    return values | fixed
 
 
 def _slopes(trial: JumpModel, x: FloatArray) -> FloatArray:
@@ -485,5 +485,5 @@ def _reason(
         return ""
     if name == "mass" and value < error and "mass" in table.columns:
         text = f"{rounded_to_error(value, error)} ± {rounded_to_error(error, error)} kg"
-        return f"it is {text} beside what was put on: is that the total mass?"
+        return f"it is {text} in addition to the added mass: is that the total mass?"
     return f"{interval_text(value, half, NUMBERS[name].unit)}: too wide"

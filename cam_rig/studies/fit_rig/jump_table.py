@@ -131,8 +131,8 @@ class _JumpReader(CellTable):
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         if not cell:
             raise self.refused(
-                f"line {line}: the {name} is empty beside a speed; allowed: a number, or # before "
-                "the line"
+                f"line {line}: the {name} is empty in a row with a speed; allowed: a number, or # "
+                "before the line"
             )
         value = float(text) * factor
         least = 0.0 if name in ("mass", "preload") else math.ulp(0.0)

@@ -58,12 +58,12 @@ MAX_PATTERN_RATIO = 2.0
 START_RESTITUTIONS = (0.05, 0.25, 0.45, 0.65)
 
 
-def fit_one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
+def fit_one_mass(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
     """Return one rigid mass. The restitution is free if there are landings."""
     if not _has_force(aligned):
-        return _fit_lifts(aligned, given)
-    still = _fit_in_contact(aligned, _without_restitution(given), _start_values(aligned, given))
-    fit = _fit_all(aligned, still, given)
+        return _fit_lifts(aligned, fixed)
+    still = _fit_in_contact(aligned, _without_restitution(fixed), _start_values(aligned, fixed))
+    fit = _fit_all(aligned, still, fixed)
     if _has_backlash(fit):
         start = continue_from(fit, fit.likelihood.free, fit.values, backlash=True)
         fit = replace(search(start), bounce=fit.bounce)
@@ -71,13 +71,13 @@ def fit_one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
 
 
 def _without_restitution(
-    given: dict[str, float], names: tuple[str, ...] = ONE_MASS
+    fixed: dict[str, float], names: tuple[str, ...] = ONE_MASS
 ) -> tuple[str, ...]:
-    return tuple(name for name in names if name not in given and name != "restitution")
+    return tuple(name for name in names if name not in fixed and name != "restitution")
 
 
-def _start_values(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
-    return aligned.values | {"restitution": 0.0} | given
+def _start_values(aligned: FitSolution, fixed: dict[str, float]) -> dict[str, float]:
+    return aligned.values | {"restitution": 0.0} | fixed
 
 
 def _fit_in_contact(
@@ -94,7 +94,7 @@ def _fit_in_contact(
 
 
 def _fit_all(
-    aligned: FitSolution, still: FitSolution | None, given: dict[str, float]
+    aligned: FitSolution, still: FitSolution | None, fixed: dict[str, float]
 ) -> FitSolution:
     """Return one rigid mass at all speeds.
 
@@ -104,12 +104,12 @@ def _fit_all(
     if start is None or not any(start.landings):
         fit = search(
             start
-            or continue_from(aligned, _without_restitution(given), _start_values(aligned, given))
+            or continue_from(aligned, _without_restitution(fixed), _start_values(aligned, fixed))
         )
         if not any(fit.landings):
             return fit
         start = fit
-    return search_restitution(add_zero_offset(start), given)
+    return search_restitution(add_zero_offset(start), fixed)
 
 
 def _extend(one_mass: Candidate, still: FitSolution) -> Candidate:
@@ -150,15 +150,15 @@ def _has_force(fit: Candidate, segments: list[int] | None = None) -> bool:
     return any(fit.segments[i].force.value.size for i in indices)
 
 
-def _fit_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
+def _fit_lifts(aligned: FitSolution, fixed: dict[str, float]) -> FitSolution:
     """Return one rigid mass fitted to lifts alone.
 
     Flights and bounces are identifiable together or not at all. The search therefore starts from
     several restitutions, and the best result is returned.
     """
-    free = tuple(name for name in ONE_MASS if name not in given)
-    bounces = [given["restitution"]] if "restitution" in given else START_RESTITUTIONS
-    values = _start_values(aligned, given)
+    free = tuple(name for name in ONE_MASS if name not in fixed)
+    bounces = [fixed["restitution"]] if "restitution" in fixed else START_RESTITUTIONS
+    values = _start_values(aligned, fixed)
     fits = [search(continue_from(aligned, free, values | {"restitution": b})) for b in bounces]
     steady = [fit for fit in fits if len(fit.steady) == len(fit.segments)]
     if not steady:
@@ -170,18 +170,18 @@ def _fit_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
 
 
 def _search_two_masses(
-    one_mass: Candidate, still: Candidate, stem: dict[str, float], given: dict[str, float]
+    one_mass: Candidate, still: Candidate, stem: dict[str, float], fixed: dict[str, float]
 ) -> FitSolution:
     """Return two masses, from a stem and one mass ``still`` fitted to some speeds."""
-    free = _without_restitution(given, TWO_MASSES)
-    start = still.values | {"restitution": given.get("restitution", 0.0)} | stem | given
+    free = _without_restitution(fixed, TWO_MASSES)
+    start = still.values | {"restitution": fixed.get("restitution", 0.0)} | stem | fixed
     quiet = _fit_two_masses_in_contact(still, free, start)
     if quiet is None:
         fit = search(continue_from(one_mass, free, start))
-        if "restitution" not in given and any(fit.landings):
-            fit = search_restitution(fit, given)
+        if "restitution" not in fixed and any(fit.landings):
+            fit = search_restitution(fit, fixed)
         return fit
-    return quiet if "restitution" in given else _add_restitution(one_mass, quiet)
+    return quiet if "restitution" in fixed else _add_restitution(one_mass, quiet)
 
 
 def _add_restitution(one_mass: Candidate, quiet: FitSolution) -> FitSolution:
@@ -261,21 +261,21 @@ def _search_resonance(one_mass: FitSolution, stem: dict[str, float]) -> FitSolut
 
 
 def fit_two_masses(
-    aligned: FitSolution, given: dict[str, float], progress: Progress
+    aligned: FitSolution, fixed: dict[str, float], progress: Progress
 ) -> FitSolution:
     """Return two masses and a stem, if this model is requested.
 
     One mass is searched for only as far as the start requires.
     """
-    rigid = {name: value for name, value in given.items() if name not in TWO_MASS_ONLY}
+    rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     still = _fit_in_contact(aligned, _without_restitution(rigid), _start_values(aligned, rigid))
     one_mass = fit_one_mass(aligned, rigid) if still is None else _extend(aligned, still)
     begin = _with_pattern(one_mass)
     progress.describe("two masses and a stem")
-    return _search_two_masses(one_mass, begin, find_stem(begin)[0], given)
+    return _search_two_masses(one_mass, begin, find_stem(begin)[0], fixed)
 
 
-def fit_elastic(one_mass: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
+def fit_elastic(one_mass: FitSolution, fixed: dict[str, float], progress: Progress) -> FitSolution:
     """Return the likeliest of one mass, a vibrating force sensor, and a stem.
 
     The vibration is identified at the speeds in contact, if it is visible there. Bounces of a rigid
@@ -300,7 +300,7 @@ def fit_elastic(one_mass: FitSolution, given: dict[str, float], progress: Progre
             if not has_pattern(sensor):
                 return sensor
     progress.describe("two masses and a stem")
-    two = _search_two_masses(one_mass, still, stem, given)
+    two = _search_two_masses(one_mass, still, stem, fixed)
     return two if log_ratio(two, best) > MIN_ELASTIC_LOG_RATIO else best
 
 
@@ -421,12 +421,12 @@ def _widen(
     number = NUMBERS["restitution"]
     least = FIRST_STEP / 2.0**HALVINGS
     outweighs = level + math.log((number.high - number.low) / max(high - low, least))
-    beside = [
+    others = [
         other
         for other in OTHER_RESTITUTIONS
         if not low <= other <= high and _is_likely(fit, _fit_at(fit, other), outweighs)
     ]
-    return min([low, *beside]), max([high, *beside])
+    return min([low, *others]), max([high, *others])
 
 
 def _fit_at(fit: Candidate, bounce: float) -> FitSolution:

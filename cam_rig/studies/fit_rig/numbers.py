@@ -48,16 +48,16 @@ TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
 TWO_MASS_ONLY = ("roller_share", "stem_damping")
 
 
-def check_fixed(given: Mapping[str, float], model: str | None) -> None:
+def check_fixed(fixed: Mapping[str, float], model: str | None) -> None:
     """Raise an error if a fixed value is outside its limits or not in the model."""
-    for name, value in given.items():
+    for name, value in fixed.items():
         limits = NUMBERS[name]
         if not limits.low <= value <= limits.high:
             raise ConfigError(
                 f"{name}: {value:g} {limits.unit} is given; allowed: from {limits.low:g} to "
                 f"{limits.high:g} {limits.unit}"
             )
-    if model != "two_mass" and (odd := [name for name in given if name in TWO_MASS_ONLY]):
+    if model != "two_mass" and (odd := [name for name in fixed if name in TWO_MASS_ONLY]):
         raise ConfigError(
             f"{odd[0]}: is given, a number of two masses and a stem; allowed with --model two_mass"
         )

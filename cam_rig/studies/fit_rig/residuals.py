@@ -262,10 +262,10 @@ class Likelihood:
             return out
         for k in (*range(instruments.first), instruments.speeds.start + i):
             step = RELATIVE_STEP * self._size(x, k)
-            beside = self.predicted(x + step * (np.arange(x.size) == k), i, base.turn)
-            if beside is not None:
-                out[:lifts, k] = (beside.lift.value - base.lift.value) / step
-                out[lifts:, k] = (beside.force.value - base.force.value) / step
+            changed = self.predicted(x + step * (np.arange(x.size) == k), i, base.turn)
+            if changed is not None:
+                out[:lifts, k] = (changed.lift.value - base.lift.value) / step
+                out[lifts:, k] = (changed.force.value - base.force.value) / step
         by_angle = self._by_angle(x, i, base)
         out[:, instruments.phases.start + i] = by_angle
         since = np.concatenate([part.since for part in self.samples(i)])
@@ -279,8 +279,8 @@ class Likelihood:
             elif name == FORCE_ZERO:
                 out[lifts:, index] = 1.0
             else:
-                beside_it = x + RELATIVE_STEP * (np.arange(x.size) == index)
-                force = self._sensed(beside_it, base.turn, i)(base.force.angle)
+                changed = x + RELATIVE_STEP * (np.arange(x.size) == index)
+                force = self._sensed(changed, base.turn, i)(base.force.angle)
                 out[lifts:, index] = (force - base.force.value) / RELATIVE_STEP
         out[:lifts] /= self.lift_noise
         out[lifts:] /= self.force_deviation(i)[:, None]

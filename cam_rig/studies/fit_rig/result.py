@@ -20,7 +20,7 @@ from cam_rig.units import rounded_to_error
 #: Instrument errors by key: description, displayed unit, SI unit.
 INSTRUMENTS = {
     "encoder_offset": ("encoder at θ = 0", "°", "rad"),
-    "clock_fast_by": ("sensors' clock, fast by", "ppm", "1"),
+    "clock_drift": ("sensors' clock drift", "ppm", "1"),
     "lift_zero": ("zero offset of the lift", "µm", "m"),
     "lift_backlash": ("backlash of the lift", "µm", "m"),
     "lift_noise": ("noise of the lift", "µm", "m"),
@@ -82,7 +82,7 @@ class InstrumentNumber:
 class RigFit(RigParameters):
     """Follower parameters and instrument errors, identified from a measured run.
 
-    ``correlation_lengths`` are those of `Uncertainty`. ``left_out`` are the speeds in rpm that
+    ``correlation_lengths`` are those of `Uncertainty`. ``excluded`` are the speeds in rpm that
     identify no parameter, or only the restitution.
     """
 
@@ -111,7 +111,7 @@ class RigFit(RigParameters):
             Column("source", of=lambda fit: str(fit.run.source)),
             Column("cam", of="law.name"),
             Column("model"),
-            Column("left_out", "rpm", doc="speeds that identify nothing, or only the restitution"),
+            Column("excluded", "rpm", doc="speeds that identify nothing, or only the restitution"),
             Column("notes", of="run.notes", doc="how the run was read"),
             Column("conclusions", of=lambda fit: [*fit.conclusions()]),
         ),
@@ -122,7 +122,7 @@ class RigFit(RigParameters):
     instruments: tuple[InstrumentNumber, ...]
     solution: FitSolution
     correlation_lengths: tuple[float, float]
-    left_out: tuple[float, ...]
+    excluded: tuple[float, ...]
     assumed: tuple[str, ...] = ()
 
     @property
@@ -163,8 +163,8 @@ class RigFit(RigParameters):
             yield f"Not identified: {reasons.pop()}"
         else:
             yield from (n.to_sentence() for n in self.numbers if n.value is None)
-        if self.left_out:
-            speeds = ", ".join(f"{rpm:.4g}" for rpm in self.left_out)
+        if self.excluded:
+            speeds = ", ".join(f"{rpm:.4g}" for rpm in self.excluded)
             alone = self.solution.bounce is not None
             if alone and not any(segment.lift_offs for segment in self.segments):
                 consequence = "the follower lifts off: these speeds identify the restitution alone."

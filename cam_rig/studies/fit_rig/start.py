@@ -293,12 +293,12 @@ MIN_ZERO_FRACTION = 0.005
 ZERO_ROUNDS = 5
 
 
-def search_restitution(fit: Candidate, given: dict[str, float]) -> FitSolution:
+def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
     """Return a search for the restitution and the other free parameters.
 
     It starts from the likeliest restitution with the values of the candidate.
     """
-    if "restitution" in given:
+    if "restitution" in fixed:
         return search(continue_from(fit, fit.likelihood.free, fit.values))
     likely, _, _ = _likely(fit)
     middle = _tried(fit, 0.5 * (likely[0].bounce + likely[-1].bounce))

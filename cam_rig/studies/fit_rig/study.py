@@ -21,7 +21,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity, to_yaml
 from cam_rig.schema.scene import model_named
 from cam_rig.show.result import NULL_PROGRESS, Progress
-from cam_rig.simulation.asked import Rig, asked_cams
+from cam_rig.simulation.inputs import Rig, resolve_cams
 from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.studies.fit_rig.jump_fit import JumpFit, fit_jumps
 from cam_rig.studies.fit_rig.jump_table import read_jump_table
@@ -82,7 +82,7 @@ def fit_rig(
     namespace: str | None = None,
     rig: Rig = None,
     model: str | None = None,
-    given: Mapping[str, float] | None = None,
+    fix: Mapping[str, float] | None = None,
     tolerance: float | None = None,
     out: str | Path | None = None,
     progress: Progress = NULL_PROGRESS,
@@ -101,7 +101,7 @@ def fit_rig(
     rig : name, path or rig with the values of parameters that are not identifiable (default: as
         in `jump`)
     model : ``one_mass`` or ``two_mass`` (default: the likelier)
-    given : known values in SI by their keys in a rig file: ``{"mass": 1.3}``
+    fix : known values in SI by their keys in a rig file: ``{"mass": 1.3}``
     tolerance : standard error of a jump speed in rpm (default: from the residuals)
     out : new .yaml file for the identified rig; ``assumed`` lists what it takes from ``rig``
     progress : receiver of the progress
@@ -122,12 +122,12 @@ def fit_rig(
     >>> with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
     ...     _ = file.write(table), file.flush()
     ...     known = {"spring_stiffness": 4030.0, "damping": 8.6}
-    ...     fit = cam_rig.fit_rig(file.name, "poly345", rig="tm21", given=known)
+    ...     fit = cam_rig.fit_rig(file.name, "poly345", rig="tm21", fix=known)
     >>> [number.name for number in fit.identified]
     ['mass']
     """
     target, bag = new_yaml(out), Path(source)
-    known, cams = dict(given or {}), asked_cams([cam], rig)
+    known, cams = dict(fix or {}), resolve_cams([cam], rig)
     model = _check_arguments(model, known, tolerance)
     if bag.suffix.lower() in TABLES:
         _require_none(topics=topics, namespace=namespace)
@@ -141,7 +141,7 @@ def fit_rig(
 
 
 def _check_arguments(
-    model: str | None, given: Mapping[str, float], tolerance: float | None
+    model: str | None, fixed: Mapping[str, float], tolerance: float | None
 ) -> str | None:
     """Return the name of the model, after a check of the arguments.
 
@@ -152,10 +152,10 @@ def _check_arguments(
         raise ConfigError(f"--model: is {model!r}; allowed: {' or '.join(MODELS)}")
     if tolerance is not None and not tolerance > 0.0:
         raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
-    for key, value in given.items():
+    for key, value in fixed.items():
         if key not in NUMBERS:
             raise ConfigError(
-                f"--given {key}={value:g}: {key!r} is no number of a follower; allowed: "
+                f"--fix {key}={value:g}: {key!r} is not a parameter of a follower; allowed: "
                 f"{', '.join(NUMBERS)}{did_you_mean(key, list(NUMBERS))}"
             )
     return name
@@ -212,7 +212,7 @@ def fit_run(
     run: MeasuredRun,
     base: RigConfig,
     model: str | None = None,
-    given: dict[str, float] | None = None,
+    fixed: dict[str, float] | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> RigFit:
     """Identify a follower from its measured lift and contact force at steady speeds.
@@ -223,7 +223,7 @@ def fit_run(
     run : measured run
     base : rig with the start values, and the values of parameters that are not identifiable
     model : one_mass, two_mass (two masses and a stem), or None for the likelier
-    given : known values in SI by name
+    fixed : known values in SI by name
     progress : receiver of the progress
 
     Raises
@@ -231,10 +231,10 @@ def fit_run(
     ConfigError : values outside their limits, a run without steady speeds, or without the signals
         that the model needs
     """
-    given = dict(given or {})
-    check_fixed(given, model)
+    fixed = dict(fixed or {})
+    check_fixed(fixed, model)
     run, segments = measured_segments(run)
-    rigid = {name: value for name, value in given.items() if name not in TWO_MASS_ONLY}
+    rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     why = "the fit, which begins at it", "begin at another rig"
     values = {n: base.need(n, *why).si for n in ONE_MASS if n not in rigid} | rigid
     progress.start(None, "reading")
@@ -247,22 +247,22 @@ def fit_run(
             f"{run.source}: has no contact force, which alone shows a stem; allowed: "
             "--model one_mass"
         )
-    scale = {} if forces or set(given) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
-    stem = given.get("stem_stiffness", si_or_none(base.follower.stem_stiffness))
+    scale = {} if forces or set(fixed) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
+    stem = fixed.get("stem_stiffness", si_or_none(base.follower.stem_stiffness))
     start = Likelihood(law, segments, (), values, stem)
     start.force_noise = 0.01 * max(h.force.value.max(initial=0.0) for h in segments) or 1.0
     progress.describe("one rigid mass")
     aligned = search(Candidate(start, start.start(values, phase, zero)))
     if _is_of_another_cam(aligned):
-        return build_rig_fit(run, aligned, given, tuple(scale), segments)
+        return build_rig_fit(run, aligned, fixed, tuple(scale), segments)
     if model == "two_mass":
-        solution = fit_two_masses(aligned, given, progress)
+        solution = fit_two_masses(aligned, fixed, progress)
     else:
         solution = fit_one_mass(aligned, rigid | scale)
         if model is None and forces:
-            solution = fit_elastic(solution, given, progress)
+            solution = fit_elastic(solution, fixed, progress)
     progress.describe("standard errors")
-    return build_rig_fit(run, profile_restitution(solution), given, tuple(scale), segments)
+    return build_rig_fit(run, profile_restitution(solution), fixed, tuple(scale), segments)
 
 
 def _is_of_another_cam(aligned: FitSolution) -> bool:
@@ -294,7 +294,7 @@ LEFT_OUT_REASONS = {
 def build_rig_fit(
     run: MeasuredRun,
     solution: FitSolution,
-    given: dict[str, float],
+    fixed: dict[str, float],
     scale: tuple[str, ...],
     segments: tuple[MeasuredSegment, ...],
 ) -> RigFit:
@@ -307,9 +307,9 @@ def build_rig_fit(
     model = "two_mass" if "roller_share" in solution.values else "one_mass"
     names = TWO_MASSES if model == "two_mass" else (*ONE_MASS, "stem_stiffness")
     steady = [segment.line for segment in solution.segments]
-    left_out = tuple(segment.line.rpm for segment in segments if segment.line not in steady)
-    reasons = LEFT_OUT_REASONS if left_out else {}
-    numbers = [_estimate(name, solution, errors, given, scale, reasons) for name in names]
+    excluded = tuple(segment.line.rpm for segment in segments if segment.line not in steady)
+    reasons = LEFT_OUT_REASONS if excluded else {}
+    numbers = [_estimate(name, solution, errors, fixed, scale, reasons) for name in names]
     if misfit:
         numbers = [
             n if n.origin == "given" else ParameterEstimate.unidentified(n.name, misfit)
@@ -321,7 +321,7 @@ def build_rig_fit(
     speeds = tuple(_segment_fit(solution, i) for i in range(len(steady)))
     instruments = tuple(_instruments(solution, errors))
     return RigFit(
-        *follower, run, speeds, instruments, solution, errors.correlation_lengths, left_out
+        *follower, run, speeds, instruments, solution, errors.correlation_lengths, excluded
     )
 
 
@@ -329,20 +329,20 @@ def _estimate(
     name: str,
     solution: FitSolution,
     errors: Uncertainty,
-    given: dict[str, float],
+    fixed: dict[str, float],
     scale: tuple[str, ...],
-    left_out: dict[str, str],
+    excluded: dict[str, str],
 ) -> ParameterEstimate:
     free = solution.likelihood.free
-    if name in given:
-        return ParameterEstimate(name, given[name], None, "given")
+    if name in fixed:
+        return ParameterEstimate(name, fixed[name], None, "given")
     if name == "preload" and solution.zero is not None:
         text = f"in flight the force reads {solution.zero:.3g} N: set its zero"
         return ParameterEstimate.unidentified(name, text)
     if name == "restitution" and solution.bounce is not None:
         return _restitution_estimate(*solution.bounce, "roller_share" in solution.values)
     if name not in free:
-        text = left_out.get(name) or _fixed_reason(name, scale, solution)
+        text = excluded.get(name) or _fixed_reason(name, scale, solution)
         return ParameterEstimate.unidentified(name, text)
     k, value = free.index(name), solution.values[name]
     error = float(errors.errors[k]) * slope(name, value)
@@ -428,7 +428,7 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
 
     yield InstrumentNumber("encoder_offset", math.remainder(float(line[0]), TURN), deviation[0])
     if line.size > 1:
-        yield InstrumentNumber("clock_fast_by", float(line[1]), deviation[1])
+        yield InstrumentNumber("clock_drift", float(line[1]), deviation[1])
     if any(h.lift.value.size for h in segments):
         yield estimate("lift_zero", ZERO)
         if likelihood.backlash:

@@ -64,9 +64,9 @@ class SteadySegment:
 
     def without_transient(self) -> SteadySegment:
         """Return the segment without its first turns, if it has twice as many."""
-        if self.turns <= 2.0 * SETTLE_TURNS:
+        if self.turns <= 2.0 * TRANSIENT_TURNS:
             return self
-        later, angle = SETTLE_TURNS * TURN / self.speed, self.angle + SETTLE_TURNS * TURN
+        later, angle = TRANSIENT_TURNS * TURN / self.speed, self.angle + TRANSIENT_TURNS * TURN
         error = math.hypot(self.angle_error, 0.5 * later * self.speed_error)
         return replace(self, begin=self.begin + later, angle=angle, angle_error=error)
 
@@ -180,7 +180,7 @@ def _rounding_errors(since: FloatArray, speed: float, count: float) -> tuple[flo
 
 #: Number of turns at the start of a segment that are left out as transient, if it has twice as
 #: many.
-SETTLE_TURNS = 1.0
+TRANSIENT_TURNS = 1.0
 #: Largest number of samples of a quantity that are fitted. Of more samples every k-th is used.
 MAX_SAMPLES = 40_000
 #: Smallest number of samples of a segment.

@@ -27,10 +27,10 @@ def fit_sound(
 ) -> Result:
     """Fit gain and cut-off of a rig's radiation to measured levels of one cam.
 
-    The numbers are ``radiation.gain`` and ``corner`` of the scene's rig file, and the cam is its
-    ``calibrated_on``. They are fitted by least squares in dB, and written into the rig file with
-    the fit error and the follower. With another follower levels are relative. The levels of all
-    other cams are then predictions.
+    The numbers are ``radiation.gain`` and ``radiation.corner_frequency`` of the scene's rig file,
+    and the cam is its ``calibrated_on``. They are fitted by least squares in dB, and written into
+    the rig file with the fit error and the follower. With another follower levels are relative.
+    The levels of all other cams are then predictions.
 
     In Python: cam_rig.fit_sound(levels, scene, cam)
 

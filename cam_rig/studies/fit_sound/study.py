@@ -15,7 +15,7 @@ from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.result import Column, Records, Result
-from cam_rig.simulation.asked import Scene, asked_scene
+from cam_rig.simulation.inputs import Scene, resolve_scene
 from cam_rig.simulation.scene import FITTED_WITH, MODEL, LoadedScene, fitted_with
 from cam_rig.simulation.simulate import Acoustics
 from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_constants
@@ -63,7 +63,7 @@ class SoundFit(Result):
         Measured cam.
     gain : float
         Gain in Pa·s/N.
-    corner : float
+    corner_frequency : float
         Cut-off in Hz.
     rms : float
         Root mean square of the differences in dB.
@@ -76,7 +76,7 @@ class SoundFit(Result):
         "sound": (
             Column("cam", of="cam"),
             Column("gain", "Pa·s/N", ".4g"),
-            Column("corner", "Hz", ".4g"),
+            Column("corner_frequency", "Hz", ".4g"),
             Column("rms", "dB", ".3f", "difference, r.m.s."),
             Column("speeds", "", "d", of=lambda fit: len(fit.levels)),
         ),
@@ -91,7 +91,7 @@ class SoundFit(Result):
     scene: LoadedScene
     cam: str
     gain: float
-    corner: float
+    corner_frequency: float
     rms: float
     levels: tuple[LevelRow, ...]
 
@@ -106,7 +106,7 @@ class SoundFit(Result):
     def summary(self) -> list[str]:
         """Return the numbers and the residual."""
         return [
-            f"{self.cam}: gain {self.gain:.4g} Pa·s/N, corner {self.corner:.4g} Hz; "
+            f"{self.cam}: gain {self.gain:.4g} Pa·s/N, corner {self.corner_frequency:.4g} Hz; "
             f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds (2 numbers fitted)"
         ]
 
@@ -132,7 +132,7 @@ class SoundFit(Result):
         # Five digits: far finer than the residual supports, and the file stays readable.
         numbers: dict[tuple[str | int, ...], float] = {
             ("radiation", "gain"): float(f"{self.gain:.5g}"),
-            ("radiation", "corner"): float(f"{self.corner:.5g}"),
+            ("radiation", "corner_frequency"): float(f"{self.corner_frequency:.5g}"),
         }
         source = f"cam-rig fit sound, levels of {self.cam}{FITTED_WITH}{fitted_with(rig, MODEL)}"
         residual = f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds, 2 numbers fitted"
@@ -176,28 +176,28 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     >>> import cam_rig, numpy as np
     >>> levels = np.array([[200, 78.3], [250, 81.7], [300, 83.4], [350, 85.8], [400, 90.9]])
     >>> fit = cam_rig.fit_sound(levels, "tm21_sweep", cam="poly345")  # rpm, dB
-    >>> f"{fit.corner:.1f} Hz"
+    >>> f"{fit.corner_frequency:.1f} Hz"
     '27.4 Hz'
     """
-    loaded = asked_scene(scene)
+    loaded = resolve_scene(scene)
     table = read_levels(Path(levels)) if isinstance(levels, str | Path) else levels
     _require_levels(table, loaded)
     name = _measured_cam(loaded, cam)
     measured = _published_cam(loaded, name, table)
     fitted = two_constants([measured], Acoustics(loaded.radiation), CORNERS)
-    corner = fitted.radiation.corner
+    corner = fitted.radiation.corner_frequency
     if not CORNERS[0] * (1.0 + AT_LIMIT) < corner < CORNERS[1] * (1.0 - AT_LIMIT):
         raise DynamicsError(
-            f"levels of {name}: do not determine the corner, it leaves {CORNERS[0]:g} to "
-            f"{CORNERS[1]:g} Hz; allowed: levels over a wider range of speeds, or without a "
-            "background that the rig file leaves out"
+            f"levels of {name} do not determine the corner frequency: it is outside "
+            f"{CORNERS[0]:g} to {CORNERS[1]:g} Hz; allowed: levels over a wider range of speeds, "
+            "or without a background that the rig file leaves out"
         )
     rows = zip(*table.T.tolist(), fitted.levels(measured.turns).tolist(), strict=True)
     return SoundFit(
         scene=loaded,
         cam=name,
         gain=fitted.radiation.gain,
-        corner=corner,
+        corner_frequency=corner,
         rms=measured.rms(fitted),
         levels=tuple(LevelRow(*row) for row in rows),
     )

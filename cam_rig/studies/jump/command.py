@@ -36,7 +36,7 @@ def jump(
     from rest at cam angle 0, is in steady state, or follows a ramp. Angle and time are those of the
     first lift-off.
 
-    In Python: cam_rig.jump(cams, rig, from_rest, steady, ramp)
+    In Python: cam_rig.jump_speeds(cams, rig, from_rest, steady, ramp)
 
     Examples
     --------
@@ -52,4 +52,6 @@ def jump(
         raise ConfigError(
             "--plot cannot be combined with --ramp: it shows the minimum force at constant speeds"
         )
-    return study.jump(cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, progress=progress)
+    return study.jump_speeds(
+        cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, progress=progress
+    )

@@ -17,6 +17,7 @@ from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws.law import Law
 from cam_rig.schema.rig import RigConfig
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.inputs import LawOrCam, RequiredRig, resolve_law, resolve_rig
 from cam_rig.units import FloatArray
 
 
@@ -115,13 +116,13 @@ Numbers = FloatArray | float | None
 
 
 @overload
-def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = ...) -> JumpSpeed: ...
+def jump_speed(law: LawOrCam, rig: RequiredRig, *, duration: float | None = ...) -> JumpSpeed: ...
 
 
 @overload
 def jump_speed(
-    law: Law,
-    rig: RigConfig,
+    law: LawOrCam,
+    rig: RequiredRig,
     *,
     duration: float | None = ...,
     mass: Numbers = ...,
@@ -133,8 +134,8 @@ def jump_speed(
 
 @checked
 def jump_speed(
-    law: Law,
-    rig: RigConfig,
+    law: LawOrCam,
+    rig: RequiredRig,
     *,
     duration: float | None = FROM_REST,
     mass: Numbers = None,
@@ -150,11 +151,11 @@ def jump_speed(
 
     Parameters
     ----------
-    law : Law
-        Law of the cam, for example from `build_law`.
-    rig : Rig
-        Rig of two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``, or
-        of one mass without both.
+    law : Law, Cam, str or Path
+        Motion law, or a cam: its name in ``config/cams``, its path, or the object.
+    rig : Rig, str or Path
+        Rig: its name in ``config/rigs``, its path, or the object. It has two masses if it contains
+        ``roller_share`` and ``stem_damping``, else one.
     duration : float or None
         Duration in s of runs from rest at cam angle 0 at constant speed, to 60 s. None for the
         steady state (default: 1.7 s).
@@ -179,13 +180,13 @@ def jump_speed(
     Examples
     --------
     >>> import cam_rig, numpy as np
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> rig = cam_rig.load_rig("paper_table2")
-    >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
+    >>> round(cam_rig.jump_speed("poly345", "paper_table2").rpm, 2)
     413.44
-    >>> cam_rig.jump_speed(law, rig, preload=np.array([20.0, 30.6, 45.0])).rpm.round(1).tolist()
+    >>> preloads = np.array([20.0, 30.6, 45.0])
+    >>> cam_rig.jump_speed("poly345", "paper_table2", preload=preloads).rpm.round(1).tolist()
     [344.9, 413.4, 417.2]
     """
+    law, rig = resolve_law(law), resolve_rig(rig)
     numbers = {
         "mass": mass,
         "spring_stiffness": spring_stiffness,

@@ -8,12 +8,12 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema import load_tables
 from cam_rig.schema.load import tables_path
 from cam_rig.show.result import NULL_PROGRESS, Progress
-from cam_rig.simulation.asked import Cams, Rig, asked_cams
+from cam_rig.simulation.inputs import Cams, Rig, resolve_cams
 from cam_rig.studies.jump.comparison import JumpResult, find_jumps, references
 
 
 @checked
-def jump(
+def jump_speeds(
     cams: Cams = None,
     rig: Rig = None,
     *,
@@ -61,11 +61,11 @@ def jump(
     Examples
     --------
     >>> import cam_rig
-    >>> cam_rig.jump(["poly345"], steady=True).to_pandas().rpm.round(1).tolist()
+    >>> cam_rig.jump_speeds(["poly345"], steady=True).to_pandas().rpm.round(1).tolist()
     [414.5]
     """
     if sum((steady, ramp is not None, from_rest is not None)) > 1:
         raise ConfigError("steady, ramp and from rest are three kinds of run; allowed: one of them")
-    published, cam_set = load_tables(tables_path()), asked_cams(cams, rig)
+    published, cam_set = load_tables(tables_path()), resolve_cams(cams, rig)
     duration = None if steady else FROM_REST if from_rest is None else from_rest
     return find_jumps(cam_set, references(cam_set, published), duration, ramp, progress)

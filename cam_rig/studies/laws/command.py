@@ -55,7 +55,7 @@ def law(
     otherwise as bare rises of unit lift over a unit span. CSV and JSON contain the curves. With
     them a plot is drawn only if --out is given.
 
-    In Python: cam_rig.law(names, rises)
+    In Python: cam_rig.law_summary(names, rises)
 
     Examples
     --------
@@ -76,7 +76,7 @@ def law(
         check_recording(save)
     from cam_rig.studies.laws import study
 
-    result = study.law(names, rises=rises)
+    result = study.law_summary(names, rises=rises)
     if out is None and csv is None and json is None:
         out = Path("out") / f"law_{'_'.join(result.labels)[:MAX_LETTERS]}.png"
     write_outputs(result, out, csv, json)

@@ -19,6 +19,7 @@ from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapp
 from cam_rig.show.looks import DERIVATIVE_NAMES, DERIVATIVES, MM, PER_RADIAN, in_words, short, web
 from cam_rig.show.result import enable_notebook_display
 from cam_rig.show.tables import typeset_number
+from cam_rig.simulation.inputs import LawOrCam, build_law
 from cam_rig.studies.laws.rises import LawsResult, RisesResult
 from cam_rig.studies.laws.study import CamLawsResult
 
@@ -50,16 +51,16 @@ def figure(cam: CamConfig, law: Law) -> Figure:
 
 @styled
 @checked
-def plot_law(law: Law) -> Figure:
+def plot_law(law: LawOrCam) -> Figure:
     """Return a figure of lift, velocity, acceleration and jerk over a turn.
 
-    Extremes and joints that are not smooth are marked. `cam_rig.law` plots cams by name, and
-    several laws in one figure.
+    Extremes and joints that are not smooth are marked. `cam_rig.law_summary` plots several laws in
+    one figure.
 
     Parameters
     ----------
-    law : Law
-        Law of `build_law`, or any other `Law`.
+    law : Law, Cam, str or Path
+        Motion law, or a cam: its name in ``config/cams``, its path, or the object.
 
     Returns
     -------
@@ -69,10 +70,11 @@ def plot_law(law: Law) -> Figure:
     Examples
     --------
     >>> import cam_rig
-    >>> figure = cam_rig.plot_law(cam_rig.build_law(cam_rig.load_cam("poly345")))
+    >>> figure = cam_rig.plot_law("poly345")
     >>> len(figure.axes)
     4
     """
+    law = law if isinstance(law, Law) else build_law(law)
     rough = [joint for joint in joints(law) if joint.continuity < SMOOTHEST]
     return enable_notebook_display(_draw_panels(law, rough, law.name))
 

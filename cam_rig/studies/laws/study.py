@@ -113,7 +113,7 @@ class CamLawsResult(Result):
     Examples
     --------
     >>> import cam_rig
-    >>> cam_rig.law(["poly345", "bezier15"]).labels
+    >>> cam_rig.law_summary(["poly345", "bezier15"]).labels
     ['poly345', 'bezier15']
     """
 
@@ -246,7 +246,7 @@ class CamLawsResult(Result):
 
 
 @checked
-def law(
+def law_summary(
     names: str | Path | CamConfig | Sequence[str | Path | CamConfig], *, rises: bool = False
 ) -> CamLawsResult | RisesResult:
     """Compute lift, velocity, acceleration and jerk of laws, with peaks and joints.
@@ -277,7 +277,7 @@ def law(
     Examples
     --------
     >>> import cam_rig
-    >>> result = cam_rig.law("poly345")
+    >>> result = cam_rig.law_summary("poly345")
     >>> result.summary()
     ['joints (others C4): 31.25° C2, 148.75° C2, 211.25° C2, 328.75° C2']
     """

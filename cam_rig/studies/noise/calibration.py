@@ -38,7 +38,9 @@ def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
     r = base.radiation
 
     def acoustics_at(x: FloatArray) -> Acoustics:
-        return base.with_constants(r.gain * float(np.exp(x[0])), r.corner, tuple(x[1:].tolist()))
+        return base.with_constants(
+            r.gain * float(np.exp(x[0])), r.corner_frequency, tuple(x[1:].tolist())
+        )
 
     def residual(x: FloatArray) -> FloatArray:
         return reference.difference(acoustics_at(x))
@@ -54,15 +56,21 @@ def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
     """
     r = acoustics.radiation
     base = acoustics.levels(cam.turns)
-    gain = acoustics.with_constants(r.gain * np.exp(DERIVATIVE_STEP), r.corner, acoustics.response)
+    gain = acoustics.with_constants(
+        r.gain * np.exp(DERIVATIVE_STEP), r.corner_frequency, acoustics.response
+    )
     changed = [gain]
     if acoustics.response:
         for i in range(RESPONSE_TERMS):
             response = np.array(acoustics.response)
             response[i] += DERIVATIVE_STEP
-            changed.append(acoustics.with_constants(r.gain, r.corner, tuple(response.tolist())))
+            changed.append(
+                acoustics.with_constants(r.gain, r.corner_frequency, tuple(response.tolist()))
+            )
     else:
-        changed.append(acoustics.with_constants(r.gain, r.corner * np.exp(DERIVATIVE_STEP)))
+        changed.append(
+            acoustics.with_constants(r.gain, r.corner_frequency * np.exp(DERIVATIVE_STEP))
+        )
     return np.stack([(a.levels(cam.turns) - base) / DERIVATIVE_STEP for a in changed], axis=1)
 
 

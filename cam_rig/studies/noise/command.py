@@ -30,7 +30,7 @@ def noise(
     leave out each cam in turn, and use the rig identified from jump speeds. It takes about ten
     seconds.
 
-    In Python: cam_rig.noise(scene, rig, one_rig)
+    In Python: cam_rig.noise_study(scene, rig, one_rig)
 
     Examples
     --------
@@ -40,4 +40,4 @@ def noise(
     """
     from cam_rig.studies.noise import study
 
-    return study.noise(scene, rig, one_rig, progress=progress)
+    return study.noise_study(scene, rig, one_rig, progress=progress)

@@ -46,10 +46,10 @@ class StudyRoles:
         ConfigError
             If the scene has too few speeds or does not have three cams with the three roles.
         """
-        speeds = len(loaded.scene.program.speeds.numbers)
+        speeds = len(loaded.scene.schedule.speeds.numbers)
         if speeds < MIN_SPEEDS:
             raise ConfigError(
-                f"{loaded.scene_file}: program.speeds has {speeds}; a noise study needs at least "
+                f"{loaded.scene_file}: schedule.speeds has {speeds}; a noise study needs at least "
                 f"{MIN_SPEEDS}; {OTHERWISE}"
             )
         roles = {loaded.fitted_origin(cam): cam for cam in loaded.scene.cams}
@@ -77,7 +77,7 @@ class NoiseSetup:
     def of(cls, loaded: LoadedScene) -> NoiseSetup:
         """Simulate the turns of all cams of a scene."""
         roles = StudyRoles.of(loaded)
-        speeds = np.array(loaded.scene.program.speeds.si_list)
+        speeds = np.array(loaded.scene.schedule.speeds.si_list)
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
 
         def turn(law: Law) -> Turns:

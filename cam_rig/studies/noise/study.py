@@ -15,7 +15,7 @@ from cam_rig.schema import RigConfig, load_rig
 from cam_rig.schema.load import rig_beside
 from cam_rig.schema.published import Crossover
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import Scene, asked_scene
+from cam_rig.simulation.inputs import Scene, resolve_scene
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.studies.noise.calibration import StructureFit, compare_structures
 from cam_rig.studies.noise.methods import (
@@ -88,7 +88,7 @@ class Changed(NamedTuple):
 def _constants(of: str = "") -> tuple[Column, ...]:
     return (
         Column("gain", "Pa·s/N", ".4g", of=f"{of}acoustics.radiation.gain"),
-        Column("cut_off", "Hz", ".4g", "cut-off", f"{of}acoustics.radiation.corner"),
+        Column("cut_off", "Hz", ".4g", "cut-off", f"{of}acoustics.radiation.corner_frequency"),
     )
 
 
@@ -189,8 +189,8 @@ class NoiseStudyResult(Result):
             Column("rms_predicted", "dB", ".2f", "predicted from {}", "predicted_db"),
             Column("predicted", hidden=True),
         ),
-        "left_out": (
-            Column("left_out", of="of.cam"),
+        "excluded": (
+            Column("excluded", of="of.cam"),
             Column("numbers_fitted", "", "d", "numbers fitted to the others", "of.numbers"),
             *_constants("of."),
             Column("rms_regression", "dB", ".2f", "regression", "of.rms_regression_db"),
@@ -246,7 +246,7 @@ class NoiseStudyResult(Result):
     rpm: FloatArray
     structures: tuple[StructureFit, ...]
     methods: tuple[Method, ...]
-    left_out: tuple[LeftOut, ...]
+    excluded: tuple[LeftOut, ...]
     one_rig: tuple[OneRig, ...]
     high_dwell: HighDwellStudy | None = None
 
@@ -313,9 +313,9 @@ class NoiseStudyResult(Result):
                 pivot="fitted_to",
             ),
             self.table(
-                "left_out",
+                "excluded",
                 "Each cam left out: gain and cut-off from the other two, r.m.s. difference",
-                (OnCam(row, cam) for row in self.left_out for cam in row.rms_db),
+                (OnCam(row, cam) for row in self.excluded for cam in row.rms_db),
                 "Regression: of the cam that is left out. Under the cams: of their points.",
                 pivot="cam",
             ),
@@ -401,10 +401,10 @@ def study_noise(
     next(parts)
     methods.append(with_substitution(study))
     next(parts)
-    left_out = tuple(leave_one_out(study))
+    excluded = tuple(leave_one_out(study))
     next(parts)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
-    rpm, results = np.round(study.rpm, 9), (structures, tuple(methods), left_out, rigs)
+    rpm, results = np.round(study.rpm, 9), (structures, tuple(methods), excluded, rigs)
     result = NoiseStudyResult(study.crossover, loaded.titles, study.roles, rpm, *results)
     next(parts)
     best = result.best
@@ -412,7 +412,7 @@ def study_noise(
 
 
 @checked
-def noise(
+def noise_study(
     scene: Scene = "tm21_sweep",
     rig: str | Path | RigConfig = "paper_table2",
     one_rig: bool = False,
@@ -448,9 +448,9 @@ def noise(
 
     Examples
     --------
-    >>> result = cam_rig.noise()  # doctest: +SKIP
+    >>> result = cam_rig.noise_study()  # doctest: +SKIP
     """
-    loaded = asked_scene(scene)
+    loaded = resolve_scene(scene)
     if not isinstance(rig, RigConfig):
         rig = load_rig(rig_beside(rig, loaded.scene_file))
     return study_noise(loaded, rig, one_rig, progress)

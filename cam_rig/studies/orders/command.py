@@ -23,7 +23,7 @@ OwnRig = Annotated[
     str | None,
     typer.Option(
         help="Rig file, or a name in config/rigs; by default the scene's, for a cam the only one "
-        "in rigs beside it, else tm21."
+        "in rigs next to it, else tm21."
     ),
 ]
 OwnModel = Annotated[
@@ -54,7 +54,7 @@ def orders(
     on one mass, at 200 to 400 rpm. The plot shows the orders as rays over speed (Campbell diagram),
     or as lines at one speed. The CSV file contains every order.
 
-    In Python: cam_rig.orders(source, rpm, cam, rig, model, orders)
+    In Python: cam_rig.order_spectrum(source, rpm, cam, rig, model, orders)
 
     Examples
     --------
@@ -64,13 +64,13 @@ def orders(
 
     cam-rig orders poly345 --rig paper_table2 --model two_mass --rpm 300:500:5 --save out/orders.rrd
     """
-    from cam_rig.simulation.asked import speeds_in
+    from cam_rig.simulation.inputs import speeds_in
     from cam_rig.studies.orders import study
 
     if save is not None:
         check_recording(save)
     speeds = None if rpm is None else speeds_in(rpm)
-    result = study.orders(
+    result = study.order_spectrum(
         source, speeds, cam=cam, rig=rig, model=model, orders=highest, progress=progress
     )
     if save is not None:

@@ -19,13 +19,13 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
 from cam_rig.schema.scene import model_named
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import (
+from cam_rig.simulation.inputs import (
     Rig,
     Speeds,
-    asked_rig,
-    asked_scene,
+    default_rig,
     named_cams,
-    own_rig,
+    resolve_rig,
+    resolve_scene,
     speeds_within,
 )
 from cam_rig.simulation.scene import LoadedScene, speeds_of
@@ -190,7 +190,7 @@ CAM_RPM = tuple(range(200, 401, 10))
 
 
 @checked
-def orders(
+def order_spectrum(
     source: str | Path | CamConfig | LoadedScene,
     rpm: Speeds | None = None,
     *,
@@ -230,7 +230,7 @@ def orders(
     Examples
     --------
     >>> import cam_rig
-    >>> found = cam_rig.orders("poly345", rpm=300, orders=10)
+    >>> found = cam_rig.order_spectrum("poly345", rpm=300, orders=10)
     >>> int(found.to_pandas().order.max())
     10
     """
@@ -254,11 +254,11 @@ def _resolve_source(
         require_sprung(path, loaded)
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
         if rig is None:
-            rig = own_rig([path] if isinstance(path, Path) else [], CAM_RIG)
-        return law, title, asked_rig(rig), CAM_MODEL, [*map(float, CAM_RPM)]
-    scene = asked_scene(source)
+            rig = default_rig([path] if isinstance(path, Path) else [], CAM_RIG)
+        return law, title, resolve_rig(rig), CAM_MODEL, [*map(float, CAM_RPM)]
+    scene = resolve_scene(source)
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
-    chosen = scene.rig if rig is None else asked_rig(rig)
+    chosen = scene.rig if rig is None else resolve_rig(rig)
     return laws, scene.titles, chosen, scene.scene.model, speeds_of(scene.scene)
 
 

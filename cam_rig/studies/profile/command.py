@@ -136,7 +136,7 @@ def profile(
     if source is not None:
         return command_files.measure(request, first.cam, first.law)
     for check in first.failed if is_drawn and not force else ():
-        if check.vital:
+        if check.is_fatal:
             raise ProfileError(f"{first.cam.name}: {check}; or draw it with --force")
     if out is not None:
         command_files.write(request, first.cam, first.law, force)

@@ -17,6 +17,7 @@ from cam_rig.profile.checks import Check
 from cam_rig.profile.disc import Contour, contours
 from cam_rig.schema import CamConfig
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.inputs import Cam, resolve_cam
 from cam_rig.studies.profile.study import ProfileResult
 from cam_rig.units import FloatArray
 
@@ -56,7 +57,7 @@ class CamContour(Result):
     Examples
     --------
     >>> import cam_rig
-    >>> cam_rig.contour(cam_rig.load_cam("poly345"), points=360)
+    >>> cam_rig.contour("poly345", points=360)
     CamContour(poly345: 360 points, 1 disc(s))
     """
 
@@ -137,15 +138,15 @@ class CamContour(Result):
 
 
 @checked
-def contour(cam: CamConfig, points: int = 3600) -> CamContour:
+def contour(cam: Cam, points: int = 3600) -> CamContour:
     """Compute the contour of a cam at equal steps of the cam angle.
 
     The method is kinematic inversion.
 
     Parameters
     ----------
-    cam : Cam
-        Cam of `load_cam`.
+    cam : Cam, str or Path
+        Cam: its name in ``config/cams``, its path, or the object.
     points : int
         Points of one turn, 36 to 1 000 000 (default: 3600).
 
@@ -166,7 +167,7 @@ def contour(cam: CamConfig, points: int = 3600) -> CamContour:
     Examples
     --------
     >>> import cam_rig
-    >>> shape = cam_rig.contour(cam_rig.load_cam("poly345"), points=360)
+    >>> shape = cam_rig.contour("poly345", points=360)
     >>> round(float(shape.radius.min()) * 1e3, 1)  # mm
     65.0
     >>> all(check.passed for check in shape.checks)
@@ -178,6 +179,7 @@ def contour(cam: CamConfig, points: int = 3600) -> CamContour:
     """
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise ConfigError(f"points: is {points}; allowed: {MIN_POINTS} to {MAX_POINTS}")
+    cam = resolve_cam(cam)
     law = build_law(cam)
     cam_contours = contours(cam.follower, law, points)
     for disc in cam_contours:

@@ -89,7 +89,9 @@ class ProfileResult(Result):
                 of="check.passed",
                 cell=lambda row: "ok" if row.check.passed else "fails",
             ),
-            Column("vital", of="check.vital", doc="a cam that fails cannot exist", hidden=True),
+            Column(
+                "is_fatal", of="check.is_fatal", doc="a cam that fails cannot exist", hidden=True
+            ),
         ),
         "cams": (
             Column("cam", of="cam.name"),

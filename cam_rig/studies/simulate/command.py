@@ -27,7 +27,7 @@ def listen(
     out: Annotated[Path, typer.Option(help="Sound file to write (WAV).")],
     cam: Annotated[str | None, typer.Option(help="One cam of the scene; by default all.")] = None,
     rpm: Annotated[
-        float | None, typer.Option(min=1.0, max=1e5, help="One speed; by default the program's.")
+        float | None, typer.Option(min=1.0, max=1e5, help="One speed; by default the schedule's.")
     ] = None,
     seconds: Annotated[
         float | None,
@@ -50,7 +50,7 @@ def listen(
     cam-rig listen tm21_sweep --cam tm21 --rpm 380 --out out/tm21_380.wav --json -
     """
     from cam_rig.acoustics.sound_level_meter import pcm
-    from cam_rig.simulation.asked import asked_scene
+    from cam_rig.simulation.inputs import resolve_scene
     from cam_rig.studies.simulate.sound import audition
     from cam_rig.studies.simulate.sound import listen as record
 
@@ -60,9 +60,9 @@ def listen(
     if seconds is not None and rpm is None:
         raise ConfigError(
             f"--seconds is {seconds:g} without --rpm; allowed: both, or neither for the times of "
-            "the scene's program"
+            "the scene's schedule"
         )
-    loaded = audition(asked_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
+    loaded = audition(resolve_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
     result = record(loaded, RATE, out, progress)
     with writing(out) as part, wave.open(str(part), "wb") as file:
         file.setnchannels(1)
@@ -76,7 +76,7 @@ def listen(
 def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
     """Run a scene without ROS: one row per cam and speed, and the noise of each cam.
 
-    A row contains level, peak and least force, lift-off rate, longest flight, hardest landing and
+    A row contains level, peak and least force, lift-off rate, longest flight, fastest landing and
     torque of the settled turns.
 
     In Python: cam_rig.run_scene(scene)

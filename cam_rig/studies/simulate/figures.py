@@ -85,12 +85,12 @@ def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
 @styled
 def turn_by_turn(result: SoundLevel) -> Figure:
     """Plot the level of each turn, and that of the settled turns."""
-    by_turn, settle_turns, level = result.by_turn, result.settle_turns, result.level_db
+    by_turn, transient_turns, level = result.by_turn, result.transient_turns, result.level_db
     out = empty(3.4)
     axes = out.subplots()
     turn = np.arange(1, by_turn.size + 1)
     axes.plot(turn, by_turn, "o", color=series(0)["color"], label="one turn")
-    settled = np.array([settle_turns + 0.5, by_turn.size + 0.5])
+    settled = np.array([transient_turns + 0.5, by_turn.size + 0.5])
     axes.plot(
         settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
     )
@@ -151,7 +151,7 @@ def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
     for tick in run.blocks():
         rpm = next((speed for speed in speeds if tick.is_of(None, speed)), None)
         if rpm is not None:
-            empty_turn = deque[TickSamples](maxlen=scene.program.ticks_per_turn)
+            empty_turn = deque[TickSamples](maxlen=scene.schedule.ticks_per_turn)
             last_turns.setdefault(tick.cam, {}).setdefault(rpm, empty_turn).append(tick)
     return {
         run.loaded.cams[cam].title: [

@@ -18,6 +18,7 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import explain
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.inputs import LawOrCam, RequiredRig, resolve_law, resolve_rig
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
@@ -92,7 +93,7 @@ class FollowerMotion(NamedRows, Result):
     @property
     def rpm(self) -> float:
         """Cam speed, rpm."""
-        return self.scene.program.speeds.numbers[0]
+        return self.scene.schedule.speeds.numbers[0]
 
     def __repr__(self) -> str:
         run = f"{self.law.name} on {self.rig.name}, {self.scene.model}, {self.rpm:g} rpm"
@@ -108,8 +109,8 @@ class FollowerMotion(NamedRows, Result):
 
 @checked
 def simulate(
-    law: Law,
-    rig: RigConfig,
+    law: LawOrCam,
+    rig: RequiredRig,
     *,
     model: str = "one_mass",
     rpm: float,
@@ -123,9 +124,10 @@ def simulate(
 
     Parameters
     ----------
-    law : Law
-        Result of `build_law`, or a user-defined `Law`.
-    rig : RigConfig
+    law : Law, Cam, str or Path
+        Motion law, or a cam: its name in ``config/cams``, its path, or the object.
+    rig : Rig, str or Path
+        Rig: its name in ``config/rigs``, its path, or the object.
     model : str
         ``one_mass`` (rigid, with lift-offs and landings), ``two_mass`` (eq. 14-19 of the paper),
         ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss of
@@ -153,14 +155,13 @@ def simulate(
     Examples
     --------
     >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> rig = cam_rig.load_rig("paper_table2")
-    >>> motion = cam_rig.simulate(law, rig, model="two_mass", rpm=450, turns=3, sample_rate=48_000)
+    >>> motion = cam_rig.simulate("poly345", "paper_table2", model="two_mass", rpm=450, turns=3)
     >>> motion.time.shape, round(float(motion.lift.max()) * 1e3, 2)  # mm
     ((19200,), 50.0)
     >>> [event.kind for event in motion.events][:2]
     ['lift-off', 'landing']
     """
+    law, rig = resolve_law(law), resolve_rig(rig)
     scene = scene_of("simulate", [CAM], rig, model, [rpm], turns, 0, sample_rate, ramp)
     count = turns * 60.0 / rpm * sample_rate
     if count > MAX_TOTAL_SAMPLES:
@@ -189,7 +190,7 @@ def scene_of(
     model: str,
     rpm: list[float],
     turns: float,
-    settle_turns: float,
+    transient_turns: float,
     sample_rate: int,
     ramp: float | None,
 ) -> SceneConfig:
@@ -202,10 +203,10 @@ def scene_of(
     def number(value: object, unit: str) -> dict[str, object]:
         return {"assumed": value, "unit": unit, "source": f"argument of {function}"}
 
-    program = {
+    schedule = {
         "speeds": number(rpm, "rpm"),
         "turns": number(turns, "turns"),
-        "settle_turns": number(settle_turns, "turns"),
+        "transient_turns": number(transient_turns, "turns"),
         "ramp": None if ramp is None else number(ramp, "s"),
     }
     data = {
@@ -215,10 +216,10 @@ def scene_of(
         "rig": rig.name,
         "model": model,
         "sample_rate": number(sample_rate, "Hz"),
-        "program": program,
+        "schedule": schedule,
     }
     try:
         return SceneConfig.model_validate(data)
     except ValidationError as error:
-        text = explain(error, SceneConfig).replace("program.speeds", "rpm")
-        raise ConfigError(f"{function}: {text.replace('program.', '')}") from None
+        text = explain(error, SceneConfig).replace("schedule.speeds", "rpm")
+        raise ConfigError(f"{function}: {text.replace('schedule.', '')}") from None

@@ -43,7 +43,7 @@ class SoundLevel(Result):
         Level of the settled turns, dB.
     by_turn : (n,) array
         Level of every turn at that speed, including those left out, dB.
-    settle_turns : int
+    transient_turns : int
         Number of turns left out at the start.
     calibrated_on : str
         Cam to whose measured levels the rig's acoustic constants were fitted. It is empty if the
@@ -69,7 +69,7 @@ class SoundLevel(Result):
     rpm: float
     level_db: float
     by_turn: FloatArray
-    settle_turns: int
+    transient_turns: int
     calibrated_on: str
 
     @property
@@ -86,7 +86,7 @@ class SoundLevel(Result):
     def tables(self) -> list[Records]:
         """Return the tables ``turns`` and ``level``, which is only exported."""
         turns = enumerate(self.by_turn.tolist(), start=1)
-        rows = [(turn, level, turn > self.settle_turns) for turn, level in turns]
+        rows = [(turn, level, turn > self.transient_turns) for turn, level in turns]
         return [
             self.table("turns", str(self), rows),
             self.table("level", "", [self], single=True, hidden=True),
@@ -97,7 +97,7 @@ class SoundLevel(Result):
 
 
 @checked
-def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
+def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLevel:
     """Compute the sound level of a motion at the rig's microphone.
 
     It is equal to the level of a scene at the same speed.
@@ -106,7 +106,7 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     ----------
     motion : FollowerMotion
         Result of `simulate`.
-    settle_turns : int
+    transient_turns : int
         Number of turns left out at the start, less than the number of turns.
 
     Returns
@@ -127,16 +127,16 @@ def sound_level(motion: FollowerMotion, *, settle_turns: int = 1) -> SoundLevel:
     83.7 dB at 300 rpm (calibrated on poly345)
     """
     ticks = [tick for tick in _measured_ticks(motion) if tick.steady]
-    if not 0 <= settle_turns < len(ticks):
+    if not 0 <= transient_turns < len(ticks):
         raise ConfigError(
-            f"settle_turns: {settle_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
+            f"transient_turns: {transient_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
             f"{len(ticks)} turns of the motion"
         )
-    levels = step_levels(ticks, settle_turns)[CAM]
+    levels = step_levels(ticks, transient_turns)[CAM]
     by_turn = level_db(np.array([tick.pressure for tick in ticks]))
     by_turn.setflags(write=False)
     level = levels[ticks[0].start.speed]
-    return SoundLevel(motion.rpm, level, by_turn, settle_turns, _calibrated_on(motion))
+    return SoundLevel(motion.rpm, level, by_turn, transient_turns, _calibrated_on(motion))
 
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
@@ -169,7 +169,7 @@ def audition(
     cam : str or None
         Name of a cam (None: all cams).
     rpm : float or None
-        Cam speed, rpm (None: the scene's program).
+        Cam speed, rpm (None: the scene's schedule).
     seconds : float
         Duration of `rpm`, rounded up to whole turns, s.
     rate : int
@@ -181,9 +181,9 @@ def audition(
     data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
     if rpm is not None:
         turns = max(1, math.ceil(seconds * rpm / 60.0))
-        data["program"]["speeds"] = {"assumed": [rpm], "unit": "rpm"}
-        data["program"]["turns"] = {"assumed": turns, "unit": "turns"}
-        data["program"]["settle_turns"] = {"assumed": 0, "unit": "turns"}
+        data["schedule"]["speeds"] = {"assumed": [rpm], "unit": "rpm"}
+        data["schedule"]["turns"] = {"assumed": turns, "unit": "turns"}
+        data["schedule"]["transient_turns"] = {"assumed": 0, "unit": "turns"}
     return replace(loaded, scene=SceneConfig.model_validate(data))
 
 

@@ -16,9 +16,9 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
+from cam_rig.simulation.inputs import Cams, Rig, Speeds, resolve_cams, resolve_speeds
 from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
 from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene, load_scene
 from cam_rig.simulation.schedule import tick_count
@@ -39,13 +39,13 @@ SPEEDS = (
     Column("rpm", "rpm", ".6g", "speed"),
     Column("turns", doc="settled turns with samples", hidden=True),
     Column("level", "dB", ".1f", of="level_db", doc="re 20 µPa, unweighted"),
-    Column("force_peak", "N", ".1f", "peak force", doc="of the samples"),
-    Column("force_least", "N", ".1f", "least force", doc="of the samples"),
+    Column("peak_force", "N", ".1f", "peak force", doc="of the samples"),
+    Column("min_force", "N", ".1f", "least force", doc="of the samples"),
     Column("lift_offs", "1/turn", ".3g", "lift-off rate"),
     Column("flight", "ms", ".2f", "longest flight"),
-    Column("landing", "N·s", ".3f", "hardest landing"),
-    Column("torque_peak", "N·m", ".2f", "peak torque", doc="of the samples"),
-    Column("torque_least", "N·m", ".2f", "least torque", doc="of the samples"),
+    Column("landing", "N·s", ".3f", "fastest landing"),
+    Column("peak_torque", "N·m", ".2f", "peak torque", doc="of the samples"),
+    Column("min_torque", "N·m", ".2f", "least torque", doc="of the samples"),
     Column("torque_mean", "N·m", ".3f", "mean torque"),
 )
 
@@ -54,7 +54,7 @@ SPEEDS = (
 BOUNCING = Footnote(
     "The follower bounces without end and is never at rest on the cam, so no sample has a contact "
     "force, only the impulses of landings.",
-    lambda row: bool(row.force_peak == 0.0),
+    lambda row: bool(row.peak_force == 0.0),
     "*",
 )
 
@@ -162,7 +162,7 @@ class SceneRun(Result):
 
     @cached_property
     def _levels(self) -> dict[str, dict[float, float]]:
-        levels = step_levels(self.ticks, self.loaded.scene.program.settle_turns.si)
+        levels = step_levels(self.ticks, self.loaded.scene.schedule.transient_turns.si)
         if not self.loaded.missing_for_sound:
             require_ticks(levels, str(self.source))
         return levels
@@ -216,7 +216,7 @@ class SceneRun(Result):
         --------
         >>> import cam_rig
         >>> for row in cam_rig.read_bag("bags/golden").by_speed[2:4]:
-        ...     print(row.cam, row.rpm, round(row.force_peak, 1), round(row.lift_offs, 6))
+        ...     print(row.cam, row.rpm, round(row.peak_force, 1), round(row.lift_offs, 6))
         tm21 350.0 92.8 1.0
         tm21 400.0 114.0 1.0
         """
@@ -351,7 +351,7 @@ def sweep(
     rpm: Speeds,
     model: str = "one_mass",
     turns: float = 4.0,
-    settle_turns: float = 2.0,
+    transient_turns: float = 2.0,
     sample_rate: int = 48_000,
     ramp: float | None = None,
     progress: Progress = NULL_PROGRESS,
@@ -373,7 +373,7 @@ def sweep(
         Model of the follower, see `simulate`.
     turns : float
         Number of turns at each speed.
-    settle_turns : float
+    transient_turns : float
         Number of these turns before the measurement starts.
     sample_rate : int
         Hz.
@@ -400,10 +400,10 @@ def sweep(
     >>> [(row.rpm, round(row.lift_offs), round(row.level_db, 1)) for row in run.by_speed]
     [(300.0, 0, 83.7), (450.0, 1, 92.5)]
     """
-    cam_set = asked_cams(cams, rig)
-    names, speeds = list(cam_set.cams), asked_speeds(rpm)
-    program = turns, settle_turns, sample_rate, ramp
-    scene = scene_of("sweep", names, cam_set.rig, model, speeds, *program)
+    cam_set = resolve_cams(cams, rig)
+    names, speeds = list(cam_set.cams), resolve_speeds(rpm)
+    schedule = turns, transient_turns, sample_rate, ramp
+    scene = scene_of("sweep", names, cam_set.rig, model, speeds, *schedule)
     loaded = LoadedScene(
         scene,
         cam_set.rig,

@@ -15,13 +15,13 @@ from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema.load import one_scene
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import (
+from cam_rig.simulation.inputs import (
     Cams,
     Rig,
     Speeds,
-    asked_cams,
-    asked_speeds,
     listed,
+    resolve_cams,
+    resolve_speeds,
     scene_speeds,
 )
 from cam_rig.units import RPM
@@ -210,10 +210,10 @@ def vibration(
     >>> result.to_pandas().cam.tolist()
     ['poly345', 'cycloidal']
     """
-    cam_set, scene = asked_cams(cams, rig), one_scene(listed(cams))
+    cam_set, scene = resolve_cams(cams, rig), one_scene(listed(cams))
     if rpm is None:
         rpm = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
-    return measure(cam_set, asked_speeds(rpm), progress)
+    return measure(cam_set, resolve_speeds(rpm), progress)
 
 
 #: Computation that needs the stem, for the error message of a rig without stem.

@@ -15,7 +15,7 @@ def test_calibration_repeats_the_rig_file(printed_by):
     assert "written" not in printed
     found, rig = calibrate.study(), cam_rig.load_rig("tm21")
     assert found.gain == pytest.approx(rig.radiation.gain.si, rel=1e-4)  # five digits in the file
-    assert found.corner == pytest.approx(rig.radiation.corner.si, rel=1e-4)
+    assert found.corner_frequency == pytest.approx(rig.radiation.corner_frequency.si, rel=1e-4)
 
 
 #: The geometry in config/cams/tm21.yaml, with its residual.
@@ -30,7 +30,7 @@ def test_the_shipped_geometry_has_its_residual(printed_by, monkeypatch):
     lift = cam_rig.build_law(cam)(angles)
     assert cam_rig.build_law(made)(angles) == pytest.approx(lift, abs=1e-9)
     scene = cam_rig.load_scene("tm21_sweep")
-    rpm = np.array(scene.scene.program.speeds.numbers)
+    rpm = np.array(scene.scene.schedule.speeds.numbers)
     left = levels(made, rpm) - scene.published_levels("tm21", rpm)
     assert round(float(np.sqrt(np.mean(left**2))), 2) == SHIPPED.rms
     monkeypatch.setattr(identify, "study", lambda _: SHIPPED)

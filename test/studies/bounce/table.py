@@ -140,9 +140,9 @@ class TwoInManyDigits:
 
         ``events`` are kinds near times (s).
         """
-        gap, opening, w, rate = numbers  # at angle 0 the table has s = 0 and ṡ = 0
-        flies = gap != 0 or opening != 0
-        state = [gap, opening, gap + w, opening + rate] if flies else [w, rate]
+        gap, gap_rate, w, rate = numbers  # at angle 0 the table has s = 0 and ṡ = 0
+        flies = gap != 0 or gap_rate != 0
+        state = [gap, gap_rate, gap + w, gap_rate + rate] if flies else [w, rate]
         start = mp.mpf(0)
         for near, kind in events:
             root = mp.findroot(

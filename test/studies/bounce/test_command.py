@@ -14,7 +14,7 @@ from cam_rig.studies.bounce import rows as module
 from ...cli import conftest as cli
 
 done, data_of = (partial(one, "bounce") for one in (cli.done, cli.data_of))
-SHORT = ("--turns", "20", "--settle", "60", "--restitution", "0.7")
+SHORT = ("--turns", "20", "--transient-turns", "60", "--restitution", "0.7")
 
 
 def rows_of(*words):
@@ -26,13 +26,13 @@ def test_rows_by_speed():
     """The CSV file contains the rows of the table."""
     rows = rows_of("tm21", "--rpm", "310,390,450", "--jobs", "1")
     assert [row["motion"] for row in rows] == ["in contact", "periodic", "periodic"]
-    assert [row["exponent"] == "" for row in rows] == [True, True, False]
-    assert float(rows[2]["exponent"]) == pytest.approx(-0.32, abs=0.01)
+    assert [row["lyapunov_exponent"] == "" for row in rows] == [True, True, False]
+    assert float(rows[2]["lyapunov_exponent"]) == pytest.approx(-0.32, abs=0.01)
 
 
 def test_rows_from_above_with_branches():
-    """--from above with --follow reports rows, branches and bifurcations."""
-    found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--follow", *SHORT)
+    """--from above with --continuation reports rows, branches and bifurcations."""
+    found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--continuation", *SHORT)
     assert [row["rpm"] for row in found["speeds"]] == list(range(414, 451, 4))
     folds = [one["rpm"] for one in found["bifurcations"] if one["kind"] == "fold"]
     assert min(abs(rpm - 418.8029) for rpm in folds) < 1e-3
@@ -41,13 +41,13 @@ def test_rows_from_above_with_branches():
 
 def test_a_sweep_over_mass_is_stored(tmp_path):
     """A sweep over the mass has one row per value, in the folder too."""
-    words = ("--rpm", "450", "--over", "mass", "--range", "1:1.4:0.2", "--out", str(tmp_path))
+    words = ("--rpm", "450", "--parameter", "mass", "--values", "1:1.4:0.2", "--out", str(tmp_path))
     rows = rows_of("tm21", *words, "--jobs", "1")
     assert [float(row["mass"]) for row in rows] == pytest.approx([1.0, 1.2, 1.4])
     assert list(tmp_path.glob("*.parquet"))
     words = ("--rig", "paper_table2", "--model", "two_mass", "--rpm", "400")
     (row,) = rows_of("poly345", *words)
-    assert float(row["exponent"]) == pytest.approx(float(row["exponent_2"]), rel=1e-6)
+    assert float(row["lyapunov_exponent"]) == pytest.approx(float(row["exponent_2"]), rel=1e-6)
 
 
 def test_a_long_table_shows_only_changes():
@@ -63,7 +63,7 @@ def test_a_long_table_shows_only_changes():
 
 pq = pytest.importorskip("pyarrow.parquet")
 
-HOW = {"restitution": 0.7, "turns": 20, "settle": 60}
+HOW = {"restitution": 0.7, "turns": 20, "transient_turns": 60}
 RPM = [310.0, 390.0, 420.0, 450.0]
 
 
@@ -81,7 +81,7 @@ def test_stored_rows_equal_computed_rows(tm21, tmp_path):
     assert rows.data() == cam_rig.bounce_map(*tm21, rpm=RPM, **HOW).data()
     again = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, resume=True, **HOW)
     assert again.data() == rows.data()
-    assert again.rows[0].exponent == -np.inf
+    assert again.rows[0].lyapunov_exponent == -np.inf
     table = pq.read_table(sorted(tmp_path.glob("*.parquet"))[0])
     units = {c.key: c.si_unit for c in rows.columns["speeds"]}
     assert {key: table.schema.field(key).metadata[b"unit"].decode() for key in units} == units
@@ -89,7 +89,13 @@ def test_stored_rows_equal_computed_rows(tm21, tmp_path):
 
 def test_rows_of_two_masses_are_stored(law, paper_rig, tmp_path):
     """Rows of two masses have four exponents and four state numbers per turn."""
-    how = {"model": "two_mass", "restitution": 0.5, "turns": 20, "settle": 40, "rpm": [400, 580]}
+    how = {
+        "model": "two_mass",
+        "restitution": 0.5,
+        "turns": 20,
+        "transient_turns": 40,
+        "rpm": [400, 580],
+    }
     rows = cam_rig.bounce_map(law, paper_rig, out=tmp_path, **how)
     assert rows.data() == cam_rig.bounce_map(law, paper_rig, **how).data()
     assert rows.rows[1].states.shape == (20, 4)

@@ -11,8 +11,8 @@ from cam_rig.studies.bounce.basins import basins
 from cam_rig.studies.bounce.motion import (
     IN_CONTACT,
     IRREGULAR,
-    NOT_TOLD,
     PERIODIC,
+    UNDETERMINED,
     _period,
     bouncing,
     motion_of,
@@ -39,12 +39,12 @@ def test_each_kind_of_motion_has_its_property(laws, seed):
         if turn_map.law.spans.size < 1000:  # hundreds of bounces on a noisy one enlarge a rounding
             grows = max(1.0, np.abs(run.derivatives[-motion.period :]).max())
             assert np.abs((state_later - last) / scale).max() < 1e-8 * grows
-        assert motion.exponent < 1e-6
+        assert motion.lyapunov_exponent < 1e-6
     elif motion.motion == IRREGULAR:
-        assert motion.exponent > motion.exponent_error > 0.0
+        assert motion.lyapunov_exponent > motion.exponent_error > 0.0
         assert (run.contact_times[-60:] == 0.0).all()
     else:
-        assert motion.motion == NOT_TOLD
+        assert motion.motion == UNDETERMINED
         assert motion.period is None
 
 
@@ -68,7 +68,7 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
         periods.append(_period(run.states[-200:] / turn_map.scale))
         motions.append(motion_of(turn_map, run, 200).motion)
     assert periods[0] != periods[1]
-    assert motions == [NOT_TOLD, NOT_TOLD]
+    assert motions == [UNDETERMINED, UNDETERMINED]
 
 
 def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
@@ -108,7 +108,7 @@ def test_two_motions_at_one_speed(two):
 @pytest.mark.parametrize("position", [(0, 0), (3, 5), (7, 2), (4, 4)])
 def test_a_start_ends_in_the_reported_motion(two, position):
     """A run from a start of the grid ends in the reported motion."""
-    start = float(two.gap[position[1]]), float(two.opening[position[0]])
+    start = float(two.gap[position[1]]), float(two.gap_rate[position[0]])
     run = StroboscopicMap(two.law, two.parameters, two.rpm * RPM).run(240, start)
     motion = two.motions[two.ends[position]]
     if motion.motion == PERIODIC:
@@ -132,7 +132,7 @@ def test_data_has_one_row_per_start(two):
     data = two.data()
     assert len(data["starts"]) == two.ends.size
     assert data["starts"][1]["gap"] == pytest.approx(two.gap[1])
-    assert data["starts"][8]["opening"] == pytest.approx(two.opening[1])
+    assert data["starts"][8]["gap_rate"] == pytest.approx(two.gap_rate[1])
     names = [two.motions[i].name for i in two.ends.ravel()]
     assert [row["name"] for row in data["starts"]] == names
 

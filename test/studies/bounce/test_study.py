@@ -9,7 +9,7 @@ import pytest
 import cam_rig
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.studies.bounce.branches import Family
-from cam_rig.studies.bounce.motion import IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC, UNDETERMINED
 from cam_rig.studies.bounce.result import ABOVE
 from cam_rig.studies.bounce.sweep import MASS, PRELOAD, RESTITUTION
 from cam_rig.units import RPM
@@ -19,20 +19,22 @@ from cam_rig.units import RPM
 def tm21(laws, rig):
     """The paper's cam and follower with restitution 0.7, each row from rest."""
     speeds = [310, 380, 390, 400, 420, 450, 500, 550]
-    return cam_rig.bounce_map(laws["tm21"], rig, rpm=speeds, restitution=0.7, turns=60, settle=300)
+    return cam_rig.bounce_map(
+        laws["tm21"], rig, rpm=speeds, restitution=0.7, turns=60, transient_turns=300
+    )
 
 
 def test_exponents(tm21):
     """An exponent is −∞ at rest, positive if irregular, else that of the multipliers."""
     for row in tm21.rows:
-        if row.rests:
-            assert row.exponent == -math.inf
+        if row.comes_to_rest:
+            assert row.lyapunov_exponent == -math.inf
         elif row.motion == IRREGULAR:
-            assert row.exponent > row.exponent_error > 0.0
+            assert row.lyapunov_exponent > row.exponent_error > 0.0
         else:
             motion = Family(tm21.law, tm21.sweep, row.period).at(row.rpm * RPM, row.end)
             expected = math.log(np.abs(motion.multipliers).max()) / row.period
-            assert row.exponent == pytest.approx(expected, abs=1e-7)
+            assert row.lyapunov_exponent == pytest.approx(expected, abs=1e-7)
             assert motion.stable
 
 
@@ -40,10 +42,10 @@ def test_turns_of_an_irregular_motion_all_differ(tm21):
     """All 60 landings of an irregular motion differ, and a period is stored once."""
     for row in tm21.rows:
         if row.motion == IRREGULAR:
-            assert len(row.hardest) == 60
-            assert np.diff(np.sort(row.hardest)).min() > 0.0
+            assert len(row.max_landing_speed) == 60
+            assert np.diff(np.sort(row.max_landing_speed)).min() > 0.0
         else:
-            assert len(row.hardest) == (row.period or 1)
+            assert len(row.max_landing_speed) == (row.period or 1)
 
 
 def test_the_level_is_that_of_a_simulation(tm21, rig):
@@ -51,7 +53,7 @@ def test_the_level_is_that_of_a_simulation(tm21, rig):
     row = tm21.rows[1]
     bouncing = rig.with_follower(restitution=0.7)
     motion = cam_rig.simulate(tm21.law, bouncing, rpm=row.rpm, turns=20, sample_rate=12_000)
-    measured = cam_rig.sound_level(motion, settle_turns=4)
+    measured = cam_rig.sound_level(motion, transient_turns=4)
     assert row.level_db == pytest.approx(measured.level_db, abs=0.02)
     assert row.level_spread_db < 0.05
 
@@ -65,7 +67,10 @@ def test_the_level_of_an_irregular_motion_varies(tm21):
 
 def test_an_executor_gives_the_same_rows(tm21, rig):
     """Rows computed by an executor are equal to rows of this process."""
-    rpm, how = np.array([390.0, 450.0, 310.0]), {"restitution": 0.7, "turns": 60, "settle": 300}
+    rpm, how = (
+        np.array([390.0, 450.0, 310.0]),
+        {"restitution": 0.7, "turns": 60, "transient_turns": 300},
+    )
     with ThreadPoolExecutor(2) as pool:
         result = cam_rig.bounce_map(tm21.law, rig, rpm=rpm, executor=pool, **how)
     rows = result.data()["speeds"]
@@ -76,11 +81,11 @@ def test_data_of_a_map(tm21):
     """JSON has the keys of the table, null for −∞, and one entry per turn."""
     data = tm21.data()
     assert data["schema"] == "cam_rig.bounce.1"
-    assert data["speeds"][1]["exponent"] is None
-    assert data["speeds"][1]["rests"] is True
-    assert len(data["turns"]) == sum(row.hardest.size for row in tm21.rows)
+    assert data["speeds"][1]["lyapunov_exponent"] is None
+    assert data["speeds"][1]["comes_to_rest"] is True
+    assert len(data["turns"]) == sum(row.max_landing_speed.size for row in tm21.rows)
     assert data["bifurcations"] == []
-    assert "not told" not in " ".join(tm21.summary())
+    assert "undetermined" not in " ".join(tm21.summary())
     assert tm21.to_pandas("speeds").motion.tolist() == [row.motion for row in tm21.rows]
 
 
@@ -93,7 +98,7 @@ def test_the_first_lift_off_is_the_jump_speed(tm21, rig):
 @pytest.mark.parametrize("restitution", [0.0, 0.99])
 def test_at_the_ends_of_restitution(tm21, rig, restitution):
     """Restitution 0 gives one landing per turn, and 0.99 gives many."""
-    how = {"restitution": restitution, "turns": 20, "settle": 20}
+    how = {"restitution": restitution, "turns": 20, "transient_turns": 20}
     rows = cam_rig.bounce_map(tm21.law, rig, rpm=[340, 480], **how).rows
     assert all(row.landings_per_turn > 0.0 for row in rows)
     if restitution == 0.0:
@@ -104,21 +109,21 @@ def test_at_the_ends_of_restitution(tm21, rig, restitution):
 def test_a_follower_that_never_lands_is_undetermined(tm21, rig):
     """A follower without spring and preload never lands, and its exponent is NaN."""
     loose = rig.with_follower(spring_stiffness=1e-9, preload=0.0, damping=0.0)
-    how = {"restitution": 0.5, "turns": 20, "settle": 20}
+    how = {"restitution": 0.5, "turns": 20, "transient_turns": 20}
     (row,) = cam_rig.bounce_map(tm21.law, loose, rpm=[400], **how).rows
-    assert (row.motion, row.period, row.landings_per_turn) == (NOT_TOLD, None, 0.0)
-    assert math.isnan(row.exponent)
+    assert (row.motion, row.period, row.landings_per_turn) == (UNDETERMINED, None, 0.0)
+    assert math.isnan(row.lyapunov_exponent)
 
 
 def test_a_map_at_the_speed_of_a_fold(tm21, rig):
     """The map has a result at the very speed of a fold."""
-    how = {"restitution": 0.7, "turns": 40, "settle": 100, "start": ABOVE}
+    how = {"restitution": 0.7, "turns": 40, "transient_turns": 100, "start": ABOVE}
     result = cam_rig.bounce_map(tm21.law, rig, rpm=[418.8029066, 430], **how)
-    assert result.rows[0].motion in (PERIODIC, NOT_TOLD, IRREGULAR)
+    assert result.rows[0].motion in (PERIODIC, UNDETERMINED, IRREGULAR)
     assert result.rows[1].motion == PERIODIC
 
 
-OVER = {"over": RESTITUTION}
+SWEPT_RESTITUTION = {"parameter": RESTITUTION}
 
 
 @pytest.mark.parametrize(
@@ -126,19 +131,31 @@ OVER = {"over": RESTITUTION}
     [
         ({"rpm": []}, ConfigError, "rpm: is empty; allowed"),
         ({"turns": 19}, ConfigError, "turns: is 19; allowed: 20 or more"),
-        ({"settle": -1}, ConfigError, "settle: is -1; allowed: 0 or more"),
+        ({"transient_turns": -1}, ConfigError, "transient_turns: is -1; allowed: 0 or more"),
         ({"start": "left"}, ConfigError, "start: is 'left'; allowed: rest, below, above"),
         ({"restitution": 1.0}, DynamicsError, r"restitution is 1\.0; allowed"),
         ({"rpm": [-3.0]}, ConfigError, "rpm: is -3 rpm; allowed: 1 to"),
         ({"rpm": "fast"}, ConfigError, "rpm: is 'fast'"),
-        ({"over": "lift"}, ConfigError, "over: is 'lift'; allowed: rpm, restitution, preload"),
-        ({"values": [1.0]}, ConfigError, "values: is given where the speed is swept"),
-        ({"over": MASS}, ConfigError, "values: are 0 of mass; allowed: 1 to"),
-        ({"over": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
-        ({"over": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
-        (OVER | {"values": [1.0], "restitution": None}, DynamicsError, r"is 1\.0; allowed"),
-        (OVER | {"values": [0.5]}, ConfigError, "restitution: is what is swept"),
-        ({"over": MASS, "values": [1.0], "rpm": [1, 2]}, ConfigError, "are 2 speeds over mass"),
+        (
+            {"parameter": "lift"},
+            ConfigError,
+            "parameter: is 'lift'; allowed: rpm, restitution, preload",
+        ),
+        ({"values": [1.0]}, ConfigError, "values: is for a swept parameter other than rpm"),
+        ({"parameter": MASS}, ConfigError, "values: mass must have 1 to"),
+        ({"parameter": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
+        ({"parameter": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
+        (
+            SWEPT_RESTITUTION | {"values": [1.0], "restitution": None},
+            DynamicsError,
+            r"is 1\.0; allowed",
+        ),
+        (SWEPT_RESTITUTION | {"values": [0.5]}, ConfigError, "restitution: cannot be combined"),
+        (
+            {"parameter": MASS, "values": [1.0], "rpm": [1, 2]},
+            ConfigError,
+            "mass is swept at one speed, got 2",
+        ),
         ({"model": "two_mass"}, ConfigError, "stem_damping: are missing; needed by two masses"),
         ({"model": "torsional"}, ConfigError, "is 'torsional'; allowed: one_mass, two_mass"),
     ],

@@ -72,41 +72,43 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
 
 
 @pytest.mark.parametrize(
-    ("over", "values"),
+    ("parameter", "values"),
     [(RESTITUTION, [0.3, 0.62, 0.9]), (PRELOAD, [6.0, 20.0, 50.0]), (MASS, [0.8, 1.0, 1.7])],
 )
-def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, over, values):
+def test_a_swept_row_equals_the_row_of_such_a_rig(laws, rig, parameter, values):
     """A swept row equals the row of a rig with that number."""
-    fixed = {} if over == RESTITUTION else {"restitution": 0.7}
-    how = {"turns": 20, "settle": 80}
+    fixed = {} if parameter == RESTITUTION else {"restitution": 0.7}
+    how = {"turns": 20, "transient_turns": 80}
     result = cam_rig.bounce_map(
-        laws["tm21"], rig, rpm=450, over=over, values=values, **fixed, **how
+        laws["tm21"], rig, rpm=450, parameter=parameter, values=values, **fixed, **how
     )
     rows = result.data()["speeds"]
-    assert [row[over] for row in rows] == values
+    assert [row[parameter] for row in rows] == values
     assert [row["rpm"] for row in rows] == [450.0] * 3
-    shown = [c.key for c in result.tables()[0].columns if c.key in (SPEED, over) and not c.hidden]
-    assert shown == [over]
+    shown = [
+        c.key for c in result.tables()[0].columns if c.key in (SPEED, parameter) and not c.hidden
+    ]
+    assert shown == [parameter]
     for row, value in zip(rows, values, strict=True):
-        alone = rig.with_follower(**({"restitution": 0.7} | {over: value}))
+        alone = rig.with_follower(**({"restitution": 0.7} | {parameter: value}))
         assert row == cam_rig.bounce_map(laws["tm21"], alone, rpm=450, **how).data()["speeds"][0]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("over", [PRELOAD, pytest.param(MASS, marks=pytest.mark.long)])
+@pytest.mark.parametrize("parameter", [PRELOAD, pytest.param(MASS, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
 )
-def test_windows_over_preload_and_mass(over, restitution):
+def test_windows_over_preload_and_mass(parameter, restitution):
     """Fold and doubling over preload and mass are at the closed forms of A ω² m/P."""
     fold_ratio, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.5 * (fold_ratio + doubling))
     base = OperatingPoint(ball(restitution), speed)
-    sweep = Sweep(base, over)
-    start = Family(LAW, sweep, 1).at(getattr(base, over), state)
+    sweep = Sweep(base, parameter)
+    start = Family(LAW, sweep, 1).at(getattr(base, parameter), state)
     ratios = {}
     for up in (False, True):
-        ends = 0.1 * getattr(base, over), 10.0 * getattr(base, over)
+        ends = 0.1 * getattr(base, parameter), 10.0 * getattr(base, parameter)
         for bifurcation in Family(LAW, sweep, 1).follow(start, *ends, up)[1]:
             ratios.setdefault(
                 bifurcation.kind,
@@ -129,9 +131,9 @@ def test_contact_is_lost_at_the_closed_form():
 
 def test_bifurcations_of_a_map_over_preload(laws, rig):
     """Bifurcations are in order and include the first lift-off."""
-    how = {"restitution": 0.7, "turns": 20, "settle": 100, "follow": True}
+    how = {"restitution": 0.7, "turns": 20, "transient_turns": 100, "continuation": True}
     values = np.arange(14.0, 34.0, 2.0)
-    result = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=PRELOAD, values=values, **how)
+    result = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, parameter=PRELOAD, values=values, **how)
     preloads = [row["preload"] for row in result.data()["bifurcations"]]
     assert preloads == sorted(preloads)
     assert result.lift_off in preloads

@@ -114,13 +114,13 @@ def test_classes_and_exponents(law, paper_rig, two_mass):
 
     Above the jump speed the motion is irregular.
     """
-    how = {"model": "two_mass", "restitution": 0.5, "turns": 60, "settle": 200}
+    how = {"model": "two_mass", "restitution": 0.5, "turns": 60, "transient_turns": 200}
     result = cam_rig.bounce_map(law, paper_rig, rpm=[400, 445, 580], **how)
     assert [row.motion for row in result.rows] == [IN_CONTACT, PERIODIC, IRREGULAR]
     decay = 0.5 * (two_mass.stem_damping + two_mass.damping) / two_mass.end_mass * 60.0 / 400.0
     np.testing.assert_allclose(result.rows[0].exponents[:2], -decay, rtol=1e-9)
     assert result.rows[0].exponents[2:] == (-math.inf, -math.inf)
-    assert result.rows[2].exponent > result.rows[2].exponent_error > 0.0
+    assert result.rows[2].lyapunov_exponent > result.rows[2].exponent_error > 0.0
     rows = result.data()["speeds"]
     assert rows[0]["exponent_2"] == pytest.approx(-decay)
     assert rows[0]["exponent_3"] is None
@@ -165,19 +165,25 @@ def test_a_branch_of_two_masses(laws, last):
 
 def test_two_masses_over_a_number(law, paper_rig):
     """A swept mass keeps its split, and contact is lost at zero of the steady force."""
-    how = {"model": "two_mass", "restitution": 0.3, "turns": 20, "settle": 40, "rpm": 410}
-    result = cam_rig.bounce_map(law, paper_rig, over=MASS, values=[0.9, 1.6], **how)
+    how = {"model": "two_mass", "restitution": 0.3, "turns": 20, "transient_turns": 40, "rpm": 410}
+    result = cam_rig.bounce_map(law, paper_rig, parameter=MASS, values=[0.9, 1.6], **how)
     assert result.swept(result.rows) == pytest.approx([0.9, 1.6])
     p = result.rows[0].point.parameters
     assert p.roller_mass / (p.roller_mass + p.end_mass) == pytest.approx(0.4)
-    result = cam_rig.bounce_map(law, paper_rig, over=PRELOAD, values=[10, 15, 20, 50], **how)
+    result = cam_rig.bounce_map(law, paper_rig, parameter=PRELOAD, values=[10, 15, 20, 50], **how)
     assert 15.0 < result.lift_off < 20.0
     assert [row.motion == IN_CONTACT for row in result.rows] == [False, False, True, True]
 
 
 def test_rows_from_above_start_in_the_state_above(law, paper_rig):
     """A row of --from above starts in the end state of the row above, with the stem."""
-    how = {"model": "two_mass", "restitution": 0.5, "turns": 20, "settle": 20, "start": ABOVE}
+    how = {
+        "model": "two_mass",
+        "restitution": 0.5,
+        "turns": 20,
+        "transient_turns": 20,
+        "start": ABOVE,
+    }
     slow, fast = cam_rig.bounce_map(law, paper_rig, rpm=[400, 450], **how).rows
     end = StroboscopicMap(law, slow.point.parameters, 400 * RPM).run(40, fast.end).states[-1]
     np.testing.assert_allclose(end, slow.end, rtol=1e-6, atol=1e-12)
@@ -205,7 +211,10 @@ def stepped():
 @pytest.fixture(scope="module")
 def exact(stepped, laws, rig):
     """Rows at the same speeds from roots and closed forms."""
-    rpm, how = [float(row["rpm"]) for row in stepped], {"turns": KEPT, "settle": TURNS - KEPT}
+    rpm, how = (
+        [float(row["rpm"]) for row in stepped],
+        {"turns": KEPT, "transient_turns": TURNS - KEPT},
+    )
     return cam_rig.bounce_map(laws["tm21"], rig, rpm=rpm, restitution=0.7, **how).rows
 
 

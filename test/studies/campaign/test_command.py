@@ -95,7 +95,10 @@ BAD = (
     ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "bar"}}}, "has unit 'bar'"),
     ({"vary": {"rig.follower.preload": {"unit": "N"}}}, "exactly one of"),
     ({"vary": {"rig.follower.preload": {"range": [2, 1], "unit": "N"}}}, "rising"),
-    ({"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}}, "no wavelength"),
+    (
+        {"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}},
+        "requires profile",
+    ),
     ({"vary": {"profile.size": {"uniform": 1, "unit": "%"}}}, "0 in the base"),
     ({"vary": {"profile.size.amplitude": SPREAD}}, "did you mean 'profile.size'?"),
     ({"vary": {"profile.eccentricity": SPREAD}}, "one of profile.eccentricity.amplitude, "),

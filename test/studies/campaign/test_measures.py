@@ -43,7 +43,7 @@ def test_measures_are_those_of_the_commands(measured):
     expected = [
         cam_rig.jump_speed(LAW, RIG).rpm,
         cam_rig.jump_speed(LAW, RIG, duration=None).rpm,
-        cam_rig.sound_level(motion, settle_turns=30).level_db,
+        cam_rig.sound_level(motion, transient_turns=30).level_db,
         4030.0 * 0.05 + 30.6,  # at the top, where spring and preload alone press
     ]
     assert measures == pytest.approx(expected, rel=2e-6)
@@ -112,13 +112,13 @@ def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
     point = make_point(campaign, np.array([30.6]))
     rows = []
     for turns in (2.0, 10.0):
-        program = point.scene.program
-        turned = program.turns.model_copy(update={"assumed": turns})
-        program = program.model_copy(update={"turns": turned})
-        scene = scene_at(point.scene.model_copy(update={"program": program}), 300 * RPM)
+        schedule = point.scene.schedule
+        turned = schedule.turns.model_copy(update={"assumed": turns})
+        schedule = schedule.model_copy(update={"turns": turned})
+        scene = scene_at(point.scene.model_copy(update={"schedule": schedule}), 300 * RPM)
         row, settled = steady_row(point.law, point.rig, scene, 300 * RPM)
         assert settled
-        rows.append([row.force_peak, row.force_least, row.torque_peak, row.level_db])
+        rows.append([row.peak_force, row.min_force, row.peak_torque, row.level_db])
     assert rows[0] == pytest.approx(rows[1], rel=FORCE_RTOL)
 
 

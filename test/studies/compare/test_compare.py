@@ -28,7 +28,7 @@ call = partial(run, "compare")
 @pytest.fixture
 def bench(tmp_path, make_loaded_scene):
     """Bag and scene of a bench: encoder, two sensors with a slow clock, microphone."""
-    loaded = make_loaded_scene(cams=["tm21"], speeds=[250, 400], turns=12, settle_turns=2)
+    loaded = make_loaded_scene(cams=["tm21"], speeds=[250, 400], turns=12, transient_turns=2)
     run = measured(loaded, slow=200e-6)
     topics = {
         "/encoder": (joint, run.angle.time, run.angle.value),
@@ -86,7 +86,7 @@ def test_a_scene_with_another_rig_differs(tmp_path):
 
 def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
     """The golden bag has two cams, and the scene has the first only."""
-    settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
+    settings = {"model": "one_mass", "transient_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
     assert refused.exit_code == 2 and "has no cam 'tm21', which the bag contains" in refused.stderr

@@ -33,7 +33,7 @@ BEHIND = OFFSET_DEG + 180.0 / COUNTS
 @pytest.fixture
 def scene(make_loaded_scene):
     def make(cam="poly345", speeds=(200, 300), **changes):
-        settings = {"turns": 12, "settle_turns": 2, "sample_rate": 8000, **changes}
+        settings = {"turns": 12, "transient_turns": 2, "sample_rate": 8000, **changes}
         return make_loaded_scene(cams=[cam], speeds=list(speeds), **settings)
 
     return make
@@ -135,7 +135,7 @@ def test_late_stamps_are_distinguished_from_an_offset(scene):
 @pytest.mark.slow
 def test_a_coarse_encoder_causes_no_clock_correction(scene):
     """Near a ramp 256 counts per turn give the angle to half a count."""
-    loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, settle_turns=0, ramp=0.81)
+    loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, transient_turns=0, ramp=0.81)
     for seed in range(3):
         pairs, _ = compared(measured(loaded, seed=seed, counts=256), loaded)
         assert pairs.alignment.drift == pairs.alignment.delay == 0.0
@@ -234,7 +234,7 @@ def test_an_hour_of_pause_is_not_time_left_out(scene, is_still):
     parts = {name: paused(getattr(run, name), fill) for name in ("angle", "lift", "force")}
     pairs, rows = compared(replace(run, level=None, **parts), loaded)
     assert all(row.lift.within for row in rows)
-    assert before.left_out <= pairs.left_out < 0.6
+    assert before.excluded <= pairs.excluded < 0.6
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
@@ -280,7 +280,7 @@ def test_another_restitution_shifts_the_events(scene):
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
     loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
     _, rows = compared(measured(machine), loaded)
-    (later,) = [one for one in largest_deviations(rows) if one.quantity == "events_later"]
+    (later,) = [one for one in largest_deviations(rows) if one.quantity == "event_delay"]
     assert later.value > 1e-3 and later.rpm > 440.0
     turn = rows[-1].drawn["force"]
     assert 0 < np.count_nonzero(~turn.away_from_jumps) < 0.1 * turn.away_from_jumps.size

@@ -49,7 +49,7 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope():
     assert torque.goal.result == pytest.approx(50.0 * slope.goal.result, rel=5e-4)
     assert torque.goal.bound is None
     assert not torque.certified
-    assert torque.multistart == Multistart(4, near=4)
+    assert torque.multistart == Multistart(4, starts_agreeing=4)
 
 
 def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path):

@@ -15,7 +15,7 @@ from cam_rig.schema import load_cam, load_rig, load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.studies.fit_cam.arcs import Arcs
 from cam_rig.studies.fit_cam.arcs_fit import fit_arcs
-from cam_rig.studies.fit_cam.files import arcs_cam, own_rig, own_scene, spline_cam
+from cam_rig.studies.fit_cam.files import arcs_cam, default_rig, own_scene, spline_cam
 from cam_rig.studies.fit_cam.spline_fit import fit_spline
 
 from ...cli.conftest import call, data_of, done
@@ -213,7 +213,7 @@ def test_digits_are_those_that_readings_tell(noise):
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
     """Every number of the rig is assumed. The scene has five speeds, at most 20000 rpm."""
     like = load_rig(config_dir / "rigs" / "tm21.yaml")
-    (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
+    (tmp_path / "rig.yaml").write_text(default_rig("mine", like), encoding="utf-8")
     rig = load_rig(tmp_path / "rig.yaml")
     assert rig.follower.mass.si == like.follower.mass.si
     assert {getattr(rig.follower, key).origin for key in ("mass", "preload")} == {"assumed"}
@@ -223,7 +223,7 @@ def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
     text, speeds = own_scene("mine", law, rig)
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     scene = load_scene(tmp_path / "scene.yaml")
-    assert scene.program.speeds.numbers == list(speeds)
+    assert scene.schedule.speeds.numbers == list(speeds)
     assert list(speeds) == sorted(speeds)
     assert len(speeds) == 5
     heavy = own_scene("mine", law, rig.with_follower(preload=1e9))[1]

@@ -80,7 +80,7 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
     """
     out = tmp_path / "bench.yaml"
     files = "--out", out, "--plot", tmp_path / "j.png", "--json", tmp_path / "j.json"
-    done("fit", "rig", jumps, "poly345", "--given", "damping=8.6", *files)
+    done("fit", "rig", jumps, "poly345", "--fix", "damping=8.6", *files)
     rig = cam_rig.load_rig(out)
     assert rig.follower.mass.origin == "identified"
     assert rig.follower.mass.si == pytest.approx(1.3, abs=0.05)
@@ -99,7 +99,7 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
 def test_an_empty_speed_is_no_reading(tmp_path, jumps):
     """A line without a speed is skipped; an empty mass in another line is an error."""
     jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
-    result = done("fit", "rig", jumps, "poly345", "--given", "damping=8.6")
+    result = done("fit", "rig", jumps, "poly345", "--fix", "damping=8.6")
     assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())
     for row, words in ((",8,469.7", "the mass is empty"), ("1,8", "has 2 cells")):
         jumps.write_text(TABLE.replace("1,8,469.7", row), encoding="utf-8")

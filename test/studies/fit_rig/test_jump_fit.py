@@ -116,8 +116,8 @@ def test_roller_share_is_identified(laws, paper_rig):
     law, truth = laws["cycloidal"], numbers_of(paper_rig, "stem_stiffness", "roller_share")
     truth |= {"stem_damping": truth["damping"], "restitution": 0.0}
     read, _ = table_of(law, truth, SET_UPS)
-    given = {name: truth[name] for name in ("damping", "stem_stiffness")}
-    found = values(fit_jumps(law, read, paper_rig.with_follower(mass=1.0), "two_mass", given))
+    fixed = {name: truth[name] for name in ("damping", "stem_stiffness")}
+    found = values(fit_jumps(law, read, paper_rig.with_follower(mass=1.0), "two_mass", fixed))
     assert found["mass"] == pytest.approx(truth["mass"], rel=1e-6)
     assert found["roller_share"] == pytest.approx(truth["roller_share"], rel=1e-6)
 
@@ -128,7 +128,7 @@ def test_intervals_contain_the_truth(law, rig):
     inside = 0
     for seed in range(10):
         read = table(law, noise=0.5, seed=seed)
-        fit = fit_jumps(law, read, rig, given={"damping": DAMPING}, error=0.5)
+        fit = fit_jumps(law, read, rig, fixed={"damping": DAMPING}, error=0.5)
         for number, truth in ((fit.numbers[0], OWN_MASS), (fit.numbers[1], PRELOAD)):
             inside += abs(number.value - truth) < 1.96 * number.error
     assert inside >= 16
@@ -156,12 +156,12 @@ def test_an_unidentified_mass_has_student_s_interval(law, rig):
     machine = MACHINE | {"mass": 0.8, "spring_stiffness": 4e3}
     read, _ = table_of(law, machine, [{"mass": on} for on in (0.0, 0.2, 0.4, 0.8, 1.2)])
     read = moved(read, (1.0, -1.0, 1.0, -1.0, 1.0))
-    fit = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    fit = fit_jumps(law, read, rig, fixed={"damping": DAMPING})
     mass, words = fit.numbers[0], " ".join(fit.conclusions())
     assert mass.value is None
     assert mass.reason.startswith("with 95 % it is below")
     assert "reach 4.3 standard errors" in words
-    fit = fit_jumps(law, read, rig, given={"damping": DAMPING, "mass": 0.8})
+    fit = fit_jumps(law, read, rig, fixed={"damping": DAMPING, "mass": 0.8})
     assert "reach 3.18 standard errors" in " ".join(fit.conclusions())
 
 
@@ -172,7 +172,7 @@ def test_a_column_of_total_masses_is_detected(law, rig):
         replace(r, known=r.known | {"mass": OWN_MASS + r.known["mass"]}) for r in read.readings
     ]
     fit = fit_jumps(law, replace(read, readings=tuple(total)), rig, error=0.5)
-    assert fit.numbers[0].reason.endswith("beside what was put on: is that the total mass?")
+    assert fit.numbers[0].reason.endswith("in addition to the added mass: is that the total mass?")
 
 
 def test_too_few_readings_are_refused(law, rig):
@@ -230,11 +230,11 @@ def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
 
     monkeypatch.setattr(jump_fit, "find_jump", counted)
     read = table(law, noise=0.5)
-    once = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    once = fit_jumps(law, read, rig, fixed={"damping": DAMPING})
     alone, count = count, 0
     both = [replace(r, speed=r.speed + d * RPM) for r in read.readings for d in (0.1, -0.1)]
     many = replace(read, readings=tuple(both * 500))
-    fit = fit_jumps(law, many, rig, given={"damping": DAMPING})
+    fit = fit_jumps(law, many, rig, fixed={"damping": DAMPING})
     assert count < 1.5 * alone
     assert values(fit)["mass"] == pytest.approx(values(once)["mass"], rel=1e-5)
     assert values(fit)["preload"] == pytest.approx(values(once)["preload"], rel=1e-4)

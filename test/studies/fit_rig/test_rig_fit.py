@@ -92,7 +92,7 @@ def test_flights_identify_the_restitution(law, rig):
     run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
     fit = fit_run(law, run, rig, "one_mass")
     require_true(fit, other, "restitution")
-    assert gauge(fit, "clock_fast_by") == pytest.approx(200e-6, abs=5e-6)
+    assert gauge(fit, "clock_drift") == pytest.approx(200e-6, abs=5e-6)
     assert np.degrees(gauge(fit, "encoder_offset")) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
     assert gauge(fit, "lift_noise") == pytest.approx(10e-6, rel=0.05)
     assert [segment.lift_offs > 0 for segment in fit.segments] == [False, False, True]
@@ -108,7 +108,7 @@ def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
     """
     errors = replace(QUICK, counts=100)
     fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT[:2], errors, 1), rig)
-    true = {"encoder_offset": errors.offset - np.pi / errors.counts, "clock_fast_by": errors.clock}
+    true = {"encoder_offset": errors.offset - np.pi / errors.counts, "clock_drift": errors.clock}
     found = {one.key: one for one in fit.instruments}
     off = {k: (found[k].value - value) / found[k].error for k, value in true.items()}
     assert max(map(abs, off.values())) < 4.0, off
@@ -141,7 +141,7 @@ def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
     free = fit_run(law, run, rig)
     assert [n.name for n in free.identified] == ["restitution"]
     assert "ratio to the mass" in numbers(free)["spring_stiffness"].reason
-    known = fit_run(law, run, rig, given={"mass": 1.3})
+    known = fit_run(law, run, rig, fixed={"mass": 1.3})
     require_true(known, other, "spring_stiffness", "damping")
     run = measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4)
     single = fit_run(law, replace(run, force=None), rig)
@@ -224,14 +224,14 @@ def test_invalid_runs_are_errors(law, rig):
     """Missing, constant or reversed signals and impossible values are errors."""
     run = measured_run(law, rig, "one_mass", (200.0,), QUICK, 1)
     force = run.force.value
-    for measured, given, words in (
+    for measured, fixed, words in (
         (replace(run, lift=None, force=None), {}, "neither lift nor contact force"),
         (with_force(run, 0.0 * force + 7.0), {}, "7 all the time"),
         (with_force(run, -force), {}, "turn its sign"),
         (run, {"mass": -1.0}, r"mass: -1 kg is given; allowed: from 1e-06 to"),
     ):
         with pytest.raises(ConfigError, match=words):
-            fit_run(law, measured, rig, given=given)
+            fit_run(law, measured, rig, fixed=fixed)
 
 
 def test_another_cam_identifies_no_parameter(law, laws, rig):
@@ -263,7 +263,7 @@ def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law, paper_rig)
     steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
     run = with_force(run, run.force.value + lfilter([1.0], [1.0, -0.9], steps))
     fit = fit_run(law, run, paper_rig, "two_mass")
-    assert fit.left_out == ()
+    assert fit.excluded == ()
     require_true(fit, paper_rig, "mass", "stem_stiffness")
 
 
@@ -279,7 +279,7 @@ def test_lifts_identify_a_rig_far_from_the_start(seed):
     law, other, jump = machine(("cycloidal", "bezier15")[seed % 2], "tm21", **own)
     rpms = 0.5 * jump, 1.08 * jump, 1.2 * jump
     run = replace(measured_run(law, other, "one_mass", rpms, seed=seed), force=None)
-    fit = fit_run(law, run, base, given={"mass": other.follower.mass.si})
+    fit = fit_run(law, run, base, fixed={"mass": other.follower.mass.si})
     require_true(fit, other, "spring_stiffness", "restitution")
 
 
@@ -287,8 +287,8 @@ def test_one_speed_in_contact_is_enough(rig):
     """One speed in contact is enough: no speed with flights is left out."""
     law, other, _ = machine("tm21", "tm21", mass=1.8)
     run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
-    fit = fit_run(law, run, rig, given={"restitution": 0.0})
-    assert fit.left_out == ()
+    fit = fit_run(law, run, rig, fixed={"restitution": 0.0})
+    assert fit.excluded == ()
     require_true(fit, other)
 
 

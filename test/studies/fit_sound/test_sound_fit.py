@@ -55,18 +55,18 @@ def save(tmp_path):
 @pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
 def test_recovers_gain_and_corner(scene, gain, corner):
     """The fit reproduces the constants of simulated levels."""
-    true = replace(scene.radiation, gain=gain, corner=corner)
+    true = replace(scene.radiation, gain=gain, corner_frequency=corner)
     found = cam_rig.fit_sound(levels_of(scene, true), scene)
     assert found.cam == "poly345"
     assert found.gain == pytest.approx(gain, rel=1e-4)
-    assert found.corner == pytest.approx(corner, rel=1e-4)
+    assert found.corner_frequency == pytest.approx(corner, rel=1e-4)
     assert found.rms < 1e-4
 
 
 def test_residual_is_the_rms_difference(scene):
     """Alternating errors of ±0.5 dB give a residual of 0.4 to 0.5 dB."""
     found = cam_rig.fit_sound(levels_of(scene, scene.radiation, 0.5), scene)
-    fitted = replace(scene.radiation, gain=found.gain, corner=found.corner)
+    fitted = replace(scene.radiation, gain=found.gain, corner_frequency=found.corner_frequency)
     residual = levels_of(scene, fitted)[:, 1] - levels_of(scene, scene.radiation, 0.5)[:, 1]
     assert [row.difference for row in found.levels] == pytest.approx(residual, abs=1e-9)
     assert found.rms == pytest.approx(float(np.sqrt(np.mean(residual**2))), rel=1e-9)
@@ -85,7 +85,7 @@ def test_residual_is_the_rms_difference(scene):
         ([[1e-300, 80], [300, 85], [400, 88]], "speed is 1e-300 rpm; allowed"),
         ([[200, 80j], [300, 85], [400, 88]], "array of complex128; allowed: .* real"),
         ([["a", "b"]], "array of <U1"),
-        ([[200, 75.6], [300, 83.4], [400, 89.9]], "do not determine the corner"),
+        ([[200, 75.6], [300, 83.4], [400, 89.9]], "do not determine the corner frequency"),
         ([[300, 80], [400, 85], [600, 90]], "cam 'poly345' loses contact at 600 rpm; allowed"),
     ],
 )
@@ -150,7 +150,7 @@ def test_a_dry_run_writes_nothing(scene, save):
     path, rig = save(levels_of(scene, scene.radiation)), config_root() / "rigs" / "tm21.yaml"
     before = rig.read_bytes()
     result = done("fit", "sound", path, "tm21_sweep", "--dry-run", "--json", "-")
-    assert json.loads(result.stdout)["sound"]["corner"] == pytest.approx(18.42, rel=1e-6)
+    assert json.loads(result.stdout)["sound"]["corner_frequency"] == pytest.approx(18.42, rel=1e-6)
     assert "gain 9.86e-05 Pa·s/N, corner 18.42 Hz" in result.stderr
     assert rig.read_bytes() == before
 
@@ -191,7 +191,7 @@ TEXT = """\
 # A comment that stays.
 radiation:
   gain: {assumed: 1.5e-4, unit: Pa*s/N}   # a guess
-  corner:
+  corner_frequency:
     given: 20  # of a paper
     unit: Hz
     source: >
@@ -216,12 +216,12 @@ def test_numbers_are_written_with_source_and_residual(path):
 
     Source and residual are replaced or added.
     """
-    numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner"): 18.4}
+    numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner_frequency"): 18.4}
     set_identified(path, {**numbers, ("segments", 0, "span"): 117.5}, 'a "fit"', "0.6 dB, 2 of 3")
     origin = {"source": 'a "fit"', "residual": "0.6 dB, 2 of 3"}
     read = read_yaml(path)
     assert read["radiation"]["gain"] == {"identified": 9.8e-5, "unit": "Pa*s/N", **origin}
-    assert read["radiation"]["corner"] == {"identified": 18.4, "unit": "Hz", **origin}
+    assert read["radiation"]["corner_frequency"] == {"identified": 18.4, "unit": "Hz", **origin}
     assert read["segments"][0]["span"] == {"identified": 117.5, "unit": "deg", **origin}
     assert read["segments"][1]["law"] == "Größe"
 
@@ -241,7 +241,7 @@ def test_writing_the_same_numbers_twice_gives_the_same_file(tmp_path, config_dir
         before = path.read_bytes()
         set_identified(path, {("radiation", "gain"): 1e-4}, "s", "r")
     assert path.read_bytes() == before
-    assert read_yaml(path)["radiation"]["corner"]["identified"] == 18.42
+    assert read_yaml(path)["radiation"]["corner_frequency"]["identified"] == 18.42
 
 
 def test_an_unwritable_file_raises_a_one_line_error(path, monkeypatch):

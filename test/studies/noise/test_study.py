@@ -96,7 +96,7 @@ def test_two_constants_are_those_of_the_rig_file(study, methods):
     """The rig file was calibrated by examples/paper/calibrate.py."""
     r, found = study.loaded.radiation, methods[0].acoustics.radiation
     assert found.gain == pytest.approx(r.gain, rel=1e-3)
-    assert found.corner == pytest.approx(r.corner, rel=1e-3)
+    assert found.corner_frequency == pytest.approx(r.corner_frequency, rel=1e-3)
     assert methods[0].shape == study.shape
 
 
@@ -230,7 +230,7 @@ def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
     """The speed response of one cam predicts the levels of another to 0.2 dB."""
     start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
-    true = start.with_constants(r.gain, r.corner, (0.5, -0.4, 0.3))
+    true = start.with_constants(r.gain, r.corner_frequency, (0.5, -0.4, 0.3))
     found = by_substitution(published_cam("poly345", true), start)
     assert published_cam("poly345", true).rms(found) < 0.02
     assert published_cam("bezier15", true).rms(found) < 0.2
@@ -245,11 +245,11 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
     acoustics = Acoustics(r, response)
     cam = published_cam("bezier15", acoustics)
     slope = sensitivity(cam, acoustics)
-    louder = cam.difference(acoustics.with_constants(r.gain * 1.001, r.corner, response))
+    louder = cam.difference(acoustics.with_constants(r.gain * 1.001, r.corner_frequency, response))
     np.testing.assert_allclose(louder, slope[:, 0] * np.log(1.001), rtol=1e-2, atol=1e-6)
     assert slope.shape == (SPEEDS.size, 4 if response else 2)
     if response:
-        tilted = acoustics.with_constants(r.gain, r.corner, (0.501, -0.4, 0.3))
+        tilted = acoustics.with_constants(r.gain, r.corner_frequency, (0.501, -0.4, 0.3))
         np.testing.assert_allclose(cam.difference(tilted), slope[:, 1] * 1e-3, rtol=1e-2, atol=1e-7)
 
 
@@ -259,7 +259,9 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
 def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, radiation):
     """The sum over harmonics is the exact mean square over a turn (Parseval), to 1e-3."""
     frequency = np.arange(1, HARMONICS + 1) * SPEEDS[:, None] / (2.0 * np.pi)
-    low_pass = STRUCTURES[0].transfer(np.log([radiation.gain, radiation.corner]), frequency)
+    low_pass = STRUCTURES[0].transfer(
+        np.log([radiation.gain, radiation.corner_frequency]), frequency
+    )
     for cam in ("poly345", "bezier15"):
         power = np.sum(low_pass * harmonic_power(laws[cam], follower, SPEEDS), axis=1)
         total = [steady_power(laws[cam], follower, radiation, s) for s in SPEEDS.tolist()]

@@ -17,7 +17,7 @@ from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
-from cam_rig.simulation.asked import speeds_in
+from cam_rig.simulation.inputs import speeds_in
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.studies.orders.spectrum import (
     force_orders,

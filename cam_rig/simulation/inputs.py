@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cam_rig.arguments import on_one_axis
+from cam_rig.arguments import checked, on_one_axis
 from cam_rig.errors import ConfigError
-from cam_rig.laws.cam import CamSet, cam_set
+from cam_rig.laws import Law
+from cam_rig.laws.cam import CamSet, cam_set, law_of, require_sprung
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig, load_scene, load_tables
 from cam_rig.schema.load import (
     cam_path,
@@ -31,6 +32,12 @@ from cam_rig.units import FloatArray
 #: One cam or several: names in ``config/cams``, paths or cams. One scene means its cams on its rig.
 #: None means the cams of the paper's Table 2.
 Cams = str | Path | CamConfig | Sequence[str | Path | CamConfig] | None
+#: A cam: a name in ``config/cams``, a path or a cam.
+Cam = str | Path | CamConfig
+#: A motion law, or the cam that has it.
+LawOrCam = Law | str | Path | CamConfig
+#: A rig that has no default: a name in ``config/rigs``, a path or a rig.
+RequiredRig = str | Path | RigConfig
 #: A rig: a name in ``config/rigs``, a path or a rig. None means the rig of the scene, or the
 #: only rig next to the cams, or paper_table2.
 Rig = str | Path | RigConfig | None
@@ -51,18 +58,18 @@ SLOWEST_RPM = 0.01
 FASTEST_RPM = 1e5
 
 
-def asked_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
+def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
     """Return cams with their laws on a rig, or the cams of one scene on its rig.
 
-    The default cams are those of the paper's Table 2. The default rig is that of `own_rig`.
+    The default cams are those of the paper's Table 2. The default rig is that of `default_rig`.
     """
     items = listed(cams)
     if (scene := one_scene(items)) is not None:
-        loaded = asked_scene(scene, rig)
+        loaded = resolve_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
     named = named_cams(items)
     files = [source for source, _ in named if isinstance(source, Path)]
-    return cam_set(named, asked_rig(own_rig(files) if rig is None else rig))
+    return cam_set(named, resolve_rig(default_rig(files) if rig is None else rig))
 
 
 def listed(cams: Cams) -> list[str | Path | CamConfig]:
@@ -85,21 +92,75 @@ def named_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str,
     """
     if not cams:
         cams = list(load_tables(tables_path()).table_2_jump)
-    pairs: list[tuple[Path | str, CamConfig]] = []
-    for cam in cams:
-        if isinstance(cam, CamConfig):
-            pairs.append((cam.name, cam))
-        else:
-            pairs.append((cam_path(cam), load_cam(cam_path(cam))))
-    return pairs
+    return [_named_cam(cam) for cam in cams]
 
 
-def asked_rig(rig: str | Path | RigConfig) -> RigConfig:
+def _named_cam(cam: Cam) -> tuple[Path | str, CamConfig]:
+    if isinstance(cam, CamConfig):
+        return cam.name, cam
+    return cam_path(cam), load_cam(cam_path(cam))
+
+
+def resolve_cam(cam: Cam) -> CamConfig:
+    """Return a cam, read from its file if it is a path or a name."""
+    return _named_cam(cam)[1]
+
+
+def resolve_law(law: LawOrCam) -> Law:
+    """Return a law, or that of a cam for the dynamic models, which need a closing spring.
+
+    Raises
+    ------
+    ConfigError
+        If the cam has a follower without a closing spring.
+    LawError
+        As `build_law`.
+    """
+    if isinstance(law, Law):
+        return law
+    source, cam = _named_cam(law)
+    require_sprung(source, cam)
+    return law_of(source, cam)
+
+
+@checked
+def build_law(cam: Cam) -> Law:
+    """Build the motion law of a cam.
+
+    Parameters
+    ----------
+    cam : str, Path or Cam
+        Cam by its name in ``config/cams``, its path, or as the object.
+
+    Returns
+    -------
+    Law
+        Law over one turn of the cam.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read.
+    LawError
+        If the segments do not join, the geometry of a segment does not exist, or the law does not
+        have the lift of the file.
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law("poly345")
+    >>> round(law.lift, 6), float(law(0.0, 2))  # m, and m/rad² at cam angle 0
+    (0.05, 0.0)
+    """
+    return law_of(*_named_cam(cam))
+
+
+def resolve_rig(rig: RequiredRig) -> RigConfig:
     """Return a rig, read from its file if it is a path or a name."""
     return rig if isinstance(rig, RigConfig) else load_rig(rig_path(rig))
 
 
-def own_rig(cams: Sequence[Path], default: str = RIG) -> Path:
+def default_rig(cams: Sequence[Path], default: str = RIG) -> Path:
     """Return the only rig next to a user's cams, or a shipped rig, and print which.
 
     The folder of the rig is ``../rigs`` relative to that of the cam. The shipped rig `default` is
@@ -132,7 +193,7 @@ def _print_note(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
+def resolve_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
     """Return a scene on its rig, or on another rig.
 
     A rig that is a name is searched for next to the scene first, then among the shipped rigs.
@@ -146,7 +207,7 @@ def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
     return replace(loaded, rig=load_rig(file), rig_file=file)
 
 
-def asked_speeds(rpm: Speeds) -> list[float]:
+def resolve_speeds(rpm: Speeds) -> list[float]:
     """Return one speed or several as a list, rpm."""
     return [float(speed) for speed in on_one_axis("rpm", rpm)]
 
@@ -160,7 +221,7 @@ def speeds_within(rpm: Speeds) -> list[float]:
         If there are not 1 to `MAX_SPEEDS` speeds, or a speed is outside `SLOWEST_RPM` to
         `FASTEST_RPM`.
     """
-    speeds = asked_speeds(rpm)
+    speeds = resolve_speeds(rpm)
     wrong = [speed for speed in speeds if not SLOWEST_RPM <= speed <= FASTEST_RPM]
     if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
         value = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
