@@ -142,7 +142,9 @@ def one_line(error: typer.BadParameter) -> str:
     from pydantic import ValidationError
 
     cause, param = error.__cause__, error.param
-    if param is None or not isinstance(cause, ValidationError):
+    if param is None:
+        return error.message
+    if not isinstance(cause, ValidationError):
         return " ".join(error.format_message().split())
     first = cause.errors()[0]
     allowed = PARSE_ERRORS.get(first["type"], first["msg"].removeprefix("Input should be "))

@@ -18,6 +18,8 @@ REFUSED = [
     ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
     ("run quick --bag {tmp}/bag --wait-for-client", 2, "--wait-for-client requires a viewer"),
     ("simulate --nonsense", 2, ""),
+    ("simulte quick", 2, "'simulte' is not a command (did you mean 'simulate'?)"),
+    ("xyzzy", 2, "'xyzzy' is not a command; cam-rig --help lists the commands"),
     ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
     ("simulate quick --json /proc/none/a.json", 1, "/proc/none/a.json: cannot be"),
     ("export quick --to {tmp}/a.xlsx", 2, "allowed: .parquet, .csv, .npz, .wav"),
