@@ -127,10 +127,10 @@ if not TYPE_CHECKING:  # without this function a type checker reports unknown na
 
             value: object = version("cam_rig")
         elif name in _HOMES:
-            from cam_rig.extras import libraries_named
+            from cam_rig.extras import friendly_import_errors
 
             module, _, name_in_module = _HOMES[name].partition(":")
-            with libraries_named():
+            with friendly_import_errors():
                 value = getattr(import_module(module), name_in_module or name)
         else:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,8 +1,8 @@
 """Validation of the arguments of the functions that `import cam_rig` exposes.
 
-The annotation of a parameter is its rule. `checked` compares each argument with it before the
-function runs, so that no other library receives a value that it cannot use. Commands call the same
-functions, whose messages name options. In Python the messages name parameters instead.
+The annotation of a parameter is its rule. `check_arguments` compares each argument with it before
+the function runs, so that no other library receives a value that it cannot use. Commands call the
+same functions, whose messages name options. In Python the messages name parameters instead.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
 ALIASES = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 
-def checked(function: Callable[P, R]) -> Callable[P, R]:
+def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Return the function with a check of each argument against its annotation.
 
     The returned function raises ConfigError for a wrong value, and ArgumentTypeError for a wrong
@@ -82,13 +82,13 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*bound.args, **bound.kwargs)
         except CamRigError as error:
-            error.args = (in_python(str(error), signature.parameters),)
+            error.args = (name_parameters(str(error), signature.parameters),)
             raise
 
     return call
 
 
-def in_python(message: str, parameters: Collection[str]) -> str:
+def name_parameters(message: str, parameters: Collection[str]) -> str:
     """Return a message with parameters of a function in place of options."""
 
     def parameter(option: re.Match[str]) -> str:
@@ -100,7 +100,7 @@ def in_python(message: str, parameters: Collection[str]) -> str:
     return OPTION.sub(parameter, message)
 
 
-def on_one_axis(name: str, value: float | Sequence[float] | FloatArray) -> FloatArray:
+def to_vector(name: str, value: float | Sequence[float] | FloatArray) -> FloatArray:
     """Convert a number or a sequence of numbers to an array, shape (n,).
 
     Raise ConfigError with `name` if the sequence is empty or has several axes.

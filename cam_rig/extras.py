@@ -64,7 +64,7 @@ def source_date() -> int | None:
 
 
 @contextmanager
-def libraries_named() -> Iterator[None]:
+def friendly_import_errors() -> Iterator[None]:
     """Convert the import error of an optional library to a MissingLibraryError."""
     try:
         yield

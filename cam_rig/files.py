@@ -21,7 +21,7 @@ MAX_SHOWN = 60
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
-def shown(text: str, quoted: bool = True) -> str:
+def shorten(text: str, quoted: bool = True) -> str:
     """Return a text for an error: one line, shortened to `MAX_SHOWN` characters."""
     whole = repr(text) if quoted else repr(text)[1:-1]
     return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
@@ -70,7 +70,7 @@ def read_bytes(path: Path, max_bytes: int, follow: bool = True) -> bytes:
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Write a file atomically: yield a temporary path, then rename it to `path`.
 
     Raise OutputError if the file cannot be written.
@@ -94,16 +94,16 @@ def temporary_folder(prefix: str = "cam_rig_", parent: Path | None = None) -> It
     The default of `parent` is the system's folder of temporary files. Raise OutputError if the
     folder cannot be made.
     """
-    parent = parent or temporary_place()
+    parent = parent or temporary_root()
     try:
         folder = tempfile.TemporaryDirectory(prefix=prefix, dir=parent, ignore_cleanup_errors=True)
     except OSError as error:
-        raise no_room(parent, error) from None
+        raise no_space_error(parent, error) from None
     with folder as name:
         yield Path(name)
 
 
-def temporary_place() -> Path:
+def temporary_root() -> Path:
     """Return the system's folder of temporary files."""
     try:
         return Path(tempfile.gettempdir())
@@ -111,7 +111,7 @@ def temporary_place() -> Path:
         raise OutputError(f"{error.strerror or error}; name a folder with room in TMPDIR") from None
 
 
-def no_room(folder: Path, error: OSError) -> OutputError:
+def no_space_error(folder: Path, error: OSError) -> OutputError:
     """Return the error of a folder in which no temporary file can be written."""
     return OutputError(
         f"{folder}: no temporary file can be written ({error.strerror}); name a folder with room "
@@ -119,7 +119,7 @@ def no_room(folder: Path, error: OSError) -> OutputError:
     )
 
 
-def check_place(target: Path) -> None:
+def check_writable(target: Path) -> None:
     """Raise OutputError if a file cannot be written to this path."""
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; allowed: a file")
@@ -140,7 +140,7 @@ def write_new(folder: Path, texts: dict[str, str]) -> None:
     for name in texts:
         require_new(folder / name)
     for name, text in texts.items():
-        with writing(folder / name) as part:
+        with atomic_write(folder / name) as part:
             part.write_text(text, encoding="utf-8")
 
 
@@ -162,4 +162,4 @@ def require_new(target: Path) -> None:
     """Raise OutputError if a file exists, or cannot be written to this path."""
     if target.exists():
         raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
-    check_place(target)
+    check_writable(target)

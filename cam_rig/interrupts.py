@@ -54,7 +54,7 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self.number: int | None = None  # of the first signal
-        self.enabled = False  # True within `raised`
+        self.enabled = False  # True within `raise_signals`
         self.has_raised = False
 
     def receive(self, number: int, frame: FrameType | None) -> None:
@@ -132,7 +132,7 @@ _interrupt = _Interrupt()
 def handle_signals() -> None:
     """Install the handlers of the signals that end a command.
 
-    They store the signal, and raise it within `raised`.
+    They store the signal, and raise it within `raise_signals`.
 
     A signal that is ignored on purpose (`nohup`) stays ignored. Ctrl-C is handled in any case,
     because scripts ignore it for the commands that they put into the background.
@@ -149,7 +149,7 @@ def handle_signals() -> None:
 
 
 @contextmanager
-def raised() -> Iterator[None]:
+def raise_signals() -> Iterator[None]:
     """Raise signals within this context, also one that came before it.
 
     Outside of the context a signal is only stored.

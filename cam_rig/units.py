@@ -28,7 +28,7 @@ def to_rpm(speed: Speed) -> Speed:
     return speed * 30.0 / math.pi
 
 
-def rounded_to_error(value: float, error: float) -> str:
+def round_to_error(value: float, error: float) -> str:
     """Return a value as text, rounded to two digits of its standard error.
 
     An error that is not positive and finite gives six significant digits.
@@ -46,7 +46,7 @@ def rounded_to_error(value: float, error: float) -> str:
 DATE_FROM_S = 1e7
 
 
-def time_words(seconds: float, begin_ns: int = 0) -> str:
+def format_time(seconds: float, begin_ns: int = 0) -> str:
     """Return a time as seconds from the start of the bag (ns), or as its date if it is far."""
     if abs(seconds) < DATE_FROM_S:
         return f"{seconds:.6g} s"
@@ -54,7 +54,7 @@ def time_words(seconds: float, begin_ns: int = 0) -> str:
     return f"{date:%Y-%m-%d %H:%M:%S} UTC"
 
 
-def duration_words(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a duration in s, min or h."""
     if seconds < 120.0:
         return f"{seconds:.3g} s"

@@ -18,7 +18,7 @@ from threading import Thread
 from typing import Any
 
 from cam_rig.errors import ConfigError, RunError
-from cam_rig.extras import libraries_named, require
+from cam_rig.extras import friendly_import_errors, require
 from cam_rig.interrupts import STOPPING, interruptible
 
 #: Warning filter. After a command was killed, Python's resource tracker cleans up, and would
@@ -142,7 +142,7 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 
 @contextmanager
-def broken_named(then: str = "") -> Iterator[None]:
+def friendly_executor_errors(then: str = "") -> Iterator[None]:
     """Convert the errors of a broken executor to a RunError.
 
     `then` is inserted into the message, after the cause.
@@ -158,7 +158,7 @@ def broken_named(then: str = "") -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class Workplace:
+class ExecutorPool:
     """Executor, and the number of tasks that it computes at a time."""
 
     executor: Executor
@@ -166,7 +166,7 @@ class Workplace:
 
 
 @contextmanager
-def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
+def executor_pool(jobs: int | None, dask: str | None) -> Iterator[ExecutorPool]:
     """Yield an executor: worker processes of this machine, or a Dask cluster.
 
     Parameters
@@ -184,17 +184,17 @@ def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
         If no scheduler answers, the cluster lacks workers, or a worker dies.
     """
     if dask is None:
-        with workers(jobs) as pool, broken_named():
-            yield Workplace(pool, jobs or os.cpu_count() or 1)
+        with workers(jobs) as pool, friendly_executor_errors():
+            yield ExecutorPool(pool, jobs or os.cpu_count() or 1)
         return
-    check_workplace(jobs, dask)
+    check_executor_options(jobs, dask)
     with _client(dask) as client:
-        cluster = Workplace(client.get_executor(pure=False), _thread_count(client, dask))
-        with broken_named():
+        cluster = ExecutorPool(client.get_executor(pure=False), _thread_count(client, dask))
+        with friendly_executor_errors():
             yield cluster
 
 
-def check_workplace(jobs: int | None, dask: str | None) -> None:
+def check_executor_options(jobs: int | None, dask: str | None) -> None:
     """Raise ConfigError for both `jobs` and `dask`, or a wrong `dask`.
 
     Commands call this before they compute.
@@ -223,7 +223,7 @@ def _client_arguments(dask: str) -> dict[str, str]:
 @interruptible
 def _client(dask: str) -> Any:  # Dask's functions are untyped
     """Return a client of a Dask scheduler."""
-    with libraries_named():
+    with friendly_import_errors():
         from distributed import Client
     connect: Any = Client
     for name in list(logging.root.manager.loggerDict):  # errors are raised here instead

@@ -14,7 +14,7 @@ from launch_ros.substitutions import FindPackageShare
 from cam_rig.messages import topics
 from cam_rig.messages.frames import Robot
 from cam_rig.messages.urdf import urdf
-from cam_rig.schema.load import named_path
+from cam_rig.schema.load import resolve_path
 from cam_rig.simulation.scene import open_scene
 
 #: Scene of a rig without the launch argument scene.
@@ -28,7 +28,7 @@ PUBLISH_FREQUENCY = 1000.0
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the actions that start both nodes for the rig of a namespace."""
     arguments = {n: LaunchConfiguration(n).perform(context) for n in ("scene", "namespace")}
-    robot = Robot.of(open_scene(named_path("scenes", arguments["scene"] or DEFAULT_SCENE)))
+    robot = Robot.of(open_scene(resolve_path("scenes", arguments["scene"] or DEFAULT_SCENE)))
     name = arguments["namespace"].strip("/")
     namespace = f"/{name}" if name else ""
     remaps = [(topic.name, topic.within(namespace)) for topic in REMAPPED] if namespace else []

@@ -32,8 +32,8 @@ from cam_rig.errors import (
 from cam_rig.files import temporary_folder
 from cam_rig.interrupts import STOPPING
 from cam_rig.testing.running_rig import hold_domain
-from cam_rig.units import correlation_length, rounded_to_error
-from cam_rig.workers import check_workplace, workplace
+from cam_rig.units import correlation_length, round_to_error
+from cam_rig.workers import check_executor_options, executor_pool
 
 from .cli.conftest import GOLDEN, call
 from .processes import ended
@@ -102,7 +102,7 @@ def test_a_temporary_folder_is_removed_and_a_full_disk_reported(monkeypatch):
     ],
 )
 def test_a_value_is_rounded_to_two_digits_of_its_error(value, error, text):
-    assert rounded_to_error(value, error) == text
+    assert round_to_error(value, error) == text
 
 
 def test_rounding_changes_a_value_by_less_than_a_twentieth_of_its_error():
@@ -111,7 +111,7 @@ def test_rounding_changes_a_value_by_less_than_a_twentieth_of_its_error():
     for _ in range(500):
         error = 10.0 ** random.uniform(-15, 12)
         value = random.choice([-1, 1]) * error * 10.0 ** random.uniform(-3, 8)
-        assert abs(float(rounded_to_error(value, error)) - value) <= 0.0501 * error
+        assert abs(float(round_to_error(value, error)) - value) <= 0.0501 * error
 
 
 def test_correlation_length_of_noise_and_of_repeated_values():
@@ -126,11 +126,11 @@ def test_correlation_length_of_noise_and_of_repeated_values():
 
 def test_work_is_done_in_other_processes(monkeypatch):
     """Their number is the requested number, by default that of the cores."""
-    with workplace(1, None) as workers:
+    with executor_pool(1, None) as workers:
         assert workers.count == 1
         assert workers.executor.submit(os.getpid).result(timeout=100) != os.getpid()
     monkeypatch.setattr(os, "cpu_count", lambda: 3)
-    with workplace(None, None) as workers:
+    with executor_pool(None, None) as workers:
         assert workers.count == 3
 
 
@@ -201,7 +201,7 @@ def test_an_interrupt_does_not_break_the_pool(monkeypatch) -> None:
 def test_a_killed_worker_is_an_error_of_one_line():
     """The message contains a remedy."""
     message = r"a worker .* is gone .*; remedy: "
-    with pytest.raises(RunError, match=message), workplace(1, None) as workers:
+    with pytest.raises(RunError, match=message), executor_pool(1, None) as workers:
         worker = workers.executor.submit(os.getpid).result(timeout=100)
         workers.executor.submit(os.kill, worker, signal.SIGKILL).result(timeout=100)
 
@@ -220,8 +220,8 @@ def test_a_cluster_is_used_by_its_address_and_by_its_file(cluster, tmp_path):
     file = tmp_path / "scheduler.json"
     file.write_text(json.dumps({"address": cluster.scheduler_address}), encoding="utf-8")
     for dask in (cluster.scheduler_address, str(file)):
-        check_workplace(None, dask)
-        with workplace(None, dask) as workers:
+        check_executor_options(None, dask)
+        with executor_pool(None, dask) as workers:
             assert workers.count == 1
             assert list(workers.executor.map(pow, [2, 3], [5, 2])) == [32, 9]
             assert workers.executor.submit(os.getpid).result(timeout=100) != os.getpid()
@@ -232,12 +232,12 @@ def test_a_wrong_cluster_is_an_error_of_one_line(monkeypatch):
     monkeypatch.setattr(executors, "WAIT_S", 0.3)
     with (
         pytest.raises(RunError, match="no scheduler answers"),
-        workplace(None, "tcp://127.0.0.1:9"),
+        executor_pool(None, "tcp://127.0.0.1:9"),
     ):
         pass
     with pytest.raises(ConfigError, match="allowed: an address"):
-        check_workplace(None, "nowhere.json")
-    with pytest.raises(ConfigError, match="allowed: one of them"), workplace(2, "tcp://x:1"):
+        check_executor_options(None, "nowhere.json")
+    with pytest.raises(ConfigError, match="allowed: one of them"), executor_pool(2, "tcp://x:1"):
         pass
 
 

@@ -20,7 +20,7 @@ from benchmark.speed.peers import MAX_STEPS, ROOT_FOUND, cvode_class
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.errors import CamRigError
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.laws import Law
 from cam_rig.schema.load import Library, config_root
 from cam_rig.show.result import Column, Records
@@ -92,7 +92,7 @@ def campaign_rate(processes: int, quick: bool) -> CampaignRate:
     campaign = campaign_from({**STUDY, "plan": plan}, Library((config_root(),)))
     measure_batch(campaign, 0, 1)  # imports
     try:
-        with libraries_named():
+        with friendly_import_errors():
             from joblib import Parallel, delayed
         cvode_class()
     except CamRigError as error:

@@ -52,7 +52,7 @@ def settled_costs(
 ) -> list[SettledCost]:
     """Return the costs of each speed, over all turns of the scene's program."""
     loaded = load_scene(SCENE)
-    loaded = loaded.only(CAM, loaded.laws[CAM])
+    loaded = loaded.with_one_cam(CAM, loaded.laws[CAM])
     with form_of_search(COMPILED if find_spec("numba") else PLAIN):
         return [_cost(loaded, rpm, repeats) for rpm in speeds_rpm]
 

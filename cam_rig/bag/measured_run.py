@@ -17,7 +17,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, FloatArray, duration_words, time_words
+from cam_rig.units import NS, FloatArray, format_duration, format_time
 
 #: Shortest gap (s) that is reported as a pause: the recording was stopped, and no message was lost.
 MIN_PAUSE_S = 10.0
@@ -137,7 +137,7 @@ def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal, begin_
     if signal.time[0] < angle.time[-1] and angle.time[0] < signal.time[-1]:
         return
     ends = [
-        time_words(float(each.time[end]), begin_ns) for each in (signal, angle) for end in (0, -1)
+        format_time(float(each.time[end]), begin_ns) for each in (signal, angle) for end in (0, -1)
     ]
     raise BagError(
         f"{bag}: {name} of {signal.source} is from {ends[0]} to {ends[1]}, the angle from "
@@ -152,7 +152,7 @@ def _gap_words(name: str, signal: Signal) -> list[str]:
         return []
     longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
     length = float(longest[1] - longest[0])
-    text = f"{duration_words(length)} from {longest[0]:.6g} s on; nothing is put in their place."
+    text = f"{format_duration(length)} from {longest[0]:.6g} s on; nothing is put in their place."
     if len(gaps) == 1 and length >= MIN_PAUSE_S:
         return [f"{name}: the readings pause for {text}"]
     count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"

@@ -27,7 +27,7 @@ from cam_rig.bag.records import (
 )
 from cam_rig.bag.records import unpack as unpack_chunk
 from cam_rig.errors import BagError, RefusedError
-from cam_rig.files import MIB, no_room
+from cam_rig.files import MIB, no_space_error
 from cam_rig.messages.serialization import read_message, stamp_of
 from cam_rig.messages.topics import recorded_topic
 
@@ -126,7 +126,7 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
             f"{bag}: attachment {path.name[:80]!r} is a file here and a folder there"
         ) from None
     except OSError as error:
-        raise no_room(path.parent, error) from None
+        raise no_space_error(path.parent, error) from None
 
 
 def attachment_of(data: bytes) -> Attachment:

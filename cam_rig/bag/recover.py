@@ -27,7 +27,7 @@ from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
-from cam_rig.units import DATE_FROM_S, NS, time_words
+from cam_rig.units import DATE_FROM_S, NS, format_time
 
 #: Report on a recording without any message.
 NOTHING_RECORDED = "nothing was recorded"
@@ -80,7 +80,7 @@ class Recovered:
         return "; ".join(part for part in parts if part)
 
     def _time_words(self, time_ns: int) -> str:
-        return time_words((time_ns - self.origin_ns) / NS)
+        return format_time((time_ns - self.origin_ns) / NS)
 
     def _damage(self, reader: PartialReader) -> list[str]:
         parts = list[str]()

@@ -32,10 +32,10 @@ def start() -> None:
 
     handle_signals()
     from cam_rig.errors import MissingLibraryError
-    from cam_rig.extras import libraries_named
+    from cam_rig.extras import friendly_import_errors
 
     try:
-        with libraries_named():
+        with friendly_import_errors():
             from cam_rig.cli.main import main
         main()
     except MissingLibraryError as error:

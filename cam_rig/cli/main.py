@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from cam_rig.errors import ConfigError, OutputError, did_you_mean, printable
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.interrupts import handle_signals
 from cam_rig.show.command import StrictCommand
 
@@ -222,7 +222,7 @@ def options(
 @cache
 def command(name: str) -> Any:
     """Import a command or a command group, and return it as a click object."""
-    with libraries_named():
+    with friendly_import_errors():
         function = getattr(import_module(COMMANDS[name]), _function_name(name))
     if isinstance(function, typer.Typer):
         return typer.main.get_group(function)

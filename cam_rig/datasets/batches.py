@@ -8,7 +8,7 @@ from typing import Any
 
 from cam_rig.datasets.point_files import Batch, PointFiles
 from cam_rig.show.result import NULL_PROGRESS, Progress
-from cam_rig.workers import broken_named
+from cam_rig.workers import friendly_executor_errors
 
 #: Smallest processor time (s) of a batch that is aimed at.
 BATCH_S = 1.0
@@ -42,7 +42,7 @@ def compute_missing(
     Parameters
     ----------
     dataset : PointFiles
-        Dataset within its context `opened`.
+        Dataset within its context `open`.
     compute : callable
         Function of the study, the first point and the end (exclusive) of a batch. It returns its
         rows.
@@ -62,7 +62,7 @@ def compute_missing(
     batches = _batches(dataset.missing(), sizes)
     in_flight: set[Future[Batch]] = set()
     try:
-        with broken_named("; finished batches are kept"):
+        with friendly_executor_errors("; finished batches are kept"):
             while True:
                 while len(in_flight) < sizes.in_flight and (batch := next(batches, None)):
                     in_flight.add(executor.submit(compute, campaign, *batch))
@@ -79,7 +79,7 @@ def compute_missing(
             future.cancel()
 
 
-class InThisProcess(Executor):
+class SerialExecutor(Executor):
     """Executor that runs each task in this process when it is submitted."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:

@@ -66,14 +66,14 @@ class Study(Protocol):
 class PointFiles:
     """Rows of a study in a folder of Parquet files.
 
-    A subclass defines the columns in `_table`.
+    A subclass defines the columns in `_to_table`.
     """
 
     folder: Path
     campaign: Study
 
-    def _table(self, rows: Any) -> Any:
-        """Return a batch as a `pyarrow.Table` with `own` as metadata of its schema."""
+    def _to_table(self, rows: Any) -> Any:
+        """Return a batch as a `pyarrow.Table` with `origin` as metadata of its schema."""
         raise NotImplementedError
 
     def write(self, rows: Batch) -> None:
@@ -84,7 +84,7 @@ class PointFiles:
         import pyarrow.parquet as pq
 
         sink = io.BytesIO()
-        pq.write_table(self._table(rows), sink, write_page_checksum=True)
+        pq.write_table(self._to_table(rows), sink, write_page_checksum=True)
         data = sink.getvalue()
         digest = _digest(rows.first, rows.last, data)
         target = self.folder / f"points-{rows.first:010d}-{rows.last:010d}-{digest}.parquet"
@@ -151,7 +151,7 @@ class PointFiles:
                 yield file.read(columns, use_threads=False)
 
     @contextmanager
-    def opened(self, resume: bool) -> Iterator[str]:
+    def open(self, resume: bool) -> Iterator[str]:
         """Lock the folder for this writer.
 
         Incomplete files of a killed writer are removed. Damaged files get the suffix ".damaged",
@@ -217,11 +217,11 @@ class PointFiles:
             except OutputError:
                 damaged.append(path)
                 continue
-            if origin != self.own:
+            if origin != self.origin:
                 raise ConfigError(
                     f"{path}: is of another study, or of another version: "
-                    f"{describe_differences(origin, self.own)}; allowed with --resume: the same, "
-                    "else another folder"
+                    f"{describe_differences(origin, self.origin)}; allowed with --resume: the "
+                    "same, else another folder"
                 )
             if first < end:
                 damaged.append(path)
@@ -229,7 +229,7 @@ class PointFiles:
         return damaged
 
     @property
-    def own(self) -> dict[str, str]:
+    def origin(self) -> dict[str, str]:
         """Origin of the rows, stored in every file: study and versions of packages."""
         return {"study": self.campaign.text, **versions()}
 

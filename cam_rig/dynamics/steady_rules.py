@@ -8,7 +8,7 @@ different data:
 ======================  ===========================================================================
 user                    rule
 ======================  ===========================================================================
-scene, sweep, bag       the first `transient_turns` of each speed are omitted (`is_settled`)
+scene, sweep, bag       the first `transient_turns` of each speed are omitted (`is_steady`)
 levels of the paper     the second turn from rest (`LEVEL_TURNS`)
 campaign, design        the remaining change is below `FORCE_RTOL` of the contact force
 order spectrum          the state repeats after up to `MAX_PERIOD_TURNS` turns to `STATE_RTOL`
@@ -59,7 +59,7 @@ PERIOD_RTOL = 1e-9
 LAB_TURNS = 6
 
 
-def is_settled(turns: float, transient_turns: float) -> bool:
+def is_steady(turns: float, transient_turns: float) -> bool:
     """Return True if a tick starts after the turns that are omitted at each speed.
 
     `turns` is the number of turns from the start of the speed to the start of the tick.

@@ -207,7 +207,7 @@ class CamSet:
         """Each cam with its law."""
         return [(self.cams[name], law) for name, law in self.laws.items()]
 
-    def only(self, names: Iterable[str]) -> CamSet:
+    def select(self, names: Iterable[str]) -> CamSet:
         """Return the set with only the named cams."""
         laws = {name: self.laws[name] for name in names}
         return CamSet({name: self.cams[name] for name in laws}, laws, self.rig)

@@ -165,7 +165,7 @@ class SetpointSchedule:
         if last is None or speed == planned.speed or not last.turns_until(planned):
             return replace(planned, speed=speed)
         mean = last.speed or 0.5 * speed
-        if last.speed > 0.0 and last.holds_until(planned):
+        if last.speed > 0.0 and last.is_steady_until(planned):
             return replace(planned, speed=speed)
         if mean == 0.0:  # at rest, and commanded to stay at rest
             return replace(planned, speed=speed, angle=last.angle, turns=last.turns)

@@ -34,13 +34,13 @@ def urdf(
 
     cam-rig urdf tm21_sweep --cam poly345 --out out/rig.urdf
     """
-    from cam_rig.files import check_place, writing
+    from cam_rig.files import atomic_write, check_writable
     from cam_rig.messages.frames import Robot
     from cam_rig.messages.urdf import urdf as text_of
     from cam_rig.simulation.scene import load_scene
 
     if out is not None:
-        check_place(out)
+        check_writable(out)
     loaded = load_scene(scene)
     if cam is not None:
         loaded.mount(cam)
@@ -48,6 +48,6 @@ def urdf(
     if out is None:
         print(text, end="")
         return
-    with writing(out) as part:
+    with atomic_write(out) as part:
         part.write_text(text, encoding="utf-8")
     say(f"URDF: {out}")

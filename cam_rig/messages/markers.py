@@ -22,7 +22,7 @@ from cam_rig.profile.contact import Motion
 from cam_rig.profile.shapes import closed
 from cam_rig.show import looks as colours
 from cam_rig.show.looks import of_cam
-from cam_rig.simulation.scene import ARROW as ARROW_SHARE
+from cam_rig.simulation.scene import FORCE_ARROW_RATIO as ARROW_SHARE
 from cam_rig.simulation.scene import max_contact_force
 from cam_rig.units import FloatArray
 

@@ -16,7 +16,7 @@ from functools import partial
 from importlib import import_module
 
 from cam_rig.errors import CamRigError
-from cam_rig.extras import libraries_named, source_date
+from cam_rig.extras import friendly_import_errors, source_date
 
 #: Class of each node by the name of the node, which is also that of its module.
 NODES = {"law_server": "LawServer", "cam_drive": "CamDrive", "follower": "Follower",
@@ -56,7 +56,7 @@ def start(name: str) -> None:
     _end_with_runner()
     try:
         source_date()  # checked here, because an invalid date makes the import of scipy fail
-        with libraries_named():
+        with friendly_import_errors():
             module = import_module(f"cam_rig.nodes.{name}")
             process = import_module("cam_rig.nodes.process")
         process.run(name, getattr(module, NODES[name]))

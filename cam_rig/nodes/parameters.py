@@ -13,7 +13,7 @@ from cam_rig.live.flow_control import factor_of, pacing_of
 from cam_rig.messages import topics
 from cam_rig.messages.topics import TOPICS, Topic
 from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
-from cam_rig.schema.load import named_path
+from cam_rig.schema.load import resolve_path
 from cam_rig.schema.scene import MAX_SAMPLES_PER_TURN
 
 #: Description of the values of each type, for messages and help texts.
@@ -97,7 +97,7 @@ SCENE = Spec(
     "scene",
     "tm21_sweep",
     "scene file (YAML), or a name in config/scenes; the same for all nodes",
-    read=lambda scene: str(named_path("scenes", scene)) if isinstance(scene, str) else scene,
+    read=lambda scene: str(resolve_path("scenes", scene)) if isinstance(scene, str) else scene,
 )
 #: Behaviour of a node when the drive or the player has published the end of the run.
 ON_FINISH = Spec(

@@ -75,11 +75,11 @@ def _load_named(kind: str, name: str, load: Callable[[], File]) -> File:
 
     The name on a sheet must not be a path.
     """
-    from cam_rig.files import shown
+    from cam_rig.files import shorten
     from cam_rig.schema.load import NAME
 
     if not NAME.fullmatch(name):
-        raise ConfigError(f"{kind} is {shown(name)}; allowed: a name of a {kind} file")
+        raise ConfigError(f"{kind} is {shorten(name)}; allowed: a name of a {kind} file")
     if (config := load()).name != name:
         remedy = "use --rig FILE" if kind == "rig" else "name the cam's file"
         raise ConfigError(f"the sheet names {kind} {name!r}, not {config.name!r}; {remedy}")

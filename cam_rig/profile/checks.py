@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cam_rig.errors import ReachError
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.laws import Law
 from cam_rig.laws.law import Extreme, extremes
 from cam_rig.profile.contact import Element, Motion, Scan, Touch, greatest_between
@@ -172,7 +172,7 @@ def crossing_check(disc: Disc, law: Law) -> Check:
 
     It does at a neck that is narrower than the roller.
     """
-    with libraries_named():
+    with friendly_import_errors():
         from shapely import LinearRing, Polygon, is_valid_reason
     contour, angle = Contour.of(disc, Motion.uniform(law, CROSSING_POINTS)), None
     points = contour.points.T

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.errors import ProfileError
-from cam_rig.files import MIB, shown
+from cam_rig.files import MIB, shorten
 from cam_rig.schema.headings import Heading
 from cam_rig.schema.instrument_table import CellTable, plain_number, read_lines
 from cam_rig.schema.quantity import UNITS
@@ -120,7 +120,7 @@ def read_contour_table(path: Path, placement: Placement = AS_IT_IS) -> ContourFi
     table.require_clear(headings, [first, second])
     used = [first, second]
     numbers = table.points(headings, used)
-    notes = [table.how_read(table.rows[table.first :], used)]
+    notes = [table.describe_format(table.rows[table.first :], used)]
     factor, more = table.length_factor(headings[second], placement.unit)
     notes += more
     discs = table.discs(headings)
@@ -150,7 +150,7 @@ class _ContourTable(CellTable):
     def headings_of_numbers(self) -> list[Heading]:
         """Return the headings, which must be there."""
         if self.first is None or self.first == 0:
-            raise self.refused(
+            raise self.error(
                 "has no heading above numbers; allowed: a heading such as x_mm, y_mm or "
                 "angle_deg, radius_mm"
             )
@@ -162,17 +162,17 @@ class _ContourTable(CellTable):
         if "x" in first and "y" in first:
             x, y = first["x"], first["y"]
             if headings[x].factor != headings[y].factor:
-                raise self.refused(
-                    f"{shown(headings[x].text)} and {shown(headings[y].text)} have different "
+                raise self.error(
+                    f"{shorten(headings[x].text)} and {shorten(headings[y].text)} have different "
                     "units; allowed: the same"
                 )
             return x, y, False
         if "radius" in first and "angle" in first:
             return first["angle"], first["radius"], True
         texts = ", ".join(heading.text for heading in headings)
-        raise self.refused(
-            f"its columns are {shown(texts, False)}; allowed: among them x and y, such as x_mm and "
-            "y_mm, or angle and radius, such as angle_deg and radius_mm"
+        raise self.error(
+            f"its columns are {shorten(texts, False)}; allowed: among them x and y, such as x_mm "
+            "and y_mm, or angle and radius, such as angle_deg and radius_mm"
         )
 
     def points(self, headings: list[Heading], used: list[int]) -> FloatArray:
@@ -181,8 +181,8 @@ class _ContourTable(CellTable):
         for line, cells in self.rows[self.first :]:
             texts = self.numbers(line, cells, headings, used)
             if not all(plain_number(cells[i]) for i in used):
-                raise self.refused(
-                    f"line {line}: has the row {shown(','.join(cells))}; allowed: finite numbers"
+                raise self.error(
+                    f"line {line}: has the row {shorten(','.join(cells))}; allowed: finite numbers"
                 )
             rows.append([float(texts[i]) for i in used])
         return np.array(rows).reshape(-1, 2).T
@@ -193,9 +193,9 @@ class _ContourTable(CellTable):
             notes = [f"no unit of length in {heading.text!r}: mm assumed"] if unit is None else []
             return UNITS["length"][unit or "mm"], notes
         if unit is not None and not math.isclose(heading.factor, UNITS["length"][unit]):
-            raise self.refused(
-                f"the heading {shown(heading.text)} has another unit than {unit}; allowed: --unit "
-                "for a table without a unit"
+            raise self.error(
+                f"the heading {shorten(heading.text)} has another unit than {unit}; allowed: "
+                "--unit for a table without a unit"
             )
         return heading.factor, []
 
@@ -224,7 +224,7 @@ class _ContourTable(CellTable):
             members = np.flatnonzero([name == disc for name in discs])
             span = float(np.ptp(angle[members]))
             if span > MAX_TURN:
-                raise self.refused(
+                raise self.error(
                     f"the angles cover {math.degrees(span):.6g} deg; allowed: one turn of the cam, "
                     "or a heading such as crank_deg for the angle of the crank"
                 )
@@ -235,7 +235,7 @@ class _ContourTable(CellTable):
             repeated = (np.diff(angle[placed]) == 0.0) & (np.diff(radius[placed]) != 0.0)
             if repeated.any():
                 row = placed[np.argmax(repeated)]
-                raise self.refused(
+                raise self.error(
                     f"the angle {math.degrees(angle[row]):.6g} deg has several radii, and the rows "
                     "are not in order; allowed: one turn of the cam"
                 )
@@ -254,9 +254,9 @@ class _ContourTable(CellTable):
                 continue
             height = unit * float(text) - first.setdefault(disc, unit * float(text))
             if abs(height) > MAX_HEIGHT:
-                raise self.refused(
-                    f"line {line}: {shown(headings[column].text)} differs by {height * 1e3:.4g} mm "
-                    "from the first point; allowed: points of a contour in the xy plane"
+                raise self.error(
+                    f"line {line}: {shorten(headings[column].text)} differs by {height * 1e3:.4g} "
+                    "mm from the first point; allowed: points of a contour in the xy plane"
                 )
 
     def discs(self, headings: list[Heading]) -> list[str]:

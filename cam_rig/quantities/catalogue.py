@@ -39,7 +39,7 @@ _at_speed = partial(LawQuantity, where="rpm")
 _of_run = partial(_at_speed, campaign=True, of_run=True)
 
 #: Goals and limits of designs. A campaign measures some of them, too.
-_DESIGNED = (
+_DESIGN = (
     _jump("jump_speed", "jump speed from rest",
           value=lambda subject, *_: values.jump(subject, follower_of(subject.rig), FROM_REST)),
     _jump("jump_speed_steady", "jump speed in steady state",
@@ -87,19 +87,20 @@ _MEASURED = (
               "residual vibration of one mass on its stem in steady state", "um", _LENGTH,
               values.steady_residual, ranges=True, campaign=True),
     _of_run("least_contact_force", "least contact force", "N", _FORCE,
-            values.in_row("min_force"), signed=True),
-    _of_run("peak_contact_force", "peak contact force", "N", _FORCE, values.in_row("peak_force")),
+            values.row_value("min_force"), signed=True),
+    _of_run("peak_contact_force", "peak contact force", "N", _FORCE,
+            values.row_value("peak_force")),
     _of_run("sound_level", "sound level", "dB", _LEVEL, values.run_level, signed=True),
-    _of_run("peak_torque", "peak torque", "N*m", _TORQUE, values.in_row("peak_torque")),
-    _of_run("lift_offs", "lift-offs a turn", "", {"": 1.0}, values.in_row("lift_offs"),
+    _of_run("peak_torque", "peak torque", "N*m", _TORQUE, values.row_value("peak_torque")),
+    _of_run("lift_offs", "lift-offs a turn", "", {"": 1.0}, values.row_value("lift_offs"),
             signed=True),
     _at_speed("twist", "twist, peak to peak", "rad", ANGLE_UNITS, values.twist, campaign=True),
 )  # fmt: skip
 
 #: All quantities by name.
-QUANTITIES: Mapping[str, LawQuantity] = {q.name: q for q in (*_DESIGNED, *_MEASURED)}
+QUANTITIES: Mapping[str, LawQuantity] = {q.name: q for q in (*_DESIGN, *_MEASURED)}
 #: Quantities that can be a goal or a limit of a design.
-DESIGNED = {name: q for name, q in QUANTITIES.items() if q.senses}
+DESIGN_QUANTITIES = {name: q for name, q in QUANTITIES.items() if q.senses}
 #: Moving parts of each model of a scene, as titles name them.
 MOVING_PARTS = {
     "kinetostatic": "one rigid mass held on the cam",
@@ -111,7 +112,7 @@ MOVING_PARTS = {
 
 
 @cache
-def measured_in(model: str) -> Mapping[str, LawQuantity]:
+def campaign_quantities(model: str) -> Mapping[str, LawQuantity]:
     """Return the quantities that a campaign can measure in a scene with a model.
 
     Titles name the model, and limits are allowed on both sides.

@@ -32,12 +32,12 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import steady_state
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
-from cam_rig.schema.explain import validated
+from cam_rig.schema.explain import validate_data
 from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.simulation.simulate import Settling, simulate, step_levels, turned_ticks
+from cam_rig.simulation.simulate import TransientFilter, simulate, simulate_ticks, step_levels
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: Sample rate (Hz) of turns that are not measured.
@@ -69,7 +69,7 @@ def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
     schedule = scene.schedule.model_copy(update={"speeds": speeds})
     data = scene.model_copy(update={"schedule": schedule}).model_dump(exclude_none=True)
-    return validated(SceneConfig, data)
+    return validate_data(SceneConfig, data)
 
 
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:
@@ -90,7 +90,7 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
     settle = scene.schedule.transient_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
     if rig.radiation is None:  # no sound level
-        for tick in turned_ticks(loaded, start.state, _long_ticks(scene)):
+        for tick in simulate_ticks(loaded, start.state, _long_ticks(scene)):
             rows.take(tick)
         row = rows.rows({})[0]
     else:
@@ -101,7 +101,7 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
     return row
 
 
-def settled_turn(
+def steady_turn(
     law: Law, rig: RigConfig, scene: SceneConfig, speed: float, samples: int
 ) -> tuple[Block, SpeedRow, bool]:
     """Return one steady turn in addition to the results of `steady_row`.
@@ -129,7 +129,7 @@ def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
     A tick starts where a speed starts, where it becomes steady, and after `MAX_TICK_SAMPLES`
     samples.
     """
-    settling = Settling(scene.schedule.transient_turns.si)
+    settling = TransientFilter(scene.schedule.transient_turns.si)
     max_duration = MAX_TICK_SAMPLES / scene.sample_rate.si
     last, settled = None, False
     for state in cam_states(scene):
@@ -147,19 +147,19 @@ def _steady_start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) ->
         return _steady_shaft(law, rig, speed)
     if isinstance(parameters, TwoMassParameters):
         response, output = contact_response(law, parameters, speed), force_output(parameters)
-        return _in_contact(response, output, 0) or _settle_from_rest(law, rig, scene, speed)
+        return _steady_in_contact(response, output, 0) or _settle_from_rest(law, rig, scene, speed)
     if model == "elastic_stem":
         response = elastic_stem.response(law, parameters, speed)
         outputs = elastic_stem.outputs(parameters)
-        start = _in_contact(response, outputs, FORCE_ROW, never_leaves=True)
-        return start or SteadyStart(vibrating(response.periodic()))
+        start = _steady_in_contact(response, outputs, FORCE_ROW, never_leaves=True)
+        return start or SteadyStart(vibrating_state(response.periodic()))
     forces = force_extremes(law, parameters, speed)
     if model == "kinetostatic" or (forces[0] > 0.0 and not law.velocity_jumps):
         return SteadyStart(forces=forces)
     return _settle_from_rest(law, rig, scene, speed)
 
 
-def vibrating(inner: FloatArray) -> FollowerState:
+def vibrating_state(inner: FloatArray) -> FollowerState:
     """Return a follower on the cam at θ = 0 with a model's internal state.
 
     ``inner`` is the vibration, in the order of the model's numbers.
@@ -167,7 +167,7 @@ def vibrating(inner: FloatArray) -> FollowerState:
     return FollowerState(0.0, 0.0, 0.0, in_contact=True, inner=tuple(inner.tolist()))
 
 
-def _in_contact(
+def _steady_in_contact(
     response: LinearResponse, outputs: Outputs, row: int, never_leaves: bool = False
 ) -> SteadyStart | None:
     """Return the periodic state of a model in contact.
@@ -183,7 +183,7 @@ def _in_contact(
     if min_force <= 0.0 and not never_leaves:
         return None
     max_force = -negated_run.min_output(response.speed)
-    return SteadyStart(vibrating(response.periodic()), forces=(min_force, max_force))
+    return SteadyStart(vibrating_state(response.periodic()), forces=(min_force, max_force))
 
 
 def _steady_shaft(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
@@ -195,7 +195,7 @@ def _steady_shaft(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
     if shaft.flywheel_inertia is not None:
         return SteadyStart()
     _, start = steady_state(law, shaft, speed)
-    return SteadyStart(vibrating(np.array([start.twist, start.twist_rate])))
+    return SteadyStart(vibrating_state(np.array([start.twist, start.twist_rate])))
 
 
 def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:

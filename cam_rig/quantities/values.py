@@ -30,7 +30,7 @@ from cam_rig.quantities.steady import scene_at, steady_row
 from cam_rig.quantities.terms import Sense, Term
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig
 from cam_rig.simulation.by_speed import SpeedRow
-from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray
 
 #: Number of speeds of a range at which a level or the largest vibration is computed.
@@ -43,7 +43,7 @@ GAUSS_POINTS = 12
 MAX_CELL_PHASE = 2.0
 #: Largest relative distance of a value on the grid below the maximum, or below a limit, at which
 #: its peak is computed.
-MISSED = 0.01
+PEAK_SEARCH_RTOL = 0.01
 #: Number of speeds per beat. The largest amplitude between two of them is higher by at most 0.4 %.
 SPEEDS_PER_BEAT = 32
 #: Largest number of speeds of a range.
@@ -84,7 +84,7 @@ class Subject:
             self._runs[speed] = steady_row(self.law, self.rig, scene, speed)
         return self._runs[speed][0]
 
-    def unsettled(self, term: Term) -> str:
+    def unsteady_note(self, term: Term) -> str:
         """Return a note on a quantity of a run that is not steady, empty for others."""
         if self.scene is None or not term.quantity.of_run or self._runs[term.low][1]:
             return ""
@@ -177,8 +177,8 @@ class VibrationMode:
     constant: float
 
     @property
-    def shown(self) -> complex:
-        """Complex contact force per amplitude, N/m: an amplitude a adds 2 Re(shown · a)."""
+    def force_factor(self) -> complex:
+        """Complex contact force per amplitude, N/m: an amplitude a adds 2 Re(force_factor · a)."""
         return self.state[0] + self.state[1] * self.rate
 
     @classmethod
@@ -266,7 +266,7 @@ def residual(subject: Subject, term: Term, _: Sense) -> float:
     for start, length in subject.events:
         ends = start, start + length
         amplitudes = amplitude_after(mode, subject.law, *ends, speeds)
-        for speed in peaks(speeds, amplitudes, float(amplitudes.max()) * (1.0 - MISSED)):
+        for speed in peaks(speeds, amplitudes, float(amplitudes.max()) * (1.0 - PEAK_SEARCH_RTOL)):
             highest.append(float(amplitude_after(mode, subject.law, *ends, np.array([speed]))[0]))
     return max(highest)
 
@@ -302,7 +302,7 @@ def steady_residual(subject: Subject, term: Term, _: Sense) -> float:
     return float(residual_vibration(subject.law, follower, speeds, window).max())
 
 
-def in_row(name: str) -> Callable[[Subject, Term, Sense], float]:
+def row_value(name: str) -> Callable[[Subject, Term, Sense], float]:
     """Return a function of a number of the steady turns at a speed."""
     return lambda subject, term, _: float(getattr(subject.run(term.low), name))
 
@@ -353,7 +353,7 @@ def level_with_jumps(subject: Subject, term: Term, *_: object) -> float:
     """Compute the level (dB) of the mean power over speeds, with landings."""
     count = 1 if term.low == term.high else SPEEDS_WITH_LANDINGS
     speeds = np.linspace(term.low, term.high, count)
-    turns = settled_turns(subject.law, "one_mass", subject.rigid, speeds)
+    turns = simulate_steady_turns(subject.law, "one_mass", subject.rigid, speeds)
     levels = Acoustics(RadiationParameters.from_rig(subject.rig)).levels(turns)
     power = float(np.mean(10.0 ** (0.1 * (levels - levels.max()))))
     return float(levels.max() + 10.0 * np.log10(power))

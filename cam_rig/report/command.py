@@ -12,7 +12,7 @@ import typer
 
 from cam_rig.errors import ConfigError
 from cam_rig.extras import source_date
-from cam_rig.files import check_place, writing
+from cam_rig.files import atomic_write, check_writable
 from cam_rig.show.command import Scene, command, write_json
 from cam_rig.show.result import Progress
 from cam_rig.show.terminal import say
@@ -62,14 +62,14 @@ def report(
 
     if out.suffix.lower() not in (".html", ".md"):
         raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
-    check_place(out)
+    check_writable(out)
     kind = out.suffix.lower().lstrip(".")
     made = page_made(scene, {"--rig": rig, "--bag": bag, "--out": out})
     progress.start(None, "the run")
     studies = SceneStudies(resolve_scene(scene, rig), bag)
     contents = fill(SECTIONS, studies, kind == "html", progress)
     text = render(kind, studies.loaded.scene.title, made, contents, studies)
-    with writing(out) as part:
+    with atomic_write(out) as part:
         part.write_text(text, encoding="utf-8")
     say(f"report: {out} ({len(text) / 1e6:.1f} MB)")
     write_json(data(contents.values()) if json else {}, json)

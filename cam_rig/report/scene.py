@@ -26,7 +26,7 @@ from cam_rig.simulation.scene import (
     VIBRATION_SPEEDS,
     LoadedScene,
     speeds_of,
-    spread,
+    spread_speeds,
 )
 from cam_rig.studies.jump.comparison import JumpResult, find_jumps
 from cam_rig.studies.laws import figures as law_figures
@@ -80,7 +80,7 @@ class SceneStudies:
         results = {}
         for cam in self.loaded.cams:
             try:
-                results[cam] = study(self.cam_set.only([cam]))
+                results[cam] = study(self.cam_set.select([cam]))
             except CamRigError as error:
                 self.refused.setdefault(section, []).append(f"{self.titles[cam]}: {error}")
         return results
@@ -204,12 +204,12 @@ def _jump(scene: SceneStudies) -> Content:
 
 
 def _vibration(scene: SceneStudies) -> Content:
-    rpm = spread(speeds_of(scene.loaded.scene), VIBRATION_SPEEDS)
+    rpm = spread_speeds(speeds_of(scene.loaded.scene), VIBRATION_SPEEDS)
     by_cam = scene.study_each_cam("vibration", lambda cam_set: measure(cam_set, rpm))
     if not by_cam:
         return Content(results={"vibration": None})
     rows = tuple(row for result in by_cam.values() for row in result.rows)
-    vibration = VibrationResult(scene.cam_set.only(by_cam), rows)
+    vibration = VibrationResult(scene.cam_set.select(by_cam), rows)
     tables = vibration.tables()[0].to_display(scene.titles)
     return Content(tables, {"vibration": vibration.plot}, results={"vibration": vibration})
 
@@ -217,7 +217,7 @@ def _vibration(scene: SceneStudies) -> Content:
 def _sound(scene: SceneStudies) -> Content:
     """Return levels over speed, and orders if the model has a closed form of them."""
     model, rig = scene.loaded.scene.model, scene.loaded.rig
-    speeds = [rpm * RPM for rpm in spread(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
+    speeds = [rpm * RPM for rpm in spread_speeds(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
     by_cam = scene.study_each_cam(
         "sound", lambda cam_set: waterfall(cam_set.laws, model, rig, speeds)[0]
     )

@@ -18,7 +18,7 @@ from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import continuity_in_words, extremes
 from cam_rig.report.document import Content
 from cam_rig.schema.quantity import ORIGINS, Quantity
-from cam_rig.schema.segment_base import quantities
+from cam_rig.schema.segment_base import iterate_quantities
 from cam_rig.show.result import Column, Records
 from cam_rig.show.tables import Cell, DataTable, Header, format_number, tabulate
 from cam_rig.simulation.scene import LoadedScene
@@ -164,7 +164,7 @@ def origins(files: Mapping[str, BaseModel], own: bool = False) -> Content:
 
     `own` is True for the files of a user, on a page of `cam-rig report`.
     """
-    rows = {name: list(quantities(model, "")) for name, model in files.items()}
+    rows = {name: list(iterate_quantities(model, "")) for name, model in files.items()}
     counts = Counter(quantity.origin for numbers in rows.values() for _, quantity in numbers)
     columns = (
         Column("number", of="0"),

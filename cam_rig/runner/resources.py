@@ -21,7 +21,7 @@ from pathlib import Path
 
 from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.extras import require
-from cam_rig.files import MIB, no_room, temporary_place
+from cam_rig.files import MIB, no_space_error, temporary_root
 
 # Private folders of the user, for the locks of runs on one machine.
 
@@ -37,7 +37,7 @@ def user_folder() -> Path:
     runtime = runtime_folder()
     if runtime is not None:
         return runtime
-    parent = temporary_place()
+    parent = temporary_root()
     folder = parent / f"cam_rig-{os.getuid()}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -46,7 +46,7 @@ def user_folder() -> Path:
     except FileExistsError:  # not a folder
         pass
     except OSError as error:
-        raise no_room(parent, error) from None
+        raise no_space_error(parent, error) from None
     raise OutputError(
         f"{folder}: is not private to you; remove it, or name another folder in TMPDIR"
     )
@@ -212,7 +212,9 @@ def _open_lock(path: Path) -> int:
         lock = os.open(path, flags, 0o600)
         status = os.fstat(lock)
     except OSError as error:
-        raise (foreign if error.errno in FOREIGN_ERRORS else no_room(path.parent, error)) from None
+        raise (
+            foreign if error.errno in FOREIGN_ERRORS else no_space_error(path.parent, error)
+        ) from None
     if stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid():
         return lock
     os.close(lock)

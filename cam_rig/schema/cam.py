@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from cam_rig.schema.explain import error_in_python, validate_in_python
 from cam_rig.schema.quantity import Quantity, Strict, must_be
-from cam_rig.schema.segment_base import SegmentBase, Table, quantities
+from cam_rig.schema.segment_base import SegmentBase, Table, iterate_quantities
 from cam_rig.schema.segments import Segment
 
 Width = Annotated[Quantity, must_be("length", gt=0.0, ge=1e-6, le=10.0)]
@@ -398,7 +398,9 @@ class CamConfig(Strict):
 
         The paths of the follower's numbers are without the prefix "follower.".
         """
-        return {key.removeprefix("follower."): number for key, number in quantities(self, "")}
+        return {
+            key.removeprefix("follower."): number for key, number in iterate_quantities(self, "")
+        }
 
     @property
     def parts(self) -> ContactParts:

@@ -23,7 +23,7 @@ DECIMAL_POINT = "a number has a decimal point, not a comma"
 QUANTITY_FORM = "a number by its origin, with its unit, as {given: 15, unit: mm, source: drawing}"
 
 
-def kind_of(value: object) -> str:
+def describe_type(value: object) -> str:
     """Return the kind of a YAML value as text."""
     if value is None:
         return "nothing"
@@ -42,7 +42,7 @@ def validate_in_python(kind: type[Config], data: Mapping[str, Any], label: str) 
         raise error_in_python(label, data.get("name"), error, kind) from None
 
 
-def validated(kind: type[Config], data: object) -> Config:
+def validate_data(kind: type[Config], data: object) -> Config:
     """Validate data in the form of a file. Raise ConfigError if they are wrong."""
     try:
         return kind.model_validate(data)
@@ -136,9 +136,9 @@ def _value_text(value: object) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     try:
-        text = kind_of(value) if isinstance(value, dict) else repr(value)
+        text = describe_type(value) if isinstance(value, dict) else repr(value)
     except ValueError:  # an integer with thousands of digits cannot be printed
-        text = kind_of(value)
+        text = describe_type(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

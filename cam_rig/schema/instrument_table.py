@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import read_bytes, shown
+from cam_rig.files import read_bytes, shorten
 from cam_rig.schema.headings import Heading, parse_heading
 from cam_rig.schema.segment_base import MAX_BYTES
 
@@ -115,11 +115,11 @@ class CellTable:
             first -= 1
         return first
 
-    def refused(self, problem: str) -> ConfigError:
+    def error(self, problem: str) -> ConfigError:
         """Return the error for a problem in the file, with the detected separator."""
         return ConfigError(f"{self.file}: {problem} (separator seen: {self.separator_name})")
 
-    def how_read(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
+    def describe_format(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
         """Return a note on the number of lines, the separator and the decimal mark.
 
         `used` are the indices of the used columns. Raise ConfigError if some of their cells have a
@@ -130,8 +130,8 @@ class CellTable:
         points = [(line, cell) for line, cell in used_cells if "." in cell]
         if commas and points:
             line, cell = points[0]
-            raise self.refused(
-                f"line {line}: {shown(cell)} has a decimal point, {commas[0][1]!r} in line "
+            raise self.error(
+                f"line {line}: {shorten(cell)} has a decimal point, {commas[0][1]!r} in line "
                 f"{commas[0][0]} a decimal comma; allowed: one of them"
             )
         for i in used:
@@ -150,7 +150,7 @@ class CellTable:
         if not marked or not whole or not all(GROUPED.fullmatch(cell) for _, cell in marked):
             return
         line, cell = marked[0]
-        raise self.refused(
+        raise self.error(
             f"line {line}: {cell!r} next to {whole[0]!r} in the same column could be a number of "
             "thousands or a decimal number; allowed: numbers without a separator of thousands, or "
             "all with decimals, such as 12.000"
@@ -174,7 +174,7 @@ class CellTable:
         above = [cells for _, cells in self.rows[: self.first]][-HEADING_LINES:]
         line = self.rows[self.first or 0][0]
         if above and len(above[-1]) > 1 and len(above[-1]) != width:
-            raise self._uneven(line, width, len(above[-1]))
+            raise self._width_error(line, width, len(above[-1]))
         above = [cells for cells in above if len(cells) == width]
         if not above:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
@@ -190,8 +190,8 @@ class CellTable:
         """Raise ConfigError if the heading of a used column is not understood."""
         for i in used:
             if headings[i].unclear:
-                raise self.refused(
-                    f"the heading {shown(headings[i].text)} is unclear, because "
+                raise self.error(
+                    f"the heading {shorten(headings[i].text)} is unclear, because "
                     f"{headings[i].unclear}; allowed: words of the quantity, and its unit"
                 )
 
@@ -204,19 +204,19 @@ class CellTable:
         in a used column, or a wrong number of cells.
         """
         if len(cells) != len(headings):
-            raise self._uneven(line, len(cells), len(headings))
+            raise self._width_error(line, len(cells), len(headings))
         numbers = []
         for i, (cell, heading) in enumerate(zip(cells, headings, strict=True)):
             text = plain_number(cell)
             if text is None and cell and i in used:
-                raise self.refused(
-                    f"line {line}: {heading.text} is {shown(cell)}; allowed: a number, so correct "
-                    "the line or put # before it"
+                raise self.error(
+                    f"line {line}: {heading.text} is {shorten(cell)}; allowed: a number, so "
+                    "correct the line or put # before it"
                 )
             numbers.append(text or NOTHING)
         return numbers
 
-    def _uneven(self, line: int, cells: int, columns: int) -> ConfigError:
+    def _width_error(self, line: int, cells: int, columns: int) -> ConfigError:
         """Return the error for a line with a wrong number of cells."""
         return ConfigError(
             f"{self.file}: line {line}: has {cells} cells under {columns} columns (separator seen: "

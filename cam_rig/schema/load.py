@@ -14,11 +14,11 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, OutputError, did_you_mean
-from cam_rig.files import MIB, check_place, read_bytes, writing
+from cam_rig.files import MIB, atomic_write, check_writable, read_bytes
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.explain import explain, kind_of, validate_in_python
+from cam_rig.schema.explain import describe_type, explain, validate_in_python
 from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
@@ -40,17 +40,17 @@ def config_root() -> Path:
     return folder or Path(sysconfig.get_path("data")) / shared
 
 
-def named_path(folder: str, name: str | Path) -> Path:
+def resolve_path(folder: str, name: str | Path) -> Path:
     """Return the path of a file that is given by its path or name.
 
     A name without folder and suffix is that of a file in a folder of ``config``, unless there is
     a file of this path.
     """
     path = Path(name)
-    return path if is_path(name) or is_there(path) else config_root() / folder / f"{name}.yaml"
+    return path if is_path(name) or file_exists(path) else config_root() / folder / f"{name}.yaml"
 
 
-def is_there(path: Path) -> bool:
+def file_exists(path: Path) -> bool:
     """Return True if a file exists."""
     with suppress(OSError):  # the name may be too long
         return path.is_file()
@@ -117,7 +117,7 @@ def load(path: Path, kind: type[Config]) -> Config:
     data = read_yaml(path)
     if not isinstance(data, dict):
         raise ConfigError(
-            f"{path}: contains {kind_of(data)}; allowed: a mapping with the keys "
+            f"{path}: contains {describe_type(data)}; allowed: a mapping with the keys "
             f"{', '.join(kind.model_fields)}"
         )
     try:
@@ -134,7 +134,7 @@ class Library:
     folder: Path = Path()  #: folder of the file, to which paths in it are relative
 
     @classmethod
-    def beside(cls, scene: Path) -> Library:
+    def for_scene(cls, scene: Path) -> Library:
         """Return the folders for a scene in ``X/scenes/``: first ``X``, then ``config``."""
         root = scene.absolute().parent.parent
         return cls(tuple(dict.fromkeys((root, config_root()))), scene.parent)
@@ -168,18 +168,18 @@ load_scene = partial(load, kind=SceneConfig)
 load_published = partial(load, kind=PublishedNoise)
 load_tables = partial(load, kind=PublishedTables)
 # Functions that return the path of a file that is given by its path, or by its shipped name.
-scene_path = partial(named_path, "scenes")
-cam_path = partial(named_path, "cams")
-rig_path = partial(named_path, "rigs")
+scene_path = partial(resolve_path, "scenes")
+cam_path = partial(resolve_path, "cams")
+rig_path = partial(resolve_path, "rigs")
 
 
-def rig_beside(rig: str | Path, scene: Path) -> Path:
+def resolve_rig_path(rig: str | Path, scene: Path) -> Path:
     """Return the path of the file of a rig that is given by its path or name.
 
     A name is searched for in the folder of rigs of the scene, then in ``config/rigs``.
     """
-    path = named_path("rigs", rig)
-    return path if path == Path(rig) else Library.beside(scene).path("rigs", str(rig))
+    path = resolve_path("rigs", rig)
+    return path if path == Path(rig) else Library.for_scene(scene).path("rigs", str(rig))
 
 
 def tables_path() -> Path:
@@ -187,7 +187,7 @@ def tables_path() -> Path:
     return config_root() / "published" / "tables" / "paper.yaml"
 
 
-def one_scene(names: Sequence[Any] | None) -> Path | None:
+def find_scene(names: Sequence[Any] | None) -> Path | None:
     """Return the path of the scene that is given instead of cams, or None for cams.
 
     The only name must be that of a YAML file with a schedule of speeds.
@@ -195,16 +195,16 @@ def one_scene(names: Sequence[Any] | None) -> Path | None:
     if not names or len(names) > 1 or not isinstance(names[0], str | Path):
         return None
     path = scene_path(names[0])
-    data = read_yaml(path) if is_there(path) else None
+    data = read_yaml(path) if file_exists(path) else None
     is_scene = isinstance(data, dict) and not data.keys().isdisjoint({"schedule", "program"})
     return path if is_scene else None
 
 
 #: Keys of a quantity that describe the origin of its number.
-WORDS = frozenset({"source", "residual"})
+ORIGIN_NOTES = frozenset({"source", "residual"})
 
 
-def same_as_shipped(cam: CamConfig, without: frozenset[str] = WORDS) -> bool:
+def has_shipped_motion(cam: CamConfig, without: frozenset[str] = ORIGIN_NOTES) -> bool:
     """Return True if lift and segments of a cam are those of the shipped cam.
 
     The shipped cam is that of the same name. Keys in `without` are not compared.
@@ -212,20 +212,20 @@ def same_as_shipped(cam: CamConfig, without: frozenset[str] = WORDS) -> bool:
     path = config_root() / "cams" / f"{cam.name}.yaml"
     if not path.is_file():
         return False
-    motion, shipped = (bare([c.lift, c.segments], without) for c in (cam, load_cam(path)))
+    motion, shipped = (plain_data([c.lift, c.segments], without) for c in (cam, load_cam(path)))
     return bool(motion == shipped)
 
 
-def bare(value: Any, without: frozenset[str]) -> Any:
+def plain_data(value: Any, without: frozenset[str]) -> Any:
     """Return models, mappings and lists as plain data, without some keys."""
     if isinstance(value, BaseModel):
         value = value.model_dump()
     if isinstance(value, dict):
-        return {k: bare(v, without) for k, v in value.items() if k not in without}
-    return [bare(v, without) for v in value] if isinstance(value, list | tuple) else value
+        return {k: plain_data(v, without) for k, v in value.items() if k not in without}
+    return [plain_data(v, without) for v in value] if isinstance(value, list | tuple) else value
 
 
-def quantity(
+def quantity_data(
     origin: str, value: float | list[float], unit: str, source: str, residual: str = ""
 ) -> dict[str, Any]:
     """Return a number in the form of a file, with its unit and origin."""
@@ -239,7 +239,7 @@ def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
     They are used for another rig, in which they were not measured.
     """
     return {
-        key: quantity("assumed", number.raw, number.unit, source)
+        key: quantity_data("assumed", number.raw, number.unit, source)
         for key, number in section
         if isinstance(number, Quantity)
     }
@@ -264,7 +264,7 @@ def _without_empty(value: Any) -> Any:
     return [_without_empty(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-@checked
+@check_arguments
 def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> None:
     """Write the file of a cam or a rig, see `CamConfig.save`.
 
@@ -275,7 +275,7 @@ def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> N
         raise ConfigError(f"{target}: unknown kind of file; allowed: a name that ends in .yaml")
     renamed = {**dict(model), "name": target.stem}
     data = file_data(validate_in_python(type(model), renamed, str(target)))
-    check_place(target)
+    check_writable(target)
     points = target.with_suffix(".csv")
     tables = [segment for segment in data.get("segments", ()) if "file" in segment]
     for file in (target, points) if tables else (target,):
@@ -287,9 +287,9 @@ def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> N
         table, segment["file"] = segment["file"], points.name
         rows = zip(table["angles"], table["lifts"], strict=True)
         text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
-        with writing(points) as part:
+        with atomic_write(points) as part:
             part.write_text(text, encoding="utf-8")
-    with writing(target) as part:
+    with atomic_write(target) as part:
         part.write_text(to_yaml(data), encoding="utf-8")
 
 
@@ -318,7 +318,7 @@ def _flow(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def valid_cam(data: dict[str, Any]) -> CamConfig:
+def validate_cam(data: dict[str, Any]) -> CamConfig:
     """Return the cam of the content of a file. Raise ConfigError if it is wrong."""
     try:
         return CamConfig.model_validate(data)

@@ -24,14 +24,14 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 OLD_MODELS = {"separation": "two_mass", "residual": "elastic_stem"}
 
 
-def model_named(name: Any) -> Any:
+def present_model_name(name: Any) -> Any:
     """Return the present name of a model. Other values are returned unchanged."""
     return OLD_MODELS.get(name, name) if isinstance(name, str) else name
 
 
 Model = Annotated[
     Literal["kinetostatic", "one_mass", "two_mass", "elastic_stem", "torsional"],
-    BeforeValidator(model_named),
+    BeforeValidator(present_model_name),
 ]
 
 

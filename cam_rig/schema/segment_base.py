@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, ValidationInfo, model_validator
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import MIB, read_bytes, shown
+from cam_rig.files import MIB, read_bytes, shorten
 from cam_rig.schema.quantity import UNITS, Quantity, Strict, must_be
 from cam_rig.units import TURN
 
@@ -44,7 +44,7 @@ class WholeTurn(SegmentBase):
         return self
 
 
-def quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
+def iterate_quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
     """Yield path and number for each number of a config model.
 
     A path is a text such as "segments[0].span". `prefix` precedes it.
@@ -59,7 +59,7 @@ def quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
             if isinstance(item, Quantity):
                 yield f"{prefix}{key}{suffix}", item
             elif isinstance(item, BaseModel):
-                yield from quantities(item, f"{prefix}{key}{suffix}.")
+                yield from iterate_quantities(item, f"{prefix}{key}{suffix}.")
 
 
 #: Largest size of a file in bytes. It leaves 290 bytes for each of `MAX_POINTS` points.
@@ -118,7 +118,7 @@ def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
             return indices[0], units[unit]
     allowed = ", ".join(f"{kind}_{unit}" for unit in units)
     raise ValueError(
-        f"{name}: columns are {shown(', '.join(header), False)}; allowed: one of {allowed}"
+        f"{name}: columns are {shorten(', '.join(header), False)}; allowed: one of {allowed}"
     )
 
 
@@ -131,21 +131,21 @@ def _number(name: str, line: int, cells: list[str], header: list[str], index: in
         number = math.nan
     if not math.isfinite(number):
         raise ValueError(
-            f"{name}: line {line}: {header[index]} is {shown(cell)}; allowed: a finite number"
+            f"{name}: line {line}: {header[index]} is {shorten(cell)}; allowed: a finite number"
         )
     return number
 
 
 #: Smallest number of points of a law. Fewer points do not determine the law of a cam.
-FEWEST_POINTS = 12
+MIN_POINTS = 12
 #: Largest number of points of a law. More points only cost time.
 MAX_POINTS = 7200
 #: Widest gap (deg) between points. The law within a wider gap would be arbitrary.
-WIDEST_GAP_DEG = 45.0
+MAX_GAP_DEG = 45.0
 #: Largest number of dwells of a law.
 MAX_DWELLS = 36
 #: Smallest distance (deg) between two dwells.
-LEAST_EVENT_DEG = 1.0
+MIN_EVENT_DEG = 1.0
 #: Absolute tolerance (rad) of the ends of a dwell, for points that are at an end.
 DWELL_ATOL_RAD = 1e-9
 #: Largest difference between the lifts at 0° and 360°, in tolerances of the table.
@@ -158,11 +158,11 @@ class MeasuredPoints(Strict):
     """Content of a file of points: rising cam angles in rad, and lifts in m."""
 
     file: str
-    angles: tuple[FiniteFloat, ...] = Field(min_length=FEWEST_POINTS)
-    lifts: tuple[FiniteFloat, ...] = Field(min_length=FEWEST_POINTS)
+    angles: tuple[FiniteFloat, ...] = Field(min_length=MIN_POINTS)
+    lifts: tuple[FiniteFloat, ...] = Field(min_length=MIN_POINTS)
 
 
-def _read(value: Any, info: ValidationInfo) -> Any:
+def read_measured_points(value: Any, info: ValidationInfo) -> Any:
     """Return the points of the file of a name. Points are returned unchanged.
 
     A config that was copied contains points already.
@@ -173,9 +173,9 @@ def _read(value: Any, info: ValidationInfo) -> Any:
         raise ValueError(f"is {value!r}; allowed: the name of a .csv file next to the cam's file")
     folder = (info.context or {}).get("folder", Path())
     angles, lifts = read_points(folder / value)
-    if not FEWEST_POINTS <= len(angles) <= MAX_POINTS:
+    if not MIN_POINTS <= len(angles) <= MAX_POINTS:
         raise ValueError(
-            f"{value}: has {len(angles)} points; allowed: {FEWEST_POINTS} to {MAX_POINTS}"
+            f"{value}: has {len(angles)} points; allowed: {MIN_POINTS} to {MAX_POINTS}"
         )
     degrees = [math.degrees(angle) for angle in angles]
     for i, (before, after) in enumerate(pairwise(degrees)):
@@ -229,7 +229,7 @@ class Table(WholeTurn):
     """
 
     law: Literal["table"]
-    file: Annotated[MeasuredPoints, BeforeValidator(_read)]
+    file: Annotated[MeasuredPoints, BeforeValidator(read_measured_points)]
     tolerance: Annotated[Quantity, must_be("length", ge=0.0, le=1.0)]
     dwells: list[MeasuredDwell] = Field(default=[], max_length=MAX_DWELLS)
     source: str = Field(min_length=1)
@@ -244,10 +244,10 @@ class Table(WholeTurn):
             if not any(d.contains(math.radians(start), math.radians(end)) for d in self.dwells)
         ]
         gap, start = max(open_gaps, default=(0.0, 0.0))
-        if gap > WIDEST_GAP_DEG:
+        if gap > MAX_GAP_DEG:
             raise ValueError(
                 f"{self.file.file}: has no point for {gap:.4g}° after {start:.4g}°; allowed: gaps "
-                f"of at most {WIDEST_GAP_DEG:g}° all around, so measure there too"
+                f"of at most {MAX_GAP_DEG:g}° all around, so measure there too"
             )
         return self
 
@@ -259,11 +259,11 @@ class Table(WholeTurn):
         nexts = [*starts[1:], *(start + TURN for start in starts[:1])]
         for i, (dwell, next_start) in enumerate(zip(self.dwells, nexts, strict=True)):
             end = math.degrees(dwell.start.si + dwell.span.si)
-            if end > math.degrees(next_start) - LEAST_EVENT_DEG:
+            if end > math.degrees(next_start) - MIN_EVENT_DEG:
                 raise ValueError(
                     f"dwells[{i}]: ends at {end:g}°, the next starts at "
                     f"{math.degrees(next_start):g}°; allowed: dwells in the order of the cam "
-                    f"angle, at least {LEAST_EVENT_DEG:g}° apart"
+                    f"angle, at least {MIN_EVENT_DEG:g}° apart"
                 )
         return self
 

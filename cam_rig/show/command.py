@@ -20,9 +20,9 @@ import typer
 from typer.core import TyperCommand
 
 from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError, printable
-from cam_rig.extras import libraries_named, require, source_date
-from cam_rig.files import check_place, writing
-from cam_rig.interrupts import raised
+from cam_rig.extras import friendly_import_errors, require, source_date
+from cam_rig.files import atomic_write, check_writable
+from cam_rig.interrupts import raise_signals
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console, say, show
 
@@ -46,7 +46,7 @@ def user_errors() -> Iterator[None]:
     """
     try:
         source_date()  # checked here, as an invalid date ends libraries that a command imports
-        with libraries_named(), raised():
+        with friendly_import_errors(), raise_signals():
             yield
     except CamRigError as error:
         print(f"cam-rig: {printable(error.in_command)}", file=sys.stderr)
@@ -102,7 +102,7 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
     """Draw a figure, write it to a file, and print its path."""
     from cam_rig.show.figure import write
 
-    with writing(target) as part:
+    with atomic_write(target) as part:
         write(figure(), part)
     say(f"plot: {target}")
 
@@ -113,7 +113,7 @@ def write_json(data: dict[str, Any], target: str | None) -> None:
     if target == "-":
         print(text)
     elif target is not None:
-        with writing(Path(target)) as part:
+        with atomic_write(Path(target)) as part:
             part.write_text(text + "\n", encoding="utf-8")
 
 
@@ -135,13 +135,13 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
         require("matplotlib")
     for target in (plot, csv, None if json_target is None else Path(json_target)):
         if target not in (None, STDOUT):
-            check_place(target)
+            check_writable(target)
 
 
 def check_recording(target: Path) -> None:
     """Check, before the computation, that a Rerun recording can be written."""
     require("rerun")
-    check_place(target)
+    check_writable(target)
     if target.suffix != ".rrd":
         raise ConfigError(f"{target}: unknown kind of recording; allowed: .rrd")
 
@@ -158,7 +158,7 @@ def write_tables(result: Result, target: Path) -> None:
         return
     further = {target.with_suffix(f".{t.key}{target.suffix}"): t for t in others if t.records}
     for path, table in ({target: first} | further).items():
-        with writing(path) as part:
+        with atomic_write(path) as part:
             part.write_text(table.to_csv(), encoding="utf-8")
     if further:
         say(f"csv: {target}; further tables: {', '.join(map(str, further))}")

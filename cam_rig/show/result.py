@@ -19,8 +19,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
-from cam_rig.files import shown, spreadsheet_text
+from cam_rig.extras import friendly_import_errors
+from cam_rig.files import shorten, spreadsheet_text
 from cam_rig.show.layout import TableLayout
 from cam_rig.show.tables import Cell, DataTable, Header
 
@@ -189,7 +189,7 @@ class Records:
 
     def to_pandas(self) -> DataFrame:
         """Return the table as a data frame, in SI units."""
-        with libraries_named():
+        with friendly_import_errors():
             from pandas import DataFrame
         return DataFrame.from_records(self.rows(), columns=[c.key for c in self.columns])
 
@@ -221,7 +221,7 @@ class ArrayRecords(Records):
 
     def to_pandas(self) -> DataFrame:
         """Return the arrays as a data frame, without conversion."""
-        with libraries_named():
+        with friendly_import_errors():
             from pandas import DataFrame
         return DataFrame({c.key: c.value(self.source) for c in self.columns})
 
@@ -325,7 +325,7 @@ class Result:
         """
         tables = {table.key: table for table in self.tables()}
         if key and key not in tables:
-            raise ConfigError(f"key: is {shown(key)}; allowed: {', '.join(tables)}")
+            raise ConfigError(f"key: is {shorten(key)}; allowed: {', '.join(tables)}")
         return tables[key or next(iter(tables))].to_pandas()
 
     def plot(self, **options: Any) -> Figure:
@@ -346,7 +346,7 @@ class Result:
         if not self.plot_function:
             raise ConfigError(f"plot: {type(self).__name__} has no figure; allowed: its tables")
         module, name = self.plot_function.split(":")
-        with libraries_named():
+        with friendly_import_errors():
             draw = getattr(import_module(module), name)
         return enable_notebook_display(draw(self, **options))
 

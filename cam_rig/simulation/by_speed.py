@@ -16,12 +16,12 @@ import numpy as np
 from cam_rig.laws import Law
 from cam_rig.laws.sampling import sample
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import Settling, TickSamples, WholeTurns
+from cam_rig.simulation.simulate import TickSamples, TransientFilter, WholeTurns
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: Smallest gap of a flight, as a fraction of the lift, above the rounding of the displacements. A
 #: force of zero with a smaller gap is a follower without preload that rests on the cam's dwell.
-OFF_THE_CAM = 1e-9
+MIN_GAP_RATIO = 1e-9
 
 
 @dataclass
@@ -144,7 +144,7 @@ class SpeedRows:
 
     def __init__(self, laws: dict[str, Law], rate: int, transient_turns: float) -> None:
         self._laws, self._rate = laws, rate
-        self._turns = WholeTurns[_TickStatistics](Settling(transient_turns))
+        self._turns = WholeTurns[_TickStatistics](TransientFilter(transient_turns))
         self._flights = FlightCount(0.0)
         self._steps: dict[tuple[str, float], _TickStatistics] = {}
         self._previous_key: tuple[str, float] | None = None
@@ -160,10 +160,10 @@ class SpeedRows:
         key = tick.cam, tick.start.speed
         steady_key = key if tick.steady else None
         if steady_key != self._previous_key:
-            self._flights = FlightCount(OFF_THE_CAM * self._laws[tick.cam].lift)
+            self._flights = FlightCount(MIN_GAP_RATIO * self._laws[tick.cam].lift)
         self._previous_key = steady_key
         first = round(float(tick.time[0]) * self._rate)
-        span, turned = (first, first + tick.time.size), tick.turned(self._rate)
+        span, turned = (first, first + tick.time.size), tick.turned_angle(self._rate)
         statistics = self._statistics(tick, turned) if tick.steady else _TickStatistics()
         for completed in self._turns.add(tick.start, tick.steady, turned, span, statistics):
             self._steps[key] = self._steps.get(key, _TickStatistics()) + completed

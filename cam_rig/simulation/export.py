@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.errors import ConfigError, OutputError
-from cam_rig.extras import libraries_named, require
-from cam_rig.files import temporary_folder, writing
+from cam_rig.extras import friendly_import_errors, require
+from cam_rig.files import atomic_write, temporary_folder
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import FloatArray, to_rpm
@@ -171,7 +171,7 @@ def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int
 
 def write_parquet(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
     """Write rows as Parquet, one row group per chunk, with units in the schema."""
-    with libraries_named():
+    with friendly_import_errors():
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -325,7 +325,7 @@ def export(
     contents, scene = Contents(rate), loaded.scene
     about = {"scene": scene.name, "model": scene.model, "rig": loaded.rig.name}
     rows = contents.track(chunks(_select(ticks, cam, rpm, contents.available)))
-    with writing(path) as part:
+    with atomic_write(path) as part:
         FORMATS[path.suffix.lower()](part, rows, about, rate)
         if not contents.rows:
             selection = f"{cam or 'a cam'} at {'a speed' if rpm is None else f'{rpm:g} rpm'}"

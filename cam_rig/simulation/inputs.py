@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cam_rig.arguments import checked, on_one_axis
+from cam_rig.arguments import check_arguments, to_vector
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, cam_set, law_of, require_sprung
@@ -20,13 +20,13 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig, load_scene,
 from cam_rig.schema.load import (
     cam_path,
     config_root,
-    named_path,
-    one_scene,
-    rig_beside,
+    find_scene,
+    resolve_path,
+    resolve_rig_path,
     rig_path,
     tables_path,
 )
-from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread
+from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread_speeds
 from cam_rig.units import FloatArray
 
 #: One cam or several: names in ``config/cams``, paths or cams. One scene means its cams on its rig.
@@ -49,13 +49,13 @@ Speeds = float | Sequence[float] | FloatArray
 #: Largest number of rigs that an error message lists. More would not fit in one line.
 MAX_LISTED_RIGS = 5
 #: Shipped rig for cams that are named without a rig.
-RIG = "paper_table2"
+DEFAULT_RIG = "paper_table2"
 #: Largest number of speeds. A longer table takes minutes and is not readable.
 MAX_SPEEDS = 1000
 #: Lowest cam speed, rpm: below the speed of any real cam.
-SLOWEST_RPM = 0.01
+MIN_RPM = 0.01
 #: Highest cam speed, rpm: above the speed of any real cam.
-FASTEST_RPM = 1e5
+MAX_RPM = 1e5
 
 
 def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
@@ -63,16 +63,16 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
 
     The default cams are those of the paper's Table 2. The default rig is that of `default_rig`.
     """
-    items = listed(cams)
-    if (scene := one_scene(items)) is not None:
+    items = list_cams(cams)
+    if (scene := find_scene(items)) is not None:
         loaded = resolve_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
-    named = named_cams(items)
+    named = read_cams(items)
     files = [source for source, _ in named if isinstance(source, Path)]
     return cam_set(named, resolve_rig(default_rig(files) if rig is None else rig))
 
 
-def listed(cams: Cams) -> list[str | Path | CamConfig]:
+def list_cams(cams: Cams) -> list[str | Path | CamConfig]:
     """Return one cam or several as a list, empty for None.
 
     Raises
@@ -85,17 +85,17 @@ def listed(cams: Cams) -> list[str | Path | CamConfig]:
     return [cams] if isinstance(cams, str | Path | CamConfig) else list(cams or ())
 
 
-def named_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str, CamConfig]]:
+def read_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str, CamConfig]]:
     """Return each cam with its source: its file, or its name if it is a `CamConfig`.
 
     For an empty sequence, the cams of the paper's Table 2 are returned.
     """
     if not cams:
         cams = list(load_tables(tables_path()).table_2_jump)
-    return [_named_cam(cam) for cam in cams]
+    return [_read_cam(cam) for cam in cams]
 
 
-def _named_cam(cam: Cam) -> tuple[Path | str, CamConfig]:
+def _read_cam(cam: Cam) -> tuple[Path | str, CamConfig]:
     if isinstance(cam, CamConfig):
         return cam.name, cam
     return cam_path(cam), load_cam(cam_path(cam))
@@ -103,7 +103,7 @@ def _named_cam(cam: Cam) -> tuple[Path | str, CamConfig]:
 
 def resolve_cam(cam: Cam) -> CamConfig:
     """Return a cam, read from its file if it is a path or a name."""
-    return _named_cam(cam)[1]
+    return _read_cam(cam)[1]
 
 
 def resolve_law(law: LawOrCam) -> Law:
@@ -118,12 +118,12 @@ def resolve_law(law: LawOrCam) -> Law:
     """
     if isinstance(law, Law):
         return law
-    source, cam = _named_cam(law)
+    source, cam = _read_cam(law)
     require_sprung(source, cam)
     return law_of(source, cam)
 
 
-@checked
+@check_arguments
 def build_law(cam: Cam) -> Law:
     """Build the motion law of a cam.
 
@@ -152,7 +152,7 @@ def build_law(cam: Cam) -> Law:
     >>> round(law.lift, 6), float(law(0.0, 2))  # m, and m/rad² at cam angle 0
     (0.05, 0.0)
     """
-    return law_of(*_named_cam(cam))
+    return law_of(*_read_cam(cam))
 
 
 def resolve_rig(rig: RequiredRig) -> RigConfig:
@@ -160,7 +160,7 @@ def resolve_rig(rig: RequiredRig) -> RigConfig:
     return rig if isinstance(rig, RigConfig) else load_rig(rig_path(rig))
 
 
-def default_rig(cams: Sequence[Path], default: str = RIG) -> Path:
+def default_rig(cams: Sequence[Path], default: str = DEFAULT_RIG) -> Path:
     """Return the only rig next to a user's cams, or a shipped rig, and print which.
 
     The folder of the rig is ``../rigs`` relative to that of the cam. The shipped rig `default` is
@@ -198,44 +198,44 @@ def resolve_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
 
     A rig that is a name is searched for next to the scene first, then among the shipped rigs.
     """
-    loaded = scene if isinstance(scene, LoadedScene) else open_scene(named_path("scenes", scene))
+    loaded = scene if isinstance(scene, LoadedScene) else open_scene(resolve_path("scenes", scene))
     if rig is None:
         return loaded
     if isinstance(rig, RigConfig):
         return replace(loaded, rig=rig)
-    file = rig_beside(rig, loaded.scene_file)
+    file = resolve_rig_path(rig, loaded.scene_file)
     return replace(loaded, rig=load_rig(file), rig_file=file)
 
 
 def resolve_speeds(rpm: Speeds) -> list[float]:
     """Return one speed or several as a list, rpm."""
-    return [float(speed) for speed in on_one_axis("rpm", rpm)]
+    return [float(speed) for speed in to_vector("rpm", rpm)]
 
 
-def speeds_within(rpm: Speeds) -> list[float]:
+def check_speeds(rpm: Speeds) -> list[float]:
     """Return speeds (rpm) after checking their number and range.
 
     Raises
     ------
     ConfigError
-        If there are not 1 to `MAX_SPEEDS` speeds, or a speed is outside `SLOWEST_RPM` to
-        `FASTEST_RPM`.
+        If there are not 1 to `MAX_SPEEDS` speeds, or a speed is outside `MIN_RPM` to
+        `MAX_RPM`.
     """
     speeds = resolve_speeds(rpm)
-    wrong = [speed for speed in speeds if not SLOWEST_RPM <= speed <= FASTEST_RPM]
+    wrong = [speed for speed in speeds if not MIN_RPM <= speed <= MAX_RPM]
     if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
         value = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
-        limits = f"{SLOWEST_RPM:g} to {FASTEST_RPM:g} rpm"
+        limits = f"{MIN_RPM:g} to {MAX_RPM:g} rpm"
         raise ConfigError(f"rpm: {value}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
     return speeds
 
 
 def scene_speeds(scene: str | Path, max_count: int) -> list[float]:
     """Return up to `max_count` speeds (rpm) of a scene, with its lowest and highest."""
-    return spread(speeds_of(load_scene(named_path("scenes", scene))), max_count)
+    return spread_speeds(speeds_of(load_scene(resolve_path("scenes", scene))), max_count)
 
 
-def numbers_in(text: str) -> list[float]:
+def parse_numbers(text: str) -> list[float]:
     """Return the numbers of a text, or an empty list if it has another form.
 
     The forms are "0.5", "0.3,0.5", and "0:0.9:0.1" (start, end and step, with the end included).
@@ -250,7 +250,7 @@ def numbers_in(text: str) -> list[float]:
         return []
 
 
-def speeds_in(text: str) -> list[float]:
+def parse_speeds(text: str) -> list[float]:
     """Return the speeds (rpm) of a text such as "300", "200,300" or "200:400:10".
 
     Raises
@@ -258,11 +258,11 @@ def speeds_in(text: str) -> list[float]:
     ConfigError
         If the text has another form, or there are too many speeds or a speed out of range.
     """
-    speeds = numbers_in(text)
-    in_range = speeds and 0.0 < min(speeds) <= max(speeds) <= FASTEST_RPM
+    speeds = parse_numbers(text)
+    in_range = speeds and 0.0 < min(speeds) <= max(speeds) <= MAX_RPM
     if not (in_range and len(speeds) <= MAX_SPEEDS):
         raise ConfigError(
             f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "
-            f"and at most {FASTEST_RPM:g}, {MAX_SPEEDS} speeds at most"
+            f"and at most {MAX_RPM:g}, {MAX_SPEEDS} speeds at most"
         )
     return speeds

@@ -46,7 +46,7 @@ def regression(rpm: FloatArray, level: FloatArray) -> FloatArray:
     return np.pad(coefficients, (0, REGRESSION_DEGREE + 1 - coefficients.size))
 
 
-def cubic(rpm: FloatArray) -> FloatArray:
+def cubic_projection(rpm: FloatArray) -> FloatArray:
     """Return the matrix `(n, n)` from levels at n speeds to their regression."""
     powers = np.polynomial.polynomial.polyvander(rpm / rpm.mean() - 1.0, REGRESSION_DEGREE)
     return np.asarray(powers @ np.linalg.pinv(powers))

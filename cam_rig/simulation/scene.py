@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.errors import ConfigError
@@ -30,13 +30,13 @@ from cam_rig.schema import (
 from cam_rig.schema import load_cam as read_cam
 from cam_rig.schema import load_rig as read_rig
 from cam_rig.schema import load_scene as read_scene
-from cam_rig.schema.load import config_root, named_path, same_as_shipped
+from cam_rig.schema.load import config_root, has_shipped_motion, resolve_path
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import SI_UNITS
 from cam_rig.units import FloatArray, to_rpm
 
 
-@checked
+@check_arguments
 def load_cam(cam: str | Path) -> CamConfig:
     """Load a cam: its law as segments of the turn, and its follower.
 
@@ -62,10 +62,10 @@ def load_cam(cam: str | Path) -> CamConfig:
     >>> cam.lift.si, cam.lift.origin  # m
     (0.05, 'given')
     """
-    return load.load_cam(named_path("cams", cam))
+    return load.load_cam(resolve_path("cams", cam))
 
 
-@checked
+@check_arguments
 def load_rig(rig: str | Path) -> RigConfig:
     """Load a rig: the numbers of the follower, the shaft and the sound.
 
@@ -94,10 +94,10 @@ def load_rig(rig: str | Path) -> RigConfig:
     >>> stiffer.follower.spring_stiffness.si
     6000.0
     """
-    return load.load_rig(named_path("rigs", rig))
+    return load.load_rig(resolve_path("rigs", rig))
 
 
-@checked
+@check_arguments
 def load_scene(scene: str | Path) -> LoadedScene:
     """Load a scene, an experiment with cams on a rig at several speeds.
 
@@ -126,13 +126,13 @@ def load_scene(scene: str | Path) -> LoadedScene:
     >>> list(scene.laws), scene.rig.name, scene.scene.model
     (['tm21', 'bezier15'], 'tm21', 'one_mass')
     """
-    return open_scene(named_path("scenes", scene))
+    return open_scene(resolve_path("scenes", scene))
 
 
 #: Shipped rig whose acoustic constants were fitted to published levels.
 SHIPPED_RIG = "tm21"
 #: Model of the follower with which its constants were fitted.
-MODEL = "one_mass"
+SHIPPED_MODEL = "one_mass"
 
 
 class LevelOrigin(StrEnum):
@@ -158,8 +158,9 @@ VALUE_RTOL = 1e-9
 def is_calibrated(rig: RigConfig, model: str) -> bool:
     """Return True if the acoustic constants are valid for this model and follower.
 
-    They must have been fitted. Constants of the shipped rig are valid for its follower and `MODEL`
-    only. Others are valid for the model and follower in the source of the gain, if it names them.
+    They must have been fitted. Constants of the shipped rig are valid for its follower and
+    `SHIPPED_MODEL` only. Others are valid for the model and follower in the source of the gain, if
+    it names them.
     """
     radiation, shipped = rig.radiation, _shipped_rig()
     if (
@@ -169,17 +170,19 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
         return False
     if not has_shipped_constants(rig):
         stated = radiation.gain.source.partition(FITTED_WITH)[2]
-        return stated in ("", fitted_with(rig, model))
+        return stated in ("", describe_fit_model(rig, model))
     follower = shipped.follower
-    return model == MODEL and all(_equal(n, getattr(follower, key)) for key, n in rig.follower)
+    return model == SHIPPED_MODEL and all(
+        _equal(n, getattr(follower, key)) for key, n in rig.follower
+    )
 
 
-def calibrated_on(rig: RigConfig, model: str) -> str:
+def calibration_cam(rig: RigConfig, model: str) -> str:
     """Return the cam to whose levels a rig was fitted, empty if not calibrated."""
     return (rig.calibrated_on or "measured levels") if is_calibrated(rig, model) else ""
 
 
-def fitted_with(rig: RigConfig, model: str) -> str:
+def describe_fit_model(rig: RigConfig, model: str) -> str:
     """Return model and follower in SI units as text, for the source of a fit."""
     numbers = ((key, number) for key, number in rig.follower if number)
     texts = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in numbers)
@@ -227,7 +230,7 @@ class LoadedScene:
 
     def __repr__(self) -> str:
         """Return cams, rig, model and some of the speeds."""
-        speeds = ", ".join(f"{rpm:g}" for rpm in spread(speeds_of(self.scene), FORCE_SPEEDS))
+        speeds = ", ".join(f"{rpm:g}" for rpm in spread_speeds(speeds_of(self.scene), FORCE_SPEEDS))
         experiment = f"{', '.join(self.laws)} on {self.rig.name}, {self.scene.model}"
         return f"LoadedScene({self.scene.name}: {experiment}, {speeds} rpm)"
 
@@ -287,7 +290,7 @@ class LoadedScene:
         """
         if name in self.cams and not again:
             return
-        path = Library.beside(self.scene_file).path("cams", name)
+        path = Library.for_scene(self.scene_file).path("cams", name)
         cam = read_cam(path)
         require_sprung(path, cam)
         law = law_of(path, cam)
@@ -312,7 +315,7 @@ class LoadedScene:
         if not self.calibrated:
             return LevelOrigin.RELATIVE
         origin, shipped = self.fitted_origin(cam), has_shipped_constants(self.rig)
-        if origin is LevelOrigin.CALIBRATED and shipped and not same_as_shipped(self.cams[cam]):
+        if origin is LevelOrigin.CALIBRATED and shipped and not has_shipped_motion(self.cams[cam]):
             return LevelOrigin.PREDICTED  # another cam with the same name, not the fitted one
         return origin
 
@@ -345,7 +348,7 @@ class LoadedScene:
             )
         return self.published.level(cam, rpm)
 
-    def only(self, cam: str, law: Law) -> LoadedScene:
+    def with_one_cam(self, cam: str, law: Law) -> LoadedScene:
         """Return the scene with one cam only, and with another law for it."""
         scene = self.scene.model_copy(update={"cams": [cam]})
         return replace(self, scene=scene, laws={cam: law})
@@ -362,7 +365,7 @@ def open_scene(scene_path: Path) -> LoadedScene:
         If the law of a cam cannot be built.
     """
     scene = read_scene(scene_path)
-    library = Library.beside(scene_path)
+    library = Library.for_scene(scene_path)
     files = {name: library.path("cams", name) for name in scene.cams}
     rig_file = library.path("rigs", scene.rig)
     cams = {name: read_cam(path) for name, path in files.items()}
@@ -379,7 +382,7 @@ def open_scene(scene_path: Path) -> LoadedScene:
 
 
 #: Length of the arrow of the maximum contact force, as a fraction of the follower's reach.
-ARROW = 0.5
+FORCE_ARROW_RATIO = 0.5
 
 
 def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
@@ -400,7 +403,7 @@ def speeds_of(scene: SceneConfig) -> list[float]:
     return sorted({round(to_rpm(speed), 9) for speed in scene.schedule.speeds.si_list})
 
 
-def spread(speeds: list[float], max_count: int) -> list[float]:
+def spread_speeds(speeds: list[float], max_count: int) -> list[float]:
     """Return up to `max_count` evenly spread speeds, including the first and the last."""
     if len(speeds) <= max_count:
         return speeds

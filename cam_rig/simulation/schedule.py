@@ -70,7 +70,7 @@ class CamState:
         turned = end.since(self)
         return turned > 0.0 and abs(turned - 0.5 * end.speed * length) < ANGLE_TOLERANCE
 
-    def holds_until(self, end: CamState) -> bool:
+    def is_steady_until(self, end: CamState) -> bool:
         """Return True if the speed is constant up to the next state, not on a ramp."""
         return self.until(end).acceleration == 0.0
 

@@ -14,7 +14,7 @@ from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rm
 from cam_rig.acoustics.pressure import structure_response
 from cam_rig.dynamics import MODELS, Block, FollowerState, Interval, Model, Samples
 from cam_rig.dynamics.interval import NamedRows
-from cam_rig.dynamics.steady_rules import LEVEL_TURNS, is_settled
+from cam_rig.dynamics.steady_rules import LEVEL_TURNS, is_steady
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.simulation.scene import LoadedScene
@@ -48,7 +48,7 @@ STOP_ATOL_S = 0.1
 
 
 @dataclass
-class Settling:
+class TransientFilter:
     """Detector of the settled ticks of a run.
 
     They are those after the first turns of a step, the time of one cam at one speed.
@@ -69,7 +69,7 @@ class Settling:
         if self.first is None or self._last is None or not _continues(self._last, start):
             self.first = start
         self._last = start
-        return is_settled(start.since(self.first) / TURN, self.turns)
+        return is_steady(start.since(self.first) / TURN, self.turns)
 
 
 def _continues(last: CamState, start: CamState) -> bool:
@@ -86,7 +86,7 @@ Part = TypeVar("Part")
 class WholeTurns(Generic[Part]):
     """Collector of settled ticks into whole turns: less than a turn has no mean."""
 
-    settling: Settling
+    settling: TransientFilter
     _parts: list[Part] = field(default_factory=list, init=False)
     _turned: float = field(default=0.0, init=False)  #: turns of the present step
     #: First state of the present step, and position at which its next tick must start.
@@ -124,7 +124,7 @@ class StepLevels:
     def __init__(self, transient_turns: float) -> None:
         self.levels: dict[str, dict[float, float]] = {}
         self._energy: dict[tuple[str, float], tuple[float, int]] = {}
-        self._turns = WholeTurns[MeasuredTick](Settling(transient_turns))
+        self._turns = WholeTurns[MeasuredTick](TransientFilter(transient_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
         """Add a tick, and return the new level if it completes a turn, else None."""
@@ -209,7 +209,7 @@ class TickSamples(NamedRows):
         wrapped = angle - np.floor(angle / TURN) * TURN
         return np.where(wrapped < TURN, wrapped, 0.0)  # equal to TURN by rounding
 
-    def turned(self, rate: int) -> float:
+    def turned_angle(self, rate: int) -> float:
         """Return the angle (rad) of the cam over the samples, with samples at `rate` Hz."""
         fraction = self.time.size / self.interval.grid(rate).count
         return fraction * self.interval.mean_speed * self.interval.duration
@@ -248,7 +248,7 @@ class FollowerSimulator:
         does not turn. On a new cam the next tick starts at rest.
         """
         start, start_state, pending_impulse = self.last, self.state, self.pending_impulse
-        self.put_down(state)
+        self.continue_from(state)
         if start is None or not start.turns_until(state):
             return None
         law = self.laws[start.cam]
@@ -261,7 +261,9 @@ class FollowerSimulator:
             self.pending_impulse = end.pending_impulse
         return end, block.with_impulse(pending_impulse)
 
-    def put_down(self, last: CamState | None = None, state: FollowerState | None = None) -> None:
+    def continue_from(
+        self, last: CamState | None = None, state: FollowerState | None = None
+    ) -> None:
         """Continue from a cam state, with the follower in `state`, or at rest on the cam."""
         self.last, self.state, self.pending_impulse = last, state, 0.0
 
@@ -289,15 +291,15 @@ class MicrophoneSimulator:
 
     def measure(self, tick: TickSamples) -> MeasuredTick:
         """Return the measurement over a tick."""
-        return _measured(tick, self.listen(tick.rows, tick.interval.mean_speed))
+        return _measure(tick, self.listen(tick.rows, tick.interval.mean_speed))
 
 
-def _measured(tick: TickSamples, pressure: float | None) -> MeasuredTick:
+def _measure(tick: TickSamples, pressure: float | None) -> MeasuredTick:
     stop, count = tick.interval.stop_ns, tick.rows.shape[1]
     return MeasuredTick(tick.start, stop, pressure, count, tick.steady)
 
 
-def turned_ticks(
+def simulate_ticks(
     loaded: LoadedScene,
     start_state: FollowerState | None = None,
     states: Iterable[CamState] | None = None,
@@ -312,7 +314,7 @@ def turned_ticks(
     for state in cam_states(loaded.scene) if states is None else states:
         turned = follower.turn_to(state)
         if start is None:
-            follower.put_down(state, start_state)
+            follower.continue_from(state, start_state)
         if turned is not None and start is not None:
             yield TickSamples(start, turned[1].interval, turned[1].rows)
         start = state
@@ -327,15 +329,15 @@ def simulate(
     """Simulate a scene, and yield the measurement of each tick.
 
     `take` is called with the samples of each tick, which are not stored. The other parameters are
-    those of `turned_ticks`. Ticks have no pressure if the rig has no acoustic constants.
+    those of `simulate_ticks`. Ticks have no pressure if the rig has no acoustic constants.
     """
     microphone = None if loaded.missing_for_sound else MicrophoneSimulator.of(loaded)
-    for tick in turned_ticks(loaded, start_state, states):
+    for tick in simulate_ticks(loaded, start_state, states):
         take(tick)
-        yield _measured(tick, None) if microphone is None else microphone.measure(tick)
+        yield _measure(tick, None) if microphone is None else microphone.measure(tick)
 
 
-#: Sample rate of `settled_turns`, Hz. Levels are within 0.003 dB of those at 384 kHz
+#: Sample rate of `simulate_steady_turns`, Hz. Levels are within 0.003 dB of those at 384 kHz
 #: (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
 #: Centre of the speed response, a polynomial of (rpm − 300)/100, rpm: the middle of 200 to 400.
@@ -400,7 +402,7 @@ def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float
     return float(np.mean((rate * (force - structure)) ** 2))
 
 
-def settled_turns(
+def simulate_steady_turns(
     law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
 ) -> Turns:
     """Return the second turn from rest at each speed (rad/s).

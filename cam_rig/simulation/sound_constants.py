@@ -64,7 +64,7 @@ class SteadyTurns:
         return np.zeros(self.speeds.size)
 
 
-def two_constants(
+def fit_two_constants(
     cams: Sequence[PublishedCam], start: Acoustics, corners: tuple[float, float] = (0.0, np.inf)
 ) -> Acoustics:
     """Fit gain and corner by least squares of the level differences (dB) of all cams.

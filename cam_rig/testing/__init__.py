@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 
 if TYPE_CHECKING:
     from cam_rig.testing.running_rig import RunningRig
@@ -44,7 +44,7 @@ def start_rig(tmp_path: Path) -> Iterator[Callable[..., RunningRig]]:
         def start(
             scene: str | Path = "quick", bag: str | Path | None = None, **drive: Any
         ) -> RunningRig:
-            with libraries_named():
+            with friendly_import_errors():
                 from cam_rig.testing.running_rig import RunningRig
             folder = Path(bag or tmp_path / f"bag_{next(numbers)}")
             return rigs.enter_context(RunningRig(scene, folder, **drive))

@@ -19,7 +19,7 @@ from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import PROFILE_VARIABLE, SHUTDOWN_GRACE_S, environment, live
 from cam_rig.runner.resources import domain_ports
-from cam_rig.schema.load import named_path
+from cam_rig.schema.load import resolve_path
 from cam_rig.studies.simulate.recorded import read_bag
 from cam_rig.studies.simulate.study import SceneRun
 from cam_rig.testing.client import TIMEOUT_S, RigClient
@@ -204,7 +204,7 @@ class RunningRig(RigClient):
     def __init__(
         self, scene: str | Path, bag: str | Path, timeout: float = TIMEOUT_S, **drive: Any
     ) -> None:
-        self.scene, self.bag = named_path("scenes", scene), Path(bag)
+        self.scene, self.bag = resolve_path("scenes", scene), Path(bag)
         self.ticks: list[dict[str, Any]] = []
         self.log: list[str] = []
         self._drive: dict[str, Any] = {"progress_timeout": timeout, **drive}

@@ -21,7 +21,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import round_range
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.simulation.simulate import simulate_ticks
 from cam_rig.units import NS, RPM_PER_RAD_S, TURN, FloatArray
 from cam_rig.viewer.timeline import Canvas
 
@@ -261,7 +261,7 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
     limits: dict[str, FloatArray] = {}
     gaps: dict[tuple[str, float], float] = {}
     max_gap_at_zero = 0.0
-    for tick in turned_ticks(loaded):
+    for tick in simulate_ticks(loaded):
         values = [*tick.motion, tick.force]
         if GAP in rows:
             values.append(gap := gap_of(loaded.laws[tick.cam], tick.angle, tick))

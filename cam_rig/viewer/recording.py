@@ -208,7 +208,7 @@ def _duration_and_speeds(bag: Path) -> tuple[float, set[float]]:
     """
     speeds, previous, end = set[float](), None, 0.0
     for state in read_states(bag):
-        if previous and previous.turns_until(state) and previous.holds_until(state):
+        if previous and previous.turns_until(state) and previous.is_steady_until(state):
             speeds.add(previous.speed)
         previous, end = state, state.time_ns / NS
     return end, speeds

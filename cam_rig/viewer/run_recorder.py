@@ -97,7 +97,7 @@ class RunRecorder:
         angle, turn = sample_angles(start, end, rows[0]), None
         if self._twist is not None:
             rows = np.vstack([rows, self._twist.tick(start.cam, start.until(end), rows[0])])
-        if start.holds_until(end):
+        if start.is_steady_until(end):
             self._turns.add(start, angle, rows)
             turn = self._turns.turn()
         if self._run_view is not None:

@@ -78,7 +78,7 @@ class TimeSeries:
 
     def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
         law, step = self._loaded.laws[start.cam], start.speed / self._loaded.scene.sample_rate.si
-        if not start.holds_until(end):
+        if not start.is_steady_until(end):
             return law(angle)
         return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]
 

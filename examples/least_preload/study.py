@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.laws.cam import CamSet
@@ -72,7 +72,7 @@ def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> 
     return PreloadResult(cam_set, tuple(rows))
 
 
-@checked
+@check_arguments
 def least_preload(
     cams: Cams = None,
     rig: Rig = None,

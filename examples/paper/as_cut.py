@@ -21,7 +21,7 @@ from scipy.interpolate import BPoly
 
 import cam_rig
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
-from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray
 from examples.paper.common import CAMS, RIG, SCENE, Table, parser, publish, titles
 
@@ -116,7 +116,7 @@ def drive(law: cam_rig.Law) -> Driven:
     """Compute the jump speed on the rig of Table 2, and levels on the rig of the scene."""
     scene = cam_rig.load_scene(SCENE)
     speeds = scene.scene.schedule.speeds.si_list
-    turns = settled_turns(law, "one_mass", scene.follower, speeds)
+    turns = simulate_steady_turns(law, "one_mass", scene.follower, speeds)
     landing = [v / RPM for v, impulse in zip(speeds, turns.impulses, strict=True) if impulse.any()]
     jump = cam_rig.jump_speed(law, cam_rig.load_rig(RIG)).rpm
     return Driven(law, jump, Acoustics(scene.radiation).levels(turns), min(landing, default=None))

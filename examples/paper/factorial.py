@@ -27,7 +27,7 @@ from cam_rig.dynamics.vibration import residual_vibration, steady_turn
 from cam_rig.laws.law import peak
 from cam_rig.laws.segments import up_and_down
 from cam_rig.show.looks import in_words
-from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import RPM, TURN, FloatArray, rms
 from examples.paper.common import CAMS, RIG, STIFF_RIG, Table, load_laws, parser, publish, titles
 
@@ -101,10 +101,10 @@ def measure(law: cam_rig.Law) -> Measures:
     follower, speeds = FollowerParameters.from_rig(rig), RPM * np.array(ACCELERATED)
     peaks = [np.abs(steady_turn(law, follower, v).acceleration).max() for v in speeds.tolist()]
     own = abs(peak(law, 2).value) * np.square(speeds)
-    noise = settled_turns(
+    noise = simulate_steady_turns(
         law, "one_mass", FollowerParameters.from_rig(stiff), RPM * np.array(NOISE)
     )
-    contact = settled_turns(
+    contact = simulate_steady_turns(
         law, "two_mass", TwoMassParameters.from_rig(rig), [RPM * NOISE_IN_CONTACT]
     )
     rigid = rig.replace(roller_share=None, stem_damping=None)

@@ -19,7 +19,7 @@ from cam_rig.profile.cam_checks import GUIDED, check_cam
 from cam_rig.profile.measure import closure
 from cam_rig.report.document import Content, Section
 from cam_rig.report.sections import laws_table, origins
-from cam_rig.simulation.inputs import named_cams
+from cam_rig.simulation.inputs import read_cams
 from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC
 from cam_rig.studies.contact import figures as contact_plot
 from cam_rig.studies.design import figures as design_plot
@@ -219,7 +219,7 @@ def _timing(_: Paper) -> Content:
 def _contact(paper: Paper) -> Content:
     found = cam_rig.contact_stress([*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=GUIDED)
     rows = []
-    for path, cam in named_cams(FORM_CLOSED):
+    for path, cam in read_cams(FORM_CLOSED):
         play = 1e9 * closure(cam.follower, law_of(path, cam))
         rows.append((cam.title, cam.follower.type.replace("_", " "), play.min(), play.max()))
     table = Table(

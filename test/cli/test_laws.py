@@ -11,7 +11,7 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.laws.catalogue import free_laws
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.schema.load import one_scene
+from cam_rig.schema.load import find_scene
 from cam_rig.simulation.inputs import resolve_cams, resolve_scene, scene_speeds
 
 from ..conftest import scene_data
@@ -134,7 +134,7 @@ def test_default_rig_of_cams_and_of_a_scene(own):
     cam_set = resolve_cams([str(own)], None)
     assert (set(cam_set.cams), cam_set.rig.name) == ({"lug"}, "mine")
     assert resolve_cams(["quick"], "paper_table2").rig.name == "paper_table2"
-    assert one_scene(["poly345"]) is None and one_scene(["quick", "poly345"]) is None
+    assert find_scene(["poly345"]) is None and find_scene(["quick", "poly345"]) is None
 
 
 def test_rig_by_name_or_by_file(own, tmp_path):

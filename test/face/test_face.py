@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import cam_rig
-from cam_rig.arguments import in_python
+from cam_rig.arguments import name_parameters
 from cam_rig.cli.main import COMMANDS, command
 from cam_rig.errors import ConfigError
 from cam_rig.show.command import OUTPUT_OPTIONS
@@ -226,7 +226,7 @@ def test_command_names_its_function_whose_parameters_are_its_options(verb):
             name not in {*OUTPUT_OPTIONS, "help", *WORKERS, *FILES.get(verb, ())}
             and not param.hidden
         ):
-            refused = in_python(f"--{name}: is wrong", parameters)
+            refused = name_parameters(f"--{name}: is wrong", parameters)
             options.add(refused.removesuffix(": is wrong"))
     assert options <= parameters
     first = list(inspect.signature(function).parameters)[: len(arguments)]

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.quantities.catalogue import DESIGNED, QUANTITIES, measured_in
+from cam_rig.quantities.catalogue import DESIGN_QUANTITIES, QUANTITIES, campaign_quantities
 from cam_rig.quantities.terms import parse_limit, parse_term
 from cam_rig.studies.design.request import DesignRequest, parse_goal
 from cam_rig.units import RPM
@@ -30,10 +30,10 @@ from cam_rig.units import RPM
 )
 def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
     """The number is converted to SI, and the key of the term parses to the term."""
-    limit = parse_limit(text, DESIGNED)
+    limit = parse_limit(text, DESIGN_QUANTITIES)
     assert limit.value == pytest.approx(value, rel=1e-12)
     key = f"{limit.term.key}{limit.sense}{limit.value!r}"
-    assert parse_term(key.split(limit.sense, maxsplit=1)[0], DESIGNED) == limit.term
+    assert parse_term(key.split(limit.sense, maxsplit=1)[0], DESIGN_QUANTITIES) == limit.term
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_limit_is_parsed_in_its_unit(text: str, value: float) -> None:
 def test_an_invalid_limit_is_refused_in_one_line(text: str, message: str) -> None:
     """The error contains the text and the allowed form."""
     with pytest.raises(ConfigError, match=message) as caught:
-        parse_limit(text, DESIGNED)
+        parse_limit(text, DESIGN_QUANTITIES)
     assert "\n" not in str(caught.value)
 
 
@@ -78,7 +78,7 @@ def test_a_name_is_the_same_quantity_in_designs_and_campaigns() -> None:
     A campaign limits it on both sides, and its title names the model.
     """
     for model in ("one_mass", "two_mass"):
-        for name, quantity in measured_in(model).items():
+        for name, quantity in campaign_quantities(model).items():
             assert quantity.value is QUANTITIES[name].value
             assert quantity.senses == ("<=", ">=")
-    assert measured_in("two_mass")["sound_level"].title == "sound level of two masses"
+    assert campaign_quantities("two_mass")["sound_level"].title == "sound level of two masses"

@@ -151,6 +151,6 @@ def test_library_prefers_the_folder_of_the_scene(tmp_path):
     local = tmp_path / "cams" / "poly345.yaml"
     local.parent.mkdir()
     local.touch()
-    library = Library.beside(tmp_path / "scenes" / "x.yaml")
+    library = Library.for_scene(tmp_path / "scenes" / "x.yaml")
     assert library.path("cams", "poly345") == local
     assert library.path("cams", "poly4567") == CONFIG / "cams" / "poly4567.yaml"

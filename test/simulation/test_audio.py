@@ -9,7 +9,7 @@ from cam_rig.acoustics import SoundSource, level_db
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import Signal, encoder_count
 from cam_rig.simulation.meter import MeterSimulator
-from cam_rig.simulation.simulate import MicrophoneSimulator, turned_ticks
+from cam_rig.simulation.simulate import MicrophoneSimulator, simulate_ticks
 from cam_rig.units import TURN
 
 
@@ -23,7 +23,7 @@ def listen(loaded, background, frequency="Z", time="F"):
     account = MicrophoneSimulator(radiation, rate)
     meter = MeterSimulator(SoundSource(radiation, rate))
     meter.weigh(frequency, time)
-    for tick in turned_ticks(loaded):
+    for tick in simulate_ticks(loaded):
         reading = meter.read(tick.rows, tick.start.speed)
         yield reading, float(level_db(account.listen(tick.rows, tick.start.speed)))
 
@@ -43,7 +43,7 @@ def test_the_meter_agrees_with_the_energy_account(make_loaded_scene, cam):
 def levels(loaded, *settings):
     """Return the level of each tick, with all settings applied before tick 2."""
     meter, readings = MeterSimulator.of(loaded), []
-    for number, tick in enumerate(turned_ticks(loaded)):
+    for number, tick in enumerate(simulate_ticks(loaded)):
         for setting in settings if number == 2 else ():
             meter.weigh(*setting)
         readings.append(meter.read(tick.rows, tick.interval.mean_speed).level)

@@ -15,7 +15,7 @@ from cam_rig.errors import ConfigError, OutputError
 from cam_rig.messages import topics
 from cam_rig.simulation import export as exporting
 from cam_rig.simulation.export import COLUMNS, FORMATS, export
-from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.simulation.simulate import simulate_ticks
 from cam_rig.units import TURN
 
 from ..conftest import GOLDEN
@@ -152,7 +152,7 @@ def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypa
     for turns in (4, 4, 40):  # the first run imports libraries
         loaded = make_loaded_scene(speeds=[60], turns=turns, sample_rate=1000, cams=["poly345"])
         tracemalloc.start()
-        contents = export(tmp_path / f"a{ending}", turned_ticks(loaded), loaded)
+        contents = export(tmp_path / f"a{ending}", simulate_ticks(loaded), loaded)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         assert contents.rows == turns * 1000

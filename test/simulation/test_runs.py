@@ -16,7 +16,7 @@ from cam_rig.live.queues import FollowerQueue, TickMatcher
 from cam_rig.simulation import simulate as simulation
 from cam_rig.simulation.by_speed import SpeedRows
 from cam_rig.simulation.schedule import cam_states, tick_count
-from cam_rig.simulation.simulate import settled_turns, step_levels, turned_ticks
+from cam_rig.simulation.simulate import simulate_steady_turns, simulate_ticks, step_levels
 from cam_rig.units import RPM, TURN
 
 from ..conftest import GOLDEN
@@ -84,7 +84,7 @@ SPEEDS = STEADY_RPM * np.pi / 30.0
 def test_levels_in_contact_are_those_of_the_exact_response(make_loaded_scene, cam):
     """They agree to 2e-3 dB for a cam that keeps contact."""
     loaded = make_loaded_scene()
-    turns = settled_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
+    turns = simulate_steady_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
     acoustics = simulation.Acoustics(loaded.radiation)
     np.testing.assert_array_equal(acoustics.levels(turns.every(2)), acoustics.levels(turns)[::2])
     power = [
@@ -101,7 +101,7 @@ def test_levels_with_landings_are_those_of_the_run(make_loaded_scene):
         cams=["tm21"], speeds=[350, 400], turns=6, transient_turns=2, sample_rate=12000
     )
     run = step_levels(simulation.simulate(loaded), 2.0)["tm21"]
-    turns = settled_turns(loaded.laws["tm21"], "one_mass", loaded.follower, sorted(run))
+    turns = simulate_steady_turns(loaded.laws["tm21"], "one_mass", loaded.follower, sorted(run))
     assert all(impulse.sum() > 0.0 for impulse in turns.impulses)
     levels = simulation.Acoustics(loaded.radiation).levels(turns)
     np.testing.assert_allclose(levels, [run[s] for s in sorted(run)], atol=0.02)
@@ -112,7 +112,7 @@ def test_the_speed_response_applies_to_the_contact_only(make_loaded_scene):
     loaded = make_loaded_scene()
     plain = simulation.Acoustics(loaded.radiation)
     raised = simulation.Acoustics(loaded.radiation, (3.0, 0.0, 0.0))
-    turns = settled_turns(loaded.laws["poly345"], "one_mass", loaded.follower, SPEEDS)
+    turns = simulate_steady_turns(loaded.laws["poly345"], "one_mass", loaded.follower, SPEEDS)
     background = np.array([loaded.radiation.background_power(float(s)) for s in SPEEDS])
     power = [4e-10 * 10.0 ** (a.levels(turns) / 10.0) - background for a in (plain, raised)]
     np.testing.assert_allclose(10.0 * np.log10(power[1] / power[0]), [-3.0, 0.0, 3.0], atol=1e-9)
@@ -208,7 +208,7 @@ def test_the_nodes_compute_the_levels_of_the_scene(divided, seed):
 
 def rows_of(loaded):
     speed_rows = SpeedRows.of(loaded)
-    for tick in turned_ticks(loaded):
+    for tick in simulate_ticks(loaded):
         speed_rows.take(tick)
     return speed_rows.rows({})
 
@@ -307,7 +307,7 @@ def test_a_row_contains_whole_turns_only(make_loaded_scene, seed):
     def rows_after(ticks):
         last = dataclasses.replace(states[ticks], speed=0.0)
         speed_rows = SpeedRows.of(loaded)
-        for tick in turned_ticks(loaded, states=[*states[:ticks], last]):
+        for tick in simulate_ticks(loaded, states=[*states[:ticks], last]):
             speed_rows.take(tick)
         return speed_rows.rows({})
 

@@ -9,7 +9,7 @@ from cam_rig.schema.load import config_root
 from cam_rig.show.chart import step_marks
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.simulation.simulate import simulate_ticks
 from cam_rig.studies.bounce.motion import bouncing
 from cam_rig.units import NS, RPM, TURN
 from cam_rig.viewer.bounce_chart import GAPS, LANDINGS, bounce_axes, rebounds
@@ -44,7 +44,7 @@ def test_the_axes_contain_the_whole_scene(scene):
     """Every sample is within the axis of its cam, which has two numbers or more."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     ranges = scene_ranges(loaded)
-    for tick in turned_ticks(loaded):
+    for tick in simulate_ticks(loaded):
         for row in plot_rows(loaded.scene.model)[:4]:
             low, high, _ = ranges.of(tick.cam)[row.key]
             values = getattr(tick, row.key) * row.line.factor

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cam_rig.errors import CamRigError
-from cam_rig.files import writing
+from cam_rig.files import atomic_write
 from cam_rig.show.command import user_errors
 from cam_rig.show.terminal import console
 
@@ -141,7 +141,7 @@ def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -
 def put(picture: Path, photograph: Callable[[Path], None]) -> None:
     """Write a picture into docs/."""
     with user_errors():
-        with writing(picture) as part:
+        with atomic_write(picture) as part:
             photograph(part)
         console.print(f"{picture}: {picture.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
 

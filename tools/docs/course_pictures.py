@@ -17,7 +17,7 @@ from pathlib import Path
 from PIL import Image
 
 from cam_rig.errors import CamRigError
-from cam_rig.files import temporary_folder, writing
+from cam_rig.files import atomic_write, temporary_folder
 from cam_rig.show.command import user_errors
 from cam_rig.show.terminal import console
 
@@ -54,7 +54,10 @@ def draw(lesson: Path) -> None:
             if done.returncode:
                 raise CamRigError(f"{lesson.name}: {command}: {done.stderr.strip()}")
             target = COURSE / f"{name}.png"
-            with writing(target) as part, Image.open(folder / "out" / f"{name}.png") as picture:
+            with (
+                atomic_write(target) as part,
+                Image.open(folder / "out" / f"{name}.png") as picture,
+            ):
                 size = (WIDTH, round(picture.height * WIDTH / picture.width))
                 small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
                 small.quantize(COLOURS, dither=Image.Dither.NONE).save(part, optimize=True)

@@ -10,7 +10,7 @@ import typer
 from cam_rig.bag.command import newest_bag
 from cam_rig.bag.reader import read_counts
 from cam_rig.errors import CamRigError
-from cam_rig.files import temporary_folder, writing
+from cam_rig.files import atomic_write, temporary_folder
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.show.command import make_progress_bar, user_errors
 from cam_rig.show.figure import write
@@ -70,7 +70,7 @@ def _draw(bag: Path, to: Path) -> None:
             except CamRigError as error:
                 console.print(f"{to / name}: left as it is ({error})", soft_wrap=True)
         for path in drawn:
-            with writing(to / path.name) as part:
+            with atomic_write(to / path.name) as part:
                 part.write_bytes(path.read_bytes())
             console.print(f"{to / path.name}: {path.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
 

@@ -16,7 +16,7 @@ from cam_rig.profile.shapes import circle, closed, turned
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, shade, turn_axis
 from cam_rig.show.looks import MM, of_cam, web
-from cam_rig.simulation.scene import ARROW, LoadedScene, max_contact_force
+from cam_rig.simulation.scene import FORCE_ARROW_RATIO, LoadedScene, max_contact_force
 from cam_rig.units import FloatArray
 from cam_rig.viewer.timeline import Turn
 from tools.docs.turn_archive import TurnArchive, gap
@@ -50,7 +50,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     else:
         along = float(np.sum(normal * shape.upward(motion.s)))
         most = max_contact_force(loaded, turn.cam, turn.speed)
-        arrow = normal[0] * force / along * ARROW * shape.reach / most
+        arrow = normal[0] * force / along * FORCE_ARROW_RATIO * shape.reach / most
         drawn.append(
             axes.annotate(
                 "",

@@ -32,7 +32,7 @@ class TurnArchive:
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Store one tick."""
-        if not start.holds_until(end):
+        if not start.is_steady_until(end):
             return
         self._newest.add(start, sample_angles(start, end, Samples(rows).time), rows)
         turn = self._newest.turn()

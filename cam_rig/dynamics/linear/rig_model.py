@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import StateSpace
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import elastic_stem
 from cam_rig.dynamics.free_masses import (
     NEEDED,
@@ -42,7 +42,7 @@ MODELS = (TWO, ELASTIC, RIGID)
 MAX_FREQUENCY = 1e100
 
 
-@checked
+@check_arguments
 def state_space(rig: RigConfig, model: str | None = None) -> StateSpace:
     """Return the matrices A, B, C, D of the model of a rig in contact.
 
@@ -57,7 +57,7 @@ def state_space(rig: RigConfig, model: str | None = None) -> StateSpace:
     return StateSpace(system, drive, outputs.state, outputs.law)
 
 
-@checked
+@check_arguments
 def frequency_response(
     rig: RigConfig, w: float | FloatArray, model: str | None = None
 ) -> ComplexArray:

@@ -17,7 +17,7 @@ from cam_rig.panel import is_number
 from cam_rig.panel.bench.live_state import LiveState, PageSound
 from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig
-from cam_rig.simulation.scene import calibrated_on
+from cam_rig.simulation.scene import calibration_cam
 
 # The server's end of the socket to the panel's node: commands out, node messages in.
 
@@ -182,7 +182,7 @@ class BenchControls:
         """Set the sound and the calibration cam of a set-up's rig."""
         rig = setup.rig(self._runner.rig)
         self.sound = PageSound(RadiationParameters.from_rig(rig), SAMPLE_RATE)
-        self.calibrated_on = calibrated_on(rig, setup.model)
+        self.calibrated_on = calibration_cam(rig, setup.model)
 
     def current_setup(self, changes: dict[str, Any]) -> Setup:
         """Return the set-up with the mounted cam, the commanded speed and changes."""

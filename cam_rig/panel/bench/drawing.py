@@ -21,7 +21,7 @@ from cam_rig.panel.bench.runner import Setup
 from cam_rig.profile import contours
 from cam_rig.profile.contact import Motion, turn_angles
 from cam_rig.profile.outlines import follower_shape
-from cam_rig.quantities.steady import settled_turn
+from cam_rig.quantities.steady import steady_turn
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig
 from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.show.looks import DECIMALS, MM, millimetres
@@ -136,7 +136,7 @@ def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
     """
     scene = SceneConfig.model_validate(setup.scene_data(rig, [setup.rpm], LEVEL_TURNS))
     speed = setup.rpm * RPM
-    block, row, is_steady = settled_turn(law, rig, scene, speed, CONTOUR_POINTS)
+    block, row, is_steady = steady_turn(law, rig, scene, speed, CONTOUR_POINTS)
     values = turn_curves(law, speed * block.time, block.rows)
     return {
         "rpm": setup.rpm,

@@ -36,9 +36,9 @@ from cam_rig.schema.load import (
     config_root,
     file_data,
     load_cam,
-    quantity,
+    quantity_data,
     to_yaml,
-    valid_cam,
+    validate_cam,
 )
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
@@ -265,12 +265,12 @@ def cam_text(
         if isinstance(segment, DRAWABLE_SEGMENTS):
             count = len(segment.ordinates.numbers)
             values = ordinates[index : index + count].tolist()
-            segment_data["ordinates"] = quantity("assumed", values, "1", source)
+            segment_data["ordinates"] = quantity_data("assumed", values, "1", source)
             index += count
     if why_not is not None:
         data["cannot_be_made"] = why_not
     data["segments"] = data.pop("segments")  # move to the end of the file
-    valid_cam(data)
+    validate_cam(data)
     header = f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n"
     return header + to_yaml(data)
 

@@ -30,7 +30,7 @@ from cam_rig.laws.law import SMOOTHEST, joints
 from cam_rig.profile import Contour, contours
 from cam_rig.profile.cam_checks import check_cam, greatest_allowed
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import quantity, valid_cam
+from cam_rig.schema.load import quantity_data, validate_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES, Bezier, BSpline
 from cam_rig.show.looks import millimetres
 from cam_rig.studies.design.result import spline_cam_data
@@ -98,7 +98,7 @@ def to_b_splines(cam: CamConfig) -> DrawableCam:
     law = build_law(cam)
     law_events = events(law, 0)
     splines = [_file_data(_nearest(law, event), cam.name) for event in law_events]
-    drawn = valid_cam(spline_cam_data(cam, law, law_events, splines, cam.name, cam.title))
+    drawn = validate_cam(spline_cam_data(cam, law, law_events, splines, cam.name, cam.title))
     drawn_law = build_law(drawn)
     angles = np.linspace(0.0, TURN, COMPARED_POINTS, endpoint=False)
     distance = float(np.abs(drawn_law(angles) - law(angles)).max())
@@ -109,10 +109,12 @@ def _file_data(spline: Spline, name: str) -> dict[str, Any]:
     """Return a B-spline as data of a cam file, without scipy's outermost knots."""
     return {
         "degree": int(spline.k),
-        "knots": quantity(
+        "knots": quantity_data(
             "assumed", spline.t[1:-1].tolist(), "1", f"joints of {name}, and between"
         ),
-        "ordinates": quantity("identified", (spline.c + 0.0).tolist(), "1", f"the law of {name}"),
+        "ordinates": quantity_data(
+            "identified", (spline.c + 0.0).tolist(), "1", f"the law of {name}"
+        ),
     }
 
 

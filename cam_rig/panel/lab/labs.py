@@ -24,7 +24,7 @@ from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.dynamics.steady_rules import LAB_TURNS
 from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.files import shown
+from cam_rig.files import shorten
 from cam_rig.laws import Law
 from cam_rig.panel.bench.live_state import FULL_SCALE_PA, MIN_RATE_HZ
 from cam_rig.panel.lab.sheet import (
@@ -38,10 +38,10 @@ from cam_rig.panel.lab.sheet import (
     Span,
     hidden_factor,
 )
-from cam_rig.quantities.steady import vibrating
+from cam_rig.quantities.steady import vibrating_state
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import cam_path, load_cam
-from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 # Observation of the rig at a speed: a turn of its steady state, its contact and its sound.
@@ -93,7 +93,7 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
     model, state = MODELS["one_mass"], None
     if isinstance(follower, TwoMassParameters):  # start from the steady state in contact
         model = MODELS["two_mass"]
-        state = vibrating(contact_response(law, follower, speed).periodic())
+        state = vibrating_state(contact_response(law, follower, speed).periodic())
     turn, blocks = round(TURN / speed * NS), list[Block]()
     for i in range(LAB_TURNS):
         # Each turn starts at angle 0, so that the rounding to nanoseconds does not accumulate.
@@ -339,7 +339,7 @@ class NoiseSheet(LabSheet):
         """Return the levels (dB) of a cam at speeds (rpm), without scatter."""
         rig = self.true_rig(LabSetup(), seed)
         follower = FollowerParameters.from_rig(rig)
-        turns = settled_turns(self.laws[cam], "one_mass", follower, rpm * RPM)
+        turns = simulate_steady_turns(self.laws[cam], "one_mass", follower, rpm * RPM)
         return Acoustics(RadiationParameters.from_rig(rig)).levels(turns)
 
     def _level_difference(self, rpm: FloatArray) -> FloatArray:
@@ -418,7 +418,7 @@ def lab_of(name: str) -> type[LabSheet]:
     """Return the lab of a name, or raise ConfigError."""
     if name not in LABS:
         hint = did_you_mean(name, LABS)
-        raise ConfigError(f"--lab: is {shown(name)}; allowed: {', '.join(LABS)}{hint}")
+        raise ConfigError(f"--lab: is {shorten(name)}; allowed: {', '.join(LABS)}{hint}")
     return LABS[name]
 
 

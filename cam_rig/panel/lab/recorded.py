@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from cam_rig.errors import ConfigError, OutputError, RefusedError
-from cam_rig.files import MIB, read_bytes, shown, writing
+from cam_rig.files import MIB, atomic_write, read_bytes, shorten
 from cam_rig.panel import is_number
 from cam_rig.panel.lab.labs import LABS, lab_of
 from cam_rig.panel.lab.sheet import COLUMNS, LabReading, LabSetup, LabSheet
@@ -126,7 +126,7 @@ def _header_entry(line: str) -> tuple[str, str]:
 def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
     columns = lab.columns()
     cells = [cell.strip() for cell in row[: len(columns)]]
-    context = f"reading {shown(row[0], quoted=False)}"
+    context = f"reading {shorten(row[0], quoted=False)}"
     if len(cells) < len(columns) or any(cell.strip() for cell in row[len(columns) :]):
         raise ConfigError(f"{context}: has {len(row)} cells; allowed: {len(columns)}")
     texts = dict(zip(columns, cells, strict=True))
@@ -150,7 +150,7 @@ def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
 def _number_in_cell(context: str, name: str, cell: str) -> float:
     number = parse_number(cell)
     if number is None or (name in POSITIVE_COLUMNS and number <= 0.0):
-        raise ConfigError(f"{context}: {name} is {shown(cell)}; allowed: a number above 0")
+        raise ConfigError(f"{context}: {name} is {shorten(cell)}; allowed: a number above 0")
     return number
 
 
@@ -303,7 +303,7 @@ class Notebook:
     def _save(self, recorded: RecordedSheet) -> None:
         if recorded.readings:
             self.path = self.path or self._create_file()
-            with writing(self.path) as temporary:
+            with atomic_write(self.path) as temporary:
                 temporary.write_text(to_text(recorded), encoding="utf-8")
         self.recorded = recorded
 

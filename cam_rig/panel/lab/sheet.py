@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import shown
+from cam_rig.files import shorten
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import require_sprung
 from cam_rig.schema import CamConfig, RigConfig
@@ -140,8 +140,8 @@ class LabSheet(ABC):
     def __post_init__(self) -> None:
         if self.seed is not None and not SEED_NAME.fullmatch(self.seed):
             raise ConfigError(
-                f"--seed: is {shown(self.seed)}; allowed: a name of 1 to 40 letters, digits, - and "
-                "_"
+                f"--seed: is {shorten(self.seed)}; allowed: a name of 1 to 40 letters, digits, - "
+                "and _"
             )
         for cam in self.cams.values():
             require_sprung(Path(cam.name), cam)

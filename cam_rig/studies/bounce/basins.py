@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -19,7 +19,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
-from cam_rig.simulation.inputs import speeds_within
+from cam_rig.simulation.inputs import check_speeds
 from cam_rig.studies.bounce.motion import PERIODIC, TurnMotion, bouncing, motion_of
 from cam_rig.studies.bounce.result import EXPONENT
 from cam_rig.units import NS, RPM, FloatArray
@@ -152,7 +152,7 @@ def _ends(
     return ends
 
 
-@checked
+@check_arguments
 def basins(
     law: Law,
     rig: RigConfig,
@@ -205,7 +205,7 @@ def basins(
     """
     if grid < 2:
         raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
-    p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
+    p, speed = bouncing(rig, restitution), check_speeds(rpm)[0] * RPM
     assert isinstance(p, FollowerParameters)  # gap and rate are the state of one mass
     expect_many()
     gap, gap_rate = _axes(StroboscopicMap(law, p, speed), grid)

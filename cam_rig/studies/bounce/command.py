@@ -18,9 +18,9 @@ from cam_rig.show.result import Progress, Result
 if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
-    from cam_rig.workers import Workplace
+    from cam_rig.workers import ExecutorPool
 
-    Place = AbstractContextManager[Workplace]
+    Place = AbstractContextManager[ExecutorPool]
 
 #: Default number of speeds.
 SPEEDS = 121
@@ -142,17 +142,17 @@ def bounce(
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
-    from cam_rig.simulation.inputs import speeds_in
+    from cam_rig.simulation.inputs import parse_speeds
     from cam_rig.studies.bounce.study import bounce_map
-    from cam_rig.workers import check_workplace, workplace
+    from cam_rig.workers import check_executor_options, executor_pool
 
-    check_workplace(jobs, dask)
+    check_executor_options(jobs, dask)
     law, config = _law_and_rig(cam, rig)
-    speeds = _around_jump(law, config, model) if rpm is None else speeds_in(rpm)
+    speeds = _around_jump(law, config, model) if rpm is None else parse_speeds(rpm)
     if basins:
         if model != Masses.ONE_MASS or out is not None:
             raise ConfigError("--basins requires one mass, and cannot be combined with --out")
-        pool = workplace(jobs, dask)
+        pool = executor_pool(jobs, dask)
         return _basins(law, config, speeds, pool, restitution=restitution, progress=progress)
     find = partial(bounce_map, law, config, rpm=speeds, restitution=restitution, progress=progress)
     find = partial(
@@ -168,7 +168,7 @@ def bounce(
     )
     if start != Start.REST or (parameter == Parameter.RPM and len(speeds) == 1):
         return find()
-    with workplace(jobs, dask) as place:
+    with executor_pool(jobs, dask) as place:
         return find(executor=place.executor, workers=place.count)
 
 
@@ -188,11 +188,11 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
 
 def _values(text: str | None) -> list[float] | None:
     """Return the numbers of --values."""
-    from cam_rig.simulation.inputs import numbers_in
+    from cam_rig.simulation.inputs import parse_numbers
 
     if text is None:
         return None
-    if not (values := numbers_in(text)):
+    if not (values := parse_numbers(text)):
         raise ConfigError(
             f"--values {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)"
         )

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
-from cam_rig.datasets.batches import InThisProcess, compute_missing
+from cam_rig.datasets.batches import SerialExecutor, compute_missing
 from cam_rig.datasets.point_files import Batch, PointFiles
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.parameters import require_parameter
@@ -174,7 +174,7 @@ class BounceFiles(PointFiles):
 
     campaign: BounceRuns
 
-    def _table(self, rows: BounceBatch) -> Any:
+    def _to_table(self, rows: BounceBatch) -> Any:
         import pyarrow as pa
 
         fields, columns = [pa.field("point", pa.int64())], [pa.array(range(rows.first, rows.last))]
@@ -187,7 +187,7 @@ class BounceFiles(PointFiles):
             kind = pa.list_(pa.float64())
             fields.append(pa.field(key, kind, metadata={"unit": unit}))
             columns.append(pa.array([getattr(row, key).ravel() for row in rows.rows], kind))
-        return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=self.own))
+        return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=self.origin))
 
     def rows(self) -> Iterator[BounceRow]:
         """Yield all rows, in order."""
@@ -211,12 +211,12 @@ def stored_rows(
 ) -> list[BounceRow]:
     """Return the rows of all values, computing and storing those that are missing."""
     require("pyarrow")
-    with files.opened(resume) as damaged:
+    with files.open(resume) as damaged:
         if damaged:
             warnings.warn(damaged, stacklevel=3)
         missing = sum(last - first for first, last in files.missing())
         progress.start(files.campaign.total, pluralize(missing, "row"))
         progress.advance(files.campaign.total - missing)
-        executor = executor or InThisProcess()
+        executor = executor or SerialExecutor()
         compute_missing(files, compute_batch, executor, max(1, workers), progress)
     return list(files.rows())

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
-from cam_rig.arguments import checked, on_one_axis
+from cam_rig.arguments import check_arguments, to_vector
 from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State
 from cam_rig.errors import ConfigError
@@ -17,9 +17,9 @@ from cam_rig.simulation.inputs import (
     LawOrCam,
     RequiredRig,
     Speeds,
+    check_speeds,
     resolve_law,
     resolve_rig,
-    speeds_within,
 )
 from cam_rig.studies.bounce.branches import Branch, branches
 from cam_rig.studies.bounce.motion import MIN_REPEATS, ONE_MASS, TWO_MASS, bouncing
@@ -36,7 +36,7 @@ MIN_TURNS = 5 * MIN_REPEATS
 MAX_TURNS = 2_000_000
 
 
-@checked
+@check_arguments
 def bounce_map(
     law: LawOrCam,
     rig: RequiredRig,
@@ -123,7 +123,7 @@ def bounce_map(
     ['irregular', 'periodic']
     """
     law, rig = resolve_law(law), resolve_rig(rig)
-    sweep, swept = _sweep(rig, model, speeds_within(rpm), restitution, parameter, values)
+    sweep, swept = _sweep(rig, model, check_speeds(rpm), restitution, parameter, values)
     _check(len(swept), turns, transient_turns, start, continuation)
     _check_kept(out, resume, start)
     runs = BounceRuns.of(law, rig, sweep, swept, transient_turns, turns)
@@ -168,7 +168,7 @@ def _sweep(
         return Sweep(OperatingPoint(bouncing(rig, restitution, model), swept[0])), swept
     if len(rpm) > 1:
         raise ConfigError(f"rpm: {parameter} is swept at one speed, got {len(rpm)} speeds")
-    swept = [] if values is None else sorted(map(float, on_one_axis("values", values)))
+    swept = [] if values is None else sorted(map(float, to_vector("values", values)))
     if not 1 <= len(swept) <= MAX_SPEEDS:
         raise ConfigError(
             f"values: {parameter} must have 1 to {MAX_SPEEDS} values, got {len(swept)}"

@@ -20,13 +20,13 @@ from cam_rig.datasets.point_files import Batch
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import require_sprung
-from cam_rig.quantities.catalogue import QUANTITIES, measured_in
+from cam_rig.quantities.catalogue import QUANTITIES, campaign_quantities
 from cam_rig.quantities.steady import scene_at
 from cam_rig.quantities.terms import Limit, Term, parse_limit, parse_term
 from cam_rig.quantities.values import Subject
 from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam, load_rig
-from cam_rig.schema.explain import validated
-from cam_rig.schema.load import is_path, load, load_scene, quantity
+from cam_rig.schema.explain import validate_data
+from cam_rig.schema.load import is_path, load, load_scene, quantity_data
 from cam_rig.schema.scene import MAX_SPEED, MIN_SPEED
 from cam_rig.show.tables import format_number
 from cam_rig.studies.campaign.draws import InputDraws, ends_of
@@ -92,7 +92,7 @@ def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, .
     """
     measures: list[CampaignMeasure] = []
     for text in texts:
-        term = parse_term(text, measured_in(model))
+        term = parse_term(text, campaign_quantities(model))
         quantity = term.quantity
         if term.low < term.high and not quantity.ranges:
             range_quantities = ", ".join(name for name, q in QUANTITIES.items() if q.ranges)
@@ -122,7 +122,7 @@ def parse_limits(
         If a limit is without a value, or its quantity is not measured.
     """
     terms = [measure.term for measure in measures]
-    limits = tuple(parse_limit(text, measured_in(model)) for text in texts)
+    limits = tuple(parse_limit(text, campaign_quantities(model)) for text in texts)
     for limit in limits:
         if limit.value is None:
             raise ConfigError(f"limit on {limit.term.key}: start; allowed: a number and its unit")
@@ -189,19 +189,19 @@ class Campaign:
         changes = {"points": points, "seed": seed}
         data = self.config.model_dump(exclude_none=True)
         data["plan"] |= {key: value for key, value in changes.items() if value is not None}
-        return _check(replace(self, config=validated(CampaignConfig, data)))
+        return _check(replace(self, config=validate_data(CampaignConfig, data)))
 
 
 def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
     """Return a campaign from plain data with the structure of a campaign file."""
-    return _campaign(validated(CampaignConfig, data), library)
+    return _campaign(validate_data(CampaignConfig, data), library)
 
 
 def open_campaign(path: Path) -> Campaign:
     """Read a campaign file and the files it names, next to it or shipped."""
     config = load(path, CampaignConfig)
     try:
-        return _campaign(config, Library.beside(path))
+        return _campaign(config, Library.for_scene(path))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
@@ -213,7 +213,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
         scene_path = library.file("scenes", base.scene)
         scene = load_scene(scene_path)
         if is_path(base.scene):  # the names in the scene refer to its folders
-            library = Library.beside(scene_path)
+            library = Library.for_scene(scene_path)
         name, rig_name = base.cam or scene.cams[0], scene.rig
         if name not in scene.cams:
             raise ConfigError(
@@ -253,7 +253,7 @@ def _check(campaign: Campaign) -> Campaign:
 
 def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
     """Return the scene that runs the points of a base without a scene."""
-    number = partial(quantity, "assumed", source="campaign")
+    number = partial(quantity_data, "assumed", source="campaign")
     follower = rig.follower
     split = None not in (follower.roller_share, follower.stem_stiffness, follower.stem_damping)
     schedule = {
@@ -320,7 +320,7 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
     for measure in campaign.measures:
         try:
             values.append(measure.compute(point))
-            if unsettled := point.unsettled(measure.term):
+            if unsettled := point.unsteady_note(measure.term):
                 reasons.append(unsettled)
         except CamRigError as error:
             values.append(math.nan)

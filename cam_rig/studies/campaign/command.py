@@ -22,9 +22,9 @@ from cam_rig.studies.campaign.campaign import measure_batch
 if TYPE_CHECKING:
     from cam_rig.studies.campaign.campaign import Campaign
     from cam_rig.studies.campaign.dataset import CampaignDataset
-    from cam_rig.workers import Workplace
+    from cam_rig.workers import ExecutorPool
 
-    Place = Callable[[], AbstractContextManager[Workplace]]
+    Place = Callable[[], AbstractContextManager[ExecutorPool]]
 
 #: Units of times with their lengths in s, longest first.
 UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
@@ -112,13 +112,13 @@ def campaign(
 
     cam-rig campaign jump_map --out out/map --resume
     """
-    from cam_rig.schema.load import named_path
+    from cam_rig.schema.load import resolve_path
     from cam_rig.studies.campaign.campaign import open_campaign
-    from cam_rig.workers import check_workplace, workplace
+    from cam_rig.workers import check_executor_options, executor_pool
 
-    check_workplace(jobs, dask)
-    planned = open_campaign(named_path("campaigns", study)).with_plan(points, seed)
-    pool = partial(workplace, jobs, dask)
+    check_executor_options(jobs, dask)
+    planned = open_campaign(resolve_path("campaigns", study)).with_plan(points, seed)
+    pool = partial(executor_pool, jobs, dask)
     values = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
     options = [(key, str(value)) for key, value in values.items() if value is not None]
     folder = out or Path("out") / planned.config.name
@@ -146,7 +146,7 @@ def _run(
 
     require("pyarrow")
     dataset = CampaignDataset(folder, planned)
-    with dataset.opened(resume) as damaged, _with_resume_command(resume_command):
+    with dataset.open(resume) as damaged, _with_resume_command(resume_command):
         if damaged:
             say(damaged)
         if dataset.missing():

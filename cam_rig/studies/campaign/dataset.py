@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cam_rig.datasets.point_files import PointFiles, versions
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.studies.campaign.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.units import FloatArray
 
@@ -40,7 +40,7 @@ class CampaignDataset(PointFiles):
     @cached_property
     def schema(self) -> Any:
         """Schema of every file, a `pyarrow.Schema`."""
-        with libraries_named():
+        with friendly_import_errors():
             import pyarrow as pa
 
         def field(name: str, kind: Any, unit: str, meaning: str, nullable: bool = False) -> Any:
@@ -61,10 +61,10 @@ class CampaignDataset(PointFiles):
         reason_meaning = "what failed and why, or did not settle"
         fields.append(field("status", text_type, "", f"{OK}, {UNSETTLED} or {FAILED}"))
         fields.append(field("reason", pa.string(), "", reason_meaning, True))
-        metadata = {**self.own, "fingerprint": self.campaign.fingerprint}
+        metadata = {**self.origin, "fingerprint": self.campaign.fingerprint}
         return pa.schema(fields, metadata=metadata)
 
-    def _table(self, rows: BatchRows) -> Any:
+    def _to_table(self, rows: BatchRows) -> Any:
         import pyarrow as pa
 
         count = len(rows.reasons)

@@ -17,9 +17,9 @@ from pydantic import BaseModel
 
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law, bernstein
-from cam_rig.schema.explain import validated
+from cam_rig.schema.explain import validate_data
 from cam_rig.schema.quantity import FACTORS, ORIGINS, UNITS
-from cam_rig.schema.segment_base import quantities
+from cam_rig.schema.segment_base import iterate_quantities
 from cam_rig.studies.campaign.schema import PERCENT, Variation
 from cam_rig.units import TURN, FloatArray
 
@@ -92,7 +92,7 @@ def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
     """
     numbers: dict[str, tuple[float, str]] = {path: (0.0, kind) for path, kind in PROFILE.items()}
     for name, config in configs.items():
-        for path, number in quantities(config, f"{name}."):
+        for path, number in iterate_quantities(config, f"{name}."):
             dimension = next(key for key, units in UNITS.items() if number.unit in units)
             if isinstance(number.raw, list):
                 for i, value in enumerate(number.si_list):
@@ -148,7 +148,7 @@ def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
     data = _copy(config)
     for path, value in numbers.items():
         _set(data, _TOKEN.findall(path), value)
-    return validated(type(config), data)
+    return validate_data(type(config), data)
 
 
 def _copy(node: Any) -> Any:

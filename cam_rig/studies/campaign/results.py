@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import beta, binom
 
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.quantities.terms import Limit
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import pluralize
@@ -355,7 +355,7 @@ class CampaignResult(Result):
         """Return the rows in the order of the plan, or a table if its key is given."""
         if key:
             return super().to_pandas(key)
-        with libraries_named():
+        with friendly_import_errors():
             from pandas import concat
         return concat([table.to_pandas() for table in self.dataset.tables()], ignore_index=True)
 
@@ -410,7 +410,7 @@ def saltelli_shares(values: FloatArray, paths: list[str], seed: int) -> tuple[In
 
     They are zero for a constant measure.
     """
-    with libraries_named():
+    with friendly_import_errors():
         from SALib.analyze import sobol
     if np.ptp(values) == 0.0:
         return tuple(InputShare(path, 0.0, 0.0, 0.0, 0.0) for path in paths)

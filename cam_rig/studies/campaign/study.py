@@ -8,10 +8,10 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from cam_rig.arguments import checked
-from cam_rig.datasets.batches import InThisProcess, compute_missing
+from cam_rig.arguments import check_arguments
+from cam_rig.datasets.batches import SerialExecutor, compute_missing
 from cam_rig.extras import require
-from cam_rig.schema.load import Library, config_root, named_path
+from cam_rig.schema.load import Library, config_root, resolve_path
 from cam_rig.studies.campaign.campaign import Campaign, campaign_from, measure_batch, open_campaign
 from cam_rig.studies.campaign.dataset import CampaignDataset
 from cam_rig.studies.campaign.results import CampaignResult
@@ -21,10 +21,10 @@ def load_study(study: str | Path | Mapping[str, Any]) -> Campaign:
     """Return a campaign by its name in ``config/campaigns``, a path, or plain data."""
     if isinstance(study, Mapping):
         return campaign_from(study, Library((config_root(),)))
-    return open_campaign(named_path("campaigns", study))
+    return open_campaign(resolve_path("campaigns", study))
 
 
-@checked
+@check_arguments
 def campaign(
     study: str | Path | Mapping[str, Any],
     out: str | Path,
@@ -83,8 +83,8 @@ def campaign(
     """
     require("pyarrow")
     dataset = CampaignDataset(Path(out), load_study(study).with_plan(points, seed))
-    with dataset.opened(resume) as damaged:
+    with dataset.open(resume) as damaged:
         if damaged:
             warnings.warn(damaged, stacklevel=2)
-        compute_missing(dataset, measure_batch, executor or InThisProcess(), max(1, workers))
+        compute_missing(dataset, measure_batch, executor or SerialExecutor(), max(1, workers))
     return CampaignResult(dataset)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.laws import Law
-from cam_rig.simulation.by_speed import OFF_THE_CAM
+from cam_rig.simulation.by_speed import MIN_GAP_RATIO
 from cam_rig.simulation.scatter import BINS, off_neighbours, scatter
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
@@ -234,9 +234,9 @@ def _exact_force(force: FloatArray, lift: FloatArray, angle: FloatArray, law: La
     """Return the force, with 1 N in place of 0 while the follower is on the cam.
 
     A force of 0 on a dwell is not a lost contact. The follower has left the cam if it is off the
-    cam by more than `OFF_THE_CAM` of the lift.
+    cam by more than `MIN_GAP_RATIO` of the lift.
     """
-    is_off = lift - law(np.remainder(angle, TURN)) > OFF_THE_CAM * law.lift
+    is_off = lift - law(np.remainder(angle, TURN)) > MIN_GAP_RATIO * law.lift
     return np.where((force <= 0.0) & ~is_off, 1.0, force)
 
 

@@ -18,8 +18,8 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import (
     FollowerSimulator,
     MicrophoneSimulator,
-    Settling,
     TickSamples,
+    TransientFilter,
 )
 from cam_rig.studies.compare.alignment import Alignment, find_alignment
 from cam_rig.studies.compare.deviation import PairedSignal, PairedStep
@@ -89,7 +89,7 @@ class RecordedPairs:
         pressure (Pa) by the stamp (ns) of the tick's end.
         """
         settle = self.loaded.scene.schedule.transient_turns.si
-        settling, parts = Settling(settle), None
+        settling, parts = TransientFilter(settle), None
         for tick, model in self._match_ticks(ticks, states):
             key = tick.cam, tick.start.speed
             if parts is not None and (key != (parts.cam, parts.speed) or not tick.steady):
@@ -140,7 +140,7 @@ class RecordedPairs:
             if start is None and not self._is_compared(state.cam):
                 continue
             if start is not None and start.turns_until(state) and not _is_continuous(start, state):
-                follower.put_down()
+                follower.continue_from()
                 placed = state
             turned = follower.turn_to(state)
             if turned is not None and start is not None:
@@ -152,7 +152,7 @@ class RecordedPairs:
             start = state
             if not self._is_compared(state.cam):  # the state ends the last tick of the other cam
                 start = None
-                follower.put_down()
+                follower.continue_from()
 
     def _is_compared(self, cam: str) -> bool:
         """Return True if a cam is compared.
@@ -194,7 +194,7 @@ def _add_tick(
     if first < 0 or rows.shape[1] != tick.time.size:
         return
     parts.rows.append(np.stack([tick.time, tick.angle, tick.lift, rows[1], tick.force, rows[4]]))
-    parts.turned += tick.turned(round(1.0 / step)) if tick.time.size > 1 else 0.0
+    parts.turned += tick.turned_angle(round(1.0 / step)) if tick.time.size > 1 else 0.0
     measured = pressures.get(samples.interval.stop_ns)
     if measured is not None and pressure is not None:
         parts.energy += np.array([measured**2, pressure**2, 1.0]) * samples.time.size

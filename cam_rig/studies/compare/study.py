@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import BagError, ConfigError
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.show.result import SI_UNITS, Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell, format_number
 from cam_rig.simulation.instruments import ReadingCount
@@ -228,7 +228,7 @@ class RunComparison(Result):
         return lines
 
 
-@checked
+@check_arguments
 def compare(
     bag: str | Path,
     scene: str | Path | LoadedScene,
@@ -285,7 +285,7 @@ def compare(
 def _compare_recording(
     bag: Path, loaded: LoadedScene, cam: str | None, namespace: str | None
 ) -> RunComparison:
-    with libraries_named():
+    with friendly_import_errors():
         from cam_rig.bag.measured_run import own_namespace, read_pressures, read_states
         from cam_rig.bag.partial_reader import recovered_words
         from cam_rig.bag.reader import read_ticks
@@ -310,7 +310,7 @@ def _compare_recording(
 def _compare_bench(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
 ) -> RunComparison:
-    with libraries_named():
+    with friendly_import_errors():
         from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.laws.cam import CamSet
@@ -18,10 +18,10 @@ from cam_rig.profile.contact import Motion
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import ContactParts
 from cam_rig.schema.quantity import Quantity
-from cam_rig.schema.segment_base import quantities
+from cam_rig.schema.segment_base import iterate_quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
-from cam_rig.simulation.inputs import FASTEST_RPM, Cams, Rig, resolve_cams
+from cam_rig.simulation.inputs import MAX_RPM, Cams, Rig, resolve_cams
 from cam_rig.studies.contact.surfaces import (
     LOWER,
     RISES,
@@ -244,7 +244,7 @@ class ContactResult(Result):
         assumed = self.table(
             "assumed",
             "Assumed numbers of a contact that a cam file does not contain",
-            quantities(ContactParts(), ""),
+            iterate_quantities(ContactParts(), ""),
         )
         run = self.table("run", "Rig and speed", [self], single=True, hidden=True)
         return [contact, bounds, assumed, *self._nomogram(), run]
@@ -281,7 +281,7 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
 SPEED = 300.0
 
 
-@checked
+@check_arguments
 def contact_stress(
     cams: Cams = None, rig: Rig = None, rpm: float = SPEED, *, pressure_angle: float | None = None
 ) -> ContactResult:
@@ -323,8 +323,8 @@ def contact_stress(
     >>> result.to_pandas().cam.tolist()
     ['poly345']
     """
-    if not 0.0 <= rpm <= FASTEST_RPM:
-        raise ConfigError(f"rpm: is {rpm:g} rpm; allowed: 0 to {FASTEST_RPM:g} rpm")
+    if not 0.0 <= rpm <= MAX_RPM:
+        raise ConfigError(f"rpm: is {rpm:g} rpm; allowed: 0 to {MAX_RPM:g} rpm")
     if pressure_angle is not None and not 1.0 <= math.degrees(pressure_angle) <= 89.0:
         raise ConfigError(
             f"pressure_angle: is {math.degrees(pressure_angle):g}°; allowed: 1° to 89°"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import new_yaml, writing
+from cam_rig.files import atomic_write, new_yaml
 from cam_rig.show.command import RigOfCam, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
@@ -139,7 +139,7 @@ def _found(
     name = config.name or (None if out is None else out.stem)
     result = _best(cam, rig, request, name, progress)
     if out is not None:
-        with writing(out) as part:
+        with atomic_write(out) as part:
             part.write_text(result.text, encoding="utf-8")
         say(f"cam: {out}")
     return result

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cam_rig.errors import DesignError
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.units import FloatArray
 
 #: Largest ordinate of a law, in lifts.
@@ -175,7 +175,7 @@ class ConvexProgram:
         DesignError
             If the solver does not converge.
         """
-        with libraries_named():
+        with friendly_import_errors():
             import clarabel
         blocks = self.all_blocks()
         rows, weights = _join_rows(blocks)
@@ -341,7 +341,7 @@ class GrowingProgram:
         blocks = program.all_blocks()
         if any(block.kind == "cone" for block in blocks):
             return program.solve()
-        with libraries_named():
+        with friendly_import_errors():
             import highspy
         if self._solver is None:
             self._start(program, highspy)

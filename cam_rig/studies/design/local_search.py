@@ -19,7 +19,7 @@ from scipy.optimize import brentq, minimize
 
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law
-from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.catalogue import DESIGN_QUANTITIES
 from cam_rig.quantities.terms import Limit, Term
 from cam_rig.studies.design.convex_program import Affine, ConvexProgram
 from cam_rig.studies.design.cutting_planes import Best, Cuts, OnBetterLaw, Solver
@@ -253,7 +253,10 @@ def _starts(solver: Solver, cuts: list[Cuts], search: Multistart) -> Iterator[Fl
 
     yield best(nearest)
     random = np.random.default_rng(search.seed)
-    goals = [ScaledLimit(Term(DESIGNED[x]), "<=", None, lift) for x in GOALS[: search.starts - 1]]
+    goals = [
+        ScaledLimit(Term(DESIGN_QUANTITIES[x]), "<=", None, lift)
+        for x in GOALS[: search.starts - 1]
+    ]
     convex = [best(partial(add, problem=problem, target=goal, sufficient=True)) for goal in goals]
     yield from convex
     second = space.derivative(2)

@@ -156,8 +156,8 @@ class ForceAtSpeed:
                 last, edge = amplitude, float(theta[-1])
             angles.append(theta)
             moving.append(np.full(theta.size, event is not None))
-            constant = 2.0 * (mode.shown * amplitude.constant).real
-            matrix = 2.0 * (mode.shown * amplitude.matrix).real
+            constant = 2.0 * (mode.force_factor * amplitude.constant).real
+            matrix = 2.0 * (mode.force_factor * amplitude.matrix).real
             force.append(static.plus(mode.constant) + Affine(constant, matrix))
         end = _scale_last(last, np.exp(self.rate * np.array([TURN - edge])))
         return FirstTurn(np.concatenate(angles), np.concatenate(moving), Affine.stacked(force), end)
@@ -194,7 +194,9 @@ class ForceAtSpeed:
     @cached_property
     def _before(self) -> ComplexArray:
         """Force of a unit amplitude at the start of a turn, ``(n,)``."""
-        return np.asarray(2.0 * self.cells.mode.shown * np.exp(self.rate * self.first.angles))
+        return np.asarray(
+            2.0 * self.cells.mode.force_factor * np.exp(self.rate * self.first.angles)
+        )
 
     def _turns_before(self, turns: FloatArray) -> ComplexArray:
         """Return the initial amplitude of each turn per final amplitude of the first."""

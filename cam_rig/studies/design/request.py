@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cam_rig.errors import ConfigError
-from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.catalogue import DESIGN_QUANTITIES
 from cam_rig.quantities.terms import Limit, Sense, Term, parse_limit, parse_term
 from cam_rig.schema.load import read_yaml
 from cam_rig.schema.quantity import Strict
@@ -197,16 +197,16 @@ def parse_goal(text: str) -> Term:
     ConfigError
         If the quantity is unknown, or only allowed as a limit.
     """
-    term = parse_term(text, DESIGNED)
+    term = parse_term(text, DESIGN_QUANTITIES)
     if not term.quantity.goal:
-        goals = [name for name, quantity in DESIGNED.items() if quantity.goal]
+        goals = [name for name, quantity in DESIGN_QUANTITIES.items() if quantity.goal]
         raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
     return term
 
 
 def parse_second(text: str) -> Term:
     """Return the other quantity of a front: a possible goal, or the span of an event."""
-    term = parse_term(text, DESIGNED)
+    term = parse_term(text, DESIGN_QUANTITIES)
     return term if term.quantity.where == "event" else parse_goal(text)
 
 
@@ -259,7 +259,7 @@ class DesignRequest:
         if sense not in goal.quantity.senses:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
-        limits_parsed = tuple(parse_limit(text, DESIGNED) for text in limits)
+        limits_parsed = tuple(parse_limit(text, DESIGN_QUANTITIES) for text in limits)
         own_class, kept = law_class or LawClass(), _parse_keep(keep, limits_parsed)
         for term in (goal, *(limit.term for limit in limits_parsed)):
             order = term.quantity.order

@@ -11,7 +11,7 @@ import numpy as np
 from cam_rig.laws import Law
 from cam_rig.quantities.terms import Sense, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import file_data, quantity, to_yaml, valid_cam
+from cam_rig.schema.load import file_data, quantity_data, to_yaml, validate_cam
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.design.convex_program import MAX_ORDINATE
 from cam_rig.studies.design.request import DesignRequest, Multistart
@@ -301,8 +301,8 @@ def designed_cam(
         ordinates = (space.coefficients(index)(unknowns) / space.start.lift).tolist()
         spline = {
             "degree": law_class.power,
-            "knots": quantity("assumed", knots, "1", f"{law_class.pieces} equal pieces"),
-            "ordinates": quantity("identified", ordinates, "1", source),
+            "knots": quantity_data("assumed", knots, "1", f"{law_class.pieces} equal pieces"),
+            "ordinates": quantity_data("identified", ordinates, "1", source),
         }
         splines.append(spline)
     heading = "The law of its class that is best"
@@ -317,7 +317,7 @@ def designed_cam(
     ]
     title = f"{cam.title}, designed"
     data = spline_cam_data(cam, space.start, space.events, splines, name, title, problem.free)
-    return valid_cam(data), "\n".join(header) + "\n" + to_yaml(data)
+    return validate_cam(data), "\n".join(header) + "\n" + to_yaml(data)
 
 
 def spline_cam_data(
@@ -349,7 +349,7 @@ def spline_cam_data(
     data = file_data(cam)
     sections = {key: data[key] for key in ("follower", "contact") if key in data}
     file_lift = cam.lift
-    lift = quantity(
+    lift = quantity_data(
         file_lift.origin,
         file_lift.numbers[0],
         file_lift.unit,
@@ -357,7 +357,7 @@ def spline_cam_data(
         file_lift.residual,
     )
     if abs(file_lift.si - start.lift) > LIFT_RTOL * start.lift:  # a law may differ from its file
-        lift = quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
+        lift = quantity_data("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
     head = {"name": name, "title": title, "lift": lift}
     return head | sections | {"segments": _segments(cam, events, splines, free)}
 
@@ -368,7 +368,7 @@ def _segments(
     def span(angle: float, what: str) -> dict[str, Any]:
         origins = ("identified", "found with the law"), ("assumed", f"that of {cam.name}")
         kind, source = origins[what not in free]
-        return quantity(kind, round(math.degrees(angle), 10), "deg", source)
+        return quantity_data(kind, round(math.degrees(angle), 10), "deg", source)
 
     def dwell(start: float, end: float) -> list[dict[str, Any]]:
         return [{"law": "dwell", "span": span(end - start, "dwells")}] if end > start else []

@@ -11,7 +11,7 @@ from typing import TypedDict, Unpack, overload
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.laws import Law, build_law
 from cam_rig.quantities.terms import Limit, Term, sign_of
@@ -254,7 +254,7 @@ def design(
 def design(
     cam: Cam, rig: RequiredRig, *, pareto: str, **options: Unpack[DesignOptions]
 ) -> Front: ...
-@checked
+@check_arguments
 def design(
     cam: Cam,
     rig: RequiredRig,

@@ -17,7 +17,7 @@ from scipy import sparse
 
 from cam_rig.dynamics.jump.two_masses import Jump
 from cam_rig.errors import DynamicsError
-from cam_rig.quantities.values import MISSED, minima, peaks, speeds_of
+from cam_rig.quantities.values import PEAK_SEARCH_RTOL, minima, peaks, speeds_of
 from cam_rig.studies.design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.studies.design.modal_amplitude import Cells, ForceAtSpeed
 from cam_rig.studies.design.space import SPARE, DesignProblem, ScaledLimit
@@ -294,7 +294,7 @@ class Residual:
         cut = False
         for event, affine in enumerate(self.left):
             amplitudes = 2.0 * np.abs(affine(solution.unknowns))
-            peak_speeds = peaks(self.speeds, amplitudes, allowed * (1.0 - MISSED))
+            peak_speeds = peaks(self.speeds, amplitudes, allowed * (1.0 - PEAK_SEARCH_RTOL))
             at_peaks = left_by_event(self.cells, event, peak_speeds)
             worse = 2.0 * np.abs(at_peaks(solution.unknowns)) > allowed * (1.0 + CUT_RTOL)
             if worse.any():

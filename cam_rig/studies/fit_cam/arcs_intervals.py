@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cam_rig.studies.fit_cam.arcs import FLANK, NO_CONTOUR, PRIME, ArcSearch, number_of
-from cam_rig.units import FloatArray, rounded_to_error
+from cam_rig.units import FloatArray, round_to_error
 
 #: Probability of a value beyond each end of an interval.
 OUTSIDE = 0.025
@@ -134,7 +134,7 @@ class Told:
             return "straight"
         value = self._factor * self.value
         if math.isfinite(self.error):
-            return f"{rounded_to_error(value, self._factor * self.error)} {self.unit}"
+            return f"{round_to_error(value, self._factor * self.error)} {self.unit}"
         return f"{value:.{6 if self.held else 4}g} {self.unit}"
 
     @property
@@ -155,7 +155,7 @@ class Told:
     def _end(self, end: float) -> str:
         value, error = self._factor * end, self._factor * self.error
         if math.isfinite(error):
-            return rounded_to_error(value, error)
+            return round_to_error(value, error)
         return f"{float(f'{value:.3g}'):g}"
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.laws.spline import Rest
-from cam_rig.schema.segment_base import LEAST_EVENT_DEG, MAX_DWELLS
+from cam_rig.schema.segment_base import MAX_DWELLS, MIN_EVENT_DEG
 from cam_rig.studies.fit_cam.gauge import Readings, bridges
 from cam_rig.studies.fit_cam.outliers import most_outliers, without_outliers
 from cam_rig.units import TURN, FloatArray
@@ -40,7 +40,7 @@ INSIDE, STEPS = math.radians(25.0), 200
 #: Decimals of degrees of a dwell's start and span.
 DEGREES = 4
 #: Distance (rad) between two dwells at or below which the shorter of them is dropped.
-LEAST_ROOM = math.radians(2.0 * LEAST_EVENT_DEG)
+LEAST_ROOM = math.radians(2.0 * MIN_EVENT_DEG)
 #: Powers of the angle with which a law leaves its dwell.
 POWERS = (3, 4, 5)
 

@@ -15,13 +15,13 @@ from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.profile.cam_checks import check_cam
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import assumed_numbers, quantity, to_yaml, valid_cam
+from cam_rig.schema.load import assumed_numbers, quantity_data, to_yaml, validate_cam
 from cam_rig.studies.fit_cam.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind
 from cam_rig.studies.fit_cam.arcs_fit import ArcsFit
 from cam_rig.studies.fit_cam.arcs_intervals import Told
 from cam_rig.studies.fit_cam.dwells import DEGREES, FoundDwell
 from cam_rig.studies.fit_cam.spline_fit import SplineFit
-from cam_rig.units import TURN, rounded_to_error, to_rpm
+from cam_rig.units import TURN, round_to_error, to_rpm
 
 #: Base radii, as multiples of the lift, that are tried in this order. The first whose contour
 #: passes the checks is taken.
@@ -66,13 +66,13 @@ def spline_cam(
         data = {
             "name": name,
             "title": f"{name}, from readings",
-            "lift": quantity(
+            "lift": quantity_data(
                 "identified", _mm(fit.law.lift), "mm", "spline through the readings", _distance(fit)
             ),
             "follower": follower_data(kind, chosen(radius, base_radius is not None), rolling),
             "segments": [table],
         }
-        cam = valid_cam({**data, "segments": [{**table, "file": points}]})
+        cam = validate_cam({**data, "segments": [{**table, "file": points}]})
         law = build_law(cam)
         return data, cam, law, all(check.passed for check in check_cam(cam, law))
 
@@ -122,22 +122,24 @@ def chosen(radius: float, asked: bool) -> dict[str, Any]:
     True, otherwise ``assumed``.
     """
     if asked:
-        return quantity("given", _mm(radius), "mm", "an option of cam-rig, or stated in the table")
-    return quantity("assumed", _mm(radius), "mm", FREE_CHOICE)
+        return quantity_data(
+            "given", _mm(radius), "mm", "an option of cam-rig, or stated in the table"
+        )
+    return quantity_data("assumed", _mm(radius), "mm", FREE_CHOICE)
 
 
 def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
     allowed = float(f"{fit.tolerance * 1e3:.9g}")
     if fit.followed:
-        tolerance = quantity("given", allowed, "mm", "the gauge's error, as asked")
+        tolerance = quantity_data("given", allowed, "mm", "the gauge's error, as asked")
     else:
         source = f"scatter of the readings, {fit.scatter * 1e3:.3g} mm, and its error"
         if fit.widened:
             source = "the least that a spline with fewer knots than readings reaches"
-        tolerance = quantity("identified", allowed, "mm", source, _distance(fit))
+        tolerance = quantity_data("identified", allowed, "mm", source, _distance(fit))
     segment: dict[str, Any] = {
         "law": "table",
-        "span": quantity("given", 360, "deg", "readings all around"),
+        "span": quantity_data("given", 360, "deg", "readings all around"),
         "file": file,
         "source": fit.readings.name,
         "tolerance": tolerance,
@@ -150,9 +152,9 @@ def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
 def _dwell(dwell: FoundDwell) -> dict[str, Any]:
     start, span = (round(math.degrees(x), DEGREES) for x in (dwell.rest.start, dwell.rest.span))
     return {
-        "start": quantity("identified", start % 360.0, "deg", "found in the readings"),
-        "span": quantity("identified", span, "deg", f"{dwell.count} readings rest"),
-        "level": quantity("identified", _mm(dwell.rest.level), "mm", "their mean"),
+        "start": quantity_data("identified", start % 360.0, "deg", "found in the readings"),
+        "span": quantity_data("identified", span, "deg", f"{dwell.count} readings rest"),
+        "level": quantity_data("identified", _mm(dwell.rest.level), "mm", "their mean"),
     }
 
 
@@ -209,11 +211,11 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
     def found(metres: float, told: Told) -> dict[str, Any]:
         interval = told.interval
         words = f"95 %: {told.name} {interval}; {residual}" if interval else residual
-        return quantity("identified", float(f"{1e3 * metres:.12g}"), "mm", source, words)
+        return quantity_data("identified", float(f"{1e3 * metres:.12g}"), "mm", source, words)
 
     segment = {
         "law": "arcs_by_radii",
-        "span": quantity("given", 360, "deg", "the whole contour"),
+        "span": quantity_data("given", 360, "deg", "the whole contour"),
         "flank": arcs.flank,
         "nose_radius": found(arcs.nose_radius, fit.told[NOSE]),
     }
@@ -232,7 +234,7 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
         "follower": follower,
         "segments": [segment],
     }
-    cam = valid_cam(data)
+    cam = validate_cam(data)
     nose = math.degrees(arcs.nose_angle) % 360.0
     at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
     header = comments(
@@ -285,7 +287,7 @@ def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
         error = 1e3 * part * number.error
         if not math.isfinite(error):  # undetermined: four digits if `part` is 1
             error = part * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
-        return 1e-3 * float(rounded_to_error(1e3 * metres, error))
+        return 1e-3 * float(round_to_error(1e3 * metres, error))
 
     flank = None if exact.flank_radius is None else to(exact.flank_radius, told[FLANK])
     base, roller = exact.base_radius, fit.roller_radius
@@ -364,11 +366,11 @@ def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ..
         "cams": [name],
         "rig": name,
         "model": "one_mass",
-        "sample_rate": quantity("assumed", rate, "Hz", f"at least {SAMPLES} samples a turn"),
+        "sample_rate": quantity_data("assumed", rate, "Hz", f"at least {SAMPLES} samples a turn"),
         "schedule": {
-            "speeds": quantity("assumed", list(speeds), "rpm", above),
-            "turns": quantity("assumed", 3, "turns", turns),
-            "transient_turns": quantity("assumed", 1, "turns", settle),
+            "speeds": quantity_data("assumed", list(speeds), "rpm", above),
+            "turns": quantity_data("assumed", 3, "turns", turns),
+            "transient_turns": quantity_data("assumed", 1, "turns", settle),
         },
     }
     return to_yaml(data), speeds

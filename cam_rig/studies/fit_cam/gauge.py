@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws.spline import scatter, scatter_error
-from cam_rig.schema.segment_base import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DEG
+from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_POINTS, MIN_POINTS
 from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_gap
 from cam_rig.units import TURN, FloatArray
 
@@ -156,7 +156,7 @@ def _require_no_end_mark(
     table: GaugeTable, angles: FloatArray, lifts: FloatArray, lines: NDArray[np.int64]
 ) -> None:
     """Raise ConfigError if the last line is an end mark, such as 999, 999."""
-    if angles.size < FEWEST_POINTS:
+    if angles.size < MIN_POINTS:
         return
     steps, others = np.abs(np.diff(angles)), lifts[:-1]
     room = END_MARK_RANGE * float(np.ptp(others))
@@ -235,7 +235,7 @@ def _require_half_lobe(
     """
     x, first = np.unique(distances, return_index=True)
     y = lifts[first]
-    if x.size < FEWEST_POINTS // 2:
+    if x.size < MIN_POINTS // 2:
         return  # refused later, because of its number of readings
     noise = max(scatter(x, y), column.resolution / math.sqrt(12.0))
     count = max(2, int(np.sum(x >= x[-1] - END_PART * x[-1])))
@@ -275,10 +275,10 @@ def _averaged(
     means = np.add.reduceat(lifts, starts) / counts
     name, gap = f"{table.file}, {column.name}", widest_gap(angles[starts])
     found = Readings(name, angles[starts], means, lines[starts], column.resolution, gap, ())
-    if not FEWEST_POINTS <= found.angles.size <= MAX_POINTS:
+    if not MIN_POINTS <= found.angles.size <= MAX_POINTS:
         raise ConfigError(
             f"{table.file}: has {found.angles.size} readings of different angles; allowed: "
-            f"{FEWEST_POINTS} to {MAX_POINTS} over a turn"
+            f"{MIN_POINTS} to {MAX_POINTS} over a turn"
         )
     _require_lift(name, means)
     spread = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
@@ -356,4 +356,4 @@ def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
 
 def bridges(readings: Readings) -> bool:
     """Return True if the longest range without readings can only be a dwell."""
-    return readings.gap[1] > math.radians(WIDEST_GAP_DEG) + SAME_ANGLE
+    return readings.gap[1] > math.radians(MAX_GAP_DEG) + SAME_ANGLE

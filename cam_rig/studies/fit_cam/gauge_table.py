@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import shown
+from cam_rig.files import shorten
 from cam_rig.schema.headings import Heading, parse_heading
 from cam_rig.schema.instrument_table import NOTHING, CellTable, count_numbers, read_lines
 from cam_rig.show.tables import pluralize
@@ -118,8 +118,8 @@ class _GaugeReader(CellTable):
         if self.first is None:
             line, cells = max(self.rows[1:] or self.rows, key=lambda row: _count_digits(row[1]))
             only = ", of numbers only: units belong in the heading" if _count_digits(cells) else ""
-            raise self.refused(
-                f"line {line}: {shown(' | '.join(cells))} has no two numbers; allowed: lines of "
+            raise self.error(
+                f"line {line}: {shorten(' | '.join(cells))} has no two numbers; allowed: lines of "
                 f"cam angle and lift{only}"
             )
         headings = self.headings(len(self.rows[self.first][1]))
@@ -131,7 +131,7 @@ class _GaugeReader(CellTable):
         texts = [self.numbers(line, cells, headings, used) for line, cells in body]
         for (line, _), row in zip(body, texts, strict=True):
             if row[angle] == NOTHING:
-                raise self.refused(
+                raise self.error(
                     f"line {line}: {headings[angle].text} is empty beside a lift; allowed: an "
                     "angle, or # before the line"
                 )
@@ -150,7 +150,7 @@ class _GaugeReader(CellTable):
                     f"{pluralize(empty, 'empty cell')} in {headings[i].text!r}: no reading"
                 )
         base_radius, stated = self._stated_base_radius(comments)
-        notes = [self.how_read(body, used), *notes, *words, *skipped, *stated]
+        notes = [self.describe_format(body, used), *notes, *words, *skipped, *stated]
         lines, turned = tuple(line for line, _ in body), tuple(factor * value for value in angles)
         return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes), base_radius)
 
@@ -165,7 +165,7 @@ class _GaugeReader(CellTable):
         ]
         if not text:
             return body, []
-        first = shown(" ".join(dict(rows)[text[0]]))
+        first = shorten(" ".join(dict(rows)[text[0]]))
         more = f" and {len(text) - 1} more" if len(text) > 1 else ""
         return body, [f"line {text[0]}{more} without a number skipped: {first}"]
 
@@ -184,17 +184,18 @@ class _GaugeReader(CellTable):
         if options.angle_column is not None:
             angles = self._named(headings, options.angle_column, range(len(headings)))
         elif {"x", "y"} <= points.keys() and not lifts:
-            raise self.refused(
+            raise self.error(
                 f"columns are {_listed(headings)}: points of a contour, not lifts; allowed: "
                 "an angle and a lift, or cam-rig profile CAM --from for a contour"
             )
         if not angles and "count" in kinds:
             text = headings[kinds["count"][0]].text
-            raise self.refused(
-                f"{shown(text)} has counts of an encoder; allowed: --counts, their number per turn"
+            raise self.error(
+                f"{shorten(text)} has counts of an encoder; allowed: --counts, their number "
+                "per turn"
             )
         if len(angles) > 1:
-            raise self.refused(
+            raise self.error(
                 f"columns are {_listed(headings)}, {len(angles)} of them are angles; allowed: one, "
                 "such as angle_deg, so name it with --angle-column"
             )
@@ -210,7 +211,7 @@ class _GaugeReader(CellTable):
             notes.append(f"no heading of a lift: {names} assumed to be it")
         lifts = [i for i in lifts if i not in angles]
         if not angles or not lifts:
-            raise self.refused(
+            raise self.error(
                 f"columns are {_listed(headings)}, allowed: one of an angle and at least one of a "
                 "lift, such as angle_deg and lift_mm"
             )
@@ -237,8 +238,8 @@ class _GaugeReader(CellTable):
         notes, factor = [], heading.factor
         if options.counts is not None:
             if heading.factor is not None:
-                raise self.refused(
-                    f"{shown(heading.text)} has a unit; allowed with --counts: a column of counts"
+                raise self.error(
+                    f"{shorten(heading.text)} has a unit; allowed with --counts: a column of counts"
                 )
             factor = TURN / options.counts
         elif factor is None:
@@ -266,9 +267,9 @@ class _GaugeReader(CellTable):
         """
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
-            raise self.refused(
-                f"{shown(heading.text)} has no word of an angle, and goes from {min(angles):g} to "
-                f"{max(angles):g}, which as deg would leave {math.degrees(gap):.4g} deg without "
+            raise self.error(
+                f"{shorten(heading.text)} has no word of an angle, and goes from {min(angles):g} "
+                f"to {max(angles):g}, which as deg would leave {math.degrees(gap):.4g} deg without "
                 "readings; allowed: a heading such as angle_deg, or --counts if it counts steps"
             )
 
@@ -289,8 +290,8 @@ class _GaugeReader(CellTable):
             other = other or ["percent" if span <= 100.0 else "a part of a turn in deg"]
         if span < MIN_RANGE_RAD or span > MAX_RANGE_DEG or other:
             could_be = f", which could be {other[0]}" if other else ""
-            raise self.refused(
-                f"{shown(heading.text)} has no unit and goes from {min(angles):g} to "
+            raise self.error(
+                f"{shorten(heading.text)} has no unit and goes from {min(angles):g} to "
                 f"{max(angles):g}{could_be}; allowed: the unit in the heading, such as deg, rad, "
                 "turn or %, or --counts"
             )
@@ -332,4 +333,4 @@ def _count_digits(cells: list[str]) -> int:
 
 
 def _listed(headings: list[Heading]) -> str:
-    return shown(", ".join(heading.text for heading in headings))
+    return shorten(", ".join(heading.text for heading in headings))

@@ -17,7 +17,7 @@ from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
 from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
 from cam_rig.profile.cam_checks import unusual_lift
-from cam_rig.schema.segment_base import MAX_TOLERANCE, WIDEST_GAP_DEG
+from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_TOLERANCE
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_cam.dwells import (
     FARTHEST,
@@ -337,7 +337,7 @@ def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
         raise ConfigError(
             f"{readings.name}: no reading for {math.degrees(span):.4g} deg after "
             f"{math.degrees(start):.4g} deg, and the cam does not rest at its ends; allowed: gaps "
-            f"of at most {WIDEST_GAP_DEG:g} deg, or a gap between two readings of one level"
+            f"of at most {MAX_GAP_DEG:g} deg, or a gap between two readings of one level"
         )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypedDict, Unpack, overload
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError
 from cam_rig.files import new_yaml, write_new
 from cam_rig.studies.fit_cam.arcs import FollowerKind, Known
@@ -201,7 +201,7 @@ def fit_cam(
 ) -> SplineFit: ...
 @overload
 def fit_cam(tables: Files, *, shape: Literal["arcs"], **how: Unpack[FitOptions]) -> ArcsFit: ...
-@checked
+@check_arguments
 def fit_cam(
     tables: str | Path | Sequence[str | Path],
     *,

@@ -43,7 +43,7 @@ from cam_rig.studies.fit_rig.numbers import (
     to_search,
 )
 from cam_rig.studies.fit_rig.search import normal_inverse
-from cam_rig.units import RPM, TURN, FloatArray, rms, rounded_to_error
+from cam_rig.units import RPM, TURN, FloatArray, rms, round_to_error
 
 # Search for the follower whose jump speeds are closest to those of a table.
 
@@ -484,6 +484,6 @@ def _reason(
     if half < MAX_RELATIVE_ERROR * WITHIN_95 * value:
         return ""
     if name == "mass" and value < error and "mass" in table.columns:
-        text = f"{rounded_to_error(value, error)} ± {rounded_to_error(error, error)} kg"
+        text = f"{round_to_error(value, error)} ± {round_to_error(error, error)} kg"
         return f"it is {text} in addition to the added mass: is that the total mass?"
     return f"{interval_text(value, half, NUMBERS[name].unit)}: too wide"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cam_rig.files import shown
+from cam_rig.files import shorten
 from cam_rig.schema.headings import Heading
 from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.tables import pluralize
@@ -70,7 +70,7 @@ class _JumpReader(CellTable):
     def table(self) -> JumpTable:
         """Return the readings of the file."""
         if self.first is None or self.first == 0:
-            raise self.refused(
+            raise self.error(
                 "has no heading over its numbers; allowed: a heading, such as mass_kg, "
                 "spring_N/m, rpm"
             )
@@ -89,9 +89,9 @@ class _JumpReader(CellTable):
                 for name, (index, factor) in columns_by_name.items()
             }
             readings.append(JumpReading(line, values.pop("speed"), values))
-        read = self.how_read(body, used)
+        read = self.describe_format(body, used)
         if not readings:
-            raise self.refused("has no jump speed; allowed: one or more")
+            raise self.error("has no jump speed; allowed: one or more")
         if empty:
             lines = ", ".join(map(str, empty[:MAX_LISTED_LINES])) + ", …" * (
                 len(empty) > MAX_LISTED_LINES
@@ -110,9 +110,9 @@ class _JumpReader(CellTable):
             if name is None:
                 continue
             if name in columns:
-                other = shown(headings[columns[name][0]].text)
-                raise self.refused(
-                    f"{shown(heading.text)} and {other} both hold a {name}; allowed: one of them"
+                other = shorten(headings[columns[name][0]].text)
+                raise self.error(
+                    f"{shorten(heading.text)} and {other} both hold a {name}; allowed: one of them"
                 )
             factor = heading.factor
             if factor is None:
@@ -122,15 +122,15 @@ class _JumpReader(CellTable):
         self.require_clear(headings, [index for index, _ in columns.values()])
         if "speed" not in columns:
             texts = ", ".join(heading.text for heading in headings)
-            raise self.refused(
-                f"columns are {shown(texts)}; allowed: one of the jump speed, such as rpm, and "
+            raise self.error(
+                f"columns are {shorten(texts)}; allowed: one of the jump speed, such as rpm, and "
                 "those of what was put on: mass_kg, spring_N/m, preload_N"
             )
         return columns, notes
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         if not cell:
-            raise self.refused(
+            raise self.error(
                 f"line {line}: the {name} is empty in a row with a speed; allowed: a number, or # "
                 "before the line"
             )
@@ -138,5 +138,5 @@ class _JumpReader(CellTable):
         least = 0.0 if name in ("mass", "preload") else math.ulp(0.0)
         if not (math.isfinite(value) and value >= least):
             above = "≥" if least == 0.0 else ">"
-            raise self.refused(f"line {line}: {name} is {shown(cell)}; allowed: a number {above} 0")
+            raise self.error(f"line {line}: {name} is {shorten(cell)}; allowed: a number {above} 0")
         return value

@@ -13,7 +13,7 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.show.result import Column, Records, Result
-from cam_rig.units import FloatArray, rounded_to_error
+from cam_rig.units import FloatArray, round_to_error
 
 Follower = FollowerParameters | TwoMassParameters
 
@@ -148,14 +148,14 @@ class ParameterEstimate:
 
         It is empty without a value.
         """
-        return "" if self.value is None else rounded_to_error(self.value, self.error or 0.0)
+        return "" if self.value is None else round_to_error(self.value, self.error or 0.0)
 
     @property
     def shown_error(self) -> str:
         """Standard error as text with two digits, or empty without a value."""
         if self.value is None or self.error is None:
             return ""
-        return rounded_to_error(self.error, self.error)
+        return round_to_error(self.error, self.error)
 
     @property
     def caution(self) -> str:

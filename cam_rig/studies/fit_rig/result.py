@@ -15,7 +15,7 @@ from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.studies.fit_rig.models import MIN_BACKLASH_FRACTION
 from cam_rig.studies.fit_rig.numbers import RigParameters
 from cam_rig.studies.fit_rig.search import FitSolution
-from cam_rig.units import rounded_to_error
+from cam_rig.units import round_to_error
 
 #: Instrument errors by key: description, displayed unit, SI unit.
 INSTRUMENTS = {
@@ -70,7 +70,7 @@ class InstrumentNumber:
         value = self.value / self.scale
         if self.error is None:
             return format_number(value, ".4g")
-        return rounded_to_error(value, self.error / self.scale)
+        return round_to_error(value, self.error / self.scale)
 
     @property
     def shown_error(self) -> float | None:

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics.parameters import si_or_none
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.extras import libraries_named
+from cam_rig.extras import friendly_import_errors
 from cam_rig.files import new_yaml, write_new
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import assumed_numbers, quantity, to_yaml
-from cam_rig.schema.scene import model_named
+from cam_rig.schema.load import assumed_numbers, quantity_data, to_yaml
+from cam_rig.schema.scene import present_model_name
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.inputs import Rig, resolve_cams
 from cam_rig.simulation.instruments import MeasuredRun
@@ -72,7 +72,7 @@ TABLES = (".csv", ".txt", ".tsv")
 MODELS = ("one_mass", "two_mass")
 
 
-@checked
+@check_arguments
 def fit_rig(
     source: str | Path,
     cam: str | Path | CamConfig,
@@ -147,7 +147,7 @@ def _check_arguments(
 
     Model names of older releases are accepted.
     """
-    name: str | None = model_named(model)
+    name: str | None = present_model_name(model)
     if name is not None and name not in MODELS:
         raise ConfigError(f"--model: is {model!r}; allowed: {' or '.join(MODELS)}")
     if tolerance is not None and not tolerance > 0.0:
@@ -165,7 +165,7 @@ def _read(
     bag: Path, cams: CamSet, one_cam: str | None, topics: str | None, namespace: str | None
 ) -> tuple[Law, MeasuredRun]:
     """Return the law and the run of a bag, read by topics or by namespace."""
-    with libraries_named():
+    with friendly_import_errors():
         from cam_rig.bag.foreign.topic_line import parse_topics
         from cam_rig.bag.measured_run import read_measured
 
@@ -473,9 +473,9 @@ def fitted_rig(
 def _quantity(number: ParameterEstimate, source: str, residual: str) -> dict[str, Any]:
     assert number.value is not None
     if number.origin == "given":
-        return quantity("given", number.value, number.unit, "given to the fit")
+        return quantity_data("given", number.value, number.unit, "given to the fit")
     value = float(number.shown)
-    return quantity("identified", value, number.unit, source, f"{number.gist}; {residual}")
+    return quantity_data("identified", value, number.unit, source, f"{number.gist}; {residual}")
 
 
 def _write_rig(out: Path, fit: JumpFit | RigFit, base: RigConfig, source: Path) -> RigFit | JumpFit:

@@ -10,15 +10,15 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cam_rig.acoustics import level_db
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.schema.instrument_table import NOTHING, CellTable, read_lines
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.inputs import Scene, resolve_scene
-from cam_rig.simulation.scene import FITTED_WITH, MODEL, LoadedScene, fitted_with
+from cam_rig.simulation.scene import FITTED_WITH, SHIPPED_MODEL, LoadedScene, describe_fit_model
 from cam_rig.simulation.simulate import Acoustics
-from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_constants
+from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, fit_two_constants
 from cam_rig.studies.fit_sound.identified import set_identified
 from cam_rig.units import RPM, FloatArray, to_rpm
 
@@ -134,13 +134,14 @@ class SoundFit(Result):
             ("radiation", "gain"): float(f"{self.gain:.5g}"),
             ("radiation", "corner_frequency"): float(f"{self.corner_frequency:.5g}"),
         }
-        source = f"cam-rig fit sound, levels of {self.cam}{FITTED_WITH}{fitted_with(rig, MODEL)}"
+        model = describe_fit_model(rig, SHIPPED_MODEL)
+        source = f"cam-rig fit sound, levels of {self.cam}{FITTED_WITH}{model}"
         residual = f"{self.rms:.3f} dB RMS over {len(self.levels)} speeds, 2 numbers fitted"
         set_identified(file, numbers, source, residual)
         return file
 
 
-@checked
+@check_arguments
 def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None = None) -> SoundFit:
     """Fit gain and cut-off of a rig's radiation to measured levels of one cam.
 
@@ -184,7 +185,7 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     _require_levels(table, loaded)
     name = _measured_cam(loaded, cam)
     measured = _published_cam(loaded, name, table)
-    fitted = two_constants([measured], Acoustics(loaded.radiation), CORNERS)
+    fitted = fit_two_constants([measured], Acoustics(loaded.radiation), CORNERS)
     corner = fitted.radiation.corner_frequency
     if not CORNERS[0] * (1.0 + AT_LIMIT) < corner < CORNERS[1] * (1.0 - AT_LIMIT):
         raise DynamicsError(
@@ -263,19 +264,19 @@ def read_levels(path: Path) -> FloatArray:
     lines, _ = read_lines(path, "speed and level")
     table = CellTable(path.name, lines)
     if table.first is None or table.first == 0:
-        raise table.refused("has no heading over its numbers; allowed: a heading, such as rpm, dB")
+        raise table.error("has no heading over its numbers; allowed: a heading, such as rpm, dB")
     headings = table.headings(len(table.rows[table.first][1]))
     columns, factors = [], []
     for name, default in (("speed", RPM), ("level", 1.0)):
         matches = [i for i, heading in enumerate(headings) if heading.quantity == name]
         if len(matches) != 1:
             texts = ", ".join(heading.text for heading in headings)
-            raise table.refused(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
+            raise table.error(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
         columns += matches
         factors.append(headings[matches[0]].factor or default)
     table.require_clear(headings, columns)
     body = table.rows[table.first :]
-    table.how_read(body, columns)  # raises for mixed decimal marks
+    table.describe_format(body, columns)  # raises for mixed decimal marks
     cells = (table.numbers(line, row, headings, columns) for line, row in body)
     rows = [[row[i] for i in columns] for row in cells]
     numbers = np.array([row for row in rows if row[1] != NOTHING], dtype=float).reshape(-1, 2)

@@ -28,7 +28,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import PublishedTables, load_rig
-from cam_rig.schema.load import WORDS, bare, config_root, same_as_shipped
+from cam_rig.schema.load import ORIGIN_NOTES, config_root, has_shipped_motion, plain_data
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.show.tables import pluralize
 from cam_rig.units import NS, RPM, TURN, rms
@@ -55,14 +55,16 @@ class Reference:
 def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Reference]:
     """Return the published jump speeds of a set of cams, by cam."""
     shipped = load_rig(config_root() / "rigs" / f"{IDENTIFIED}.yaml")
-    identified = bare(cam_set.rig.follower, WORDS) == bare(shipped.follower, WORDS)
+    identified = plain_data(cam_set.rig.follower, ORIGIN_NOTES) == plain_data(
+        shipped.follower, ORIGIN_NOTES
+    )
     by_cam = {}
     for name, cam in cam_set.cams.items():
         row = published.table_2_jump.get(name)
-        if row is None or not same_as_shipped(cam, WORDS | {"span"}):
+        if row is None or not has_shipped_motion(cam, ORIGIN_NOTES | {"span"}):
             continue
         role = ""
-        if identified and same_as_shipped(cam, WORDS):
+        if identified and has_shipped_motion(cam, ORIGIN_NOTES):
             role = "fitted" if name in published.table_2_defined else "test"
         by_cam[name] = Reference(row.rpm, row.time_s, role)
     return by_cam

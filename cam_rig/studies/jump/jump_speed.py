@@ -9,7 +9,7 @@ from typing import Any, ClassVar, overload
 
 import numpy as np
 
-from cam_rig.arguments import checked, on_one_axis
+from cam_rig.arguments import check_arguments, to_vector
 from cam_rig.dynamics.free_masses import BY, ONE_MASS, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import described_run, find_jump, follower_of
 from cam_rig.dynamics.jump.two_masses import FROM_REST, Jump
@@ -132,7 +132,7 @@ def jump_speed(
 ) -> JumpSpeeds: ...
 
 
-@checked
+@check_arguments
 def jump_speed(
     law: LawOrCam,
     rig: RequiredRig,
@@ -203,7 +203,7 @@ def jump_speed(
 def _jump_speeds(
     law: Law, rig: RigConfig, duration: float | None, numbers: Mapping[str, FloatArray | float]
 ) -> JumpSpeeds:
-    columns = [on_one_axis(name, x) for name, x in numbers.items()]
+    columns = [to_vector(name, x) for name, x in numbers.items()]
     try:
         arrays = np.broadcast_arrays(*columns)
     except ValueError:

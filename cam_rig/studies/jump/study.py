@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_tables
@@ -12,7 +12,7 @@ from cam_rig.simulation.inputs import Cams, Rig, resolve_cams
 from cam_rig.studies.jump.comparison import JumpResult, find_jumps, references
 
 
-@checked
+@check_arguments
 def jump_speeds(
     cams: Cams = None,
     rig: Rig = None,

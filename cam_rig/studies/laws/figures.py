@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.laws import catalogue
 from cam_rig.laws.cam import control_polygons, segment_angles
 from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
@@ -50,7 +50,7 @@ def figure(cam: CamConfig, law: Law) -> Figure:
 
 
 @styled
-@checked
+@check_arguments
 def plot_law(law: LawOrCam) -> Figure:
     """Return a figure of lift, velocity, acceleration and jerk over a turn.
 

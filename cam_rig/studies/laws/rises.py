@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import catalogue
 from cam_rig.laws.catalogue import families
@@ -152,7 +152,7 @@ def by_order(motion: FloatArray) -> dict[str, FloatArray]:
     return dict(zip(QUANTITIES, motion, strict=True))
 
 
-@checked
+@check_arguments
 def list_laws(family: str | None = None) -> LawsResult:
     """List the laws by name with their peaks per unit rise and unit span.
 

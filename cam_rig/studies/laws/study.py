@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law, catalogue
 from cam_rig.laws.cam import law_of
@@ -245,7 +245,7 @@ class CamLawsResult(Result):
 # Functions of the Python API.
 
 
-@checked
+@check_arguments
 def law_summary(
     names: str | Path | CamConfig | Sequence[str | Path | CamConfig], *, rises: bool = False
 ) -> CamLawsResult | RisesResult:

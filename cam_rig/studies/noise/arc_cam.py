@@ -17,7 +17,7 @@ from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.schema import CamConfig
-from cam_rig.simulation.regression import cubic
+from cam_rig.simulation.regression import cubic_projection
 from cam_rig.simulation.simulate import Acoustics, Turns
 from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.units import FloatArray, rms
@@ -147,7 +147,7 @@ class ShapeProblem:
 
         The search starts near the shape `near`.
         """
-        projection = cubic(self.cam_of(near).rpm)
+        projection = cubic_projection(self.cam_of(near).rpm)
 
         def cost(shape: ArcShape) -> float:
             try:

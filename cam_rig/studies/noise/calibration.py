@@ -16,7 +16,7 @@ from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.laws import Law
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics
-from cam_rig.simulation.sound_constants import PublishedCam, two_constants
+from cam_rig.simulation.sound_constants import PublishedCam, fit_two_constants
 from cam_rig.units import TURN, FloatArray, rms
 
 #: Number of terms of the speed response. With the gain it is a cubic, like the regressions.
@@ -28,13 +28,13 @@ DERIVATIVE_STEP = 1e-4
 def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
     """Fit gain and speed response to the reference cam.
 
-    The corner is that of `two_constants`.
+    The corner is that of `fit_two_constants`.
 
     Five numbers are fitted to one cubic, which has four, so the curve of the reference tests
     nothing. The method is that of the reference sound source (ISO 3747): the transfer between
     source and microphone is measured with a known source and assumed equal for other sources.
     """
-    base = two_constants([reference], start)
+    base = fit_two_constants([reference], start)
     r = base.radiation
 
     def acoustics_at(x: FloatArray) -> Acoustics:

@@ -19,12 +19,12 @@ import numpy as np
 from cam_rig.simulation.regression import (
     REGRESSION_DEGREE,
     crossings,
-    cubic,
+    cubic_projection,
     nearest_crossing,
     regression,
 )
 from cam_rig.simulation.simulate import Acoustics
-from cam_rig.simulation.sound_constants import PublishedCam, two_constants
+from cam_rig.simulation.sound_constants import PublishedCam, fit_two_constants
 from cam_rig.studies.noise.arc_cam import ArcShape
 from cam_rig.studies.noise.calibration import by_substitution, sensitivity
 from cam_rig.studies.noise.roles import NoiseSetup, StudyRoles
@@ -253,7 +253,7 @@ def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
     `refit` is True to refit the arc cam.
     """
     name = "two constants, arc cam refitted" if refit else "two constants"
-    return _method(name, study, lambda cam: two_constants([cam], study.start), refit)
+    return _method(name, study, lambda cam: fit_two_constants([cam], study.start), refit)
 
 
 def with_substitution(study: NoiseSetup) -> Method:
@@ -270,7 +270,7 @@ def _method(
     is the difference of the reference after a calibration on the predicted cam.
     """
     reference = study.cams[study.roles.reference]
-    acoustics, project = calibrate(reference), cubic(study.rpm)
+    acoustics, project = calibrate(reference), cubic_projection(study.rpm)
     prediction_error = reference.difference(calibrate(study.cams[study.roles.predicted]))
     shape = study.fit_shape(acoustics) if refit else study.shape
     # Projection onto the curve to which the geometry was fitted: regression or points.
@@ -324,7 +324,7 @@ def _curve(
     residuals: FloatArray,
 ) -> StudiedCurve:
     level = acoustics.levels(cam.turns)
-    project = cubic(study.rpm)
+    project = cubic_projection(study.rpm)
     fitted = project @ level
     return StudiedCurve(
         method=method,
@@ -386,17 +386,17 @@ def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
     arcs = study.roles.arcs
     others = tuple(name for name in study.cams if name != cam)
     calibrated = [study.cams[name] for name in others if name != arcs]
-    acoustics = two_constants(calibrated, study.start)
+    acoustics = fit_two_constants(calibrated, study.start)
     for _ in range(1 if cam == arcs else ROUNDS):
         shape = study.fit_shape(acoustics)
         cams = study.cams | {arcs: study.problem.cam_of(shape)}
-        acoustics = two_constants([cams[name] for name in others], study.start)
+        acoustics = fit_two_constants([cams[name] for name in others], study.start)
     return LeftOut(
         cam=cam,
         numbers=2 if cam == arcs else 4,
         acoustics=acoustics,
         rms_db={name: other.rms(acoustics) for name, other in cams.items()},
-        rms_regression_db=rms(cubic(study.rpm) @ cams[cam].difference(acoustics)),
+        rms_regression_db=rms(cubic_projection(study.rpm) @ cams[cam].difference(acoustics)),
     )
 
 

@@ -16,7 +16,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema.published import Crossover
 from cam_rig.simulation.scene import LevelOrigin, LoadedScene
-from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
+from cam_rig.simulation.simulate import Acoustics, Turns, simulate_steady_turns
 from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.units import FloatArray, to_rpm
@@ -81,7 +81,7 @@ class NoiseSetup:
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}
 
         def turn(law: Law) -> Turns:
-            return settled_turns(law, "one_mass", loaded.follower, speeds)
+            return simulate_steady_turns(law, "one_mass", loaded.follower, speeds)
 
         cams = {cam: PublishedCam(cam, turn(loaded.laws[cam]), published[cam]) for cam in published}
         return cls(loaded, roles, cams, Acoustics(loaded.radiation))
@@ -119,7 +119,7 @@ class NoiseSetup:
         arcs = self.cams[self.roles.arcs].every(every)
 
         def turn(law: Law) -> Turns:
-            return settled_turns(law, model, follower, arcs.turns.speeds)
+            return simulate_steady_turns(law, model, follower, arcs.turns.speeds)
 
         return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 

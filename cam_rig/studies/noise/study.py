@@ -9,10 +9,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema import RigConfig, load_rig
-from cam_rig.schema.load import rig_beside
+from cam_rig.schema.load import resolve_rig_path
 from cam_rig.schema.published import Crossover
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.inputs import Scene, resolve_scene
@@ -411,7 +411,7 @@ def study_noise(
     return replace(result, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
 
 
-@checked
+@check_arguments
 def noise_study(
     scene: Scene = "tm21_sweep",
     rig: str | Path | RigConfig = "paper_table2",
@@ -452,5 +452,5 @@ def noise_study(
     """
     loaded = resolve_scene(scene)
     if not isinstance(rig, RigConfig):
-        rig = load_rig(rig_beside(rig, loaded.scene_file))
+        rig = load_rig(resolve_rig_path(rig, loaded.scene_file))
     return study_noise(loaded, rig, one_rig, progress)

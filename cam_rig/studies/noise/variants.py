@@ -27,9 +27,9 @@ from cam_rig.laws.segments import NAMED_RISES, up_and_down
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.segments import Dwell, Rise
 from cam_rig.show.result import NULL_PROGRESS, Progress
-from cam_rig.simulation.regression import cubic
-from cam_rig.simulation.simulate import Acoustics, settled_turns
-from cam_rig.simulation.sound_constants import PublishedCam, two_constants
+from cam_rig.simulation.regression import cubic_projection
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
+from cam_rig.simulation.sound_constants import PublishedCam, fit_two_constants
 from cam_rig.studies.noise.arc_cam import IMPOSSIBLE, MAX_FLANK, ArcShape, ShapeProblem
 from cam_rig.studies.noise.methods import crossing
 from cam_rig.studies.noise.roles import EVERY, NoiseSetup
@@ -74,7 +74,7 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
     """Return the noise with the rig's masses, spring and preload and a rigid stem."""
     follower = FollowerParameters.from_rig(rig)
     smooth = _smooth(study, "one_mass", follower)
-    acoustics = two_constants([smooth[study.roles.reference]], study.start)
+    acoustics = fit_two_constants([smooth[study.roles.reference]], study.start)
     problem = study.shape_problem("one_mass", follower)
     # The lift-off speed is constant if lift and preload increase together.
     preload_ratio = rig.follower.preload.si / study.loaded.rig.follower.preload.si
@@ -93,7 +93,7 @@ def with_elastic_stem(
     follower = TwoMassParameters.from_rig(rig)
     smooth = _smooth(study, "two_mass", follower)
     start = Acoustics(_landing_on_roller(study, follower))
-    acoustics = two_constants([smooth[study.roles.reference]], start)
+    acoustics = fit_two_constants([smooth[study.roles.reference]], start)
     if not arcs:
         return _result(rig.name, study, acoustics, smooth)
     problem = study.shape_problem("two_mass", follower)
@@ -106,7 +106,10 @@ def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, Published
     cams = (study.cams[cam] for cam in (study.roles.reference, study.roles.predicted))
     return {
         cam.cam: replace(
-            cam, turns=settled_turns(study.loaded.laws[cam.cam], model, follower, cam.turns.speeds)
+            cam,
+            turns=simulate_steady_turns(
+                study.loaded.laws[cam.cam], model, follower, cam.turns.speeds
+            ),
         )
         for cam in cams
     }
@@ -157,7 +160,7 @@ def _result(
     thinned = {key: cam.every(EVERY) for key, cam in smooth.items()} | {arcs.cam: arcs}
     named = study.crossover
     first, second = (
-        cubic(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between
+        cubic_projection(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between
     )
     crossed = crossing(arcs.rpm, first, second, named.rpm)
     rms_db = {key: cam.rms(acoustics) for key, cam in (smooth | {arcs.cam: arcs}).items()}
@@ -243,7 +246,7 @@ def study_high_dwell(
     levels = {}
     for lift, dwell, rise in product(*choices):
         law = up_and_down(rise, timing.event, lift, dwell)
-        turns = settled_turns(law, "one_mass", setup.loaded.follower, speeds)
+        turns = simulate_steady_turns(law, "one_mass", setup.loaded.follower, speeds)
         levels[lift, dwell, rise] = acoustics.levels(turns)
     means = np.array([level.mean() for level in levels.values()]).reshape(2, 2, 2)
     return HighDwellStudy(levels, two_levels(means))

@@ -64,12 +64,12 @@ def orders(
 
     cam-rig orders poly345 --rig paper_table2 --model two_mass --rpm 300:500:5 --save out/orders.rrd
     """
-    from cam_rig.simulation.inputs import speeds_in
+    from cam_rig.simulation.inputs import parse_speeds
     from cam_rig.studies.orders import study
 
     if save is not None:
         check_recording(save)
-    speeds = None if rpm is None else speeds_in(rpm)
+    speeds = None if rpm is None else parse_speeds(rpm)
     result = study.order_spectrum(
         source, speeds, cam=cam, rig=rig, model=model, orders=highest, progress=progress
     )

@@ -10,23 +10,23 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law
 from cam_rig.laws.cam import law_of, require_sprung
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
-from cam_rig.schema.scene import model_named
+from cam_rig.schema.load import cam_path, config_root, file_exists, read_yaml, resolve_path
+from cam_rig.schema.scene import present_model_name
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.inputs import (
     Rig,
     Speeds,
+    check_speeds,
     default_rig,
-    named_cams,
+    read_cams,
     resolve_rig,
     resolve_scene,
-    speeds_within,
 )
 from cam_rig.simulation.scene import LoadedScene, speeds_of
 from cam_rig.studies.orders import MAX_ORDERS
@@ -189,7 +189,7 @@ CAM_MODEL = "one_mass"
 CAM_RPM = tuple(range(200, 401, 10))
 
 
-@checked
+@check_arguments
 def order_spectrum(
     source: str | Path | CamConfig | LoadedScene,
     rpm: Speeds | None = None,
@@ -237,9 +237,11 @@ def order_spectrum(
     if not 1 <= orders <= MAX_ORDERS:
         raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
     laws, titles, chosen, own_model, own_rpm = _resolve_source(source, cam, rig)
-    speeds = own_rpm if rpm is None else speeds_within(rpm)
+    speeds = own_rpm if rpm is None else check_speeds(rpm)
     rad_s = [speed * RPM for speed in speeds]
-    studies = waterfall(laws, model_named(model or own_model), chosen, rad_s, orders, progress)
+    studies = waterfall(
+        laws, present_model_name(model or own_model), chosen, rad_s, orders, progress
+    )
     return OrdersResult(studies, titles)
 
 
@@ -250,7 +252,7 @@ def _resolve_source(
     if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
         if cam is not None:
             raise ConfigError(f"--cam {cam}: {source} is a cam; allowed: with a scene")
-        ((path, loaded),) = named_cams([source])
+        ((path, loaded),) = read_cams([source])
         require_sprung(path, loaded)
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
         if rig is None:
@@ -267,9 +269,9 @@ def _is_cam(source: str | Path) -> bool:
 
     Raises ConfigError if there is no such cam or scene.
     """
-    path = named_path("scenes", source)
-    if not is_there(path):
-        if is_there(cam_path(source)):
+    path = resolve_path("scenes", source)
+    if not file_exists(path):
+        if file_exists(cam_path(source)):
             return True
         names = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
         raise ConfigError(

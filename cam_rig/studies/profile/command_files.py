@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cam_rig.errors import ConfigError, OutputError, ProfileError
-from cam_rig.files import writing
+from cam_rig.files import atomic_write
 from cam_rig.profile.contour_files import AS_IT_IS, Placement
 from cam_rig.show.command import check_outputs
 from cam_rig.show.result import Column, Records, Result
@@ -150,7 +150,7 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     assert request.out is not None
     curves, kind = _curves(request, cam, law, force), request.out.suffix.lower()
     rows, tolerance_um = request.points or DEFAULT_ROWS, request.tolerance or DEFAULT_TOLERANCE_UM
-    with writing(request.out) as part:
+    with atomic_write(request.out) as part:
         if kind in TABLES:
             drawing_files.write_contour(part, curves, rows)
             summary = f"{rows} points"
@@ -328,7 +328,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
             MeasuredContour(*names, disc.name, points.shape[1], angle, lift, lift - law(angle))
         )
     if request.out is not None:
-        with writing(request.out) as part:
+        with atomic_write(request.out) as part:
             drawing_files.write_law(part, angle, measured[0].lift)
         say(f"law: {request.out}")
     return MeasuredResult(tuple(measured))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.profile.cam_checks import CheckedCam, check_cam
@@ -120,7 +120,7 @@ class CamContour(Result):
         checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
         return [self.array_table("points"), checked.tables()[0]]
 
-    @checked
+    @check_arguments
     def plot(self, positions: int = 24) -> Figure:  # type: ignore[override]
         """Return a figure of the cam with its follower, curvature and pressure angle.
 
@@ -137,7 +137,7 @@ class CamContour(Result):
         return super().plot(positions=positions)
 
 
-@checked
+@check_arguments
 def contour(cam: Cam, points: int = 3600) -> CamContour:
     """Compute the contour of a cam at equal steps of the cam angle.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, LawError, ProfileError
 from cam_rig.laws import build_law
 from cam_rig.profile.cam_checks import CheckedCam, unusual_lift
@@ -156,7 +156,7 @@ class ProfileResult(Result):
         return lines
 
 
-@checked
+@check_arguments
 def check_contours(
     cams: str | Path | CamConfig | Sequence[str | Path | CamConfig] = (), *, every: bool = False
 ) -> ProfileResult:
@@ -211,8 +211,8 @@ def checked_cams(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Ch
 def _resolve(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Path | CamConfig]:
     """Return the requested cams: those of the arguments, or of a scene, or all."""
     sources: list[Path | CamConfig]
-    if (scene := load.one_scene(cams)) is not None:
-        library = load.Library.beside(scene)
+    if (scene := load.find_scene(cams)) is not None:
+        library = load.Library.for_scene(scene)
         sources = [library.path("cams", name) for name in load.load_scene(scene).cams]
     else:
         sources = [cam if isinstance(cam, CamConfig) else load.cam_path(cam) for cam in cams]

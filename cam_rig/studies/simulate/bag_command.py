@@ -10,7 +10,7 @@ import typer
 
 from cam_rig.bag.command import newest_bag
 from cam_rig.errors import ConfigError
-from cam_rig.files import check_place
+from cam_rig.files import check_writable
 from cam_rig.show.command import SceneOfBag, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
@@ -87,15 +87,15 @@ def export(
 
     cam-rig export tm21_sweep --cam tm21 --rpm 380 --to out/tm21_380.csv
     """
-    from cam_rig.schema.load import is_there, scene_path
+    from cam_rig.schema.load import file_exists, scene_path
     from cam_rig.simulation.export import export as write_samples
     from cam_rig.simulation.export import require_format
     from cam_rig.simulation.scene import open_scene
     from cam_rig.simulation.schedule import tick_count
-    from cam_rig.simulation.simulate import turned_ticks
+    from cam_rig.simulation.simulate import simulate_ticks
 
     require_format(to)
-    check_place(to)
+    check_writable(to)
     if Path(source).is_dir() or source.endswith(BAG_FILES):
         from cam_rig.bag.reader import read_counts, read_ticks, scene_of, shortcomings
         from cam_rig.messages.topics import FOLLOWER_SAMPLES
@@ -109,10 +109,10 @@ def export(
         try:
             loaded = open_scene(path)
         except ConfigError as error:
-            if is_there(path):
+            if file_exists(path):
                 raise
             raise ConfigError(f"{source}: is neither a bag nor a scene: {error}") from None
-        ticks = turned_ticks(loaded)
+        ticks = simulate_ticks(loaded)
     progress.start(tick_count(loaded.scene), loaded.scene.name)
     contents = write_samples(to, _track(ticks, progress), loaded, cam, rpm)
     gaps = f", {contents.gaps} gaps between them" if contents.gaps else ""

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import check_place, writing
+from cam_rig.files import atomic_write, check_writable
 from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
@@ -56,7 +56,7 @@ def listen(
 
     if out.suffix.lower() != ".wav":
         raise ConfigError(f"{out}: unknown kind of sound file; allowed: .wav")
-    check_place(out)
+    check_writable(out)
     if seconds is not None and rpm is None:
         raise ConfigError(
             f"--seconds is {seconds:g} without --rpm; allowed: both, or neither for the times of "
@@ -64,7 +64,7 @@ def listen(
         )
     loaded = audition(resolve_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
     result = record(loaded, RATE, out, progress)
-    with writing(out) as part, wave.open(str(part), "wb") as file:
+    with atomic_write(out) as part, wave.open(str(part), "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
         file.setframerate(RATE)

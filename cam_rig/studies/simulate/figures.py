@@ -23,7 +23,7 @@ from cam_rig.show.figure import (
 )
 from cam_rig.show.looks import MM, short, web
 from cam_rig.simulation.regression import MIN_SPEEDS, NoiseResult
-from cam_rig.simulation.scene import FORCE_SPEEDS, LoadedScene, speeds_of, spread
+from cam_rig.simulation.scene import FORCE_SPEEDS, LoadedScene, speeds_of, spread_speeds
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.studies.simulate.motion import FollowerMotion
 from cam_rig.studies.simulate.sound import SoundLevel
@@ -146,7 +146,7 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
 def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
     """Return the contact force over the last turn at some speeds, by the cam's title."""
     scene = run.loaded.scene
-    speeds = spread(speeds_of(scene), FORCE_SPEEDS)
+    speeds = spread_speeds(speeds_of(scene), FORCE_SPEEDS)
     last_turns: dict[str, dict[float, deque[TickSamples]]] = {}
     for tick in run.blocks():
         rpm = next((speed for speed in speeds if tick.is_of(None, speed)), None)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import ValidationError
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS, Block, Event
 from cam_rig.dynamics.interval import NamedRows
 from cam_rig.dynamics.velocity_jumps import require_continuous
@@ -107,7 +107,7 @@ class FollowerMotion(NamedRows, Result):
         ]
 
 
-@checked
+@check_arguments
 def simulate(
     law: LawOrCam,
     rig: RequiredRig,

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.bag.reader import (
     decoded,
     pressure_of,
@@ -18,7 +18,7 @@ from cam_rig.bag.reader import (
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
-from cam_rig.schema.load import named_path
+from cam_rig.schema.load import resolve_path
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick
 from cam_rig.studies.simulate.study import SceneRun
@@ -58,7 +58,7 @@ def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
     return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag), notes=notes)
 
 
-@checked
+@check_arguments
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     """Read a recorded run, with the scene that is attached to it.
 
@@ -89,4 +89,4 @@ def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     >>> recording.complete, list(recording.loaded.laws)
     (True, ['tm21', 'bezier15'])
     """
-    return read_recording(Path(bag), None if scene is None else named_path("scenes", scene))
+    return read_recording(Path(bag), None if scene is None else resolve_path("scenes", scene))

@@ -13,19 +13,19 @@ import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, SoundSource, level_db
 from cam_rig.acoustics.sound_level_meter import Measurement, full_scale, measure
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError
 from cam_rig.schema import SceneConfig
 from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
-from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, calibrated_on
+from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, calibration_cam
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import (
     MeasuredTick,
     MicrophoneSimulator,
     TickSamples,
+    simulate_ticks,
     step_levels,
-    turned_ticks,
 )
 from cam_rig.studies.simulate.motion import CAM, FollowerMotion
 from cam_rig.units import FloatArray
@@ -96,7 +96,7 @@ class SoundLevel(Result):
         return f"SoundLevel({self})"
 
 
-@checked
+@check_arguments
 def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLevel:
     """Compute the sound level of a motion at the rig's microphone.
 
@@ -136,7 +136,7 @@ def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLev
     by_turn = level_db(np.array([tick.pressure for tick in ticks]))
     by_turn.setflags(write=False)
     level = levels[ticks[0].start.speed]
-    return SoundLevel(motion.rpm, level, by_turn, transient_turns, _calibrated_on(motion))
+    return SoundLevel(motion.rpm, level, by_turn, transient_turns, _calibration_cam(motion))
 
 
 def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
@@ -151,11 +151,11 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
     return measured
 
 
-def _calibrated_on(motion: FollowerMotion) -> str:
+def _calibration_cam(motion: FollowerMotion) -> str:
     """Return the cam to which the rig's sound was fitted, empty if it is not valid."""
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
         return ""  # a real follower would lose contact
-    return calibrated_on(motion.rig, motion.scene.model)
+    return calibration_cam(motion.rig, motion.scene.model)
 
 
 def audition(
@@ -176,7 +176,7 @@ def audition(
         Sample rate, Hz.
     """
     if cam is not None:
-        loaded = loaded.only(cam, loaded.law_of(cam))
+        loaded = loaded.with_one_cam(cam, loaded.law_of(cam))
     data = loaded.scene.model_dump(exclude_none=True)
     data["sample_rate"] = {"assumed": rate, "unit": "Hz"}
     if rpm is not None:
@@ -282,7 +282,7 @@ def listen(
     """
     source, pressure = SoundSource(loaded.radiation, rate, least_rate=rate), []
     progress.start(tick_count(loaded.scene), loaded.scene.name)
-    for tick in turned_ticks(loaded):
+    for tick in simulate_ticks(loaded):
         pressure.append(source.pressure(tick.force, tick.impulse, tick.interval.mean_speed))
         progress.advance()
     return ListenResult(loaded, np.concatenate(pressure), rate, out)

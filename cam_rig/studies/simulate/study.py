@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
@@ -27,8 +27,8 @@ from cam_rig.simulation.simulate import (
     TickSamples,
     require_ticks,
     simulate,
+    simulate_ticks,
     step_levels,
-    turned_ticks,
 )
 from cam_rig.studies.simulate.motion import scene_of
 from cam_rig.units import to_rpm
@@ -167,7 +167,7 @@ class SceneRun(Result):
             require_ticks(levels, str(self.source))
         return levels
 
-    @checked
+    @check_arguments
     def samples(self, cam: str, rpm: float) -> Samples:
         """Return the samples of the follower on a cam at one speed.
 
@@ -227,7 +227,7 @@ class SceneRun(Result):
                 speeds.take(tick)
         return speeds.rows(levels)
 
-    @checked
+    @check_arguments
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
         """Write every sample to a file, with the name, speed and angle of the cam.
 
@@ -300,7 +300,7 @@ class SceneRun(Result):
         return [f"{names} cross at {crossing} (published: {published.crossover.rpm:g} rpm)"]
 
 
-@checked
+@check_arguments
 def run_scene(
     scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
 ) -> SceneRun:
@@ -339,11 +339,11 @@ def run_scene(
     for tick in simulate(loaded, speeds.take):
         ticks.append(tick)
         on_tick()
-    again = partial(turned_ticks, loaded)
+    again = partial(simulate_ticks, loaded)
     return SceneRun(loaded, tuple(ticks), loaded.scene_file, again, speeds=speeds)
 
 
-@checked
+@check_arguments
 def sweep(
     cams: Cams,
     rig: Rig,

@@ -6,20 +6,20 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics import vibration as steady
 from cam_rig.dynamics.jump.any_follower import contact_lost_speed
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet
-from cam_rig.schema.load import one_scene
+from cam_rig.schema.load import find_scene
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.inputs import (
     Cams,
     Rig,
     Speeds,
-    listed,
+    list_cams,
     resolve_cams,
     resolve_speeds,
     scene_speeds,
@@ -166,7 +166,7 @@ def claims_table(claims: Iterable[Claim], rpm: tuple[float, ...]) -> Records:
     return Records("claims", "The paper's claims, tested", CLAIMS, tuple(claims), notes)
 
 
-@checked
+@check_arguments
 def vibration(
     cams: Cams = None,
     rig: Rig = None,
@@ -210,7 +210,7 @@ def vibration(
     >>> result.to_pandas().cam.tolist()
     ['poly345', 'cycloidal']
     """
-    cam_set, scene = resolve_cams(cams, rig), one_scene(listed(cams))
+    cam_set, scene = resolve_cams(cams, rig), find_scene(list_cams(cams))
     if rpm is None:
         rpm = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
     return measure(cam_set, resolve_speeds(rpm), progress)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cam_rig.datasets.batches import InThisProcess, compute_missing
+from cam_rig.datasets.batches import SerialExecutor, compute_missing
 from cam_rig.schema.load import Library, config_root
 from cam_rig.studies.campaign.campaign import campaign_from, measure_batch
 from cam_rig.studies.campaign.dataset import CampaignDataset
@@ -38,8 +38,8 @@ def measured(study):
 
 def run(dataset, resume=False):
     """Compute the missing points, and return the message on damaged files."""
-    with dataset.opened(resume) as damaged:
-        compute_missing(dataset, measure_batch, InThisProcess(), 1)
+    with dataset.open(resume) as damaged:
+        compute_missing(dataset, measure_batch, SerialExecutor(), 1)
     return damaged
 
 

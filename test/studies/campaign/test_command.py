@@ -234,7 +234,7 @@ def test_a_folder_with_rows_is_not_overwritten(study, tmp_path):
     """A folder with rows is only resumed, and only with the same study."""
     path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
     dataset = CampaignDataset(out, open_campaign(path))
-    with dataset.opened(False):
+    with dataset.open(False):
         dataset.write(measure_batch(dataset.campaign, 0, 2))
     assert "--resume to continue" in call(path, "--out", out).stderr
     other = call(path, "--out", out, "--resume", "--seed", 9)
@@ -268,7 +268,7 @@ def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
     (dataset, write), now, lines = batches, [0.0], []
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(module, "say", lines.append)
-    with dataset.opened(False):
+    with dataset.open(False):
         progress = CampaignProgress(dataset, NULL_PROGRESS)
         for time_, first, last in ((1.0, 0, 10), (9.0, 10, 30), (21.0, 30, 60), (30.0, 60, 80)):
             write(first, last)
@@ -283,7 +283,7 @@ def test_the_log_line_has_rate_time_left_and_size(batches, monkeypatch):
 def test_the_final_size_is_extrapolated(batches):
     """The size is extrapolated from the first batches to within a fifth."""
     dataset, write = batches
-    with dataset.opened(False):
+    with dataset.open(False):
         for first, last in ((0, 1), (1, 101), (101, 201)):
             write(first, last)
         _, about = dataset.size()

@@ -16,7 +16,7 @@ import pytest
 from distributed import Client, LocalCluster
 
 import cam_rig
-from cam_rig.datasets.batches import BATCH_S, BatchSizes, InThisProcess, compute_missing
+from cam_rig.datasets.batches import BATCH_S, BatchSizes, SerialExecutor, compute_missing
 from cam_rig.datasets.point_files import Batch
 from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.show.result import Progress
@@ -74,10 +74,10 @@ def test_resume_computes_only_missing_points(dataset):
 
 def test_a_second_writer_is_refused(dataset):
     """A second writer is refused, and the first one continues."""
-    with dataset.opened(False):
-        with pytest.raises(OutputError, match="another run writes"), dataset.opened(False):
+    with dataset.open(False):
+        with pytest.raises(OutputError, match="another run writes"), dataset.open(False):
             pass
-        compute_missing(dataset, measure_batch, InThisProcess(), 1)
+        compute_missing(dataset, measure_batch, SerialExecutor(), 1)
     assert dataset.missing() == []
 
 
@@ -85,7 +85,7 @@ def test_a_full_disk_leaves_only_complete_files(dataset, tmp_path, monkeypatch):
     """Finished files stay readable after a full disk, and a resume adds the others."""
     campaign = dataset.campaign
     full = CampaignDataset(tmp_path / "full", campaign)
-    with full.opened(False):
+    with full.open(False):
         full.write(measure_batch(campaign, 0, 2))
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
         monkeypatch.setattr("sys.dont_write_bytecode", True)  # else half of a module's stays
@@ -111,7 +111,7 @@ def whole(study, tmp_path_factory):
     plan = {"kind": "sobol", "points": BATCHES[-1], "seed": 5}
     campaign = study(vary={"rig.follower.mass": {"normal": 60, "unit": "%"}}, plan=plan)
     dataset = CampaignDataset(tmp_path_factory.mktemp("whole"), campaign)
-    with dataset.opened(False):
+    with dataset.open(False):
         for first, last in zip((0, *BATCHES), BATCHES, strict=False):
             dataset.write(measure_batch(campaign, first, last))
     return dataset
@@ -201,7 +201,7 @@ def test_a_file_without_a_digest_is_refused(whole, tmp_path):
     dataset = copied(whole, tmp_path / "old")
     first = dataset.batches()[0][2]
     first.rename(first.with_name("points-0000000000-0000000001.parquet"))
-    with pytest.raises(ConfigError, match="has no digest in its name"), dataset.opened(True):
+    with pytest.raises(ConfigError, match="has no digest in its name"), dataset.open(True):
         pass
 
 
@@ -211,7 +211,7 @@ def test_a_folder_of_another_study_is_not_changed(whole, study, tmp_path):
     flip([theirs.batches()[0][2]], random.Random(1))
     before = sorted(path.name for path in theirs.folder.iterdir())
     other = CampaignDataset(theirs.folder, study(plan={"kind": "sobol", "points": 8, "seed": 9}))
-    with pytest.raises(ConfigError, match="is of another study"), other.opened(True):
+    with pytest.raises(ConfigError, match="is of another study"), other.open(True):
         pass
     assert sorted(path.name for path in theirs.folder.iterdir()) == before
 
@@ -278,7 +278,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
         ) as cluster,
         Client(cluster) as client,
-        dataset.opened(False),
+        dataset.open(False),
     ):
         killing = Killing(lambda: next(iter(client.run(os.getpid).values())))
         compute_missing(dataset, measure_batch, client.get_executor(pure=False), 2, killing)
@@ -292,7 +292,7 @@ def test_a_killed_process_ends_the_run_and_resume_completes_it(alone, tmp_path):
     dataset = CampaignDataset(tmp_path, alone.campaign)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         killing = Killing(lambda: next(iter(pool._processes)))
-        with dataset.opened(False), pytest.raises(RunError, match="finished batches are kept"):
+        with dataset.open(False), pytest.raises(RunError, match="finished batches are kept"):
             compute_missing(dataset, measure_batch, pool, 1, killing)
     assert dataset.missing() != []
     run(dataset, resume=True)

@@ -9,7 +9,7 @@ import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.steady_rules import FORCE_RTOL, MAX_FORCE_TURNS
 from cam_rig.dynamics.vibration import residual_vibration
-from cam_rig.quantities.catalogue import measured_in
+from cam_rig.quantities.catalogue import campaign_quantities
 from cam_rig.quantities.steady import scene_at, steady_row
 from cam_rig.studies.campaign.campaign import make_point
 from cam_rig.units import RPM
@@ -51,7 +51,7 @@ def test_measures_are_those_of_the_commands(measured):
 
 def test_every_measure_has_a_number(measured):
     """Every measure is finite on the paper's rig."""
-    quantities = measured_in("two_mass")
+    quantities = campaign_quantities("two_mass")
     _, rows = measured(
         *(f"{name}@300rpm" if quantity.where else name for name, quantity in quantities.items())
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.acoustics import level_db
 from cam_rig.simulation.instruments import MeasuredRun, Signal
-from cam_rig.simulation.simulate import simulate, turned_ticks
+from cam_rig.simulation.simulate import simulate, simulate_ticks
 from cam_rig.studies.compare.comparison import compare_steps
 from cam_rig.studies.compare.pairs import pair_measured
 from cam_rig.units import TURN
@@ -48,7 +48,7 @@ def measured(
     force)` returns the reading of the load cell.
     """
     rng = np.random.default_rng(seed)
-    ticks = list(turned_ticks(loaded))
+    ticks = list(simulate_ticks(loaded))
     time, angle, lift, force, velocity = (
         np.hstack([getattr(tick, name) for tick in ticks])
         for name in ("time", "angle", "lift", "force", "velocity")

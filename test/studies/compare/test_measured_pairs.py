@@ -10,7 +10,7 @@ from scipy.signal import TransferFunction, lsim
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.simulation.instruments import Signal
 from cam_rig.simulation.schedule import cam_states
-from cam_rig.simulation.simulate import simulate, turned_ticks
+from cam_rig.simulation.simulate import simulate, simulate_ticks
 from cam_rig.studies.compare.comparison import (
     Origin,
     alignment_numbers,
@@ -292,7 +292,7 @@ def test_another_restitution_shifts_the_events(scene):
 def recorded(loaded):
     """Return ticks, states, and pressures by the end of the tick of a scene's run."""
     pressures = {tick.stop_ns: tick.pressure for tick in simulate(loaded)}
-    return list(turned_ticks(loaded)), list(cam_states(loaded.scene)), pressures
+    return list(simulate_ticks(loaded)), list(cam_states(loaded.scene)), pressures
 
 
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])

@@ -18,7 +18,7 @@ from cam_rig.profile.contact import Motion, Scan
 from cam_rig.profile.faces import SwungCentre, SwungFace
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.cam import ContactParts
-from cam_rig.schema.load import named_path
+from cam_rig.schema.load import resolve_path
 from cam_rig.studies.contact.study import contact_row
 from cam_rig.studies.contact.surfaces import (
     RISES,
@@ -48,7 +48,7 @@ SPRUNG = (
 
 def case_of(name, base=None, **changes):
     """Return the contact of a shipped cam with changed numbers or base radius (mm)."""
-    data = load_cam(named_path("cams", name)).model_dump(exclude_none=True)
+    data = load_cam(resolve_path("cams", name)).model_dump(exclude_none=True)
     data["contact"] = {key: assumed(*number) for key, number in changes.items()}
     if base is not None:
         data["follower"]["base_radius"] = assumed(base, "mm")
@@ -137,7 +137,7 @@ def test_the_largest_pressure_is_not_exceeded_at_any_sample(name):
 
 def test_no_pressure_where_the_cam_would_have_to_pull():
     """Above the jump speed `lost` is True."""
-    cam = load_cam(named_path("cams", "poly345"))
+    cam = load_cam(resolve_path("cams", "poly345"))
     row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
     assert row.lost
     assert not contact_row(contact_case(cam, build_law(cam), RIG, 5.0)).lost

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.laws import Law, build_law
-from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.catalogue import DESIGN_QUANTITIES
 from cam_rig.quantities.terms import Term, parse_term
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
 from cam_rig.schema.load import config_root
@@ -30,7 +30,7 @@ def cam(name: str = "poly345") -> CamConfig:
 
 
 def term(text: str) -> Term:
-    return parse_term(text, DESIGNED)
+    return parse_term(text, DESIGN_QUANTITIES)
 
 
 def problem(law_class: LawClass, name: str = "poly345") -> DesignProblem:

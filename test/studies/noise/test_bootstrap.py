@@ -8,8 +8,8 @@ import pytest
 
 from cam_rig.errors import LawError
 from cam_rig.laws.cam import arc_cam
-from cam_rig.simulation.regression import cubic
-from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.regression import cubic_projection
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.studies.noise import methods as bootstrap
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem, with_geometry
 from cam_rig.studies.noise.methods import (
@@ -149,7 +149,7 @@ def problem(make_loaded_scene):
     cam, acoustics = loaded.cams["tm21"], Acoustics(loaded.radiation)
 
     def turn(law):
-        return settled_turns(law, "one_mass", loaded.follower, SPEEDS)
+        return simulate_steady_turns(law, "one_mass", loaded.follower, SPEEDS)
 
     true = ArcShape.of(cam).scaled(0.96, 0.98)
     return ShapeProblem(cam, acoustics.levels(turn(true.law(cam))), turn), acoustics, true
@@ -159,7 +159,7 @@ def test_the_fit_reproduces_the_curve_of_a_shape(problem):
     """The fit starts at the shape of the file and matches the curve to 0.1 dB."""
     problem, acoustics, true = problem
     shape = problem.fit(ArcShape.of(problem.cam), acoustics)
-    residual = cubic(SPEEDS) @ problem.cam_of(shape).difference(acoustics)
+    residual = cubic_projection(SPEEDS) @ problem.cam_of(shape).difference(acoustics)
     assert rms(residual) < 0.1
     assert shape.curvature == true.curvature
 
@@ -181,7 +181,7 @@ def test_a_shape_is_simulated_once(make_loaded_scene):
 
     def turn(law):
         runs.append(law)
-        return settled_turns(law, "one_mass", loaded.follower, SPEEDS[:1])
+        return simulate_steady_turns(law, "one_mass", loaded.follower, SPEEDS[:1])
 
     problem = ShapeProblem(loaded.cams["tm21"], np.zeros(1), turn)
     shape = ArcShape.of(loaded.cams["tm21"])

@@ -9,18 +9,18 @@ import pytest
 from cam_rig.acoustics import steady_power
 from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, load_published
-from cam_rig.simulation.regression import cubic
+from cam_rig.simulation.regression import cubic_projection
 from cam_rig.simulation.scene import open_scene
-from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.simulate import Acoustics, simulate_steady_turns
 from cam_rig.studies.noise.calibration import (
     HARMONICS,
     STRUCTURES,
     PublishedCam,
     by_substitution,
     compare_structures,
+    fit_two_constants,
     harmonic_power,
     sensitivity,
-    two_constants,
 )
 from cam_rig.studies.noise.methods import leave_one_out, with_substitution, with_two_constants
 from cam_rig.studies.noise.roles import NoiseSetup, StudyRoles
@@ -112,7 +112,7 @@ def test_the_bands_contain_the_published_curves(study, methods):
             assert curve.expected.holds(curve.published_db) >= 0.8
             wide = np.mean(curve.expected.high - curve.expected.low)
             assert wide > np.mean(curve.confidence.high - curve.confidence.low)
-            regression = cubic(study.rpm) @ curve.level_db
+            regression = cubic_projection(study.rpm) @ curve.level_db
             np.testing.assert_allclose(curve.regression_db, regression, atol=1e-9)
 
 
@@ -220,7 +220,7 @@ def published_cam(make_loaded_scene):
     loaded = make_loaded_scene()
 
     def make(cam, true):
-        turns = settled_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
+        turns = simulate_steady_turns(loaded.laws[cam], "one_mass", loaded.follower, SPEEDS)
         return PublishedCam(cam, turns, true.levels(turns))
 
     return make
@@ -234,7 +234,7 @@ def test_substitution_applies_to_another_cam(make_loaded_scene, published_cam):
     found = by_substitution(published_cam("poly345", true), start)
     assert published_cam("poly345", true).rms(found) < 0.02
     assert published_cam("bezier15", true).rms(found) < 0.2
-    plain = two_constants([published_cam("poly345", true)], start)
+    plain = fit_two_constants([published_cam("poly345", true)], start)
     assert published_cam("bezier15", true).rms(found) < published_cam("bezier15", true).rms(plain)
 
 

@@ -17,8 +17,8 @@ from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
-from cam_rig.simulation.inputs import speeds_in
-from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.simulation.inputs import parse_speeds
+from cam_rig.simulation.simulate import simulate_ticks
 from cam_rig.studies.orders.spectrum import (
     force_orders,
     order_spectrum,
@@ -60,12 +60,12 @@ def test_a_scene_over_speed(tmp_path):
 
 def test_speeds_are_parsed():
     """The text is one speed, several, or a range with a step."""
-    assert speeds_in("300") == [300.0]
-    assert speeds_in("300,200") == [200.0, 300.0]
-    assert speeds_in("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert parse_speeds("300") == [300.0]
+    assert parse_speeds("300,200") == [200.0, 300.0]
+    assert parse_speeds("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
     for wrong in ("", "a", "1:2", "1:2:0", "2:1:1", "1:1e9:1", "nan", "-3", "1e6"):
         with pytest.raises(ConfigError, match=r"--rpm .*allowed: 300"):
-            speeds_in(wrong)
+            parse_speeds(wrong)
 
 
 # -- the Fourier integrals against 50 digits, at every phase and damping -----------------------
@@ -244,7 +244,7 @@ def test_the_orders_agree_with_the_microphone(make_loaded_scene):
     silent = dataclasses.replace(loaded.radiation, background=-200.0)
     source = SoundSource(silent, 192_000, least_rate=192_000)
     heard = {}
-    for tick in turned_ticks(loaded):
+    for tick in simulate_ticks(loaded):
         pressure = source.pressure(tick.force, tick.impulse, tick.start.speed)
         heard[tick.start.speed] = float(level_db(np.sqrt(np.mean(pressure**2))))
     for speed, level in heard.items():
