@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 import cam_rig
-from cam_rig.studies.fit_cam.gauge import put_in_order
+from cam_rig.studies.fit_cam.gauge import order_readings
 from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable
 from cam_rig.studies.fit_cam.spline_fit import fit_spline
 from cam_rig.units import TURN
@@ -35,7 +35,7 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
     lifts[rng.integers(count)] += OUTLIER
     column = GaugeColumn("lift", tuple(lifts), 1e-9)
     table = GaugeTable(name, tuple(angles), (column,), tuple(range(count)), ())
-    fit = fit_spline(put_in_order(table, column))
+    fit = fit_spline(order_readings(table, column))
     true, fitted = scale * law(FINE, 2), fit.law(FINE, 2)
     peak = np.abs(true).max()
     away = fit.law(FINE) - scale * law(FINE)

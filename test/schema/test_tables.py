@@ -217,7 +217,7 @@ def test_an_empty_cell_is_a_missing_reading_of_its_column(read):
     assert "2 empty cells in 'lift_a_mm': no reading" in readings.notes
     assert "1 empty cell in 'lift_b_mm': no reading" in readings.notes
     gap = "angle_deg,lift_mm\n0,0\n,1\n10,2\n"
-    assert "line 3: angle_deg is empty beside a lift" in catch_error(read, gap)
+    assert "line 3: angle_deg is empty next to a lift" in catch_error(read, gap)
 
 
 def test_wrong_tables_raise_an_error_of_one_line(read):

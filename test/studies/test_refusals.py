@@ -74,7 +74,7 @@ REFUSED = [
     ("fit cam lifts.csv lifts.csv", 2, "2 files; allowed: one for a spline, several"),
     ("fit cam lifts.csv --shape arcs", 2, "no base circle, two equal flanks and a"),
     (f"fit cam {GL110}", 2, "name it with --column ('lift_a_mm', 'lift_b_mm'), or take all"),
-    (f"fit cam {GL110} --shape arcs --tolerance 1", 2, "--tolerance: is for"),
+    (f"fit cam {GL110} --shape arcs --tolerance 1", 2, "--tolerance cannot be combined"),
     (f"fit cam {GL110} --shape arcs --base-radius 50", 2, "allowed: below base"),
     ("new My&Cam --from-csv lifts.csv", 2, "name: is 'My Cam'"),
 ]

@@ -26,7 +26,8 @@ def _in_mm(help_text: str, least: float | None = None) -> Any:
 
 Tables = Annotated[list[Path], typer.Argument(help="Table of cam angles and gauge readings.")]
 Out = Annotated[
-    Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file, and its points.")
+    Path | None,
+    typer.Option(metavar="CAM.yaml", help="Write the cam file, and the table of its points."),
 ]
 Shape = Annotated[
     Literal["spline", "arcs"],
@@ -34,7 +35,7 @@ Shape = Annotated[
 ]
 
 
-class OwnFollower(Enum):
+class FollowerChoice(Enum):
     """Kind of follower of the readings.
 
     It is an enum because typer does not accept a list of literals.
@@ -46,29 +47,29 @@ class OwnFollower(Enum):
 
 
 Follower = Annotated[
-    list[OwnFollower] | None,
+    list[FollowerChoice] | None,
     typer.Option(
-        help="Follower of the readings and of the cam's file; by default a roller, and with arcs "
-        "the kind of each column is found. Of several columns once for the file alone, or once "
-        "for each in their order."
+        help="Follower of the readings and of the cam's file (default: a roller for a spline; with "
+        "arcs, the kind that fits each column). For several columns: once for the file alone, or "
+        "once for each column in their order."
     ),
 ]
 Flank = Annotated[
     Literal["straight", "curved"] | None,
     typer.Option(
-        help="Flanks of arcs that are known; by default straight where the readings do not rule "
-        "it out."
+        help="Known shape of the flanks of arcs (default: straight if the readings do not exclude "
+        "it)."
     ),
 ]
 GaugeColumn = Annotated[
-    str | None, typer.Option(help="Heading of the column of lifts, the only one that is read.")
+    str | None, typer.Option(help="Heading of the only column of lifts that is read.")
 ]
 AngleColumn = Annotated[str | None, typer.Option(help="Heading of the column of angles.")]
 Angle = Annotated[
     Literal["cam", "crank"] | None,
     typer.Option(
         help="Shaft whose angle the table has; the crank turns twice as fast (default: by the "
-        "heading, else cam)."
+        "heading, otherwise cam)."
     ),
 ]
 Counts = Annotated[
@@ -93,17 +94,20 @@ CheckingHeight = Annotated[
     ),
 ]
 Tolerance = Annotated[
-    float | None, _in_mm("Error of the gauge; by default the scatter of the readings.")
+    float | None, _in_mm("Error of the gauge (default: the scatter of the readings).")
 ]
 Reverse = Annotated[
-    bool, typer.Option("--reverse", help="The cam was turned the other way: take -angle.")
+    bool, typer.Option("--reverse", help="The cam was turned in the other sense: use -angle.")
 ]
-RollerRadius = Annotated[float | None, _in_mm("Roller radius; by default assumed.", 0.0)]
-BaseRadius = Annotated[float | None, _in_mm("Base radius; by default assumed.", 0.0)]
+RollerRadius = Annotated[float | None, _in_mm("Radius of the roller (default: assumed).", 0.0)]
+BaseRadius = Annotated[
+    float | None,
+    _in_mm("Radius of the base circle (default: stated in the table, otherwise assumed).", 0.0),
+]
 
 
-def _kinds(follower: list[OwnFollower] | None) -> tuple[Any, ...]:
-    return tuple(one.value for one in follower or ())
+def _kinds(follower: list[FollowerChoice] | None) -> tuple[Any, ...]:
+    return tuple(choice.value for choice in follower or ())
 
 
 @command("json", "csv", "plot")
@@ -130,8 +134,8 @@ def fit_cam(
 
     Reads any separator, decimal comma, unit and language of headings, such as Lift (0.001 in),
     crank_deg or cycle [%]. Reports the residual of the law, readings that look like outliers, and
-    assumptions. A --tolerance below the readings' scatter is not followed. Arcs take all columns
-    and files at once, and report which was read with a flat follower.
+    assumptions. A --tolerance below the readings' scatter is not followed. Arcs are fitted to all
+    columns and files at once, and the result reports which was read with a flat follower.
 
     In Python: cam_rig.fit_cam(tables, shape, follower, column, tolerance, …, out)
 
@@ -146,7 +150,7 @@ def fit_cam(
     from cam_rig.studies.fit_cam import study
     from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS
 
-    found = study.fit_cam(
+    result = study.fit_cam(
         tables,
         shape=shape,
         follower=_kinds(follower),
@@ -167,7 +171,7 @@ def fit_cam(
     )
     if out is not None:
         say(f"cam: {out}")
-    return found
+    return result
 
 
 @command()
@@ -178,7 +182,7 @@ def new(
         typer.Option("--from-csv", help="Table of cam angles and readings; several for arcs."),
     ],
     folder: Annotated[
-        Path | None, typer.Option(help="Where cams/, rigs/ and scenes/ go; by default NAME.")
+        Path | None, typer.Option(help="Folder for cams/, rigs/ and scenes/ (default: NAME).")
     ] = None,
     shape: Shape = "spline",
     follower: Follower = None,
@@ -206,11 +210,11 @@ def new(
     cam-rig new gl110 --from-csv gl110.csv --shape arcs --folder mine
     """
     from cam_rig.schema.load import load_rig, rig_path
-    from cam_rig.studies.fit_cam.files import default_rig, own_scene
     from cam_rig.studies.fit_cam.gauge_table import TableOptions
+    from cam_rig.studies.fit_cam.new_files import default_rig, default_scene
     from cam_rig.studies.fit_cam.study import FitRequest
 
-    place, like = folder or Path(name), load_rig(rig_path(rig))
+    target, like = folder or Path(name), load_rig(rig_path(rig))
     request = FitRequest(
         shape=shape,
         followers=_kinds(follower),
@@ -223,21 +227,21 @@ def new(
         flank=flank,
         take_first=True,
     )
-    found = request.run(from_csv)
-    files = request.files(found, name)
-    scene, speeds = own_scene(name, files.law, like)
+    fit = request.run(from_csv)
+    files = request.files(fit, name)
+    scene, speeds = default_scene(name, files.law, like)
     texts = {f"cams/{file}": text for file, text in files.texts.items()}
     texts |= {f"rigs/{name}.yaml": default_rig(name, like), f"scenes/{name}.yaml": scene}
-    write_new(place, texts)
-    show(*found.to_display())
-    say(*found.summary())
-    echo_assumptions(files.assumed)
-    listed = ", ".join(f"{speed:g}" for speed in speeds)
+    write_new(target, texts)
+    show(*fit.to_display())
+    say(*fit.summary())
+    rpm = ", ".join(f"{speed:g}" for speed in speeds)
     echo_assumptions(
         (
+            *files.assumed,
             f"rig: mass, spring, damping and sound of {like.name}, none of them measured here",
-            f"speeds {listed} rpm, one turn to settle and two to measure",
+            f"speeds {rpm} rpm, one turn to settle and two to measure",
         )
     )
-    say(*(f"wrote {place / file}" for file in texts))
-    say(f"run it: cam-rig simulate {place / 'scenes' / name}.yaml")
+    say(*(f"wrote {target / file}" for file in texts))
+    say(f"run it: cam-rig simulate {target / 'scenes' / name}.yaml")

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,30 +18,40 @@ from numpy.typing import NDArray
 
 from cam_rig.laws.spline import Rest
 from cam_rig.schema.segment_base import MAX_DWELLS, MIN_EVENT_DEG
-from cam_rig.studies.fit_cam.gauge import Readings, bridges
-from cam_rig.studies.fit_cam.outliers import most_outliers, without_outliers
+from cam_rig.studies.fit_cam.gauge import Readings
+from cam_rig.studies.fit_cam.outliers import exclude_outliers, max_outliers
 from cam_rig.units import TURN, FloatArray
 
-#: Smallest number of readings of a run, and smallest span (rad) of a run and of a dwell. The span
-#: of a run is the distance from its first to its last reading.
-FEWEST, SHORTEST = 5, math.radians(15.0)
-#: Smallest number of readings between the computed ends of a dwell.
-FEWEST_INSIDE = 3
+#: Smallest number of readings of a run. Fewer are within the scatter of one level by
+#: chance.
+MIN_RUN_READINGS = 5
+#: Smallest span (rad) of a run, from its first to its last reading, and of a dwell. Over it, a
+#: harmonic law with a lift of 10 mm is 0.04 mm below its top, far more than the scatter of a gauge.
+MIN_DWELL_SPAN = math.radians(15.0)
+#: Smallest number of readings between the computed ends of a dwell, as many as the coefficients of
+#: the parabola that is compared with its level.
+MIN_DWELL_READINGS = 3
 #: Largest reduction of the sum of squares by a parabola, in squares of the scatter: the 99.9 %
 #: quantile of the reduction by chance, with two degrees of freedom.
-TREND = 13.8
+MAX_TREND = 13.8
 #: Largest difference of two levels that are treated as equal, in its standard errors.
-SAME_LEVEL = 3.0
+SAME_LEVEL_ERRORS = 3.0
 #: Part of the event beyond a run whose readings determine the end, as a fraction of the event.
-BEYOND = 0.35
-#: Largest distance (rad) of the end from the last reading of the run, and number of angles tried.
-INSIDE, STEPS = math.radians(25.0), 200
-#: Decimals of degrees of a dwell's start and span.
-DEGREES = 4
-#: Distance (rad) between two dwells at or below which the shorter of them is dropped.
-LEAST_ROOM = math.radians(2.0 * MIN_EVENT_DEG)
-#: Powers of the angle with which a law leaves its dwell.
-POWERS = (3, 4, 5)
+#: Beyond it, the powers of the angle no longer describe the law.
+EVENT_FRACTION = 0.35
+#: Largest distance (rad) of the end from the last reading of the run. A 4-5-6-7 law with a
+#: lift of 10 mm over 90 deg leaves a range of 0.4 mm, four scatters of a coarse gauge, within
+#: 17 deg.
+MAX_END_DISTANCE = math.radians(25.0)
+#: Number of angles at which a dwell may end that are averaged.
+END_ANGLES = 200
+#: Decimals of degrees of a dwell's start and span, as in a cam file.
+DEGREE_DECIMALS = 4
+#: Distance (rad) between two dwells at or below which the shorter of them is dropped. A cam file
+#: allows half of it.
+MIN_EVENT_SPAN = math.radians(2.0 * MIN_EVENT_DEG)
+#: Powers of the angle with which a law leaves its dwell: a jump of the third to fifth derivative.
+LEAVING_POWERS = (3, 4, 5)
 
 
 @dataclass(frozen=True)
@@ -82,25 +91,11 @@ def find_dwells(readings: Readings, scatter: float) -> tuple[FoundDwell, ...]:
 
     ``scatter`` is the standard deviation of the readings in m.
     """
-    runs = _runs(readings, scatter)
-    found = [_dwell(readings, runs, i, scatter) for i in range(len(runs))]
-    kept = [dwell for dwell in found if _is_dwell(readings, dwell, scatter)]
-    return _apart(sorted(_pooled(kept, scatter), key=lambda dwell: dwell.rest.start))
-
-
-def _apart(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
-    """Return the dwells, without the shorter of two that are too close.
-
-    No law has room for an event between them.
-    """
-    for i, dwell in enumerate(dwells):
-        after = dwells[(i + 1) % len(dwells)]
-        room = (after.rest.start - dwell.rest.start - dwell.rest.span) % TURN
-        most = TURN - dwell.rest.span - after.rest.span + LEAST_ROOM  # above it they overlap
-        if len(dwells) > 1 and not LEAST_ROOM < room < most:
-            shorter = min(dwell, after, key=lambda one: one.rest.span)
-            return _apart([one for one in dwells if one is not shorter])
-    return tuple(dwells)
+    runs = _find_runs(readings, scatter)
+    candidates = [_fit_dwell(readings, runs, i, scatter) for i in range(len(runs))]
+    dwells = [dwell for dwell in candidates if _is_dwell(readings, dwell, scatter)]
+    dwells = sorted(_pool_levels(dwells, scatter), key=lambda dwell: dwell.rest.start)
+    return _drop_close_dwells(dwells)
 
 
 def likely_range(count: int) -> float:
@@ -112,27 +107,27 @@ def likely_range(count: int) -> float:
     return 2.0 * math.sqrt(2.0 * math.log(2.0 * count))
 
 
-def _runs(readings: Readings, scatter: float) -> list[_RestingRun]:
+def _find_runs(readings: Readings, scatter: float) -> list[_RestingRun]:
     """Return the runs of readings at one level, in the order of the cam angle.
 
     The runs do not overlap.
     """
     lifts, count = readings.lifts, readings.lifts.size
     free = np.ones(count, dtype=np.bool_)
-    found: list[_RestingRun] = []
+    runs: list[_RestingRun] = []
     limit = likely_range(count) * scatter
-    while len(found) < MAX_DWELLS:
-        first, length = _longest(readings, free, limit)
+    while len(runs) < MAX_DWELLS:
+        first, length = _widest_run(readings, free, limit)
         index = (first + np.arange(length)) % count
-        gap = bridges(readings) and _holds_gap(readings, index)
-        if (length < FEWEST and not gap) or _span(readings, index) < SHORTEST:
+        is_long = length >= MIN_RUN_READINGS or _contains_wide_gap(readings, index)
+        if not is_long or _span(readings, index) < MIN_DWELL_SPAN:
             break
         free[index] = False
-        found.append(_RestingRun(first, length, float(np.median(lifts[index]))))
-    return sorted(found, key=lambda run: run.first)
+        runs.append(_RestingRun(first, length, float(np.median(lifts[index]))))
+    return sorted(runs, key=lambda run: run.first)
 
 
-def _longest(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple[int, int]:
+def _widest_run(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple[int, int]:
     """Return the first reading and the number of readings of the widest run.
 
     The run contains only readings marked in ``free``, with lifts within ``limit`` (m) of each
@@ -170,10 +165,10 @@ def _span(readings: Readings, index: NDArray[np.int64]) -> float:
     return float(readings.angles[index[-1]] - readings.angles[index[0]]) % TURN
 
 
-def _holds_gap(readings: Readings, index: NDArray[np.int64]) -> bool:
-    """Return True if the gap without readings is inside a run."""
+def _contains_wide_gap(readings: Readings, index: NDArray[np.int64]) -> bool:
+    """Return True if a run contains a gap that is too wide for anything but a dwell."""
     start = int(np.argmin(np.abs(readings.angles - readings.gap[0])))
-    return bool(start in index[:-1])
+    return readings.has_wide_gap and start in index[:-1]
 
 
 def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
@@ -181,160 +176,135 @@ def _is_dwell(readings: Readings, dwell: FoundDwell, scatter: float) -> bool:
 
     A dwell that covers the gap is always accepted if the gap is too wide for anything but a dwell.
     """
+    if readings.has_wide_gap and dwell.covers(*readings.gap):
+        return True
+    if dwell.count < MIN_DWELL_READINGS or dwell.rest.span < MIN_DWELL_SPAN:
+        return False
     ahead = (readings.angles - dwell.rest.start) % TURN
     inside = ahead <= dwell.rest.span
-    if bridges(readings) and dwell.covers(*readings.gap):
-        return True
-    if dwell.count < FEWEST_INSIDE or dwell.rest.span < SHORTEST:
-        return False
     x, y = ahead[inside], readings.lifts[inside] - np.mean(readings.lifts[inside])
-    bent = np.polynomial.Polynomial.fit(x, y, 2)
-    return bool(np.sum(y**2) - np.sum((bent(x) - y) ** 2) < TREND * scatter**2)
+    parabola = np.polynomial.Polynomial.fit(x, y, 2)
+    return bool(np.sum(y**2) - np.sum((parabola(x) - y) ** 2) < MAX_TREND * scatter**2)
 
 
-def _pooled(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
+def _pool_levels(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
     """Return the dwells by increasing level, with equal levels pooled.
 
     Levels are equal if their difference can be due to chance. The common level is their mean,
     weighted with the number of readings.
     """
     groups: list[list[FoundDwell]] = []
-    for dwell in sorted(dwells, key=lambda one: one.rest.level):
+    for dwell in sorted(dwells, key=lambda dwell: dwell.rest.level):
         last = groups[-1] if groups else [dwell]
         error = scatter * math.sqrt(1.0 / last[-1].count + 1.0 / dwell.count)
-        if groups and dwell.rest.level - last[-1].rest.level <= SAME_LEVEL * error:
+        if groups and dwell.rest.level - last[-1].rest.level <= SAME_LEVEL_ERRORS * error:
             last.append(dwell)
         else:
             groups.append([dwell])
     pooled = []
     for group in groups:
-        levels, weights = [one.rest.level for one in group], [one.count for one in group]
-        pooled += [one.at_level(float(np.average(levels, weights=weights))) for one in group]
+        levels, weights = zip(*((dwell.rest.level, dwell.count) for dwell in group), strict=True)
+        level = float(np.average(levels, weights=weights))
+        pooled += [dwell.at_level(level) for dwell in group]
     return pooled
 
 
-def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
+def _drop_close_dwells(dwells: list[FoundDwell]) -> tuple[FoundDwell, ...]:
+    """Return the dwells, without the shorter of two that are too close.
+
+    No law has room for an event between them.
+    """
+    for i, dwell in enumerate(dwells):
+        after = dwells[(i + 1) % len(dwells)]
+        between = (after.rest.start - dwell.rest.start - dwell.rest.span) % TURN
+        limit = TURN - dwell.rest.span - after.rest.span + MIN_EVENT_SPAN  # above it they overlap
+        if len(dwells) > 1 and not MIN_EVENT_SPAN < between < limit:
+            shorter = min(dwell, after, key=lambda dwell: dwell.rest.span)
+            return _drop_close_dwells([dwell for dwell in dwells if dwell is not shorter])
+    return tuple(dwells)
+
+
+def _fit_dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
     """Return the dwell of run `i`, with ends computed from the readings beyond it."""
     run, count = runs[i], readings.angles.size
     before, after = runs[i - 1], runs[(i + 1) % len(runs)]
     to_next = (after.first - run.first - run.count) % count
-    to_last = (run.first - before.first - before.count) % count
-    first = float(readings.angles[run.first])
-    last = first + _span(readings, (run.first + np.arange(run.count)) % count)
+    to_previous = (run.first - before.first - before.count) % count
     ahead = (run.first + np.arange(run.count + to_next)) % count
-    behind = (run.first + run.count - 1 - np.arange(run.count + to_last)) % count
-    open_end = open_start = 0.0
-    if bridges(readings) and _holds_gap(readings, ahead[: run.count]):
-        # the gap is inside the dwell, so both ends are beyond it
-        open_end = (sum(readings.gap) - first) % TURN
-        open_start = (last - readings.gap[0]) % TURN
+    behind = (run.first + run.count - 1 - np.arange(run.count + to_previous)) % count
+    first = float(readings.angles[run.first])
+    last = first + _span(readings, ahead[: run.count])
+    min_end = min_start = 0.0
+    if _contains_wide_gap(readings, ahead[: run.count]):  # both ends are beyond the gap
+        min_end = (sum(readings.gap) - first) % TURN
+        min_start = (last - readings.gap[0]) % TURN
     forwards = (readings.angles[ahead] - first) % TURN
     backwards = (last - readings.angles[behind]) % TURN
-    end = _end(forwards, readings.lifts[ahead], run, scatter, open_end)
-    start = _end(backwards, readings.lifts[behind], run, scatter, open_start)
-    begin, stop = last - start, first + end
-    inside = (readings.angles - begin) % TURN <= stop - begin
+    stop = first + _find_end(forwards, readings.lifts[ahead], run, scatter, min_end)
+    start = last - _find_end(backwards, readings.lifts[behind], run, scatter, min_start)
+    inside = (readings.angles - start) % TURN <= stop - start
     resting = readings.lifts[inside] if inside.any() else np.array([run.level])
-    rest = Rest(_as_written(begin) % TURN, _as_written(stop - begin), float(np.mean(resting)))
+    start, span = (
+        math.radians(round(math.degrees(x), DEGREE_DECIMALS)) for x in (start, stop - start)
+    )
+    rest = Rest(start % TURN, span, float(np.mean(resting)))
     return FoundDwell(rest, int(np.count_nonzero(inside)), float(np.std(resting)))
 
 
-def _as_written(angle: float) -> float:
-    """Return an angle (rad), rounded to the digits of a cam file."""
-    return math.radians(round(math.degrees(angle), DEGREES))
-
-
-def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: float) -> float:
-    """Return the angle (rad) at which a run ends, at least `least`.
+def _find_end(
+    x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, min_end: float
+) -> float:
+    """Return the angle (rad) at which a run ends, at least `min_end`.
 
     ``x`` is the angles (rad) of the run and of the event beyond it, from the other end of the run.
     ``y`` is their lifts (m).
     """
-    last = run.count - 1
-    event = x[last + 1 :]
-    reach = float(x[last]) + BEYOND * (float(event[-1] - x[last]) if event.size else 0.0)
+    last, event = float(x[run.count - 1]), x[run.count :]
+    reach = last + EVENT_FRACTION * (float(event[-1]) - last if event.size else 0.0)
     window = x <= reach
-    terms = min(len(POWERS), int(np.count_nonzero(window) - run.count) // 3)
+    terms = min(len(LEAVING_POWERS), int(np.count_nonzero(window) - run.count) // 3)
     if terms < 1 or event.size == 0:
-        return float(x[last])
-    half = 0.5 * float(x[last])
+        return last
+    half = 0.5 * last
     window &= x >= half
     # up to the first reading of the event: if the rise is steep, the end is just before it
-    tried = np.linspace(max(half, float(x[last]) - INSIDE, least), float(event[0]), STEPS)
-    squares = np.array([_squares(x[window], y[window] - run.level, end, terms) for end in tried])
-    likelihood = np.exp(-0.5 * (squares - squares.min()) / scatter**2)
-    return float(np.average(tried, weights=likelihood))
+    ends = np.linspace(max(half, last - MAX_END_DISTANCE, min_end), float(event[0]), END_ANGLES)
+    sse = np.array([_leaving_sse(x[window], y[window] - run.level, end, terms) for end in ends])
+    likelihood = np.exp(-0.5 * (sse - sse.min()) / scatter**2)
+    return float(np.average(ends, weights=likelihood))
 
 
-def _squares(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
+def _leaving_sse(x: FloatArray, y: FloatArray, end: float, terms: int) -> float:
     """Return the residual sum of squares (m²) of readings that leave a level at `end`.
 
     ``y`` is the lifts above the level. ``terms`` is the number of powers of the angle beyond `end`.
     """
     beyond = np.maximum(x - end, 0.0)
     scale = float(beyond.max())
-    powers = np.stack([(beyond / scale) ** power for power in POWERS[:terms]], axis=1)
-    found = np.linalg.lstsq(powers, y, rcond=None)[0]
-    return float(np.sum((y - powers @ found) ** 2))
+    powers = np.stack([(beyond / scale) ** power for power in LEAVING_POWERS[:terms]], axis=1)
+    coefficients = np.linalg.lstsq(powers, y, rcond=None)[0]
+    return float(np.sum((y - powers @ coefficients) ** 2))
 
 
 # The gauge's zero: its reading at the lowest lift.
 
 
-def above_zero(readings: Readings) -> Readings:
+def subtract_zero(readings: Readings) -> Readings:
     """Return the readings without outliers, relative to the gauge's zero.
 
     The zero is the level of the lowest dwell. It is the lowest reading if no dwell has two
     readings, or if more readings are far below the lowest dwell than outliers can explain.
     """
-    kept = without_outliers(readings)
-    lowest = float(kept.lifts.min())
+    kept = exclude_outliers(readings)
+    count, lowest = kept.angles.size, float(kept.lifts.min())
     dwells = find_dwells(kept, kept.scatter)
     level = min((dwell.rest.level for dwell in dwells), default=lowest)
     at_rest = [dwell for dwell in dwells if dwell.rest.level == level and dwell.count > 1]
     # a few readings far below can be outliers that were not detected next to a kink
-    below = np.sort(kept.lifts)[most_outliers(kept.angles.size)]
-    near = level - below < likely_range(kept.angles.size) * kept.scatter
-    if not near or not at_rest:
+    below = np.sort(kept.lifts)[max_outliers(count)]
+    if not at_rest or not level - below < likely_range(count) * kept.scatter:
         return replace(kept, lifts=kept.lifts - lowest, zero=lowest, zero_error=kept.scatter)
-    count = sum(dwell.count for dwell in at_rest)
-    squares = sum(dwell.count * dwell.scatter**2 for dwell in at_rest) / (count - 1)
-    error = max(math.sqrt(squares), kept.rounding) / math.sqrt(count)
+    resting = sum(dwell.count for dwell in at_rest)
+    variance = sum(dwell.count * dwell.scatter**2 for dwell in at_rest) / (resting - 1)
+    error = max(math.sqrt(variance), kept.rounding) / math.sqrt(resting)
     return replace(kept, lifts=kept.lifts - level, zero=level, zero_error=error)
-
-
-# Readings to check: outliers that were left out, and readings farthest from the law.
-
-#: Smallest reported residual, as a multiple of the scatter or of the r.m.s. of the others, and the
-#: largest number of reported residuals.
-FARTHEST, MOST_NAMED = 3.0, 3
-
-
-def left_out(readings: Readings) -> str:
-    """Return a sentence that lists the outliers, or states that there are not any."""
-    named = ", ".join(f"line {one.line} by {one.beside * 1e3:.3g} mm" for one in readings.outliers)
-    if not named:
-        return "No reading looks like an outlier."
-    return f"Left out, for they look like outliers: {named}."
-
-
-def beside_others(readings: Readings, residuals: FloatArray) -> FloatArray:
-    """Return the sizes of residuals in r.m.s. of all other residuals, ``(n,)``."""
-    others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
-    return np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
-
-
-def farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) -> Iterator[str]:
-    """Yield a sentence that lists the readings farthest from the law, if any are far.
-
-    ``residuals`` is in m. ``sizes`` is the residuals as multiples of the scatter.
-    """
-    likely = max(FARTHEST, 0.5 * likely_range(sizes.size))  # higher for many readings: chance
-    far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > likely]
-    named = ", ".join(
-        f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "
-        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the others' scatter"
-        for i in far
-    )
-    if named:
-        yield f"{readings.name}: farthest from the law {named}: look at them again."

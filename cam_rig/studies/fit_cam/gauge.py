@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +15,20 @@ from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_POINTS, MIN_POINTS
 from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_gap
 from cam_rig.units import TURN, FloatArray
 
-#: Largest difference (rad) of angles that count as the same angle.
-SAME_ANGLE = 1e-6
-#: Smallest plausible step of a gauge, m. A smaller step is replaced by it.
-LEAST_RESOLUTION = 1e-9
-#: Largest reading of a gauge, m.
+#: Largest difference (rad) of two angles that count as the same angle. It is above the rounding of
+#: angles that are written in degrees with four decimals.
+ANGLE_ATOL = 1e-6
+#: Smallest plausible step of a gauge, m, far below that of any gauge. It replaces a smaller step,
+#: because the rounding of calculated lifts is not zero.
+MIN_RESOLUTION = 1e-9
+#: Largest plausible reading of a gauge, m. A larger reading has another unit than its heading.
 MAX_LIFT = 10.0
 #: Largest difference of the levels on both sides of a range without readings that count as the same
-#: level, as a fraction of the lift.
-OPEN = 0.05
+#: level, as a fraction of the lift. A missing rise or fall has a far larger difference.
+GAP_LEVEL_RTOL = 0.05
 #: Largest difference of readings of the same level, in scatters. One step of the gauge is added.
-REPEATED = 6.0
+#: Of 10⁸ pairs of readings with normal errors, some two thousand differ by more.
+MAX_REPEAT_SCATTERS = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +43,14 @@ class Outlier:
         Cam angle in rad.
     lift
         Reading of the gauge in m.
-    beside
+    distance
         Distance in m from the neighbours, or from the law.
     """
 
     line: int
     angle: float
     lift: float
-    beside: float
+    distance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +74,7 @@ class Readings:
     notes
         Sentences about the changes that were made to the readings.
     outliers
-        Readings that are left out. Their lifts are those of the gauge, without `zero` subtracted.
+        Readings that are excluded. Their lifts are those of the gauge, without `zero` subtracted.
     zero, zero_error
         Reading of the gauge in m that was subtracted as zero, and its standard error in m.
     """
@@ -89,7 +93,7 @@ class Readings:
     @property
     def rounding(self) -> float:
         """Standard deviation (m) of the rounding to the step in which lifts are written."""
-        return max(self.resolution, LEAST_RESOLUTION) / math.sqrt(12.0)
+        return max(self.resolution, MIN_RESOLUTION) / math.sqrt(12.0)
 
     @property
     def scatter(self) -> float:
@@ -101,8 +105,30 @@ class Readings:
         """Relative standard error of `scatter`."""
         return scatter_error(self.angles.size)
 
+    @property
+    def has_wide_gap(self) -> bool:
+        """True if the longest range without readings can only be a dwell."""
+        return self.gap[1] > math.radians(MAX_GAP_DEG) + ANGLE_ATOL
 
-def put_in_order(
+    def select(self, indices: NDArray[np.int64]) -> Readings:
+        """Return some of the readings. The gap is that of all readings."""
+        return replace(
+            self,
+            angles=self.angles[indices],
+            lifts=self.lifts[indices],
+            lines=self.lines[indices],
+        )
+
+
+class _Rows(NamedTuple):
+    """Angles (rad), lifts (m) and line numbers of readings, each with the shape ``(n,)``."""
+
+    angles: FloatArray
+    lifts: FloatArray
+    lines: NDArray[np.int64]
+
+
+def order_readings(
     table: GaugeTable, column: GaugeColumn, reverse: bool = False, mirror: bool = False
 ) -> Readings:
     """Return the readings of one column over one turn, in rising order of the angle.
@@ -110,226 +136,32 @@ def put_in_order(
     Readings of the same angle are averaged.
     `reverse` changes the sign of the angles. `mirror` adds the mirror image of half a lobe.
     """
-    read = np.isfinite(column.lifts)
-    angles, lifts = np.array(table.angles)[read], np.array(column.lifts)[read]
-    lines = np.array(table.lines)[read]
-    notes = []
-    if not read.any():
+    filled = np.isfinite(column.lifts)
+    if not filled.any():
         raise ConfigError(f"{table.file}: {column.name} has no number; allowed: readings")
-    _require_no_end_mark(table, angles, lifts, lines)
-    _require_return(table, column, angles, lifts, lines)
+    angles, lifts, lines = (np.array(x)[filled] for x in (table.angles, column.lifts, table.lines))
+    rows, notes = _Rows(angles, lifts, lines), []
+    _require_no_end_mark(table.file, rows)
+    _require_return(table.file, column.name, rows)
     if mirror:
-        centre = _end_of_half_lobe(table, column, angles, lifts)
-        angles = np.append(angles, 2.0 * centre - angles)
+        nose = _nose_of_half_lobe(table.file, column.resolution, rows)
+        angles = np.append(angles, 2.0 * nose - angles)
         lifts, lines = np.tile(lifts, 2), np.tile(lines, 2)
-        notes.append(
-            f"mirrored as requested about the nose at {math.degrees(centre) + 0.0:.6g} deg"
-        )
+        notes.append(f"mirrored as requested about the nose at {math.degrees(nose) + 0.0:.6g} deg")
     if np.all(np.diff(angles) < 0.0):
         notes.append("angles fall in the file: put in rising order, lift over angle is the same")
     if reverse:
         angles = -angles
-        notes.append("turning sense reversed as asked: the law is that of -angle")
-    if angles.min() < 0.0 or angles.max() >= TURN - SAME_ANGLE:
+        notes.append("turning sense reversed as requested: the law is that of -angle")
+    if angles.min() < 0.0 or angles.max() >= TURN - ANGLE_ATOL:
         low, high = math.degrees(angles.min()), math.degrees(angles.max())
         notes.append(f"angles of {low:.6g} to {high:.6g} deg taken within one turn")
-    inside = angles - TURN * np.floor((angles + SAME_ANGLE) / TURN)
-    inside = np.maximum(inside, 0.0)
-    order = np.argsort(inside, kind="stable")
-    found = _averaged(table, column, (inside[order], lifts[order], lines[order]))
-    if not mirror and found.angles.size < inside.size:
-        notes.append(f"{inside.size - found.angles.size} repeated angles averaged")
-    return replace(found, notes=tuple(notes))
-
-
-#: Limit for a lift that does not return, as a fraction of its range. Its changes in the other sense
-#: are smaller, and its last level is that near to the opposite end of the range.
-ONE_WAY = 0.05
-
-
-#: The last line is an end mark if its angle is this number of usual steps from the line before it,
-#: and its lift is outside the range of the other lifts by this fraction of that range.
-END_MARK_STEPS, END_MARK_RANGE = 5.0, 0.2
-
-
-def _require_no_end_mark(
-    table: GaugeTable, angles: FloatArray, lifts: FloatArray, lines: NDArray[np.int64]
-) -> None:
-    """Raise ConfigError if the last line is an end mark, such as 999, 999."""
-    if angles.size < MIN_POINTS:
-        return
-    steps, others = np.abs(np.diff(angles)), lifts[:-1]
-    room = END_MARK_RANGE * float(np.ptp(others))
-    is_outside = not others.min() - room <= lifts[-1] <= others.max() + room
-    if is_outside and steps[-1] > END_MARK_STEPS * float(np.median(steps)):
-        raise ConfigError(
-            f"{table.file}: line {lines[-1]} ({math.degrees(angles[-1]):.6g} deg, "
-            f"{lifts[-1] * 1e3:.6g} mm) is far from the others, so it looks like an end mark; "
-            "allowed: readings, so put # before it"
-        )
-
-
-def _require_return(
-    table: GaugeTable,
-    column: GaugeColumn,
-    angles: FloatArray,
-    lifts: FloatArray,
-    lines: NDArray[np.int64],
-) -> None:
-    """Raise ConfigError if the lift does not return after a whole turn."""
-    order = np.argsort(angles)
-    turn, height = angles[order], lifts[order]
-    height_range = float(np.ptp(lifts))
-    steps = np.diff(height)
-    one_way = min(float(np.sum(steps[steps > 0.0])), -float(np.sum(steps[steps < 0.0])))
-    if (
-        turn.size > 1
-        and turn[-1] - turn[0] > TURN - SAME_ANGLE
-        and abs(height[-1] - height[0]) > (1.0 - ONE_WAY) * height_range
-        and one_way < ONE_WAY * height_range
-    ):
-        raise ConfigError(
-            f"{table.file}, {column.name}: the lift goes from {height[0] * 1e3:.4g} mm (line "
-            f"{lines[order[0]]}) to {height[-1] * 1e3:.4g} mm (line {lines[order[-1]]}) over the "
-            "turn and does not return, as in the table of an indexing drive; allowed: a lift that "
-            "is the same after one turn, so add the return"
-        )
-
-
-def _end_of_half_lobe(
-    table: GaugeTable, column: GaugeColumn, angles: FloatArray, lifts: FloatArray
-) -> float:
-    """Return the angle (rad) of the nose of half a lobe.
-
-    Raises ConfigError if the nose is not at the smallest or largest angle of the table.
-    """
-    nose = float(angles[int(np.argmax(lifts))])
-    if nose not in (angles.min(), angles.max()):
-        raise ConfigError(
-            f"{table.file}: the largest lift is at {math.degrees(nose):.6g} deg, inside the table; "
-            "allowed with --mirror: half a lobe, which begins or ends at its nose"
-        )
-    _require_half_lobe(table, column, np.abs(angles - nose), lifts)
-    return nose
-
-
-#: The slope at the far end of a half lobe is fitted over the first fraction of its angles, with
-#: at least 2 readings. The parabola at its nose is fitted over the second fraction of its lift,
-#: with at least 3 readings.
-END_PART, NOSE_PART = 0.03, 0.02
-#: Largest slope at the far end of a half lobe that counts as rest, as a fraction of its steepest
-#: slope.
-MAX_END_SLOPE = 0.05
-#: Largest distance of the vertex of the parabola from the last reading, in steps of the angle.
-MAX_STEPS_TO_NOSE = 0.75
-#: Standard errors of the slopes that are allowed in addition.
-SLOPE_ERRORS = 3.0
-
-
-def _require_half_lobe(
-    table: GaugeTable, column: GaugeColumn, distances: FloatArray, lifts: FloatArray
-) -> None:
-    """Raise ConfigError if half a lobe lacks its nose or the rest at its far end.
-
-    `distances` are the angles (rad) from the reading with the largest lift.
-    """
-    x, first = np.unique(distances, return_index=True)
-    y = lifts[first]
-    if x.size < MIN_POINTS // 2:
-        return  # refused later, because of its number of readings
-    noise = max(scatter(x, y), column.resolution / math.sqrt(12.0))
-    count = max(2, int(np.sum(x >= x[-1] - END_PART * x[-1])))
-    slope, error = _end_slope(x[-count:] - x[-1], y[-count:], 1, noise)
-    steepest = float(np.max(np.abs((y[count:] - y[:-count]) / (x[count:] - x[:-count]))))
-    if abs(slope) > MAX_END_SLOPE * steepest + SLOPE_ERRORS * error:
-        raise ConfigError(
-            f"{table.file}: the lift still changes by {abs(slope) * 1e3 * math.radians(1.0):.3g} "
-            f"mm/deg at the end of the half lobe, {abs(slope) / steepest:.2g} of its steepest "
-            "slope; allowed with --mirror: half a lobe from its nose to its base circle"
-        )
-    count = max(3, int(np.sum(y >= y[0] - NOSE_PART * float(np.ptp(y)))))
-    slope, error = _end_slope(x[:count], y[:count], 2, noise)
-    bend = 2.0 * abs(float(np.polyfit(x[:count], y[:count], 2)[0]))
-    step = float(x[1] - x[0])
-    if slope < -bend * MAX_STEPS_TO_NOSE * step - SLOPE_ERRORS * error:
-        raise ConfigError(
-            f"{table.file}: the lift still rises by {-slope * 1e3 * math.radians(1.0):.3g} mm/deg "
-            "at the largest lift, so the nose is not reached; allowed with --mirror: half a lobe "
-            "that contains its nose"
-        )
-
-
-def _end_slope(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
-    """Return the slope at x = 0 of a fitted polynomial, and its standard error."""
-    powers = np.vander(x, degree + 1, increasing=True)
-    inverse = np.linalg.pinv(powers)
-    return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))
-
-
-def _averaged(
-    table: GaugeTable, column: GaugeColumn, rows: tuple[FloatArray, FloatArray, NDArray[np.int64]]
-) -> Readings:
-    angles, lifts, lines = rows
-    starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > SAME_ANGLE)
-    counts = np.diff(np.append(starts, angles.size))
-    means = np.add.reduceat(lifts, starts) / counts
-    name, gap = f"{table.file}, {column.name}", widest_gap(angles[starts])
-    found = Readings(name, angles[starts], means, lines[starts], column.resolution, gap, ())
-    if not MIN_POINTS <= found.angles.size <= MAX_POINTS:
-        raise ConfigError(
-            f"{table.file}: has {found.angles.size} readings of different angles; allowed: "
-            f"{MIN_POINTS} to {MAX_POINTS} over a turn"
-        )
-    _require_lift(name, means)
-    spread = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
-    worst = int(np.argmax(spread))
-    single = found.scatter * math.sqrt(counts[worst])  # the scatter is that of means
-    limit = REPEATED * single + found.resolution
-    if spread[worst] > limit:
-        same = lines[starts[worst] : starts[worst] + counts[worst]]
-        raise ConfigError(
-            f"{name}: lines {', '.join(map(str, same))} are of "
-            f"{math.degrees(angles[starts][worst]):g} deg and {spread[worst] * 1e3:.4g} mm apart; "
-            f"allowed: {limit * 1e3:.3g} mm. {_cause(table, same)}"
-        )
-    return found
-
-
-def _require_lift(name: str, lifts: FloatArray) -> None:
-    """Raise ConfigError if all lifts (m) are equal, or one is above `MAX_LIFT`."""
-    if not np.ptp(lifts) > 0.0:
-        raise ConfigError(f"{name}: all lifts are {lifts[0] * 1e3:g} mm; allowed: a lift")
-    if not np.abs(lifts).max() <= MAX_LIFT:
-        raise ConfigError(
-            f"{name}: the largest lift is {np.abs(lifts).max() * 1e3:g} mm; allowed: "
-            f"{MAX_LIFT * 1e3:g} mm, so check its unit"
-        )
-
-
-def _cause(table: GaugeTable, lines: NDArray[np.int64]) -> str:
-    """Return the likely cause of different readings of the same angle.
-
-    The cause follows from the order of the angles in the table.
-    """
-    covered = max(table.angles) - min(table.angles)
-    steps = np.diff(table.angles)
-    forwards = bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
-    if forwards and covered > TURN + SAME_ANGLE:
-        return (
-            f"The angles cover {math.degrees(covered):.6g} deg. If they are of the crank, use "
-            "--angle crank; if they are several turns of the cam, the readings must repeat"
-        )
-    if table.lines[-1] in lines and not forwards and np.all(steps[:-1] * steps[0] >= 0.0):
-        return f"Line {table.lines[-1]} looks like an end mark: put # before it"
-    if forwards:
-        return (
-            "The lift does not return to its first level after one turn: the gauge has moved, or "
-            "a part of the table is missing"
-        )
-    return (
-        "The cam was turned both ways, and there is backlash, or the gauge has slipped: read "
-        "again, in one turning sense"
-    )
+    angles = np.maximum(angles - TURN * np.floor((angles + ANGLE_ATOL) / TURN), 0.0)
+    order = np.argsort(angles, kind="stable")
+    readings = _average(table, column, _Rows(angles[order], lifts[order], lines[order]))
+    if not mirror and readings.angles.size < angles.size:
+        notes.append(f"{angles.size - readings.angles.size} repeated angles averaged")
+    return replace(readings, notes=tuple(notes))
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
@@ -338,22 +170,218 @@ def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
     The result is empty if the range is so short that no dwell is needed. `arcs` is True for a fit
     of tangent arcs.
     """
-    if not bridges(readings):
+    if not readings.has_wide_gap:
         return ()
     start, span = (math.degrees(angle) for angle in readings.gap)
     first = int(np.argmin(np.abs(readings.angles - readings.gap[0])))
     before, after = readings.lifts[[first, (first + 1) % readings.angles.size]]
-    where = f"no readings for {span:.6g} deg after {start:.6g} deg"
-    least = REPEATED * readings.scatter + readings.resolution
-    if abs(before - after) <= max(least, OPEN * float(np.ptp(readings.lifts))):
-        return (f"{where}: the cam is assumed to rest there",)
+    gap = f"no readings for {span:.6g} deg after {start:.6g} deg"
+    noise = MAX_REPEAT_SCATTERS * readings.scatter + readings.resolution
+    if abs(before - after) <= max(noise, GAP_LEVEL_RTOL * float(np.ptp(readings.lifts))):
+        return (f"{gap}: the cam is assumed to rest there",)
     missing, other = ("fall", "rise") if before > after else ("rise", "fall")
     levels = f"the lift is {before * 1e3:.4g} mm before and {after * 1e3:.4g} mm after"
-    assumed = f"assumed is the mirror image of the {other}, for arcs have two equal flanks"
-    told = assumed if arcs else f"nothing is assumed of it, read the {missing} too"
-    return (f"{where}, where {levels}: the {missing} is not in the table; {told}",)
+    assumption = f"no law is assumed there, read the {missing} too"
+    if arcs:
+        assumption = f"the mirror image of the {other} is assumed, because arcs have equal flanks"
+    return (f"{gap}, and {levels}: the {missing} is not in the table; {assumption}",)
 
 
-def bridges(readings: Readings) -> bool:
-    """Return True if the longest range without readings can only be a dwell."""
-    return readings.gap[1] > math.radians(MAX_GAP_DEG) + SAME_ANGLE
+# Checks of the rows of a file, before they are put in order.
+
+#: Smallest distance of an end mark from the line before it, in usual steps of the angle. Five lines
+#: in a row are seldom missing before the last one.
+END_MARK_STEPS = 5.0
+#: Smallest distance of the lift of an end mark from the range of the other lifts, as a fraction of
+#: that range. A reading at the end of a table is within the range, or close to it.
+END_MARK_RANGE = 0.2
+#: Largest change of a lift in the other sense that still is a lift in one sense only, and largest
+#: distance of its last level from the end of the range. Both are fractions of the range.
+ONE_WAY_RTOL = 0.05
+
+
+def _require_no_end_mark(file: str, rows: _Rows) -> None:
+    """Raise ConfigError if the last line is an end mark, such as 999, 999."""
+    angles, lifts, lines = rows
+    if angles.size < MIN_POINTS:
+        return
+    steps, others = np.abs(np.diff(angles)), lifts[:-1]
+    margin = END_MARK_RANGE * float(np.ptp(others))
+    is_outside = not others.min() - margin <= lifts[-1] <= others.max() + margin
+    if is_outside and steps[-1] > END_MARK_STEPS * float(np.median(steps)):
+        raise ConfigError(
+            f"{file}: line {lines[-1]} ({math.degrees(angles[-1]):.6g} deg, "
+            f"{lifts[-1] * 1e3:.6g} mm) is far from the others, so it looks like an end mark; "
+            "allowed: readings, so put # before it"
+        )
+
+
+def _require_return(file: str, name: str, rows: _Rows) -> None:
+    """Raise ConfigError if the lift does not return after a whole turn."""
+    angles, lifts, lines = (values[np.argsort(rows.angles)] for values in rows)
+    lift_range, steps = float(np.ptp(lifts)), np.diff(lifts)
+    one_way = min(float(np.sum(steps[steps > 0.0])), -float(np.sum(steps[steps < 0.0])))
+    if (
+        angles.size > 1
+        and angles[-1] - angles[0] > TURN - ANGLE_ATOL
+        and abs(lifts[-1] - lifts[0]) > (1.0 - ONE_WAY_RTOL) * lift_range
+        and one_way < ONE_WAY_RTOL * lift_range
+    ):
+        raise ConfigError(
+            f"{file}, {name}: the lift goes from {lifts[0] * 1e3:.4g} mm (line {lines[0]}) to "
+            f"{lifts[-1] * 1e3:.4g} mm (line {lines[-1]}) over the turn and does not return, as in "
+            "the table of an indexing drive; allowed: a lift that is the same after one turn, so "
+            "add the return"
+        )
+
+
+# Half a lobe, from its nose to its base circle.
+
+#: Part of the angles at the far end over which its slope is fitted, with at least 2 readings.
+END_FRACTION = 0.03
+#: Part of the lift at the nose over which the parabola is fitted, with at least 3 readings.
+NOSE_FRACTION = 0.02
+#: Largest slope at the far end that counts as rest, as a fraction of the steepest slope. A lobe
+#: that ends at 80 % of its angle has a slope several times as large.
+MAX_END_SLOPE = 0.05
+#: Largest distance of the vertex of the parabola from the last reading, in steps of the angle. Half
+#: a step is possible if the nose is between two readings. A quarter is added for noise.
+MAX_STEPS_TO_NOSE = 0.75
+#: Standard errors of the slopes that are allowed in addition.
+SLOPE_ERRORS = 3.0
+
+
+def _nose_of_half_lobe(file: str, resolution: float, rows: _Rows) -> float:
+    """Return the angle (rad) of the nose of half a lobe.
+
+    Raises ConfigError if the nose is not at the smallest or largest angle of the table, or if the
+    nose or the rest at the far end is missing. `resolution` is the step of the lifts in m.
+    """
+    nose = float(rows.angles[int(np.argmax(rows.lifts))])
+    if nose not in (rows.angles.min(), rows.angles.max()):
+        raise ConfigError(
+            f"{file}: the largest lift is at {math.degrees(nose):.6g} deg, inside the table; "
+            "allowed with --mirror: half a lobe, which starts or ends at its nose"
+        )
+    x, first = np.unique(np.abs(rows.angles - nose), return_index=True)
+    y = rows.lifts[first]
+    if x.size >= MIN_POINTS // 2:  # fewer are rejected later, because of their number
+        noise = max(scatter(x, y), resolution / math.sqrt(12.0))
+        _require_rest_at_end(file, x, y, noise)
+        _require_nose(file, x, y, noise)
+    return nose
+
+
+def _require_rest_at_end(file: str, x: FloatArray, y: FloatArray, noise: float) -> None:
+    """Raise ConfigError if the lift still changes at the far end of half a lobe.
+
+    `x` is the angle (rad) from the nose, `y` the lift (m), `noise` its standard deviation (m).
+    """
+    count = max(2, int(np.sum(x >= x[-1] - END_FRACTION * x[-1])))
+    slope, error = _slope_at_zero(x[-count:] - x[-1], y[-count:], 1, noise)
+    steepest = float(np.max(np.abs((y[count:] - y[:-count]) / (x[count:] - x[:-count]))))
+    if abs(slope) > MAX_END_SLOPE * steepest + SLOPE_ERRORS * error:
+        raise ConfigError(
+            f"{file}: the lift still changes by {abs(slope) * 1e3 * math.radians(1.0):.3g} "
+            f"mm/deg at the end of the half lobe, {abs(slope) / steepest:.2g} of its steepest "
+            "slope; allowed with --mirror: half a lobe from its nose to its base circle"
+        )
+
+
+def _require_nose(file: str, x: FloatArray, y: FloatArray, noise: float) -> None:
+    """Raise ConfigError if the vertex of the nose is far from the reading with the largest lift.
+
+    `x` is the angle (rad) from that reading, `y` the lift (m), `noise` its standard deviation (m).
+    """
+    count = max(3, int(np.sum(y >= y[0] - NOSE_FRACTION * float(np.ptp(y)))))
+    slope, error = _slope_at_zero(x[:count], y[:count], 2, noise)
+    curvature = 2.0 * abs(float(np.polyfit(x[:count], y[:count], 2)[0]))
+    step = float(x[1] - x[0])
+    if slope < -curvature * MAX_STEPS_TO_NOSE * step - SLOPE_ERRORS * error:
+        raise ConfigError(
+            f"{file}: the lift still rises by {-slope * 1e3 * math.radians(1.0):.3g} mm/deg "
+            "at the largest lift, so the nose is not reached; allowed with --mirror: half a lobe "
+            "that contains its nose"
+        )
+
+
+def _slope_at_zero(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
+    """Return the slope at x = 0 of a fitted polynomial, and its standard error."""
+    inverse = np.linalg.pinv(np.vander(x, degree + 1, increasing=True))
+    return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))
+
+
+# Mean of the readings of each angle.
+
+
+def _average(table: GaugeTable, column: GaugeColumn, rows: _Rows) -> Readings:
+    """Return the readings with one mean lift per angle.
+
+    The rows are in rising order of the angle. Raises ConfigError if the number of angles, the lifts
+    or the differences of readings of the same angle are not those of a cam.
+    """
+    angles, lifts, lines = rows
+    starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > ANGLE_ATOL)
+    counts = np.diff(np.append(starts, angles.size))
+    readings = Readings(
+        name=f"{table.file}, {column.name}",
+        angles=angles[starts],
+        lifts=np.add.reduceat(lifts, starts) / counts,
+        lines=lines[starts],
+        resolution=column.resolution,
+        gap=widest_gap(angles[starts]),
+        notes=(),
+    )
+    if not MIN_POINTS <= starts.size <= MAX_POINTS:
+        raise ConfigError(
+            f"{table.file}: has {starts.size} readings of different angles; allowed: "
+            f"{MIN_POINTS} to {MAX_POINTS} over a turn"
+        )
+    highest = np.abs(readings.lifts).max() * 1e3
+    if not np.ptp(readings.lifts) > 0.0:
+        raise ConfigError(
+            f"{readings.name}: all lifts are {readings.lifts[0] * 1e3:g} mm; allowed: a lift"
+        )
+    if not highest <= MAX_LIFT * 1e3:
+        raise ConfigError(
+            f"{readings.name}: the largest lift is {highest:g} mm; allowed: {MAX_LIFT * 1e3:g} mm, "
+            "so check its unit"
+        )
+    differences = np.maximum.reduceat(lifts, starts) - np.minimum.reduceat(lifts, starts)
+    worst = int(np.argmax(differences))
+    single = readings.scatter * math.sqrt(counts[worst])  # the scatter is that of means
+    limit = MAX_REPEAT_SCATTERS * single + readings.resolution
+    if differences[worst] > limit:
+        same = lines[starts[worst] : starts[worst] + counts[worst]]
+        raise ConfigError(
+            f"{readings.name}: lines {', '.join(map(str, same))} are of "
+            f"{math.degrees(readings.angles[worst]):g} deg and {differences[worst] * 1e3:.4g} mm "
+            f"apart; allowed: {limit * 1e3:.3g} mm. {_cause_of_difference(table, same)}"
+        )
+    return readings
+
+
+def _cause_of_difference(table: GaugeTable, lines: NDArray[np.int64]) -> str:
+    """Return the likely cause of different readings of the same angle.
+
+    The cause follows from the order of the angles in the table.
+    """
+    covered = max(table.angles) - min(table.angles)
+    steps = np.diff(table.angles)
+    is_one_way = bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
+    if is_one_way and covered > TURN + ANGLE_ATOL:
+        return (
+            f"The angles cover {math.degrees(covered):.6g} deg. If they are of the crank, use "
+            "--angle crank; if they are several turns of the cam, the readings must repeat"
+        )
+    if table.lines[-1] in lines and not is_one_way and np.all(steps[:-1] * steps[0] >= 0.0):
+        return f"Line {table.lines[-1]} looks like an end mark: put # before it"
+    if is_one_way:
+        return (
+            "The lift does not return to its first level after one turn: the gauge has moved, or "
+            "a part of the table is missing"
+        )
+    return (
+        "The cam was turned both ways, and there is backlash, or the gauge has slipped: read "
+        "again, in one turning sense"
+    )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,16 +20,25 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import TURN, FloatArray
 
 Shaft = Literal["cam", "crank"]
-#: Limits of the range of angles without a unit. A range that is 0.75 to 1.02 turn in rad means rad.
-#: A larger range, up to 1440 (four turns), means deg.
-MAX_RANGE_RAD, MIN_RANGE_RAD, MAX_RANGE_DEG = 1.02 * TURN, 0.75 * TURN, 1440.0
-#: Ranges of angles without a unit that could be percent or gon, and their relative tolerance.
-OTHER_SCALES, SCALE_TOLERANCE = {100.0: "percent", 400.0: "gon"}, 0.005
+#: Smallest range of angles without a unit that means rad: three quarters of a turn. A table of a
+#: smaller range could be in another unit.
+MIN_RANGE_RAD = 0.75 * TURN
+#: Largest range of angles without a unit that means rad: one turn, and a step of the readings.
+MAX_RANGE_RAD = 1.02 * TURN
+#: Largest range of angles without a unit that means deg: four turns, of cam or crank.
+MAX_RANGE_DEG = 1440.0
+#: Units of which one turn has the given number. A range near it does not mean deg.
+OTHER_UNITS_PER_TURN = {100.0: "percent", 400.0: "gon"}
+#: Relative tolerance of a range that is one turn in another unit. A table without its closing
+#: reading lacks one step, 0.5 % of 200 steps.
+OTHER_UNITS_RTOL = 0.005
 #: Words in the heading of an angle in turns, from 0 to 1.
 PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
-#: Limits of the range of such an angle without a unit, turns. A smaller range could be of another
-#: unit.
-MIN_PHASE_RANGE, MAX_PHASE_RANGE = 0.75, 1.02
+#: Smallest range of such an angle without a unit that means turns. A smaller range could be of
+#: another unit.
+MIN_PHASE_RANGE = 0.75
+#: Largest range of such an angle without a unit that means turns: one turn, and a step.
+MAX_PHASE_RANGE = 1.02
 #: Smallest range of such an angle without a unit that means deg. A smaller range could be of
 #: percent.
 MIN_PHASE_RANGE_DEG = 250.0
@@ -36,7 +47,7 @@ MIN_PHASE_RANGE_DEG = 250.0
 MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
 #: Statement of the base radius or diameter in a line before the numbers.
 BASE_RADIUS = re.compile(
-    r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<what>radius|diameter|radio|"
+    r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<length>radius|diameter|radio|"
     r"halbmesser|durchmesser)\W*(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-z\"]+)",
     re.I,
 )
@@ -132,27 +143,25 @@ class _GaugeReader(CellTable):
         for (line, _), row in zip(body, texts, strict=True):
             if row[angle] == NOTHING:
                 raise self.error(
-                    f"line {line}: {headings[angle].text} is empty beside a lift; allowed: an "
+                    f"line {line}: {headings[angle].text} is empty next to a lift; allowed: an "
                     "angle, or # before the line"
                 )
         angles = [float(row[angle]) for row in texts]
-        factor, words = self._angle_factor(headings[angle], angles, options)
+        factor, unit_notes = self._angle_factor(headings[angle], angles, options)
         if is_assumed and options.counts is None:
             self._require_turn(headings[angle], factor, angles)
         columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
-        unnamed = [headings[i].text for i in lifts if headings[i].factor is None]
-        if unnamed:
-            words += [f"no unit of length in {', '.join(map(repr, unnamed))}: mm assumed"]
-        for i in lifts:
-            empty = sum(row[i] == NOTHING for row in texts)
-            if empty:
-                words.append(
-                    f"{pluralize(empty, 'empty cell')} in {headings[i].text!r}: no reading"
-                )
+        notes = [self.describe_format(body, used), *notes, *unit_notes]
+        notes += _notes_on_lifts([headings[i] for i in lifts], columns)
         base_radius, stated = self._stated_base_radius(comments)
-        notes = [self.describe_format(body, used), *notes, *words, *skipped, *stated]
-        lines, turned = tuple(line for line, _ in body), tuple(factor * value for value in angles)
-        return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes), base_radius)
+        return GaugeTable(
+            file=self.file,
+            angles=tuple(factor * value for value in angles),
+            columns=tuple(columns),
+            lines=tuple(line for line, _ in body),
+            notes=(*notes, *skipped, *stated),
+            base_radius=base_radius,
+        )
 
     def _body(self, used: list[int]) -> tuple[list[tuple[int, list[str]]], list[str]]:
         """Return the lines of readings, and a note on lines of text between or after them."""
@@ -173,56 +182,61 @@ class _GaugeReader(CellTable):
         self, headings: list[Heading], options: TableOptions
     ) -> tuple[int, list[int], list[str]]:
         """Return the columns of the angle and of the lifts, and notes on the assumptions."""
-        kinds: dict[str, list[int]] = {}
+        columns = defaultdict[str, list[int]](list)
         for i, heading in enumerate(headings):
-            kinds.setdefault(heading.quantity, []).append(i)
-        angles = kinds.get("angle", []) + (kinds.get("count", []) if options.counts else [])
-        lifts = kinds.get("lift", []) + kinds.get("radius", [])
-        others = kinds.get("other", [])
-        points = {name: kinds[name] for name in "xyz" if name in kinds}
-        notes = []
-        if options.angle_column is not None:
-            angles = self._named(headings, options.angle_column, range(len(headings)))
-        elif {"x", "y"} <= points.keys() and not lifts:
+            columns[heading.quantity].append(i)
+        lifts = columns["lift"] + columns["radius"]
+        if options.angle_column is None and columns["x"] and columns["y"] and not lifts:
             raise self.error(
-                f"columns are {_listed(headings)}: points of a contour, not lifts; allowed: "
+                f"columns are {_list_texts(headings)}: points of a contour, not lifts; allowed: "
                 "an angle and a lift, or cam-rig profile CAM --from for a contour"
             )
-        if not angles and "count" in kinds:
-            text = headings[kinds["count"][0]].text
-            raise self.error(
-                f"{shorten(text)} has counts of an encoder; allowed: --counts, their number "
-                "per turn"
-            )
-        if len(angles) > 1:
-            raise self.error(
-                f"columns are {_listed(headings)}, {len(angles)} of them are angles; allowed: one, "
-                "such as angle_deg, so name it with --angle-column"
-            )
-        if not angles and others[:1] == [0]:
-            angles, others = [0], others[1:]
+        angle = self._angle_index(headings, columns, options)
+        others, notes = [i for i in columns["other"] if i != angle], list[str]()
+        if angle is None and columns["other"][:1] == [0]:
+            angle, others = 0, others[1:]
             notes.append(f"no heading of an angle: {headings[0].text!r} assumed to be it")
-        lifts = lifts or points.get("y", []) or points.get("z", [])
+        lifts = lifts or columns["y"] or columns["z"]
         if options.column is not None:
             lifts = self._named(headings, options.column, [*lifts, *others])
-        if not lifts and angles:
+        if not lifts and angle is not None:
             lifts = [i for i in others if count_numbers([self.rows[self.first or 0][1][i]])]
             names = ", ".join(repr(headings[i].text) for i in lifts)
             notes.append(f"no heading of a lift: {names} assumed to be it")
-        lifts = [i for i in lifts if i not in angles]
-        if not angles or not lifts:
+        lifts = [i for i in lifts if i != angle]
+        if angle is None or not lifts:
             raise self.error(
-                f"columns are {_listed(headings)}, allowed: one of an angle and at least one of a "
-                "lift, such as angle_deg and lift_mm"
+                f"columns are {_list_texts(headings)}, allowed: one of an angle and at least one "
+                "of a lift, such as angle_deg and lift_mm"
             )
-        return angles[0], lifts, notes
+        return angle, lifts, notes
 
-    def _named(self, headings: list[Heading], name: str, allowed: list[int] | range) -> list[int]:
-        found = [i for i in allowed if headings[i].text == name]
-        if not found:
+    def _angle_index(
+        self, headings: list[Heading], columns: Mapping[str, list[int]], options: TableOptions
+    ) -> int | None:
+        """Return the column of the angle by option or heading, or None."""
+        angles = columns["angle"] + (columns["count"] if options.counts else [])
+        if options.angle_column is not None:
+            angles = self._named(headings, options.angle_column, range(len(headings)))
+        if not angles and columns["count"]:
+            text = headings[columns["count"][0]].text
+            raise self.error(
+                f"{shorten(text)} has encoder counts; allowed: --counts, their number per turn"
+            )
+        if len(angles) > 1:
+            raise self.error(
+                f"columns are {_list_texts(headings)}, {len(angles)} of them are angles; allowed: "
+                "one, such as angle_deg, so name it with --angle-column"
+            )
+        return angles[0] if angles else None
+
+    def _named(self, headings: list[Heading], name: str, allowed: Sequence[int]) -> list[int]:
+        """Return the allowed columns that have this heading, at least one."""
+        indices = [i for i in allowed if headings[i].text == name]
+        if not indices:
             names = ", ".join(repr(headings[i].text) for i in allowed)
             raise ConfigError(f"{self.file}: has no column {name!r}; allowed: {names}")
-        return found
+        return indices
 
     def _column(self, heading: Heading, texts: list[str]) -> GaugeColumn:
         factor = 1e-3 if heading.factor is None else heading.factor
@@ -268,8 +282,8 @@ class _GaugeReader(CellTable):
         gap = widest_gap(np.unique(factor * np.array(angles) % TURN))[1]
         if gap > MAX_GAP_OF_ASSUMED_ANGLES:
             raise self.error(
-                f"{shorten(heading.text)} has no word of an angle, and goes from {min(angles):g} "
-                f"to {max(angles):g}, which as deg would leave {math.degrees(gap):.4g} deg without "
+                f"{shorten(heading.text)} is not named an angle, and goes from {min(angles):g} to "
+                f"{max(angles):g}, which as deg would leave {math.degrees(gap):.4g} deg without "
                 "readings; allowed: a heading such as angle_deg, or --counts if it counts steps"
             )
 
@@ -283,8 +297,8 @@ class _GaugeReader(CellTable):
             return 1.0, "rad"
         other = [
             name
-            for scale, name in OTHER_SCALES.items()
-            if abs(span - scale) <= SCALE_TOLERANCE * scale
+            for turn, name in OTHER_UNITS_PER_TURN.items()
+            if abs(span - turn) <= OTHER_UNITS_RTOL * turn
         ]
         if is_phase and MAX_RANGE_RAD < span < MIN_PHASE_RANGE_DEG:
             other = other or ["percent" if span <= 100.0 else "a part of a turn in deg"]
@@ -311,7 +325,7 @@ class _GaugeReader(CellTable):
                 continue
             unit = parse_heading(f"radius [{match['unit']}]").factor
             if unit is not None:
-                half = 0.5 if match["what"].lower() in ("diameter", "durchmesser") else 1.0
+                half = 0.5 if match["length"].lower() in ("diameter", "durchmesser") else 1.0
                 radius = half * unit * float(match["number"].replace(",", "."))
                 return radius, [f"base radius {radius * 1e3:.6g} mm, stated in line {line}"]
         return None, []
@@ -332,5 +346,17 @@ def _count_digits(cells: list[str]) -> int:
     return sum(re.match(r"[-+−.,]?\d", cell) is not None for cell in cells)
 
 
-def _listed(headings: list[Heading]) -> str:
+def _list_texts(headings: list[Heading]) -> str:
+    """Return the texts of headings for an error."""
     return shorten(", ".join(heading.text for heading in headings))
+
+
+def _notes_on_lifts(headings: list[Heading], columns: list[GaugeColumn]) -> Iterator[str]:
+    """Yield notes on assumed units and on empty cells of the columns of lifts."""
+    without_unit = [repr(heading.text) for heading in headings if heading.factor is None]
+    if without_unit:
+        yield f"no unit of length in {', '.join(without_unit)}: mm assumed"
+    for column in columns:
+        empty = sum(map(math.isnan, column.lifts))
+        if empty:
+            yield f"{pluralize(empty, 'empty cell')} in {column.name!r}: no reading"

@@ -1,4 +1,7 @@
-"""Outliers: gauge readings that their neighbours, or a law, contradict."""
+"""Outliers: gauge readings that their neighbours, or a law, contradict.
+
+Outliers are slips of the gauge, or errors in writing down a reading.
+"""
 
 from __future__ import annotations
 
@@ -16,34 +19,62 @@ from cam_rig.studies.fit_cam.gauge_table import widest_gap
 from cam_rig.studies.fit_cam.shifted_runs import find_shifted_runs, require_no_slip
 from cam_rig.units import TURN, FloatArray, rms
 
-#: Smallest distance of an outlier from its neighbours, in scatters, and smallest ratio to the
-#: distance of the next reading. A kink of the law has several readings at similar distances.
-OUTLIER, OUTLIER_ALONE = 6.0, 2.0
-#: Largest number of outliers, and largest number as a fraction of the readings. A larger number is
-#: not caused by single slips.
-MOST_OUTLIERS, MOST_OUTLIERS_PART = 10, 0.05
-
-
-def most_outliers(count: int) -> int:
-    """Return the largest number of outliers among `count` readings."""
-    return min(MOST_OUTLIERS, math.ceil(MOST_OUTLIERS_PART * count))
-
-
+#: Smallest distance of an outlier from its neighbours or from the law, in scatters. A normal error
+#: is that large once in 500 million readings.
+MIN_OUTLIER_SCATTERS = 6.0
+#: Smallest ratio of the distance of an outlier to that of the next reading. A kink of the law has
+#: several readings at similar distances.
+MIN_OUTLIER_RATIO = 2.0
+#: Largest number of outliers. A larger number is not caused by single slips.
+MAX_OUTLIERS = 10
+#: Largest number of outliers as a fraction of the readings, for the same reason.
+MAX_OUTLIER_FRACTION = 0.05
 #: Widths of outliers, in readings next to each other, that are searched for one after the other.
+#: The largest is that of a shifted run.
 OUTLIER_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 #: A search for a width of n takes every n-th reading: at least this number over the turn, which
 #: are 3 deg apart, so that the law between them is smooth.
 MIN_SUBSET = 120
 
 
-def without_outliers(readings: Readings) -> Readings:
-    """Return the readings without outliers.
+def max_outliers(count: int) -> int:
+    """Return the largest number of outliers among `count` readings."""
+    return min(MAX_OUTLIERS, math.ceil(MAX_OUTLIER_FRACTION * count))
 
-    Outliers are slips of the gauge, or errors in writing down a reading. Outliers next to each
-    other hide each other. The search for outliers that are n readings wide therefore takes every
-    n-th reading, so that each outlier has good neighbours.
+
+# Outliers from their neighbours.
+
+
+def exclude_outliers(readings: Readings) -> Readings:
+    """Return the readings without those that their neighbours contradict.
+
+    The tip of a sharp nose is not an outlier. Raises ConfigError if the gauge has slipped, or if
+    the other readings have no lift.
     """
     require_no_slip(readings)
+    outliers = _mark_outliers(readings)
+    good, excluded = np.flatnonzero(~outliers), []
+    for i in np.flatnonzero(outliers).tolist():
+        index = int(np.searchsorted(good, i))
+        if not is_sharp_nose(_split(readings, np.insert(good, index, i)), index):
+            excluded.append(i)
+    kept = np.setdiff1d(np.arange(readings.angles.size), excluded)
+    if excluded and not np.ptp(readings.lifts[kept]) > 0.0:
+        lines = ", ".join(str(readings.lines[i]) for i in excluded)
+        raise ConfigError(
+            f"{readings.name}: all lifts are {readings.lifts[kept[0]] * 1e3:g} mm except those of "
+            f"lines {lines}, which look like outliers; allowed: a lift over several readings"
+        )
+    distances = [_distance_from_neighbours(readings, kept, i) for i in excluded]
+    return _split(readings, kept, excluded, distances)
+
+
+def _mark_outliers(readings: Readings) -> NDArray[np.bool_]:
+    """Return the mask of outliers.
+
+    Outliers next to each other hide each other. The search for outliers that are n readings wide
+    therefore takes every n-th reading, so that each outlier has good neighbours.
+    """
     outliers = find_shifted_runs(readings)
     for width in OUTLIER_WIDTHS:
         if width > 1 and readings.angles.size < MIN_SUBSET * width:
@@ -54,20 +85,7 @@ def without_outliers(readings: Readings) -> Readings:
             outliers[subset[_isolated_outliers(readings, subset)]] = True
         if width > 1:
             _add_neighbours(readings, outliers, width)
-    good = np.flatnonzero(~outliers)
-    named = []
-    for i in np.flatnonzero(outliers).tolist():
-        place = int(np.searchsorted(good, i))
-        if not is_summit(_leaving(readings, np.insert(good, place, i)), place):
-            named.append(i)
-    left = np.setdiff1d(np.arange(readings.angles.size), named)
-    if named and not np.ptp(readings.lifts[left]) > 0.0:
-        lines = ", ".join(str(readings.lines[i]) for i in named)
-        raise ConfigError(
-            f"{readings.name}: all lifts are {readings.lifts[left[0]] * 1e3:g} mm but those of "
-            f"lines {lines}, which look like outliers; allowed: a lift over several readings"
-        )
-    return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
+    return outliers
 
 
 def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int) -> None:
@@ -78,22 +96,20 @@ def _add_neighbours(readings: Readings, outliers: NDArray[np.bool_], width: int)
     """
     while outliers.any():
         good = np.flatnonzero(~outliers)
-        normal = max(scatter(readings.angles[good], readings.lifts[good]), readings.rounding)
-        added = [
-            i
-            for i in np.flatnonzero((np.roll(outliers, 1) | np.roll(outliers, -1)) & ~outliers)
-            if _run_with(outliers, int(i)) <= width
-            and abs(_beside(readings, good[good != i], int(i), width)) > OUTLIER * normal
-        ]
+        noise = max(scatter(readings.angles[good], readings.lifts[good]), readings.rounding)
+        added = []
+        for i in np.flatnonzero(
+            (np.roll(outliers, 1) | np.roll(outliers, -1)) & ~outliers
+        ).tolist():
+            ahead, behind = np.roll(outliers, -i - 1), np.roll(outliers, -i)[::-1]
+            run = 1 + int(np.argmin(ahead)) + int(np.argmin(behind))
+            if run <= width:
+                off = _distance_from_neighbours(readings, good[good != i], i, width)
+                if abs(off) > MIN_OUTLIER_SCATTERS * noise:
+                    added.append(i)
         if not added:
             return
         outliers[added] = True
-
-
-def _run_with(outliers: NDArray[np.bool_], index: int) -> int:
-    """Return the number of outliers in a row, including the reading `index`."""
-    ahead, behind = np.roll(outliers, -index - 1), np.roll(outliers, -index)[::-1]
-    return 1 + int(np.argmin(ahead)) + int(np.argmin(behind))
 
 
 def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[int]:
@@ -101,28 +117,42 @@ def _isolated_outliers(readings: Readings, subset: NDArray[np.int64]) -> list[in
 
     Outliers are found only if their neighbours in `subset` are good readings.
     """
-    most = most_outliers(subset.size)
+    limit = max_outliers(subset.size)
     kept = np.arange(subset.size)
     angles, lifts = readings.angles[subset], readings.lifts[subset]
-    sizes, taken = [], []
-    for _ in range(most + 1):
-        found, counts = differences(angles[kept], lifts[kept])
-        away = np.where(counts, np.abs(found), 0.0)
-        worst = int(np.argmax(away))
-        sizes.append(float(away[worst]))
-        taken.append(int(kept[worst]))
+    sizes, removed = [], []
+    for _ in range(limit + 1):
+        values, is_valid = differences(angles[kept], lifts[kept])
+        distances = np.where(is_valid, np.abs(values), 0.0)
+        worst = int(np.argmax(distances))
+        sizes.append(float(distances[worst]))
+        removed.append(int(kept[worst]))
         kept = np.delete(kept, worst)
-    outliers = 0
-    for k in range(most):
-        rest = np.setdiff1d(np.arange(subset.size), taken[: k + 1])
-        normal = max(scatter(angles[rest], lifts[rest]), readings.rounding)
-        clear = sizes[k] > OUTLIER * normal and sizes[k] > OUTLIER_ALONE * sizes[k + 1]
-        if clear and _scattered(taken[: k + 1], subset.size):
-            outliers = k + 1
-    return taken[:outliers]
+    count = 0
+    for k in range(limit):
+        others = np.setdiff1d(np.arange(subset.size), removed[: k + 1])
+        noise = max(scatter(angles[others], lifts[others]), readings.rounding)
+        is_far = sizes[k] > MIN_OUTLIER_SCATTERS * noise
+        if (
+            is_far
+            and sizes[k] > MIN_OUTLIER_RATIO * sizes[k + 1]
+            and _are_apart(removed[: k + 1], subset.size)
+        ):
+            count = k + 1
+    return removed[:count]
 
 
-def is_summit(readings: Readings, index: int) -> bool:
+def _are_apart(indices: list[int], count: int) -> bool:
+    """Return True if no two readings are close, in a turn of `count` readings.
+
+    Several readings close to each other indicate that the law is not smooth.
+    """
+    apart = np.abs(np.subtract.outer(indices, indices))
+    apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
+    return bool(apart.min() >= WINDOW // 2)
+
+
+def is_sharp_nose(readings: Readings, index: int) -> bool:
     """Return True if a reading beyond all others is the tip of a sharp nose.
 
     On each side, the parabola through the three nearest readings is extended to the angle of the
@@ -134,95 +164,32 @@ def is_summit(readings: Readings, index: int) -> bool:
     others = np.delete(lifts, index)
     if others.min() <= lifts[index] <= others.max():
         return False
-    up = math.copysign(1.0, lifts[index] - others.max())
+    sign = math.copysign(1.0, lifts[index] - others.max())
     sides = (np.arange(side, 4 * side, side) for side in (-1, 1))
-    led = [_through(readings, (index + side) % count, index) for side in sides]
-    return bool(min(up * lift for lift in led) >= up * lifts[index])
+    extended = [_interpolate_at(readings, (index + side) % count, index) for side in sides]
+    return bool(min(sign * lift for lift in extended) >= sign * lifts[index])
 
 
-def with_outliers(readings: Readings) -> Readings:
-    """Return all readings, including the outliers."""
-    before = readings.outliers
-    angles = np.append(readings.angles, [one.angle for one in before])
-    lifts = np.append(readings.lifts, [one.lift - readings.zero for one in before])
-    lines = np.append(readings.lines, np.array([one.line for one in before], dtype=np.int64))
-    whole = replace(readings, angles=angles, lifts=lifts, lines=lines)
-    return _leaving(whole, np.argsort(angles))
-
-
-def judged_by(readings: Readings, law: Callable[[FloatArray], FloatArray]) -> Readings:
-    """Return all readings without those that are outliers from a law through them.
-
-    `law` returns lifts (m) at angles (rad). It may have kinks, because the readings are not
-    compared with their neighbours.
-    """
-    whole = with_outliers(readings)
-    beside = whole.lifts - law(whole.angles)
-    farthest = np.argsort(-np.abs(beside), kind="stable")
-    outliers = 0
-    for k in range(most_outliers(beside.size)):
-        normal = max(rms(beside[farthest[k + 1 :]]), readings.rounding)
-        if abs(beside[farthest[k]]) > OUTLIER * normal:
-            outliers = k + 1
-    named = np.sort(farthest[:outliers])
-    return _leaving(whole, np.sort(farthest[outliers:]), named, beside[named])
-
-
-def _leaving(
-    readings: Readings,
-    left: NDArray[np.int64],
-    named: Sequence[int] | NDArray[np.int64] = (),
-    beside: Sequence[float] | FloatArray = (),
-) -> Readings:
-    """Return the readings `left`, with the readings `named` as their outliers.
-
-    `left` and `named` are indices.
-
-    `beside` are the distances (m) of the outliers from their neighbours or from the law.
-    """
-    lifts = readings.lifts + readings.zero
-    outliers = (
-        Outlier(int(readings.lines[i]), float(readings.angles[i]), float(lifts[i]), float(off))
-        for i, off in zip(named, beside, strict=True)
-    )
-    return replace(
-        readings,
-        angles=readings.angles[left],
-        lifts=readings.lifts[left],
-        lines=readings.lines[left],
-        gap=widest_gap(readings.angles[left]),
-        outliers=tuple(outliers),
-    )
-
-
-def _scattered(indices: list[int], count: int) -> bool:
-    """Return True if no two readings are close, in a turn of `count` readings.
-
-    Several readings close to each other indicate that the law is not smooth.
-    """
-    apart = np.abs(np.subtract.outer(indices, indices))
-    apart = np.minimum(apart, count - apart) + count * np.eye(len(indices), dtype=np.int64)
-    return bool(apart.min() >= WINDOW // 2)
-
-
-def _beside(readings: Readings, left: NDArray[np.int64], index: int, stride: int = 1) -> float:
+def _distance_from_neighbours(
+    readings: Readings, kept: NDArray[np.int64], index: int, stride: int = 1
+) -> float:
     """Return the distance (m) of a reading from a polynomial through neighbours.
 
-    There are three good neighbours on either side, `stride` readings apart.
+    There are three kept neighbours on either side, `stride` readings apart.
     """
-    ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
+    ahead = (readings.angles[kept] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     order = np.argsort(ahead)
-    place = int(np.searchsorted(ahead[order], 0.0))
+    middle = int(np.searchsorted(ahead[order], 0.0))
     half = (WINDOW // 2) * stride
     steps = [
-        *range(place - stride, place - half - 1, -stride),
-        *range(place + stride - 1, place + half, stride),
+        *range(middle - stride, middle - half - 1, -stride),
+        *range(middle + stride - 1, middle + half, stride),
     ]
-    near = order[np.array(steps) % left.size]
-    return float(readings.lifts[index]) - _through(readings, left[near], index)
+    near = order[np.array(steps) % kept.size]
+    return float(readings.lifts[index]) - _interpolate_at(readings, kept[near], index)
 
 
-def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
+def _interpolate_at(readings: Readings, near: NDArray[np.int64], index: int) -> float:
     """Return the lift (m) of a polynomial at the angle of the reading `index`.
 
     The polynomial goes through the readings `near`.
@@ -230,3 +197,57 @@ def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
     x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
     return float(np.dot(lagrange, readings.lifts[near]))
+
+
+# Outliers from a law, and all readings again.
+
+
+def exclude_outliers_from(law: Callable[[FloatArray], FloatArray], readings: Readings) -> Readings:
+    """Return all readings without those that are outliers from a law through them.
+
+    `law` returns lifts (m) at angles (rad). It may have kinks, because the readings are not
+    compared with their neighbours.
+    """
+    all_readings = include_outliers(readings)
+    distances = all_readings.lifts - law(all_readings.angles)
+    farthest = np.argsort(-np.abs(distances), kind="stable")
+    count = 0
+    for k in range(max_outliers(distances.size)):
+        noise = max(rms(distances[farthest[k + 1 :]]), readings.rounding)
+        if abs(distances[farthest[k]]) > MIN_OUTLIER_SCATTERS * noise:
+            count = k + 1
+    excluded = np.sort(farthest[:count])
+    return _split(all_readings, np.sort(farthest[count:]), excluded, distances[excluded])
+
+
+def include_outliers(readings: Readings) -> Readings:
+    """Return all readings, including the outliers."""
+    outliers = readings.outliers
+    angles = np.append(readings.angles, [outlier.angle for outlier in outliers])
+    lifts = np.append(readings.lifts, [outlier.lift - readings.zero for outlier in outliers])
+    lines = np.append(readings.lines, np.array([o.line for o in outliers], dtype=np.int64))
+    all_readings = replace(readings, angles=angles, lifts=lifts, lines=lines)
+    return _split(all_readings, np.argsort(angles))
+
+
+def _split(
+    readings: Readings,
+    kept: NDArray[np.int64],
+    excluded: Sequence[int] | NDArray[np.int64] = (),
+    distances: Sequence[float] | FloatArray = (),
+) -> Readings:
+    """Return the readings `kept`, with the readings `excluded` as their outliers.
+
+    Both are indices. `distances` are those (m) of the outliers from their neighbours or the law.
+    """
+    outliers = (
+        Outlier(
+            line=int(readings.lines[i]),
+            angle=float(readings.angles[i]),
+            lift=float(readings.lifts[i] + readings.zero),
+            distance=float(distance),
+        )
+        for i, distance in zip(excluded, distances, strict=True)
+    )
+    gap = widest_gap(readings.angles[kept])
+    return replace(readings.select(kept), gap=gap, outliers=tuple(outliers))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -20,27 +21,40 @@ from cam_rig.laws.spline import WINDOW, differences
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import TURN
 
-#: Largest number of readings of a run, and its longest span (rad). The law inside a longer run does
-#: not follow from the readings next to it.
-MAX_RUN, MAX_RUN_SPAN = 32, math.radians(15.0)
-#: Number of readings on either side that are fitted with a run, and with a slip.
-RUN_FLANK, SLIP_FLANK = 5, 8
-#: Degree of the polynomial through a run and its neighbours, and through those of a slip.
-RUN_DEGREE, SLIP_DEGREE = 5, 4
-#: Difference of neighbours, in scatters, above which an edge of a run may be near.
-EDGE = 4.0
-#: Smallest shift, in its standard errors.
-MIN_ERRORS = 8.0
+#: Largest number of readings of a run. The law inside a longer run does not follow from the
+#: readings next to it.
+MAX_RUN = 32
+#: Longest span (rad) of a run, for the same reason.
+MAX_RUN_SPAN = math.radians(15.0)
+#: Number of readings on either side that are fitted with a run. With fewer, the polynomial is
+#: nearly undetermined.
+RUN_FLANK = 5
+#: Number of readings on either side that are fitted with a slip.
+SLIP_FLANK = 8
+#: Degree of the polynomial through a run and its neighbours: high enough for the law over them, and
+#: with the shift fewer coefficients than neighbours.
+RUN_DEGREE = 5
+#: Degree of the polynomial through the neighbours of a slip, which span less.
+SLIP_DEGREE = 4
+#: Difference of neighbours, in scatters, above which an edge of a run may be near. It only selects
+#: the edges to examine, so it is lower than the limit of an outlier.
+MIN_EDGE_SCATTERS = 4.0
+#: Smallest shift, in its standard errors. Up to 14 000 runs are tried, so it is above the limit of
+#: a single reading.
+MIN_SHIFT_ERRORS = 8.0
 #: Smallest significance of a run, as a fraction of the largest. Of these runs the shortest is
 #: taken, because good readings between two specks look like a longer run.
-MIN_PART = 0.7
+MIN_SIGNIFICANCE_RATIO = 0.7
 #: Largest difference of a slip and of its return, in standard errors.
-MAX_DIFFERENCE = 4.0
-#: Largest residual of the polynomial with the shift, r.m.s. in scatters.
-MAX_RESIDUAL = 2.0
-#: Number of runs from which on they are a property of the law, and largest number of edges that are
-#: examined.
-MAX_RUNS, MAX_EDGES = 10, 120
+MAX_RETURN_ERRORS = 4.0
+#: Largest residual of the polynomial with the shift, r.m.s. in scatters. It is larger at a kink of
+#: the law.
+MAX_RESIDUAL_SCATTERS = 2.0
+#: Number of runs from which on they are a property of the law.
+MAX_RUNS = 10
+#: Largest number of edges that are examined. More edges are a property of the law, and the time
+#: increases with the square of their number.
+MAX_EDGES = 120
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +76,8 @@ class Shift:
 
     def is_clear(self, scatter: float) -> bool:
         """Return True if the shift explains readings with this scatter (m)."""
-        is_complete = self.residual <= MAX_RESIDUAL * scatter
-        return is_complete and self.significance > MIN_ERRORS
+        is_complete = self.residual <= MAX_RESIDUAL_SCATTERS * scatter
+        return is_complete and self.significance > MIN_SHIFT_ERRORS
 
 
 def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
@@ -74,13 +88,13 @@ def find_shifted_runs(readings: Readings) -> NDArray[np.bool_]:
     mask = np.zeros(readings.angles.size, dtype=np.bool_)
     for _ in range(MAX_RUNS + 1):
         good = np.flatnonzero(~mask)
-        rest = _take(readings, good)
-        scatter = rest.scatter
-        runs = [run for run in _runs(rest, scatter) if run.is_clear(scatter)]
+        remaining = readings.select(good)
+        scatter = remaining.scatter
+        runs = [run for run in _runs(remaining, scatter) if run.is_clear(scatter)]
         if not runs:
             return mask
         clearest = max(run.significance for run in runs)
-        likely = [run for run in runs if run.significance > MIN_PART * clearest]
+        likely = [run for run in runs if run.significance > MIN_SIGNIFICANCE_RATIO * clearest]
         best = min(likely, key=lambda run: (run.indices.size, -run.significance))
         mask[good[best.indices]] = True
     return np.zeros_like(mask)
@@ -106,7 +120,7 @@ def require_no_slip(readings: Readings) -> None:
     slip = max(clear, key=lambda slip: slip.significance, default=None)
     if slip is None:
         return
-    if abs(slip.shift + back.shift) > MAX_DIFFERENCE * math.hypot(slip.error, back.error):
+    if abs(slip.shift + back.shift) > MAX_RETURN_ERRORS * math.hypot(slip.error, back.error):
         return
     first = int(slip.indices[0])
     before, after = sorted((int(lines[first - 1]), int(lines[first])))
@@ -118,46 +132,30 @@ def require_no_slip(readings: Readings) -> None:
     )
 
 
-def _take(readings: Readings, indices: NDArray[np.int64]) -> Readings:
-    return replace(
-        readings,
-        angles=readings.angles[indices],
-        lifts=readings.lifts[indices],
-        lines=readings.lines[indices],
-    )
-
-
 def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:
-    """Yield the fitted shift of each run between two edges."""
-    count, edges = readings.angles.size, _edges(readings, scatter)
+    """Yield the fitted shift of each run between two edges.
+
+    An edge is a reading after which a run may start or stop. A difference of readings across it is
+    above `MIN_EDGE_SCATTERS`.
+    """
+    count, half = readings.angles.size, WINDOW // 2
+    values, is_valid = differences(readings.angles, readings.lifts)
+    is_large = is_valid & (np.abs(values) > MIN_EDGE_SCATTERS * scatter)
+    is_edge = np.any([np.roll(is_large, shift) for shift in range(-half, half)], axis=0)
+    edges = np.flatnonzero(is_edge).tolist()
     if len(edges) > MAX_EDGES:
         return
-    for start in edges:
-        for stop in edges:
-            width = (stop - start) % count
-            span = (readings.angles[stop] - readings.angles[(start + 1) % count]) % TURN
-            if 2 <= width <= min(MAX_RUN, count // 4) and span <= MAX_RUN_SPAN:
-                yield _fit_run(readings, start, width, scatter)
-
-
-def _edges(readings: Readings, scatter: float) -> list[int]:
-    """Return the indices of readings after which a run may start or stop.
-
-    A difference of readings across such an edge is above `EDGE`.
-    """
-    found, counts = differences(readings.angles, readings.lifts)
-    is_large = counts & (np.abs(found) > EDGE * scatter)
-    half = WINDOW // 2
-    near = np.any([np.roll(is_large, shift) for shift in range(-half, half)], axis=0)
-    return [int(i) for i in np.flatnonzero(near)]
-
-
-def _fit_run(readings: Readings, start: int, width: int, scatter: float) -> Shift:
-    window = np.arange(start + 1 - RUN_FLANK, start + 1 + width + RUN_FLANK)
-    return _fit(readings, window, (window > start) & (window <= start + width), RUN_DEGREE, scatter)
+    for start, stop in product(edges, edges):
+        width = (stop - start) % count
+        span = (readings.angles[stop] - readings.angles[(start + 1) % count]) % TURN
+        if 2 <= width <= min(MAX_RUN, count // 4) and span <= MAX_RUN_SPAN:
+            window = np.arange(start + 1 - RUN_FLANK, start + 1 + width + RUN_FLANK)
+            is_shifted = (window > start) & (window <= start + width)
+            yield _fit(readings, window, is_shifted, RUN_DEGREE, scatter)
 
 
 def _fit_slip(readings: Readings, edge: int, scatter: float) -> Shift:
+    """Return the shift of the readings after `edge`, fitted with the readings on both sides."""
     window = np.arange(edge + 1 - SLIP_FLANK, edge + 1 + SLIP_FLANK)
     return _fit(readings, window, window > edge, SLIP_DEGREE, scatter)
 

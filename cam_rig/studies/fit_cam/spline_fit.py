@@ -19,36 +19,30 @@ from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, sm
 from cam_rig.profile.cam_checks import unusual_lift
 from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_TOLERANCE
 from cam_rig.show.result import Column, Records, Result
-from cam_rig.studies.fit_cam.dwells import (
-    FARTHEST,
-    FoundDwell,
-    beside_others,
-    farthest,
-    find_dwells,
-    left_out,
-    likely_range,
+from cam_rig.studies.fit_cam.dwells import FoundDwell, find_dwells, likely_range
+from cam_rig.studies.fit_cam.gauge import Readings
+from cam_rig.studies.fit_cam.outliers import MIN_OUTLIER_SCATTERS, exclude_outliers, is_sharp_nose
+from cam_rig.studies.fit_cam.suspects import (
+    MIN_REPORTED_SCATTERS,
+    list_farthest,
+    list_outliers,
+    relative_residuals,
 )
-from cam_rig.studies.fit_cam.gauge import Readings, bridges
-from cam_rig.studies.fit_cam.outliers import OUTLIER, is_summit, without_outliers
-from cam_rig.studies.fit_cam.valve_events import (
-    ValveTrain,
-    explain_missing_events,
-    valve_events,
-)
+from cam_rig.studies.fit_cam.valve_events import ValveTrain, explain_missing_events, valve_events
 from cam_rig.units import FloatArray
 
 #: Number of standard errors of the scatter that are added to it if the error of the gauge is not
 #: given. A tolerance that is too small gives many knots. One that is too large has little effect.
-MARGIN = 2.0
+SCATTER_MARGIN_ERRORS = 2.0
 #: Factor by which the tolerance is widened repeatedly, until there is a spline within it.
-WIDER = 2.0
-
-
-#: Largest median distance of readings (deg) that determine the law between them.
-WIDE_DEG = 5.0
+WIDENING_FACTOR = 2.0
+#: Largest median distance of readings (deg) that determine the law between them. The peak
+#: acceleration of shipped laws is within 2 % at 5 deg, and within 5 % at 10 deg.
+MAX_CLOSE_STEP_DEG = 5.0
 #: Smallest distance of a reading from its neighbours, in scatters, above which its residual is
-#: compared with the scatter, and not only with the other residuals.
-CONTRADICTED = 2.5
+#: compared with the scatter, and not only with the other residuals. It is below the limit of an
+#: outlier, because the residual of the reading is evaluated as well.
+MIN_CONTRADICTION_SCATTERS = 2.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,8 +57,8 @@ class SplineFit(Result):
         Reading of the gauge in m at the lowest lift.
     scatter
         Standard deviation in m of the readings about a smooth law, estimated without the spline.
-    asked
-        Given error of the gauge in m, None if it is not given.
+    requested_tolerance
+        Error of the gauge in m that was given, None if it was not given.
     tolerance
         Allowed residual of the spline in m, r.m.s.
     widened
@@ -87,19 +81,17 @@ class SplineFit(Result):
         Valve train of the valve events.
     """
 
-    schema = "cam_rig.fit_spline.1"
+    schema = "cam_rig.fit_spline.2"
     plot_function = "cam_rig.studies.fit_cam.figures:spline_figure"
     columns: ClassVar = {
         "spline": (
             Column("count", "", "d", "readings used", of="readings.angles.size"),
-            Column(
-                "left_out", "", "d", "readings left out", lambda fit: len(fit.readings.outliers)
-            ),
+            Column("excluded", "", "d", "readings excluded", lambda f: len(f.readings.outliers)),
             Column("scatter", "mm", ".5g", "scatter of the readings"),
             Column("scatter_error", "mm", ".5g", "its standard error"),
-            Column("asked", "mm", hidden=True, doc="the gauge's error as it was given"),
+            Column("requested_tolerance", "mm", hidden=True, doc="error of the gauge as given"),
             Column("tolerance", "mm", ".5g", "residual allowed, r.m.s."),
-            Column("followed", hidden=True, doc="whether that is the one asked for"),
+            Column("followed", hidden=True, doc="true if it is the requested tolerance"),
             Column("rms", "mm", ".5g", "residual, r.m.s.", of="smoothed.rms"),
             Column("largest", "mm", ".5g", "residual, largest", of="smoothed.largest"),
             Column("largest_at", "°", ".5g", "at", lambda f: f.readings.angles[f.worst]),
@@ -117,13 +109,7 @@ class SplineFit(Result):
             Column("opening", "°", ".2f", "opens at"),
             Column("closing", "°", ".2f", "closes at"),
             Column("duration", "°", ".2f"),
-            Column(
-                "crank_duration",
-                "°",
-                ".2f",
-                "duration, crank",
-                lambda event: 2.0 * event.duration,
-            ),
+            Column("crank_duration", "°", ".2f", "duration, crank", lambda e: 2.0 * e.duration),
             Column("lobe_centre", "°", ".2f"),
         ),
         "dwells": (
@@ -137,7 +123,7 @@ class SplineFit(Result):
             Column("line", "", "d"),
             Column("angle", "°", ".6g", "at"),
             Column("reading", "mm", ".6g", of="lift"),
-            Column("off", "mm", ".3g", "off its neighbours", "beside"),
+            Column("distance", "mm", ".3g", "from its neighbours"),
         ),
         "fit": (
             Column("readings", of="readings.name"),
@@ -149,7 +135,7 @@ class SplineFit(Result):
     readings: Readings
     zero: float
     scatter: float
-    asked: float | None
+    requested_tolerance: float | None
     tolerance: float
     widened: bool
     dwells: tuple[FoundDwell, ...]
@@ -168,7 +154,7 @@ class SplineFit(Result):
     @property
     def followed(self) -> bool:
         """True if the tolerance is the given error of the gauge."""
-        return self.asked is not None and self.tolerance == self.asked
+        return self.tolerance == self.requested_tolerance
 
     @property
     def worst(self) -> int:
@@ -186,21 +172,19 @@ class SplineFit(Result):
 
     def tables(self) -> list[Records]:
         """Return the tables of the spline, its dwells, the outliers and the valve events."""
-        name, outliers = self.readings.name, "Readings that look like outliers"
+        name, train = self.readings.name, self.valve_train
+        valve = (
+            f"Valve events, rocker ratio {train.rocker_ratio:g}, lash {train.lash * 1e3:g} mm, "
+            "angles of the cam"
+        )
+        outliers = "Readings that look like outliers"
         return [
             self.table("spline", f"{name}: spline", [self], single=True, transposed=True),
             self.table("dwells", "Dwells, exact in the law", self.dwells),
             self.table("outliers", outliers, self.readings.outliers),
-            self.table("valve", self._valve_caption(), valve_events(self.law, self.valve_train)),
+            self.table("valve", valve, valve_events(self.law, train)),
             self.table("fit", "The fit", [self], single=True, hidden=True),
         ]
-
-    def _valve_caption(self) -> str:
-        train = self.valve_train
-        return (
-            f"Valve events, rocker ratio {train.rocker_ratio:g}, lash {train.lash * 1e3:g} mm, "
-            "angles of the cam"
-        )
 
     def summary(self) -> list[str]:
         """Return the notes on the readings, then the conclusions."""
@@ -208,52 +192,61 @@ class SplineFit(Result):
 
     def conclusions(self) -> Iterator[str]:
         """Yield sentences on the result, the residuals first."""
-        found, readings = self.smoothed, self.readings
+        smoothed, angles = self.smoothed, self.readings.angles
         yield (
-            f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
-            f"from {readings.angles.size} readings, with {found.knots} knots."
+            f"The law is {smoothed.rms * 1e3:.3g} mm r.m.s. and {smoothed.largest * 1e3:.3g} mm at "
+            f"most from {angles.size} readings, with {smoothed.knots} knots."
         )
         yield from unusual_lift(self.law.lift)
         yield from explain_missing_events(self.law, self.valve_train)
+        yield from self._explain_tolerance()
+        step = math.degrees(float(np.median(np.diff(angles))))
+        if step > MAX_CLOSE_STEP_DEG:
+            yield (
+                f"Readings are {step:.3g} deg apart: what the law does between them counts as "
+                "scatter, and peaks of acceleration are inaccurate."
+            )
+        yield (
+            "A spline has no jumps of acceleration between readings: use the shape arcs for a cam "
+            "of arcs."
+        )
+        if not self.dwells:
+            yield "No dwell is found: nowhere do enough readings rest within their scatter."
+        yield from self._list_suspects()
+
+    def _explain_tolerance(self) -> Iterator[str]:
+        """Yield a sentence on a tolerance that differs from the requested one or the scatter."""
         if self.widened:
             yield (
                 f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "
                 "scatter: a spline nearer to them would need almost as many knots as there are "
                 "readings. Read the cam finer, or check the readings farthest from the law."
             )
-        elif self.asked is not None and not self.followed:
+        elif self.requested_tolerance is not None and not self.followed:
+            lowest = least_tolerance(self.scatter, self.readings.angles.size)
             yield (
-                f"Not followed: {self.asked * 1e3:.3g} mm were asked, the readings scatter by "
-                f"{self.scatter * 1e3:.3g} mm. A spline so near would follow their noise; allowed: "
-                f"{least_tolerance(self.scatter, readings.angles.size) * 1e3:.3g} mm or more."
+                f"Not followed: the requested tolerance is {self.requested_tolerance * 1e3:.3g} "
+                f"mm, the readings scatter by {self.scatter * 1e3:.3g} mm. A closer spline would "
+                f"follow their noise; allowed: {lowest * 1e3:.3g} mm or more."
             )
-        step = math.degrees(float(np.median(np.diff(readings.angles))))
-        if step > WIDE_DEG:
-            yield (
-                f"Readings stand {step:.3g} deg apart: what the law does between them counts as "
-                "scatter, and peaks of acceleration are rough."
-            )
-        yield (
-            "A spline knows no jumps of acceleration between readings: for a cam of arcs take the "
-            "shape arcs."
-        )
-        if not self.dwells:
-            yield "No dwell is found: nowhere do enough readings rest within their scatter."
-        sizes, top = self._suspects(), int(np.argmax(readings.lifts))
-        if sizes[top] > FARTHEST and is_summit(readings, top):
-            height = float(np.ptp(readings.lifts))
+
+    def _list_suspects(self) -> Iterator[str]:
+        """Yield sentences on a sharp nose or on readings far from the law, and on the outliers."""
+        readings, law = self.readings, self.law
+        sizes, top = self._relative_residuals(), int(np.argmax(readings.lifts))
+        if sizes[top] > MIN_REPORTED_SCATTERS and is_sharp_nose(readings, top):
             yield (
                 f"The nose, line {readings.lines[top]} ({math.degrees(readings.angles[top]):.6g} "
-                "deg), is sharper than the readings stand apart: the spline rises by "
-                f"{self.law.lift * 1e3:.4g} mm, the readings by {height * 1e3:.4g} mm. Read it "
-                "finer there, or take the shape arcs."
+                "deg), is sharper than the distance of the readings: the spline rises by "
+                f"{law.lift * 1e3:.4g} mm, the readings by {np.ptp(readings.lifts) * 1e3:.4g} mm. "
+                "Read it finer there, or use the shape arcs."
             )
         else:  # near a sharp nose the spline oscillates, so good readings are far from it
-            yield from farthest(readings, self._residuals, sizes)
-        if readings.outliers or sizes.max() <= OUTLIER:
-            yield left_out(readings)
+            yield from list_farthest(readings, self._residuals, sizes)
+        if readings.outliers or sizes.max() <= MIN_OUTLIER_SCATTERS:
+            yield list_outliers(readings)
 
-    def _suspects(self) -> FloatArray:
+    def _relative_residuals(self) -> FloatArray:
         """Return the relative sizes of the residuals, shape ``(n,)``.
 
         The unit is the r.m.s. of the other residuals. If a reading is also contradicted by its
@@ -263,77 +256,90 @@ class SplineFit(Result):
         do not contradict them.
         """
         readings, residuals = self.readings, self._residuals
-        bent, counts = differences(readings.angles, readings.lifts)
-        contradicted = counts & (np.abs(bent) > CONTRADICTED * self.scatter)
+        values, is_valid = differences(readings.angles, readings.lifts)
+        contradicted = is_valid & (np.abs(values) > MIN_CONTRADICTION_SCATTERS * self.scatter)
         scatters = np.where(contradicted, np.abs(residuals) / self.scatter, 0.0)
-        return np.maximum(scatters, beside_others(readings, residuals))
+        return np.maximum(scatters, relative_residuals(readings, residuals))
 
 
-def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
+def fit_spline(readings: Readings, requested_tolerance: float | None = None) -> SplineFit:
     """Fit a spline with exact dwells to readings in rising order of the angle.
 
-    `asked` is the error of the gauge in m (default: the scatter of the readings). Outliers are left
-    out. Raises ConfigError or LawError if no spline fits the readings.
+    `requested_tolerance` is the error of the gauge in m (default: the scatter of the readings).
+    Outliers are excluded. Raises ConfigError or LawError if no spline fits the readings.
     """
-    kept = without_outliers(readings)
+    kept = exclude_outliers(readings)
     scatter = kept.scatter
-    tolerance = _tolerance(kept, scatter, asked)
+    tolerance = _choose_tolerance(kept, scatter, requested_tolerance)
     dwells = find_dwells(kept, scatter)
-    _require_no_gap(kept, dwells)
+    _require_dwell_in_gap(kept, dwells)
     rests = [dwell.rest for dwell in dwells]
-    allowed, smoothed = _smoothed(kept, tolerance, rests)
-    law = _law(smoothed)
-    _require_same_lift(kept, law, allowed)
-    zero = _zero(law, rests, likely_range(kept.angles.size) * scatter)
+    used_tolerance, smoothed = _smooth_within(kept, tolerance, rests)
+    law = _build_law(smoothed)
+    _require_same_lift(kept, law, used_tolerance)
+    lowest = extremes(law, 0)[0].value
+    level = min((rest.level for rest in rests), default=lowest)
+    is_lowest = level - lowest < likely_range(kept.angles.size) * scatter
+    zero = level if is_lowest else lowest
     columns = [column - zero for column in smoothed.pieces[1]]
     smoothed = replace(smoothed, pieces=(smoothed.pieces[0], columns))
-    kept = replace(kept, lifts=kept.lifts - zero)
-    dwells = tuple(dwell.at_level(dwell.rest.level - zero) for dwell in dwells)
-    how_near = scatter, asked, allowed, allowed > tolerance
-    return SplineFit(kept, zero, *how_near, dwells, smoothed, _law(smoothed))
+    return SplineFit(
+        readings=replace(kept, lifts=kept.lifts - zero),
+        zero=zero,
+        scatter=scatter,
+        requested_tolerance=requested_tolerance,
+        tolerance=used_tolerance,
+        widened=used_tolerance > tolerance,
+        dwells=tuple(dwell.at_level(dwell.rest.level - zero) for dwell in dwells),
+        smoothed=smoothed,
+        law=_build_law(smoothed),
+    )
 
 
-def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[float, Smoothed]:
+def _choose_tolerance(readings: Readings, scatter: float, requested: float | None) -> float:
+    """Return the requested tolerance (m), or the scatter plus a margin.
+
+    The scatter is also used instead of a given error that would make the spline follow the noise.
+    """
+    limit = MAX_TOLERANCE * float(np.ptp(readings.lifts))
+    if requested is not None and not 0.0 < requested <= limit:
+        raise ConfigError(
+            f"--tolerance: is {requested * 1e3:g} mm; allowed: above 0, at most "
+            f"{limit * 1e3:.4g} mm, {MAX_TOLERANCE:g} of the lift"
+        )
+    if requested is not None and requested >= least_tolerance(scatter, readings.angles.size):
+        return requested
+    tolerance = scatter * (1.0 + SCATTER_MARGIN_ERRORS * readings.scatter_error)
+    if tolerance > limit:
+        raise ConfigError(
+            f"{readings.name}: readings scatter by {scatter * 1e3:.3g} mm about a smooth law; "
+            f"allowed: at most {limit * 1e3:.3g} mm, {MAX_TOLERANCE:g} of the lift, so read finer "
+            "or check the columns"
+        )
+    return tolerance
+
+
+def _smooth_within(
+    readings: Readings, tolerance: float, rests: list[Rest]
+) -> tuple[float, Smoothed]:
     """Return the tolerance (m) and the spline.
 
     The tolerance is widened if no spline is within it.
     """
-    most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
+    limit = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     while True:
         try:
             return tolerance, smooth(readings.angles, readings.lifts, tolerance, rests)
         except LawError as error:
-            if tolerance * WIDER > most:
+            if tolerance * WIDENING_FACTOR > limit:
                 raise LawError(f"{readings.name}: {error}") from None
-            tolerance *= WIDER
+            tolerance *= WIDENING_FACTOR
 
 
-def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float:
-    """Return the tolerance (m): `asked`, or the scatter plus a margin.
-
-    The scatter is also used instead of a given error that would make the spline follow the noise.
-    """
-    most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
-    if asked is not None and not 0.0 < asked <= most:
-        raise ConfigError(
-            f"--tolerance: is {asked * 1e3:g} mm; allowed: above 0, at most {most * 1e3:.4g} mm, "
-            f"{MAX_TOLERANCE:g} of the lift"
-        )
-    if asked is not None and asked >= least_tolerance(scatter, readings.angles.size):
-        return asked
-    found = scatter * (1.0 + MARGIN * readings.scatter_error)
-    if found > most:
-        raise ConfigError(
-            f"{readings.name}: readings scatter by {scatter * 1e3:.3g} mm about a smooth law; "
-            f"allowed: at most {most * 1e3:.3g} mm, {MAX_TOLERANCE:g} of the lift, so read finer "
-            "or check the columns"
-        )
-    return found
-
-
-def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
+def _require_dwell_in_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
+    """Raise ConfigError if a wide gap without readings is not inside a dwell."""
     start, span = readings.gap
-    if bridges(readings) and not any(dwell.covers(start, span) for dwell in dwells):
+    if readings.has_wide_gap and not any(dwell.covers(start, span) for dwell in dwells):
         raise ConfigError(
             f"{readings.name}: no reading for {math.degrees(span):.4g} deg after "
             f"{math.degrees(start):.4g} deg, and the cam does not rest at its ends; allowed: gaps "
@@ -341,20 +347,10 @@ def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
         )
 
 
-def _zero(law: Law, rests: list[Rest], near: float) -> float:
-    """Return the zero (m): the level of the lowest dwell, or the lowest lift.
-
-    The dwell is used if its level is less than `near` (m) above the lowest lift.
-    """
-    lowest = extremes(law, 0)[0].value
-    level = min((rest.level for rest in rests), default=lowest)
-    return level if level - lowest < near else lowest
-
-
-def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
+def _require_same_lift(readings: Readings, law: Law, tolerance: float) -> None:
     """Raise LawError if the lift of the spline is far from the lift of its readings."""
     height = float(np.ptp(readings.lifts))
-    if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * allowed:
+    if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * tolerance:
         raise LawError(
             f"{readings.name}: the spline rises by {law.lift * 1e3:.4g} mm, the readings by "
             f"{height * 1e3:.4g} mm; allowed: the same within {SAME_LIFT:g} of it, so read finer "
@@ -362,6 +358,7 @@ def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
         )
 
 
-def _law(smoothed: Smoothed) -> Law:
+def _build_law(smoothed: Smoothed) -> Law:
+    """Return the law of the pieces of a spline."""
     breaks, columns = smoothed.pieces
     return Law("fitted", np.array(breaks), joined(columns))

@@ -11,11 +11,14 @@ from typing import Literal, TypedDict, Unpack, overload
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError
 from cam_rig.files import new_yaml, write_new
-from cam_rig.studies.fit_cam.arcs import FollowerKind, Known
-from cam_rig.studies.fit_cam.arcs_fit import ArcsFit, Flank, fit_arcs
-from cam_rig.studies.fit_cam.dwells import above_zero
-from cam_rig.studies.fit_cam.files import CamFiles, arcs_cam, require_told, spline_cam
-from cam_rig.studies.fit_cam.gauge import Readings, gap_note, put_in_order
+from cam_rig.studies.fit_cam.arcs.cam_file import arcs_cam, require_identifiable
+from cam_rig.studies.fit_cam.arcs.contour import FollowerKind
+from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
+from cam_rig.studies.fit_cam.arcs.result import ArcsFit, Flank
+from cam_rig.studies.fit_cam.arcs.selection import fit_arcs
+from cam_rig.studies.fit_cam.cam_files import CamFiles, spline_cam
+from cam_rig.studies.fit_cam.dwells import subtract_zero
+from cam_rig.studies.fit_cam.gauge import Readings, gap_note, order_readings
 from cam_rig.studies.fit_cam.gauge_table import (
     GaugeColumn,
     GaugeTable,
@@ -27,7 +30,7 @@ from cam_rig.studies.fit_cam.spline_fit import SplineFit, fit_spline
 from cam_rig.studies.fit_cam.valve_events import CHECKING_HEIGHTS, ValveTrain
 
 #: Types of followers in order of preference, for the cam file of readings of several followers.
-FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
+FOLLOWER_ORDER: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 
 @dataclass(frozen=True)
@@ -52,56 +55,65 @@ class FitRequest:
 
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
         """Return the fit of the readings in the files."""
-        arcs = self.shape == "arcs"
-        self._require_apart(len(files))
+        self._require_compatible(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
-        taken = [(table, one) for table in tables for one in self._columns(table)]
-        for table, column in taken:
+        selected = [(table, column) for table in tables for column in self._select_columns(table)]
+        for table, column in selected:
             self._require_lifts(table, column)
         readings = [
-            put_in_order(table, column, self.reverse, self.mirror) for table, column in taken
+            order_readings(table, column, self.reverse, self.mirror) for table, column in selected
         ]
-        notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
-        if len(readings) < len(tables[0].columns):
-            others = ", ".join(repr(column.name) for column in tables[0].columns[1:])
-            notes.append(f"{tables[0].file}: first column of lifts taken, not {others}: --column")
-        for one in readings:
-            notes += [f"{one.name}: {note}" for note in (*one.notes, *gap_note(one, arcs))]
-        request = self._with_stated_base_radius(tables)
-        is_radius = request.base_radius is None and taken[0][1].is_radius
-        if arcs:
-            if is_radius:
-                request = replace(request, base_radius=above_zero(readings[0]).zero)
-            return replace(request._arcs(readings), notes=tuple(notes))
-        found = fit_spline(readings[0], self.tolerance)
-        radius = found.zero if is_radius else request.base_radius
+        notes = self._notes(tables, readings)
+        stated = [table.base_radius for table in tables if table.base_radius is not None]
+        base_radius = stated[0] if self.base_radius is None and stated else self.base_radius
+        is_radius = base_radius is None and selected[0][1].is_radius
+        if self.shape == "arcs":
+            arcs = self._fit_arcs(readings, base_radius, is_radius)
+            return replace(arcs, notes=tuple(notes))
+        spline = fit_spline(readings[0], self.tolerance)
         if is_radius:
-            notes.append(f"base radius {found.zero * 1e3:.6g} mm, the least of the radii")
-        return replace(found, notes=tuple(notes), base_radius=radius, valve_train=self.valve_train)
+            base_radius = spline.zero
+            notes.append(f"base radius {base_radius * 1e3:.6g} mm, the smallest of the radii")
+        return replace(
+            spline, notes=tuple(notes), base_radius=base_radius, valve_train=self.valve_train
+        )
 
-    def files(self, found: SplineFit | ArcsFit, name: str) -> CamFiles:
+    def files(self, fit: SplineFit | ArcsFit, name: str) -> CamFiles:
         """Return the files of a fitted cam.
 
-        Without a given follower, the type is the first of `FOLLOWERS` that a fit of arcs has, or a
-        roller for a spline.
+        Without a given follower, the type is the first of `FOLLOWER_ORDER` that a fit of arcs has,
+        or a roller for a spline.
         """
         kind = self.followers[0] if len(self.followers) == 1 else None
-        if isinstance(found, ArcsFit):
-            require_told(found, named=bool(self.followers))
-            there = [column.kind for column in found.fitted_columns]
-            likely = next(one for one in FOLLOWERS if one in there)
-            return arcs_cam(name, found, kind or likely)
-        return spline_cam(name, found, kind or "roller", found.base_radius, self.roller_radius)
+        if isinstance(fit, ArcsFit):
+            require_identifiable(fit, is_kind_given=bool(self.followers))
+            fitted = [column.kind for column in fit.fitted_columns]
+            first = next(follower for follower in FOLLOWER_ORDER if follower in fitted)
+            return arcs_cam(name, fit, kind or first)
+        return spline_cam(name, fit, kind or "roller", fit.base_radius, self.roller_radius)
 
-    def _with_stated_base_radius(self, tables: list[GaugeTable]) -> FitRequest:
-        """Return the request with the base radius that a table states.
+    def _require_compatible(self, file_count: int) -> None:
+        """Raise ConfigError for arguments that apply only to the other shape."""
+        if self.shape == "arcs":
+            if self.tolerance is not None:
+                raise ConfigError("--tolerance cannot be combined with --shape arcs")
+            return
+        if file_count > 1:
+            raise ConfigError(
+                f"{file_count} files; allowed: one for a spline, several with --shape arcs"
+            )
+        if self.flank is not None:
+            raise ConfigError("--flank requires --shape arcs")
+        if len(self.followers) > 1:
+            raise ConfigError(
+                f"--follower: is given {len(self.followers)} times; allowed: once, because a "
+                "spline is fitted to one column"
+            )
 
-        The request is unchanged if it has a base radius, or if no table states one.
-        """
-        stated = [table.base_radius for table in tables if table.base_radius is not None]
-        if self.base_radius is not None or not stated:
-            return self
-        return replace(self, base_radius=stated[0])
+    def _select_columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
+        if self.shape == "arcs":
+            return table.columns
+        return table.columns[:1] if self.take_first else (table.only_column(),)
 
     def _require_lifts(self, table: GaugeTable, column: GaugeColumn) -> None:
         """Raise ConfigError for radii of a follower other than a point follower.
@@ -115,61 +127,48 @@ class FitRequest:
                 "of a roller or a flat follower"
             )
 
-    def _require_apart(self, files: int) -> None:
-        """Raise ConfigError for arguments that apply only to the other shape."""
-        if self.shape == "arcs":
-            if self.tolerance is not None:
-                raise ConfigError("--tolerance: is for --shape spline; allowed with arcs: none")
-            return
-        if files > 1:
-            raise ConfigError(
-                f"{files} files; allowed: one for a spline, several with --shape arcs"
-            )
-        if self.flank is not None:
-            raise ConfigError("--flank: is for --shape arcs; allowed with a spline: none")
-        if len(self.followers) > 1:
-            raise ConfigError(
-                f"--follower: stands {len(self.followers)} times; allowed: once, for a spline "
-                "is of one column"
-            )
+    def _notes(self, tables: list[GaugeTable], readings: list[Readings]) -> list[str]:
+        """Return the notes on the interpretation of the tables and on their readings."""
+        first = tables[0]
+        notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
+        if len(readings) < len(first.columns):
+            others = ", ".join(repr(column.name) for column in first.columns[1:])
+            notes.append(f"{first.file}: first column of lifts taken, not {others}: --column")
+        for column in readings:
+            gap = gap_note(column, arcs=self.shape == "arcs")
+            notes += [f"{column.name}: {note}" for note in (*column.notes, *gap)]
+        return notes
 
-    def _columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
-        if self.shape == "arcs":
-            return table.columns
-        return table.columns[:1] if self.take_first else (table.only_column(),)
-
-    def _arcs(self, readings: list[Readings]) -> ArcsFit:
-        columns = tuple(above_zero(one) for one in readings)
-        lift = max(float(one.lifts.max()) for one in columns)
+    def _fit_arcs(
+        self, readings: list[Readings], base_radius: float | None, is_radius: bool
+    ) -> ArcsFit:
+        """Return the fit of arcs. The zero of readings that are radii is the base radius."""
+        columns = tuple(subtract_zero(column) for column in readings)
+        if is_radius:
+            base_radius = columns[0].zero
+        lift = max(float(column.lifts.max()) for column in columns)
         roller = 0.5 * lift if self.roller_radius is None else self.roller_radius
         if "point" in self.followers:
             roller = 0.0
-        base = 3.0 * lift if self.base_radius is None else self.base_radius
-        known = self._known(roller)
-        return fit_arcs(columns, self._kinds(len(columns)), roller, base, known, self.flank)
+        given: GivenRadii = None if self.roller_radius is None else "roller"
+        if base_radius is not None:  # without a roller, it is the only unknown radius
+            given = "base" if self.roller_radius is None and roller else "both"
+        base = 3.0 * lift if base_radius is None else base_radius
+        return fit_arcs(columns, self._flats(len(columns)), roller, base, given, self.flank)
 
-    def _known(self, roller: float) -> Known:
-        """Return the name of the given radii: ``base``, ``roller`` or ``both``, or None.
-
-        Without a roller, a given base radius counts as both.
-        """
-        if self.base_radius is None:
-            return None if self.roller_radius is None else "roller"
-        return "base" if self.roller_radius is None and roller else "both"
-
-    def _kinds(self, columns: int) -> tuple[bool | None, ...]:
+    def _flats(self, column_count: int) -> tuple[bool | None, ...]:
         """Return for each column True if its follower is flat.
 
         The entries are None if the fit determines the types.
         """
-        if len(self.followers) == columns:
-            return tuple(one == "flat" for one in self.followers)
+        if len(self.followers) == column_count:
+            return tuple(follower == "flat" for follower in self.followers)
         if len(self.followers) > 1:
             raise ConfigError(
-                f"--follower: stands {len(self.followers)} times; allowed: once, or once for each "
-                f"of {columns} columns of lifts"
+                f"--follower: is given {len(self.followers)} times; allowed: once, or once for "
+                f"each of {column_count} columns of lifts"
             )
-        return (None,) * columns
+        return (None,) * column_count
 
 
 class FitOptions(TypedDict, total=False):
@@ -264,14 +263,14 @@ def fit_cam(
     >>> table = "angle [deg],lift [mm]\n" + "".join(f"{5 * i},{i % 36}\n" for i in range(72))
     >>> with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
     ...     _ = file.write(table), file.flush()
-    ...     found = cam_rig.fit_cam(file.name, tolerance=1e-3)
-    >>> round(found.smoothed.rms, 6)  # m
+    ...     fit = cam_rig.fit_cam(file.name, tolerance=1e-3)
+    >>> round(fit.smoothed.rms, 6)  # m
     0.001
     """
     target = new_yaml(out)
     files = [tables] if isinstance(tables, str | Path) else tables
     if not files:
-        raise ConfigError("tables: is an empty list; allowed: a file, of arcs several")
+        raise ConfigError("tables: is an empty list; allowed: a file, or several for arcs")
     kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
     lengths = {"roller_radius": roller_radius, "lash": lash}
     for name, length in lengths.items():
@@ -295,9 +294,9 @@ def fit_cam(
         flank=flank,
         valve_train=ValveTrain(rocker_ratio, lash, tuple(heights)),
     )
-    found = request.run([Path(file) for file in files])
+    fit = request.run([Path(file) for file in files])
     if target is None:
-        return found
-    written = request.files(found, target.stem)
+        return fit
+    written = request.files(fit, target.stem)
     write_new(target.parent, written.texts)
-    return replace(found, assumed=written.assumed)
+    return replace(fit, assumed=written.assumed)

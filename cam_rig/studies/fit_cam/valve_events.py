@@ -60,13 +60,20 @@ def valve_events(law: Law, train: ValveTrain) -> tuple[ValveEvent, ...]:
     >>> round(event.duration, 6) == round(event.closing - event.opening, 6)
     True
     """
-    return tuple(
-        event for height in train.checking_heights for event in _events(law, train, height)
-    )
+    events = []
+    for height in train.checking_heights:
+        level = (height + train.lash) / (train.rocker_ratio * law.lift)
+        crossings = passages(law, law.lift, [level])
+        for opening, closing in zip(crossings, crossings[1:] + crossings[:1], strict=True):
+            if opening.rising and not closing.rising:
+                duration = (closing.angle - opening.angle) % TURN
+                centre = (opening.angle + 0.5 * duration) % TURN
+                events.append(ValveEvent(height, opening.angle, closing.angle, duration, centre))
+    return tuple(events)
 
 
 def explain_missing_events(law: Law, train: ValveTrain) -> Iterator[str]:
-    """Yield sentences with the reason why checking heights are not reached."""
+    """Yield a sentence about the checking heights that the valve does not reach."""
     lift = train.rocker_ratio * law.lift - train.lash
     if lift <= 0.0:
         yield (
@@ -74,20 +81,9 @@ def explain_missing_events(law: Law, train: ValveTrain) -> Iterator[str]:
             f"lift of {train.rocker_ratio * law.lift * 1e3:.4g} mm."
         )
         return
-    missed = [f"{1e3 * height:.4g} mm" for height in train.checking_heights if height >= lift]
-    if missed:
+    unreached = [f"{1e3 * height:.4g} mm" for height in train.checking_heights if height >= lift]
+    if unreached:
         yield (
-            f"No valve event at {' and '.join(missed)}: the valve opens by {lift * 1e3:.4g} mm at "
-            "most."
+            f"No valve event at {' and '.join(unreached)}: the valve opens by {lift * 1e3:.4g} mm "
+            "at most."
         )
-
-
-def _events(law: Law, train: ValveTrain, height: float) -> Iterator[ValveEvent]:
-    level = (height + train.lash) / (train.rocker_ratio * law.lift)
-    found = passages(law, law.lift, [level])
-    for i, opening in enumerate(found):
-        closing = found[(i + 1) % len(found)]
-        if opening.rising and not closing.rising:
-            duration = (closing.angle - opening.angle) % TURN
-            centre = (opening.angle + 0.5 * duration) % TURN
-            yield ValveEvent(height, opening.angle, closing.angle, duration, centre)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cam_rig.laws.arc_law import ArcFollower
-from cam_rig.studies.fit_cam.gauge import put_in_order
+from cam_rig.studies.fit_cam.gauge import order_readings
 from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable
 from cam_rig.units import TURN
 
@@ -19,7 +19,7 @@ def in_order(angles, lifts, resolution=1e-9, **options):
     column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
     lines = tuple(range(2, 2 + len(angles)))
     table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
-    return put_in_order(table, column, **options)
+    return order_readings(table, column, **options)
 
 
 FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)

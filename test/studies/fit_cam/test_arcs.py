@@ -8,13 +8,13 @@ import pytest
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws.arc_law import ArcFollower
-from cam_rig.studies.fit_cam.arcs import COORDINATES, FLANK, PRIME, Arcs
-from cam_rig.studies.fit_cam.arcs_fit import fit_arcs
-from cam_rig.studies.fit_cam.dwells import above_zero
-from cam_rig.studies.fit_cam.files import arcs_cam, require_told
-from cam_rig.studies.fit_cam.gauge import Readings, put_in_order
+from cam_rig.studies.fit_cam.arcs.cam_file import arcs_cam, require_identifiable
+from cam_rig.studies.fit_cam.arcs.contour import Arcs, Parameter
+from cam_rig.studies.fit_cam.arcs.selection import fit_arcs
+from cam_rig.studies.fit_cam.dwells import subtract_zero
+from cam_rig.studies.fit_cam.gauge import Readings, order_readings
 from cam_rig.studies.fit_cam.gauge_table import read_gauge_table
-from cam_rig.studies.fit_cam.outliers import without_outliers
+from cam_rig.studies.fit_cam.outliers import exclude_outliers
 from cam_rig.units import TURN
 
 from .conftest import FLAT, ROLLER, all_around, in_order, readings_of
@@ -36,16 +36,16 @@ def curvature(radius):
         return float(1.0 / np.float64(radius))
 
 
-def holds(fit, pitch, index):
+def contains(fit, pitch, parameter):
     """Return True if the interval of a number contains the truth, None without an interval."""
-    told, truth = fit.told[index], fit.best.search.form.coordinates(pitch)[index]
-    if told.held:
+    interval, truth = fit.intervals[parameter], fit.best.search.coordinates.of(pitch)[parameter]
+    if interval.is_fixed:
         return None
-    if index not in (PRIME, FLANK):
-        return told.low <= truth <= told.high
-    if told.high == np.inf and truth <= 0.0:  # under a flat follower: straight or concave
+    if parameter not in (Parameter.PRIME, Parameter.FLANK):
+        return interval.low <= truth <= interval.high
+    if interval.high == np.inf and truth <= 0.0:  # under a flat follower: straight or concave
         return True
-    return curvature(told.high) <= truth <= curvature(told.low)
+    return curvature(interval.high) <= truth <= curvature(interval.low)
 
 
 def coverage(shape, followers, copies):
@@ -56,11 +56,11 @@ def coverage(shape, followers, copies):
     arcs, kinds = SHAPES[shape], FOLLOWERS[followers]
     flats, fits = tuple(kind.flat for kind in kinds), []
     for seed in range(copies):  # every 5° with noise of 20 µm, processed as by the commands
-        read = map(above_zero, readings_of(arcs, *kinds, noise=2e-5, seed=seed))
+        read = map(subtract_zero, readings_of(arcs, *kinds, noise=2e-5, seed=seed))
         fits.append(fit_arcs(tuple(read), flats, 0.01, 0.03))
-    pitch = arcs.grown(kinds[0].roller_radius)
-    held = [[holds(fit, pitch, index) for index in COORDINATES] for fit in fits]
-    return np.array(held, dtype=float).mean(axis=0)
+    pitch = arcs.offset(kinds[0].roller_radius)
+    inside = [[contains(fit, pitch, parameter) for parameter in Parameter] for fit in fits]
+    return np.array(inside, dtype=float).mean(axis=0)
 
 
 @pytest.mark.long
@@ -79,10 +79,10 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
     arcs, (kind,) = SHAPES[shape], FOLLOWERS[followers]
     fit = fit_arcs(readings_of(arcs, kind, noise=1e-5, seed=1), (kind.flat,), 0.01, 0.03)
     assert fit.rms < 1.5e-5
-    pitch = arcs.grown(kind.roller_radius)
-    assert all(holds(fit, pitch, index) is not False for index in COORDINATES)
+    pitch = arcs.offset(kind.roller_radius)
+    assert all(contains(fit, pitch, parameter) is not False for parameter in Parameter)
     assert fit.arcs.nose_radius > 0.2 * fit.arcs.base_radius * kind.flat
-    assert "assumed as" in fit.cannot_tell[0]
+    assert "assumed as" in fit.not_identifiable[0]
     law = arcs_cam("mine", fit, "flat" if kind.flat else "roller").law
     assert law(FINE) == pytest.approx(arcs.lifts(kind, FINE + 0.5 - np.pi), abs=5e-5)
 
@@ -94,14 +94,16 @@ def test_a_given_base_radius_is_judged_when_the_fit_is_done():
     lifts += 2e-5 * np.random.default_rng(0).standard_normal(angles.size)
     lifts[6] -= 0.6e-3
     read = Readings("a", angles, lifts, np.arange(angles.size), 1e-7, (0.0, 2 * np.pi / 120), ())
-    fit = fit_arcs((without_outliers(read),), (False,), 0.004, 0.03, "base")
-    assert fit.told[PRIME].low < 0.04 < fit.told[PRIME].high
-    assert fit.roller_radius == pytest.approx(fit.told[PRIME].value - 0.03, abs=1e-12)
+    fit = fit_arcs((exclude_outliers(read),), (False,), 0.004, 0.03, "base")
+    assert fit.intervals[Parameter.PRIME].low < 0.04 < fit.intervals[Parameter.PRIME].high
+    assert fit.roller_radius == pytest.approx(
+        fit.intervals[Parameter.PRIME].value - 0.03, abs=1e-12
+    )
 
 
 def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
     """Base and roller radius add up to 22 mm. Nose and roller radius add up to 4 mm."""
-    columns, nose = readings_of(SHAPES["sharp"], SMALL), r"above 18(\.0\d*)? mm, for nose"
+    columns, nose = readings_of(SHAPES["sharp"], SMALL), r"above 18(\.0\d*)? mm, because nose"
     for base, words in ((0.025, "below base and roller"), (0.015, nose)):
         with pytest.raises(ConfigError, match=words):
             fit_arcs(columns, (False,), 0.006, base, "base")
@@ -113,7 +115,7 @@ def test_readings_of_another_shape_are_not_blamed():
     wrong, right = (fit_arcs(columns, (flat,), 0.01, 0.03) for flat in (True, False))
     words = " ".join(wrong.conclusions())
     assert "arcs do not describe the readings" in words
-    assert "look at them again" not in words
+    assert "check them" not in words
     assert "do not describe" not in " ".join(right.conclusions())
 
 
@@ -122,7 +124,7 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
     columns = readings_of(SHAPES["sharp"], SMALL, noise=1e-5)
     wrong = fit_arcs(columns, (False,), 0.006, 0.03, "roller")
     assert wrong.roller_radius == 0.006
-    (words,) = (one for one in wrong.conclusions() if "contradict the radii given" in one)
+    (words,) = (one for one in wrong.conclusions() if "contradict the given radii" in one)
     low, high = map(float, words.split("nose and roller radius ")[1].split(" mm")[0].split(" to "))
     assert low < 4.0 < high < 4.5
 
@@ -134,7 +136,7 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
 def gl110(config_dir):
     """Readings of both columns of the shipped table."""
     table = read_gauge_table(config_dir / "cams" / "gunt_gl110_convex.csv")
-    return tuple(above_zero(put_in_order(table, column)) for column in table.columns)
+    return tuple(subtract_zero(order_readings(table, column)) for column in table.columns)
 
 
 @pytest.fixture(scope="module")
@@ -157,8 +159,8 @@ def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
     The numbers of the shipped cam are those of the fit, rounded. Its law is 0.063 mm r.m.s. from
     the readings of the roller: see docs/own_cam.md.
     """
-    assert sum(column.away.size for column in gl110_fit.fitted_columns) == 66
-    assert sum(math.isfinite(told.error) for told in gl110_fit.told) == 5
+    assert sum(column.residuals.size for column in gl110_fit.fitted_columns) == 66
+    assert sum(math.isfinite(interval.error) for interval in gl110_fit.intervals) == 5
     assert all(column.rms <= 0.07e-3 for column in gl110_fit.fitted_columns)
     swapped = [one.rms for one in gl110_fit.others if "lift_a_mm flat" in one.search.name]
     assert min(swapped) > 10.0 * gl110_fit.rms
@@ -172,14 +174,14 @@ def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
     assert np.sqrt(np.mean(away**2)) * 1e3 == pytest.approx(0.063, abs=0.0005)
 
 
-def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit):
+def test_base_and_roller_radius_are_identifiable_as_a_sum(gl110, gl110_fit):
     """Another roller radius gives the same lifts and numbers. The fit reports the ambiguity."""
     roller = 0.016
     other = fit_arcs(gl110, (False, True), roller, 0.03)
     assert other.rms == pytest.approx(gl110_fit.rms, rel=1e-6)
     assert other.numbers == pytest.approx(gl110_fit.numbers, rel=1e-4)
     assert other.arcs.base_radius == pytest.approx(gl110_fit.arcs.base_radius + 0.01 - roller, 1e-4)
-    assert "only as a sum" in gl110_fit.cannot_tell[0]
+    assert "only as a sum" in gl110_fit.not_identifiable[0]
 
 
 @pytest.mark.variants(1)
@@ -195,32 +197,32 @@ def test_a_random_contour_comes_back(seed, kinds):
     columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
     fit = fit_arcs(columns, kinds, 0.01, 0.03)
     assert [column.kind for column in fit.fitted_columns] == ["roller", "flat"]
-    assert [column.reverse for column in fit.fitted_columns] == [False, True]
+    assert [column.is_reversed for column in fit.fitted_columns] == [False, True]
     assert fit.rms < 1e-8
     for key in ("base_radius", "lift", "flank_radius", "nose_radius"):
         assert getattr(fit.arcs, key) == pytest.approx(getattr(arcs, key), rel=1e-4)
     assert abs(math.remainder(fit.arcs.nose_angle - arcs.nose_angle, TURN)) < 1e-5
 
 
-def test_a_flat_follower_alone_tells_differences():
+def test_a_flat_follower_alone_identifies_differences():
     """Its lifts are the same for any base radius, so the radius is assumed, without an interval."""
     arcs = random_arcs(2)
     columns = readings_of(arcs, FLAT)
     one, other = (fit_arcs(columns, (True,), 0.01, base) for base in (0.03, 0.06))
     assert one.rms < 1e-8
     assert other.rms < 1e-8
-    assert one.told[0].held == "assumed"
+    assert one.intervals[Parameter.PRIME].origin == "assumed"
     assert one.numbers[2:4] == pytest.approx(other.numbers[2:4], rel=1e-5)
     assert one.numbers[3] == pytest.approx(arcs.nose_radius - arcs.base_radius, rel=1e-4)
-    assert "less the base radius" in one.cannot_tell[0]
+    assert "less the base radius" in one.not_identifiable[0]
 
 
-def test_a_point_tells_all():
+def test_a_point_identifies_all_radii():
     """Without a roller, all numbers are identifiable, because no sum of radii is involved."""
     arcs = random_arcs(1)
     fit = fit_arcs(readings_of(arcs, ArcFollower(False, 0.0)), (False,), 0.0, 0.03)
     assert fit.arcs.base_radius == pytest.approx(arcs.base_radius, rel=1e-4)
-    assert fit.cannot_tell == ()
+    assert fit.not_identifiable == ()
 
 
 def test_a_tangent_cam_under_both_followers():
@@ -232,7 +234,7 @@ def test_a_tangent_cam_under_both_followers():
     assert any("a tangent cam" in words for words in fit.conclusions())
 
 
-def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
+def test_straight_flanks_are_used_unless_excluded_or_curved_is_given():
     """A roller with noise of 0.1 mm does not distinguish a straight flank from a curved flank.
 
     The interval of the flank radius contains a straight flank.
@@ -241,42 +243,43 @@ def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
     columns = readings_of(arcs, ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03)
     assert fit.arcs.flank == "straight"
-    assert fit.told[2].over_straight
-    assert fit.told[2].low < 1.01
+    assert fit.intervals[Parameter.FLANK].over_straight
+    assert fit.intervals[Parameter.FLANK].low < 1.01
     curved = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
     assert curved.arcs.flank != "straight"
-    asked = fit_arcs(columns, (False,), 0.01, 0.03, None, "straight")
-    width = [one.told[0].high - one.told[0].low for one in (asked, fit)]
-    assert width[0] < 0.2 * width[1]
+    straight = fit_arcs(columns, (False,), 0.01, 0.03, None, "straight")
+    primes = [result.intervals[Parameter.PRIME] for result in (straight, fit)]
+    widths = [interval.high - interval.low for interval in primes]
+    assert widths[0] < 0.2 * widths[1]
 
 
-def test_lifts_under_a_roller_alone_do_not_tell_the_base_radius():
+def test_lifts_under_a_roller_alone_do_not_identify_the_base_radius():
     """With noise of 0.1 mm the prime radius has no upper limit, and no file is written."""
     columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, noise=1e-4)
     fit = fit_arcs(columns, (False,), 0.01, 0.03, None, "curved")
-    assert fit.told[0].high == math.inf
+    assert fit.intervals[Parameter.PRIME].high == math.inf
     bridged = readings_of(Arcs(0.03, 0.01, None, 0.012, 0.5), FLAT, noise=1e-4)
     straight = fit_arcs(bridged, (False,), 0.01, 0.03)
     assert straight.arcs.flank == "straight"
     for one in (fit, straight):
-        with pytest.raises(ConfigError, match=r"do not tell the base radius: .* is above"):
-            require_told(one, named=True)
+        with pytest.raises(ConfigError, match=r"do not identify the base radius: .* is above"):
+            require_identifiable(one, is_kind_given=True)
     given = fit_arcs(columns, (False,), 0.01, 0.03, "both", "curved")
-    require_told(given, named=True)
-    assert given.told[0].held == "given"
+    require_identifiable(given, is_kind_given=True)
+    assert given.intervals[Parameter.PRIME].origin == "given"
 
 
 def test_a_column_that_any_follower_may_have_made():
     """Lifts of a flat follower could be those of a roller on a huge cam: the type is required."""
     columns = readings_of(Arcs(0.03, 0.01, 0.2, 0.012, 0.5), FLAT, noise=1e-4)
     fit = fit_arcs(columns, (None,), 0.01, 0.03)
-    assert fit.unclear_kinds is not None
-    with pytest.raises(ConfigError, match=r"do not tell the follower: .* allowed: --follower"):
-        require_told(fit, named=False)
+    assert fit.other_kinds is not None
+    with pytest.raises(ConfigError, match=r"do not identify the follower: .* allowed: --follower"):
+        require_identifiable(fit, is_kind_given=False)
 
 
 def test_the_farthest_reading_is_named_with_its_line():
-    """A reading is off by 0.1 mm, five times the scatter: it is reported, but not left out."""
+    """A reading is off by 0.1 mm, five times the scatter: it is reported, but not excluded."""
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.5)
     (column,) = readings_of(arcs, ROLLER, noise=2e-5)
     lifts = column.lifts.copy()
@@ -305,7 +308,7 @@ def readings_of_a_bridge(seed, slips=()):
     places = sorted(rng.choice(np.flatnonzero(one_circle), len(slips), replace=False))
     for place, slip in zip(places, slips, strict=True):
         lifts[place] += slip * noise
-    return above_zero(in_order(angles, lifts)), [place + 2 for place in places]
+    return subtract_zero(in_order(angles, lifts)), [place + 2 for place in places]
 
 
 @pytest.mark.variants(1)
@@ -314,7 +317,7 @@ def readings_of_a_bridge(seed, slips=()):
 def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count, slips):
     """Outliers are judged by the arcs, because neighbours contradict good readings at such a step.
 
-    No good reading is left out. A slip is reported, as an outlier or as the farthest from the law.
+    No good reading is excluded. A slip is reported, as an outlier or as the farthest from the law.
     One slip in fifty of 10 standard deviations may be missed, because the lowest reading can be
     taken as the zero.
     """

@@ -13,9 +13,11 @@ from cam_rig.laws import build_law
 from cam_rig.profile.cam_checks import check_cam
 from cam_rig.schema import load_cam, load_rig, load_scene
 from cam_rig.schema.load import config_root
-from cam_rig.studies.fit_cam.arcs import Arcs
-from cam_rig.studies.fit_cam.arcs_fit import fit_arcs
-from cam_rig.studies.fit_cam.files import arcs_cam, default_rig, own_scene, spline_cam
+from cam_rig.studies.fit_cam.arcs.cam_file import arcs_cam
+from cam_rig.studies.fit_cam.arcs.contour import Arcs
+from cam_rig.studies.fit_cam.arcs.selection import fit_arcs
+from cam_rig.studies.fit_cam.cam_files import spline_cam
+from cam_rig.studies.fit_cam.new_files import default_rig, default_scene
 from cam_rig.studies.fit_cam.spline_fit import fit_spline
 
 from ...cli.conftest import call, data_of, done
@@ -40,7 +42,7 @@ def test_a_table_becomes_a_scene_that_runs(lift_table, tmp_path, monkeypatch):
     assert "mine/cams/mine.yaml: exists already, not overwriting" in again.output
 
 
-def test_new_asks_nothing(tmp_path, monkeypatch):
+def test_new_needs_no_answers(tmp_path, monkeypatch):
     """The first of two columns is taken. A note reports this, and the gap in the readings."""
     monkeypatch.chdir(tmp_path)
     made = done("new", "gl110", "--from-csv", GL110)
@@ -55,7 +57,9 @@ def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
     files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
     result = done("fit", "cam", lift_table, "--tolerance", 0.0005, *files)
-    assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in result.output
+    assert (
+        "Not followed: the requested tolerance is 0.0005 mm, the readings scatter" in result.output
+    )
     data = json.loads((tmp_path / "fit.json").read_text())
     spline = data["spline"]
     assert spline["scatter"] == pytest.approx(2e-6, rel=0.3)
@@ -66,7 +70,7 @@ def test_fit_prints_the_answer_and_writes_it(lift_table, tmp_path):
     peak = 0.0057735 * 10 / math.radians(100) ** 2
     assert spline["peak_acceleration"] == pytest.approx(peak, rel=0.02)
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert csv.read_text().startswith("count,left_out,scatter,")
+    assert csv.read_text().startswith("count,excluded,scatter,")
     assert (tmp_path / "fit.dwells.csv").read_text().startswith("start,span,level,")
     assert {"own.yaml", "own.csv"} <= {path.name for path in tmp_path.iterdir()}
 
@@ -76,7 +80,7 @@ def test_one_column_under_a_named_follower():
     one = "--column", "lift_b_mm", "--follower", "flat"
     data = data_of("fit", "cam", GL110, "--shape", "arcs", *one)
     assert data["numbers"][0]["number"] == "base radius + roller radius"
-    assert data["numbers"][0]["told"] == "assumed"
+    assert data["numbers"][0]["identifiable"] == "assumed"
     assert data["arcs"]["rms"] < 0.05e-3
     assert data["residuals"][0]["follower"] == "flat"
 
@@ -102,16 +106,16 @@ def test_new_reads_every_file(tmp_path, monkeypatch):
     assert title == 'title: "both, from readings"'
 
 
-def test_an_open_table_says_what_is_assumed(tmp_path):
+def test_the_assumption_for_an_open_table_is_reported(tmp_path):
     """A table stops before the fall: arcs mirror the rise, and a spline raises an error."""
     lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
     open_end = tmp_path / "open.csv"
     open_end.write_text("\n".join(lines[: lines.index("25,7.65,11.65") + 1]))
     result = done("fit", "cam", open_end, "--shape", "arcs")
-    assert "the fall is not in the table; assumed is the mirror image of the rise" in result.output
-    refused = call("fit", "cam", open_end, "--column", "lift_a_mm")
-    assert refused.exit_code == 2
-    assert "no reading for" in refused.stderr
+    assert "the fall is not in the table; the mirror image of the rise is assumed" in result.output
+    error = call("fit", "cam", open_end, "--column", "lift_a_mm")
+    assert error.exit_code == 2
+    assert "no reading for" in error.stderr
 
 
 # Files of a fit.
@@ -137,22 +141,22 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
     assert law(FINE) == pytest.approx(files.law(FINE), abs=1e-12)
     assert len(cam.segments[0].dwells) == len(fit.dwells)
     assert all(check.passed for check in check_cam(cam, law))
-    assert "left out, an outlier: line 52" in files.texts["mine.csv"]
+    assert "excluded as an outlier: line 52" in files.texts["mine.csv"]
     assert any(f"follower {kind}" in words for words in files.assumed)
 
 
-def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(measured):
+def test_a_base_radius_that_fails_the_checks_is_reported_with_one_that_passes(measured):
     """A given base radius of 1 mm with a lift of 10 mm is written, and a better value suggested."""
     fit = fit_spline(measured("poly345"))
     files = spline_cam("mine", fit, "roller", 1e-3)
     (words,) = (one for one in files.assumed if "checks" in one)
-    assert words.startswith("the base radius of 1 mm, as asked, does not pass all checks, ")
+    assert words.startswith("the given base radius of 1 mm does not pass all checks, ")
     passing = float(words.split("all checks, ")[1].split(" mm does")[0])
     other = spline_cam("mine", fit, "roller", 1e-3 * passing)
     assert all(c.passed for c in check_cam(other.cam, other.law))
 
 
-def test_origins_are_told_apart(measured, tmp_path):
+def test_origins_are_distinguished(measured, tmp_path):
     """Options are given, results of the fit identified, and all other numbers assumed."""
     readings = measured("poly345")
     given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
@@ -197,7 +201,7 @@ def test_the_radius_that_was_given_is_given():
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
-def test_digits_are_those_that_readings_tell(noise):
+def test_digits_are_those_that_readings_determine(noise):
     """Radii in a file have few digits and an interval. Rounding hardly changes the residuals."""
     arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
     readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
@@ -220,13 +224,13 @@ def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
     assert rig.radiation.gain.origin == "assumed"
     assert rig.radiation.calibrated_on == ""
     law = fit_spline(measured("poly345")).law
-    text, speeds = own_scene("mine", law, rig)
+    text, speeds = default_scene("mine", law, rig)
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     scene = load_scene(tmp_path / "scene.yaml")
     assert scene.schedule.speeds.numbers == list(speeds)
     assert list(speeds) == sorted(speeds)
     assert len(speeds) == 5
-    heavy = own_scene("mine", law, rig.with_follower(preload=1e9))[1]
+    heavy = default_scene("mine", law, rig.with_follower(preload=1e9))[1]
     assert max(heavy) <= 20_000.0  # the jump speed is far above this limit
 
 

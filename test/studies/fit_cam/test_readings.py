@@ -6,9 +6,9 @@ import pytest
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import ConfigError
 from cam_rig.laws.arc_law import ArcFollower
-from cam_rig.studies.fit_cam.arcs import Arcs
+from cam_rig.studies.fit_cam.arcs.contour import Arcs
 from cam_rig.studies.fit_cam.dwells import find_dwells
-from cam_rig.studies.fit_cam.outliers import without_outliers
+from cam_rig.studies.fit_cam.outliers import exclude_outliers
 from cam_rig.studies.fit_cam.spline_fit import fit_spline
 from cam_rig.units import TURN
 
@@ -36,7 +36,7 @@ def test_any_order_and_range_is_one_turn(degrees):
     assert found.lifts == pytest.approx(lift(STEPS), abs=1e-15)
 
 
-def test_falling_angles_and_a_reversed_cam_are_told():
+def test_falling_angles_and_a_reversed_cam_are_noted():
     """Falling angles do not change the law, --reverse mirrors it, and notes report both."""
     lifts = 0.001 * np.arange(36.0)[::-1]
     same, mirrored = (ordered(STEPS[::-1], lifts, reverse=reverse) for reverse in (False, True))
@@ -126,10 +126,10 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
 
 @pytest.mark.parametrize("width", [2, 3, 5, 9])
 def test_outliers_next_to_each_other_are_found(measured, width):
-    """Specks of 50 µm on several readings are found, and no other reading is left out."""
+    """Specks of 50 µm on several readings are found, and no other reading is excluded."""
     places = [100, 700, 1500]
     specks = {place + i: 5e-5 for place in places for i in range(width)}
-    found = without_outliers(measured("cycloidal", 1800, outliers=specks))
+    found = exclude_outliers(measured("cycloidal", 1800, outliers=specks))
     assert [outlier.line - 2 for outlier in found.outliers] == sorted(specks)
 
 
@@ -151,7 +151,7 @@ def test_specks_of_a_coarse_table_are_found(measured, name, width):
 def test_specks_of_two_readings_are_found_5_deg_apart(measured, place):
     specks = {place: 1.5e-4, (place + 1) % 72: 1.5e-4}
     for name in ("poly345", "cycloidal", "bezier15"):
-        found = without_outliers(measured(name, 72, noise=3e-6, outliers=specks))
+        found = exclude_outliers(measured(name, 72, noise=3e-6, outliers=specks))
         assert [outlier.line - 2 for outlier in found.outliers] == sorted(specks), name
 
 
@@ -163,11 +163,11 @@ def test_a_slip_of_the_gauge_is_refused(measured, place, sign):
     words = rf"jumps by 0\.0[45]\d* mm between lines {place + 1} and {place + 2}, and back"
     for name in ("poly345", "cycloidal"):
         with pytest.raises(ConfigError, match=words):
-            without_outliers(measured(name, noise=3e-6, outliers=slip))
+            exclude_outliers(measured(name, noise=3e-6, outliers=slip))
 
 
 def test_no_sentence_contradicts_a_reading_far_from_the_law(measured):
-    """A bump that is not left out is reported, and the readings are not called good."""
+    """A bump that is not excluded is reported, and the readings are not called good."""
     bump = {180 + i: 1e-4 * np.sin(np.pi * i / 20.0) ** 2 for i in range(20)}
     fit = fit_spline(measured("bezier15", outliers=bump), 1e-4)
     words = " ".join(fit.conclusions())
@@ -199,17 +199,17 @@ LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_tra
     ],
 )
 def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
-    """Only these readings are left out. Their distance is correct within 0.1 mm, or 0.01 mm.
+    """Only these readings are excluded. Their distance is correct within 0.1 mm, or 0.01 mm.
 
     With 36 readings, the laws have no jump of acceleration.
     """
-    found = without_outliers(measured(name, count, outliers=slips))
+    found = exclude_outliers(measured(name, count, outliers=slips))
     assert [outlier.line for outlier in found.outliers] == [place + 2 for place in slips]
     assert found.angles.size == count - len(slips)
     if count > 36:
-        beside = [outlier.beside for outlier in found.outliers]
+        distances = [outlier.distance for outlier in found.outliers]
         near = 1e-4 if len(slips) == 1 else 1e-5
-        assert beside == pytest.approx([*slips.values()], abs=near)
+        assert distances == pytest.approx([*slips.values()], abs=near)
 
 
 @pytest.mark.variants(6)
@@ -218,7 +218,7 @@ def test_slips_of_0_4_mm_are_found(measured, name, count, slips):
 def test_good_readings_are_kept(measured, name, count):
     """Readings at jumps of acceleration are not outliers: several in a row are affected."""
     for seed in range(4):
-        assert without_outliers(measured(name, count, seed=seed)).outliers == ()
+        assert exclude_outliers(measured(name, count, seed=seed)).outliers == ()
 
 
 def test_the_scatter_is_at_least_the_rounding():
@@ -327,17 +327,20 @@ def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
         assert fit.tolerance > 1.5e-6
         assert error_of_acceleration(fit, scaled("cycloidal"))[1] < 0.03
         words = " ".join(fit.conclusions())
-        assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in words
+        assert (
+            "Not followed: the requested tolerance is 0.0005 mm, the readings scatter by 0.00"
+            in words
+        )
         assert "No reading looks like an outlier." in words
-        assert ("Readings stand 10 deg apart" in words) == (count == 36)
+        assert ("Readings are 10 deg apart" in words) == (count == 36)
 
 
-@pytest.mark.parametrize("asked", [2e-6, 3e-6, 1e-5])
-def test_a_tolerance_that_the_readings_bear_is_followed(measured, asked):
+@pytest.mark.parametrize("tolerance", [2e-6, 3e-6, 1e-5])
+def test_a_tolerance_that_the_readings_bear_is_followed(measured, tolerance):
     """The r.m.s. residual is the error of the gauge, including the readings of dwells."""
-    fit = fit_spline(measured("bezier15"), asked)
+    fit = fit_spline(measured("bezier15"), tolerance)
     assert fit.followed
-    assert fit.smoothed.rms == pytest.approx(asked, rel=1e-3)
+    assert fit.smoothed.rms == pytest.approx(tolerance, rel=1e-3)
     assert not any("Not followed" in words for words in fit.conclusions())
 
 
@@ -376,9 +379,9 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
 def test_tolerances_and_readings_that_are_none(measured):
     """Invalid: zero, negative, more than 5 % of the lift, and random readings."""
     words = r"--tolerance: is .* mm; allowed: above 0, at most 0"
-    for asked in (0.0, -1e-6, 1e-3):
+    for tolerance in (0.0, -1e-6, 1e-3):
         with pytest.raises(ConfigError, match=words):
-            fit_spline(measured("poly345", 72), asked)
+            fit_spline(measured("poly345", 72), tolerance)
     lifts = np.random.default_rng(1).uniform(0.0, 0.01, 72)
     with pytest.raises(ConfigError, match=r"readings scatter by .* mm about a smooth law; allowed"):
         fit_spline(in_order(all_around(72), lifts))
@@ -388,7 +391,7 @@ def test_tolerances_and_readings_that_are_none(measured):
 @pytest.mark.parametrize(("count", "most"), [(72, 0.3), (120, 0.15), (360, 0.15)])
 @pytest.mark.parametrize("cases", [20, pytest.param(60, marks=pytest.mark.long)])
 def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
-    """In most cases the reading is left out or reported with its line.
+    """In most cases the reading is excluded or reported with its line.
 
     Without such a reading, a good reading is reported in at most two tables of five.
     """
@@ -407,15 +410,17 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
     assert named <= 0.4 * cases
 
 
-@pytest.mark.parametrize("asked", [None, 2e-4])
-def test_a_nose_sharper_than_the_readings_is_no_outlier(asked):
+@pytest.mark.parametrize("tolerance", [None, 2e-4])
+def test_a_nose_sharper_than_the_readings_is_no_outlier(tolerance):
     """A tangent cam is read every 10°: 12 mm at the nose, and 7.7 mm at its neighbours."""
     arcs, around = Arcs(0.02, 0.012, None, 0.001, np.pi), all_around(36)
     lifts = arcs.lifts(ArcFollower(False, 0.002), around)
-    fit = fit_spline(in_order(around, lifts + np.random.default_rng(0).normal(0, 5e-6, 36)), asked)
+    fit = fit_spline(
+        in_order(around, lifts + np.random.default_rng(0).normal(0, 5e-6, 36)), tolerance
+    )
     assert fit.readings.outliers == ()
     assert fit.law.lift > 0.85 * arcs.lift
     words = " ".join(fit.conclusions())
-    assert "line 20 (180 deg), is sharper than the readings" in words
+    assert "line 20 (180 deg), is sharper than the distance of the readings" in words
     assert "the readings by 12" in words
-    assert "look at them again" not in words
+    assert "check them" not in words

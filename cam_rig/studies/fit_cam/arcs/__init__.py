@@ -1,0 +1,1 @@
+"""Tangent arcs through gauge readings: contour, search, intervals, selection and cam file."""

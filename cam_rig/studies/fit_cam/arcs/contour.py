@@ -1,0 +1,167 @@
+"""Contours of tangent arcs: lifts of followers, and parameters that lifts determine.
+
+A contour is a base circle, two equal flanks and a nose, each tangent to the next. This is the law
+``arcs_by_radii``. The centre of a roller follows the pitch curve: a contour with the radii
+R_b + R_r, R_f + R_r and R_n + R_r. Lifts under a roller therefore determine only these sums. The
+lift of a flat face is the contour's support function less R_b. It determines only the differences
+R_f − R_b and R_n − R_b.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
+
+import numpy as np
+
+from cam_rig.laws.arc_law import ArcFollower, arc_lift
+from cam_rig.laws.arcs import Blend, Circle, close
+from cam_rig.studies.fit_cam.gauge import Readings
+from cam_rig.units import FloatArray, rms
+
+FollowerKind = Literal["roller", "flat", "point"]
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """Contour of tangent arcs: radii and lift in m, angle of the nose in rad.
+
+    The radius of a flank is positive if convex, negative if concave, None if straight.
+    """
+
+    base_radius: float
+    lift: float
+    flank_radius: float | None
+    nose_radius: float
+    nose_angle: float
+
+    @property
+    def flank(self) -> str:
+        """Kind of the flanks, as in a cam file: straight, convex or concave."""
+        if self.flank_radius is None:
+            return "straight"
+        return "convex" if self.flank_radius > 0.0 else "concave"
+
+    def offset(self, distance: float) -> Arcs:
+        """Return the parallel contour at a distance (m), inside if negative."""
+        return Arcs(
+            base_radius=self.base_radius + distance,
+            lift=self.lift,
+            flank_radius=None if self.flank_radius is None else self.flank_radius + distance,
+            nose_radius=self.nose_radius + distance,
+            nose_angle=self.nose_angle,
+        )
+
+    def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
+        """Return the lift (m) of a follower at cam angles (rad).
+
+        A flat face bridges a flank that is not convex.
+        """
+        flank = Blend(self.flank_radius)
+        top = Circle(
+            complex(-(self.base_radius + self.lift - self.nose_radius), 0.0), self.nose_radius
+        )
+        chain = close([Circle(0j, self.base_radius), flank, top, flank])
+        turned = angles - self.nose_angle + math.pi  # the nose's top is at 180° of the contour
+        if follower.flat and self.flank != "convex":
+            above = top.centre.real * np.cos(turned) + self.nose_radius - self.base_radius
+            return np.maximum(above, 0.0)
+        return arc_lift(chain, self.base_radius, follower, turned)
+
+
+@dataclass(frozen=True, eq=False)
+class ArcColumn:
+    """Readings of one follower, with their interpretation and their residuals.
+
+    ``is_reversed`` is True if the cam was turned in the other sense. ``residuals`` are the lift of
+    the contour less the reading, in m, shape ``(n,)``.
+    """
+
+    readings: Readings
+    follower: ArcFollower
+    is_reversed: bool
+    residuals: FloatArray
+
+    @property
+    def kind(self) -> FollowerKind:
+        """Kind of the follower: flat, roller or point."""
+        if self.follower.flat:
+            return "flat"
+        return "roller" if self.follower.roller_radius else "point"
+
+    def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
+        """Return the lift (m) of a contour at angles (rad) in the sense of the readings."""
+        return arcs.lifts(self.follower, -angles if self.is_reversed else angles)
+
+    @property
+    def rms(self) -> float:
+        """Residual of the readings, r.m.s. in m."""
+        return rms(self.residuals)
+
+    @property
+    def worst(self) -> int:
+        """Index of the reading that is farthest from the contour."""
+        return int(np.abs(self.residuals).argmax())
+
+
+class Parameter(IntEnum):
+    """Parameter of a pitch curve: its index in every sequence with one value per parameter."""
+
+    PRIME = 0
+    LIFT = 1
+    FLANK = 2
+    NOSE = 3
+    ANGLE = 4
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Coordinates of a contour, and the combinations of radii that lifts determine.
+
+    ``sums`` is True for flank and nose radius plus the roller radius, False for the radii less the
+    base radius. ``rolling`` is True if a roller has a radius.
+
+    In the coordinates every confidence interval is a connected range. They are, in 1/m, m and rad:
+
+    - the curvature 1/(R_b + R_r),
+    - the lift,
+    - the curvature 1/(R_f + R_r) or 1/(R_f − R_b), 0 if the radius is infinite,
+    - the nose radius R_n + R_r or R_n − R_b,
+    - the angle of the nose.
+    """
+
+    rolling: bool
+    sums: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the coordinates."""
+        roller = " + roller radius" if self.rolling else ""
+        shift = roller if self.sums else " - base radius"
+        radii = f"flank radius{shift}", f"nose radius{shift}"
+        return (f"base radius{roller}", "lift", *radii, "nose angle")
+
+    def shift(self, prime: float) -> float:
+        """Return the length (m) to add to flank and nose radius of the pitch curve."""
+        return 0.0 if self.sums else -prime
+
+    def of(self, pitch: Arcs) -> FloatArray:
+        """Return the coordinates of a pitch curve, ``(5,)``, in 1/m, m and rad."""
+        prime = pitch.base_radius
+        shift = self.shift(prime)
+        flank = 0.0 if pitch.flank_radius is None else 1.0 / (pitch.flank_radius + shift)
+        return np.array(
+            [1.0 / prime, pitch.lift, flank, pitch.nose_radius + shift, pitch.nose_angle]
+        )
+
+
+def parameter_value(parameter: Parameter, coordinate: float) -> float:
+    """Return the value (m, rad) of a parameter from its coordinate.
+
+    The value of a curvature is its radius, infinite if the curvature is 0.
+    """
+    if parameter not in (Parameter.PRIME, Parameter.FLANK):
+        return coordinate
+    return 1.0 / coordinate if coordinate else math.inf

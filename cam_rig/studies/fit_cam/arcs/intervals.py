@@ -1,0 +1,141 @@
+"""Parameter of a contour with its 95 % interval, and its display."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Literal
+
+from cam_rig.units import round_to_error
+
+#: Distance from the middle of an interval to its ends, in standard errors of a normal error.
+NORMAL_95 = 1.96
+#: Relative standard error above which a parameter is poorly identifiable. The 95 % interval of a
+#: parameter with this error extends from a third of its value to five thirds.
+MAX_RELATIVE_ERROR = 1.0 / 3.0
+
+
+class Identifiability(StrEnum):
+    """How the value of a parameter is known."""
+
+    IDENTIFIABLE = "identifiable"
+    POOR = "poorly identifiable"
+    STRAIGHT = "straight not excluded"
+    NOT_IDENTIFIABLE = "not identifiable"
+    GIVEN = "given"
+    ASSUMED = "assumed"
+
+
+@dataclass(frozen=True)
+class ParameterInterval:
+    """Parameter of a contour, in m or rad, and its 95 % interval.
+
+    The interval of a flank radius can extend from the smallest convex radius, ``low``, over a
+    straight flank (infinite radius) to concave flanks (negative radius), ``high``.
+
+    ``origin`` is "identified", or "given" or "assumed" for a fixed parameter, which has no
+    interval. ``unit`` is the unit for display: mm or deg.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    origin: Literal["given", "assumed", "identified"] = "identified"
+    unit: Literal["mm", "deg"] = "mm"
+
+    @property
+    def is_fixed(self) -> bool:
+        """True if the parameter is given or assumed."""
+        return self.origin != "identified"
+
+    @property
+    def over_straight(self) -> bool:
+        """True if the interval of a flank radius contains a straight flank."""
+        return self.low > self.high
+
+    @property
+    def low_95(self) -> float | None:
+        """Lower end of the interval, None if fixed or if the interval contains straight."""
+        return None if self.is_fixed or self.over_straight else self.low
+
+    @property
+    def high_95(self) -> float | None:
+        """Upper end of the interval, None if fixed or if the interval contains straight."""
+        return None if self.is_fixed or self.over_straight else self.high
+
+    @property
+    def convex_from_95(self) -> float | None:
+        """Smallest convex radius (m) if the interval contains straight, else None."""
+        return self.low if self.over_straight else None
+
+    @property
+    def concave_from_95(self) -> float | None:
+        """Smallest concave radius (m) if the interval contains straight, else None."""
+        return -self.high if self.over_straight else None
+
+    @property
+    def error(self) -> float:
+        """Standard error from the width of the interval, NaN if that is not finite.
+
+        It is also NaN if the parameter is fixed or the interval contains a straight flank.
+        """
+        if self.is_fixed or self.over_straight or not math.isfinite(self.high - self.low):
+            return math.nan
+        return (self.high - self.low) / (2.0 * NORMAL_95)
+
+    @property
+    def identifiability(self) -> Identifiability:
+        """How the value of the parameter is known.
+
+        The relative error of an angle is not checked, because an angle can be 0.
+        """
+        if self.is_fixed:
+            return Identifiability(self.origin)
+        if self.over_straight or not math.isfinite(self.value):
+            return Identifiability.STRAIGHT
+        if not math.isfinite(self.error):
+            return Identifiability.NOT_IDENTIFIABLE
+        if self.unit == "mm" and self.error > MAX_RELATIVE_ERROR * abs(self.value):
+            return Identifiability.POOR
+        return Identifiability.IDENTIFIABLE
+
+    @property
+    def value_text(self) -> str:
+        """Value as text, rounded to its standard error.
+
+        A value without a standard error has four digits, or six if it is fixed.
+        """
+        if not math.isfinite(self.value):
+            return "straight"
+        value = self._factor * self.value
+        if math.isfinite(self.error):
+            return f"{round_to_error(value, self._factor * self.error)} {self.unit}"
+        return f"{value:.{6 if self.is_fixed else 4}g} {self.unit}"
+
+    @property
+    def interval_text(self) -> str:
+        """Interval as text, empty for a fixed parameter."""
+        if self.is_fixed:
+            return ""
+        low, high = self._end_text(self.low), self._end_text(self.high)
+        if self.over_straight:
+            convex = f"{low} {self.unit} convex" if 0.0 < self.low < math.inf else "any"
+            concave = f"{high.lstrip('-')} {self.unit} concave" if self.high < 0.0 else "any"
+            return f"{convex} over straight to {concave}"
+        if not math.isfinite(self.high):
+            return f"above {low} {self.unit}" if math.isfinite(self.low) else "any"
+        start = f"{low} to" if math.isfinite(self.low) else "below"
+        return f"{start} {high} {self.unit}"
+
+    def _end_text(self, end: float) -> str:
+        value, error = self._factor * end, self._factor * self.error
+        if math.isfinite(error):
+            return round_to_error(value, error)
+        return f"{float(f'{value:.3g}'):g}"
+
+    @property
+    def _factor(self) -> float:
+        """Factor from the SI unit to the unit for display."""
+        return 1e3 if self.unit == "mm" else math.degrees(1.0)

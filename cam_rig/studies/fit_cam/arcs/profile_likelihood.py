@@ -1,0 +1,227 @@
+"""Intervals (95 %) of the parameters of a contour, by profile likelihood.
+
+Lifts are strongly nonlinear in the parameters. Readings may determine only that a prime radius is
+above 30 mm, or that a flank is flatter than some radius, convex or concave. A standard error at the
+best contour does not show this. Each parameter is therefore fixed at values farther and farther
+from the best, and all others are fitted again. The interval ends at the value at which the sum of
+squares S has increased so that (S − S_min)/s² is the square of Student's t, with s² = S_min/(n − p)
+for n readings and p parameters (Bates and Watts, *Nonlinear Regression Analysis and Its
+Applications*, 1988, section 6.1).
+
+The gauge's zero of each column is computed from its resting readings. Its error is common to all
+lifts of the column. If a parameter increases by a when all lifts of a column increase by 1, the
+zero adds the variance a² e², with the standard error e of the zero. The limit is increased
+accordingly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cam_rig.studies.fit_cam.arcs.contour import Parameter, parameter_value
+from cam_rig.studies.fit_cam.arcs.search import NO_CONTOUR_RESIDUAL, ArcSearch
+from cam_rig.units import FloatArray
+
+#: Probability of a value beyond each end of an interval.
+TAIL_PROBABILITY = 0.025
+#: Tolerance of the end of an interval, relative to its distance from the best value. Two digits of
+#: the end are displayed.
+END_RTOL = 0.01
+#: Relative tolerance of the sum of squares of a contour with a fixed parameter. It is far below the
+#: change that determines the end of an interval.
+PROFILE_RTOL = 1e-6
+#: Step of the search variables for numerical derivatives: the cube root of the rounding error would
+#: be 6e-6. The variables are of the order of 1.
+DERIVATIVE_STEP = 1e-6
+#: Relative standard error of a coordinate that is assumed if the derivatives do not determine it.
+#: This is the case for a concave flank under a flat face. The first step is then doubled.
+UNKNOWN_ERROR = 1e-3
+#: Largest number of doublings of the first step. An end beyond a factor of 10⁹ is infinite.
+MAX_DOUBLINGS = 30
+#: Largest prime radius, in lifts. An end beyond it is infinite.
+MAX_PRIME_LIFTS = 100.0
+
+
+class LinearEstimate(NamedTuple):
+    """Linear estimate of a coordinate near the best contour.
+
+    ``error`` is its standard error, without that of the gauge's zero. ``limit`` is the distance of
+    the interval's ends from the best contour, in errors of a reading. ``gradient`` is the
+    derivatives of the search variables with respect to the coordinate along the best contours,
+    ``(p,)``.
+    """
+
+    error: float
+    limit: float
+    gradient: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Best contour of a search, and the profile likelihood of its parameters.
+
+    ``x`` is the search variables of the best contour.
+    """
+
+    search: ArcSearch
+    x: FloatArray
+
+    @cached_property
+    def sse(self) -> float:
+        """Smallest sum of squared residuals, m²."""
+        return self.search.sse(self.x)
+
+    @cached_property
+    def rms(self) -> float:
+        """Residual of all readings, r.m.s. in m."""
+        return self.search.rms(self.x)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of readings less that of free parameters and zeros, at least 1."""
+        return max(1, self.search.count - self.x.size - len(self.search.columns))
+
+    @cached_property
+    def variance(self) -> float:
+        """Variance (m²) of a reading, from the residuals, at least that of the rounding."""
+        rounding = min(column.rounding for column in self.search.columns)
+        return max(self.sse / self.degrees_of_freedom, rounding**2)
+
+    @cached_property
+    def limit(self) -> float:
+        """Student's t: largest distance from the best contour, in errors of a reading."""
+        from scipy.special import stdtrit
+
+        return float(stdtrit(self.degrees_of_freedom, 1.0 - TAIL_PROBABILITY))
+
+    def distance(self, sse: float) -> float:
+        """Return the distance of a contour from the best, in errors of a reading.
+
+        ``sse`` is the sum of squared residuals (m²) of that contour.
+        """
+        return math.sqrt(max(0.0, sse - self.sse) / self.variance)
+
+    def excludes(self, parameter: Parameter, sse: float) -> bool:
+        """Return True if the interval of a parameter excludes a contour.
+
+        ``sse`` is the sum of squared residuals (m²) of that contour.
+        """
+        return self.distance(sse) > self.linear_estimate(parameter).limit
+
+    def linear_estimate(self, parameter: Parameter) -> LinearEstimate:
+        """Return the estimate of a coordinate for lifts that are linear in all parameters.
+
+        With the Jacobian J of the residuals and the gradient g of the coordinate, its variance is
+        s² gᵀ(JᵀJ)⁻¹g. The sum of the weights gᵀ(JᵀJ)⁻¹Jᵀ of a column is the change of the
+        coordinate if all lifts of the column change by 1.
+        """
+        x, search = self.x, self.search
+        steps = DERIVATIVE_STEP * np.eye(x.size)
+
+        def derivatives(function: Callable[[FloatArray], Any]) -> FloatArray:
+            changes = [function(x + step) - function(x - step) for step in steps]
+            return np.array(changes) / (2.0 * DERIVATIVE_STEP)
+
+        gradient = derivatives(lambda y: search.coordinates.of(search.pitch(y))[parameter])
+        jacobian = derivatives(search.residuals)  # transposed, ``(p, n)``
+        direction = np.linalg.pinv(jacobian @ jacobian.T) @ gradient
+        variance = float(gradient @ direction)
+        if not variance > 0.0:  # lifts of a flat face do not depend on a concave flank
+            error = UNKNOWN_ERROR * max(1.0, float(np.abs(x).max()))
+            return LinearEstimate(error, self.limit, 0.0 * x)
+        ends = np.cumsum([column.angles.size for column in search.columns])
+        weights = np.split(direction @ jacobian, ends[:-1])
+        zero_variance = sum(
+            (float(np.sum(column_weights)) * column.zero_error) ** 2
+            for column_weights, column in zip(weights, search.columns, strict=True)
+        )
+        error = math.sqrt(self.variance * variance)
+        limit = self.limit * math.hypot(1.0, math.sqrt(zero_variance) / error)
+        return LinearEstimate(error, limit, direction / variance)
+
+    def interval(self, parameter: Parameter) -> tuple[float, float]:
+        """Return the two ends of the interval of a parameter (m, rad).
+
+        They are ``low`` and ``high`` of `ParameterInterval`.
+        """
+        low, high = (
+            parameter_value(parameter, self._interval_end(parameter, sign)) for sign in (-1.0, 1.0)
+        )
+        return (high, low) if parameter in (Parameter.PRIME, Parameter.FLANK) else (low, high)
+
+    def _interval_end(self, parameter: Parameter, sign: float) -> float:
+        """Return the coordinate at which the limit is reached, in the direction `sign`.
+
+        If it is not reached, return 0 for a bounded curvature, else an infinite value.
+        """
+        from scipy.optimize import brentq
+
+        lowest = -math.inf
+        if parameter == Parameter.PRIME:
+            lowest = 1.0 / (MAX_PRIME_LIFTS * self.search.pitch(self.x).lift)
+        elif parameter == Parameter.FLANK and all(self.search.flats):
+            lowest = 0.0  # a flat face does not reach a concave flank
+        path = _ProfilePath(self, parameter, lowest)
+        inside, step = path.start, sign * path.estimate.limit * path.estimate.error
+        for _ in range(MAX_DOUBLINGS):
+            outside = max(path.start + step, lowest)
+            if path.excess(outside) > 0.0:
+                xtol = END_RTOL * abs(outside - path.start)
+                return float(brentq(path.excess, inside, outside, xtol=xtol, rtol=1e-12))
+            if outside == lowest:
+                return 0.0
+            inside, step = outside, 2.0 * step
+        return sign * math.inf
+
+
+class _ProfilePath:
+    """Best contours with one fixed coordinate, as a function of this coordinate.
+
+    The path starts at the best of all contours. Each solution is kept as a starting point for the
+    next coordinates.
+    """
+
+    def __init__(self, profile: Profile, parameter: Parameter, lowest: float) -> None:
+        search = profile.search
+        self._profile, self._parameter = profile, parameter
+        self.estimate = profile.linear_estimate(parameter)
+        coordinates = search.coordinates.of(search.pitch(profile.x))
+        self.start = max(float(coordinates[parameter]), lowest)
+        index = search.free.index(parameter)
+        self._gradient = np.delete(self.estimate.gradient, index)
+        self._solutions = {self.start: (np.delete(profile.x, index), -self.estimate.limit)}
+
+    def excess(self, coordinate: float) -> float:
+        """Return the distance beyond the limit of the best contour with this coordinate.
+
+        The distance is in errors of a reading, negative within the limit.
+        """
+        if coordinate in self._solutions:
+            return self._solutions[coordinate][1]
+        search = self._profile.search.fix(self._parameter, coordinate)
+        starts = (x for x in self._starts(coordinate) if search.rms(x) < NO_CONTOUR_RESIDUAL)
+        start = next(starts, None)
+        x = search.solve() if start is None else search.minimize(start, PROFILE_RTOL)
+        excess = self._profile.distance(search.sse(x)) - self.estimate.limit
+        self._solutions[coordinate] = x, excess
+        return excess
+
+    def _starts(self, coordinate: float) -> tuple[FloatArray, FloatArray]:
+        """Return two starting points for the contour with this coordinate.
+
+        The first is a linear extrapolation from the two nearest contours within twice the limit.
+        The second is the nearest contour. It is used if no contour has the extrapolated parameters.
+        """
+        limit = self.estimate.limit
+        usable = [c for c, (_, excess) in self._solutions.items() if excess < limit]
+        nearest, *others = sorted(usable, key=lambda other: abs(other - coordinate))[:2]
+        x, gradient = self._solutions[nearest][0], self._gradient
+        if others:
+            gradient = (self._solutions[others[0]][0] - x) / (others[0] - nearest)
+        return x + (coordinate - nearest) * gradient, x

@@ -1,0 +1,78 @@
+"""Radii that lifts do not determine: that of a roller, and that of the base circle under a flat.
+
+An assumed radius that would leave no nose is replaced. A given one is rejected.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from cam_rig.errors import ConfigError
+from cam_rig.studies.fit_cam.arcs.contour import Arcs
+
+#: Radii that are given in addition to the readings. None: neither is given.
+GivenRadii = Literal["base", "roller", "both"] | None
+#: Smallest radius of nose or base that an assumed radius may leave, as a fraction of the smaller of
+#: base and nose radius of the pitch curve, or under a flat face of the base radius. A smaller one
+#: is a cusp, as with half the lift as the roller radius of a cam with a sharp nose.
+MIN_RADIUS_LEFT = 0.1
+#: Radius of nose or base that the replacement of an assumed radius leaves, as such a fraction.
+REPLACED_RADIUS_LEFT = 0.5
+#: Smallest radius of nose or base, as a fraction of the radius on the pitch curve. It keeps both
+#: positive while a given base radius is checked.
+MIN_RADIUS_RATIO = 1e-6
+
+
+def contour_of_pitch_curve(
+    pitch: Arcs, flat: bool, given: GivenRadii, roller: float, base: float
+) -> tuple[Arcs, float, float | None]:
+    """Return the contour of a pitch curve, its roller radius, and a replaced radius.
+
+    Parameters
+    ----------
+    pitch : pitch curve
+    flat : True if all followers are flat, so that the lifts do not determine the base radius
+    given : radii that are given
+    roller : roller radius, m: given, or the usual assumption
+    base : base radius, m: given, or the usual assumption
+
+    Returns
+    -------
+    arcs : the contour
+    roller : its roller radius, m
+    replaced : the usual assumption in m, if it leaves too little radius for nose or base and
+        another radius was assumed, else None
+    """
+    replaced, smallest = None, min(pitch.nose_radius, pitch.base_radius)
+    if flat:
+        difference = pitch.base_radius - pitch.nose_radius
+        if given not in ("base", "both") and base - difference < MIN_RADIUS_LEFT * base:
+            replaced, base = base, float(f"{difference / (1.0 - REPLACED_RADIUS_LEFT):.2g}")
+        return pitch.offset(base - pitch.base_radius), roller, replaced
+    if given == "base":
+        # `require_roller` rejects a base radius without a roller or a nose after the fit
+        roller = min(max(pitch.base_radius - base, 0.0), (1.0 - MIN_RADIUS_RATIO) * smallest)
+    elif given is None and smallest - roller < MIN_RADIUS_LEFT * smallest:
+        replaced, roller = roller, float(f"{REPLACED_RADIUS_LEFT * smallest:.2g}")
+    return pitch.offset(-roller), roller, replaced
+
+
+def require_roller(base: float, pitch: Arcs, interval: str) -> None:
+    """Raise ConfigError if a base radius (m) leaves no roller or no nose.
+
+    ``interval`` is that of the prime radius of the pitch curve, as text.
+    """
+    prime, nose = pitch.base_radius, pitch.nose_radius
+    together = f"{prime * 1e3:.4g} mm ({interval} with 95 %)"
+    if base >= prime:
+        raise ConfigError(
+            f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
+            f"together, {together}, or with --roller-radius"
+        )
+    if prime - base >= nose:
+        raise ConfigError(
+            f"--base-radius: is {base * 1e3:g} mm, which leaves a roller of "
+            f"{(prime - base) * 1e3:.4g} mm of {together}; allowed: above "
+            f"{(prime - nose) * 1e3:.4g} mm, because nose and roller radius are together "
+            f"{nose * 1e3:.4g} mm, or with --roller-radius"
+        )

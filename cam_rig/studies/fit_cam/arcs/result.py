@@ -1,0 +1,333 @@
+"""Result of a fit of tangent arcs: contour, intervals of its parameters, and residuals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from cam_rig.laws.arc_law import ArcFollower
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.studies.fit_cam.arcs.contour import ArcColumn, Arcs, Parameter, parameter_value
+from cam_rig.studies.fit_cam.arcs.intervals import Identifiability, ParameterInterval
+from cam_rig.studies.fit_cam.arcs.profile_likelihood import Profile
+from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
+from cam_rig.studies.fit_cam.suspects import list_farthest, list_outliers, relative_residuals
+from cam_rig.units import rms
+
+#: Shape of the flanks, if it is given.
+Flank = Literal["straight", "curved"] | None
+#: Ratio of r.m.s. residuals from which the readings rule out the worse of two interpretations. With
+#: a smaller ratio, it could be the closer one in another set of readings.
+MIN_EXCLUDED_RATIO = 1.1
+#: Largest r.m.s. residual of readings that arcs describe, as a multiple of the readings' scatter.
+#: The scatter is below that of the arcs if the errors of neighbouring readings are equal.
+MAX_DESCRIBED_SCATTERS = 4.0
+#: Text of the turning sense of a column. The index is True if it is reversed.
+SENSES = ("as turned", "reversed")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ArcsFit(Result):
+    """Fitted contour of tangent arcs, its columns, and the other interpretations.
+
+    Attributes
+    ----------
+    best : fit of the selected contour
+    curved : best fit with any flank, which can be `best`
+    given_radii : radii that are given
+    flank : shape of the flanks, if it is given
+    others : fits of all other interpretations of the columns, likeliest first
+    arcs : the contour, with the given or assumed radii
+    roller_radius : roller radius in m, given, fitted or assumed, 0 for a point
+    other_radius : usual assumption in m, if it leaves too little radius for nose or base and
+        another radius was assumed, else None
+    without_radii : best fit without the given radii, if these bound the search, else None
+    notes : how the tables were read
+    assumed : assumptions in a written file that no reading supports
+    """
+
+    schema = "cam_rig.fit_arcs.2"
+    plot_function = "cam_rig.studies.fit_cam.figures:arcs_figure"
+    columns: ClassVar = {
+        "numbers": (
+            Column("number", of="name"),
+            Column("value", cell=lambda p: p.value_text, doc="m, of an angle rad"),
+            Column("low_95", hidden=True, doc="empty if the interval contains straight"),
+            Column("high_95", hidden=True, doc="empty if the interval contains straight"),
+            Column("convex_from_95", hidden=True, doc="else the least convex radius"),
+            Column("concave_from_95", hidden=True, doc="else the least concave radius"),
+            Column(
+                "interval",
+                heading="with 95 %",
+                of="interval_text",
+                cell=lambda p: p.interval_text or "-",
+            ),
+            Column("standard_error", of="error", hidden=True),
+            Column("identifiable", of="identifiability", doc="identifiable, poorly or not"),
+        ),
+        "residuals": (
+            Column("readings", of="readings.name"),
+            Column("count", "", "d", of="residuals.size"),
+            Column("follower", of="kind"),
+            Column("reversed", "", "", "read", "is_reversed", lambda c: SENSES[c.is_reversed]),
+            Column("rms", "mm", ".4f", "r.m.s."),
+            Column("largest", "mm", ".4f", of=lambda c: float(abs(c.residuals).max())),
+            Column("largest_at", "°", ".6g", "at", lambda c: float(c.readings.angles[c.worst])),
+            Column("largest_line", "", "d", "in line", lambda c: int(c.readings.lines[c.worst])),
+            Column("outliers", "", "d", of=lambda c: len(c.readings.outliers)),
+        ),
+        "others": (Column("columns", of="search.name"), Column("rms", "mm", ".3g")),
+        "arcs": (
+            Column("base_radius", "m", of="arcs.base_radius"),
+            Column("lift", "m", of="arcs.lift"),
+            Column("flank", of="arcs.flank"),
+            Column("flank_radius", "m", of="arcs.flank_radius"),
+            Column("nose_radius", "m", of="arcs.nose_radius"),
+            Column("nose_angle", "rad", of="arcs.nose_angle"),
+            Column("roller_radius", "m"),
+            Column("given_radii", doc="base, roller, both or none"),
+            Column("rms", "m"),
+            Column("not_identifiable", doc="parameters that these followers do not identify"),
+            Column("notes", doc="how the readings were read"),
+            Column("conclusions", of=lambda fit: [*fit.conclusions()]),
+        ),
+    }
+
+    best: Profile
+    curved: Profile
+    given_radii: GivenRadii
+    flank: Flank
+    others: tuple[Profile, ...]
+    arcs: Arcs
+    roller_radius: float
+    other_radius: float | None = None
+    without_radii: Profile | None = None
+    notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @cached_property
+    def fitted_columns(self) -> tuple[ArcColumn, ...]:
+        """Readings of each column, with their residuals from the contour."""
+        search, roller = self.best.search, ArcFollower(False, self.roller_radius)
+        columns = (search.column(self.best.x, i) for i in range(len(search.columns)))
+        return tuple(
+            column if column.follower.flat else replace(column, follower=roller)
+            for column in columns
+        )
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Parameters of the contour as reported, in m and rad.
+
+        The radius of a straight flank is infinite.
+        """
+        coordinates = self.best.search.coordinates.of(self.arcs.offset(self.roller_radius))
+        return tuple(parameter_value(p, float(coordinates[p])) for p in Parameter)
+
+    @property
+    def rms(self) -> float:
+        """Residual of all readings, r.m.s. in m."""
+        return rms(np.concatenate([column.residuals for column in self.fitted_columns]))
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation (m) of all readings from a smooth law through each column."""
+        sizes = [np.full(c.residuals.size, c.readings.scatter) for c in self.fitted_columns]
+        return rms(np.concatenate(sizes))
+
+    @property
+    def is_described(self) -> bool:
+        """True if arcs describe the readings.
+
+        The residual is then within `MAX_DESCRIBED_SCATTERS` scatters.
+        """
+        return self.rms <= MAX_DESCRIBED_SCATTERS * self.scatter
+
+    @property
+    def only_flat(self) -> bool:
+        """True if all followers are flat, so that the base radius is not identifiable."""
+        return all(column.kind == "flat" for column in self.fitted_columns)
+
+    @cached_property
+    def intervals(self) -> tuple[ParameterInterval, ...]:
+        """Interval of each parameter, for any flank unless it is given as straight."""
+        profile = self.best if self.flank == "straight" else self.curved
+        return tuple(self._interval(parameter, profile) for parameter in Parameter)
+
+    @cached_property
+    def prime_if_straight(self) -> ParameterInterval | None:
+        """Interval of the prime radius (base plus roller radius) with straight flanks.
+
+        None if straight flanks were given or not selected, or if the prime radius is fixed.
+        """
+        is_selected = self.best is not self.curved
+        if is_selected and Parameter.PRIME not in self.best.search.fixed:
+            return self._interval(Parameter.PRIME, self.best)
+        return None
+
+    def _interval(self, parameter: Parameter, profile: Profile) -> ParameterInterval:
+        value, name = self.numbers[parameter], self.best.search.coordinates.names[parameter]
+        unit: Literal["mm", "deg"] = "deg" if parameter == Parameter.ANGLE else "mm"
+        if parameter not in profile.search.fixed:
+            return ParameterInterval(name, value, *profile.interval(parameter), unit=unit)
+        is_base_given = self.given_radii == "both" or (
+            self.only_flat and self.given_radii == "base"
+        )
+        is_given = parameter == Parameter.FLANK or is_base_given
+        origin: Literal["given", "assumed"] = "given" if is_given else "assumed"
+        return ParameterInterval(name, value, value, value, origin, unit)
+
+    def excludes(self, other: Profile) -> bool:
+        """Return True if the readings rule out another interpretation."""
+        return other.rms >= MIN_EXCLUDED_RATIO * self.rms
+
+    @property
+    def other_kinds(self) -> Profile | None:
+        """Likeliest fit with other kinds of follower that is not ruled out, or None."""
+        flats = self.best.search.flats
+        others = (other for other in self.others if other.search.flats != flats)
+        return next((other for other in others if not self.excludes(other)), None)
+
+    @property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """Parameters that these followers cannot identify, one sentence each."""
+        if self.only_flat:
+            is_given, usual = self.given_radii in ("base", "both"), "three lifts"
+            radius = self.arcs.base_radius
+        elif not self.roller_radius or self.given_radii == "both":
+            return ()
+        else:
+            is_given, usual = self.given_radii is not None, "half the lift"
+            radius = self.roller_radius
+        origin = "given" if is_given else "assumed"
+        if not is_given and self.other_radius is not None:
+            origin += (
+                f" as {radius * 1e3:.3g} mm, because with {usual}, "
+                f"{self.other_radius * 1e3:.3g} mm, nose or base would have no radius"
+            )
+        if self.only_flat:
+            return (
+                "A flat follower identifies flank and nose radius only less the base radius, "
+                f"which is {origin}.",
+            )
+        name = "base" if self.given_radii == "base" else "roller"
+        return (
+            f"Base and roller radius are identifiable only as a sum: the {name} radius is "
+            f"{origin}, and flank and nose radius depend on it.",
+        )
+
+    def tables(self) -> list[Records]:
+        """Return the tables of parameters, residuals and other interpretations."""
+        residuals = "Residuals of the readings from the arcs"
+        others = "Other interpretations of the columns"
+        return [
+            self.table("numbers", "Tangent arcs: parameters and intervals", self.intervals),
+            self.table("residuals", residuals, self.fitted_columns),
+            self.table("others", others, self.others, hidden=True),
+            self.table("arcs", "The contour", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """Return the notes on the tables, followed by the conclusions."""
+        return [*self.notes, *self.conclusions()]
+
+    # Conclusions, one sentence each.
+
+    def conclusions(self) -> Iterator[str]:
+        """Yield the conclusions, one sentence each.
+
+        They report the residual, the flanks, the interpretation of the columns, the outliers, and
+        the parameters that are not identifiable.
+        """
+        readings = sum(column.residuals.size for column in self.fitted_columns)
+        yield (
+            f"{self.best.x.size} numbers of tangent arcs: {self.rms * 1e3:.3g} mm r.m.s. from "
+            f"{readings} readings."
+        )
+        yield from self._explain_flanks()
+        yield from self._warnings()
+        yield from self._explain_columns()
+        yield from self.not_identifiable
+
+    def _explain_flanks(self) -> Iterator[str]:
+        """Yield the sentences on straight flanks, and on the prime radius with them."""
+        flank, prime = self.intervals[Parameter.FLANK], self.intervals[Parameter.PRIME]
+        if self.flank == "straight":
+            yield "Flanks are straight as requested: a tangent cam."
+        elif self.arcs.flank_radius is None:
+            yield (
+                "Straight flanks are used (`flank: straight`, a tangent cam), because the readings "
+                f"do not exclude them: {self.rms * 1e3:.3g} mm r.m.s. are left, and "
+                f"{self.curved.rms * 1e3:.3g} mm with the best curved flanks. With 95 % "
+                f"{flank.name} is {flank.interval_text}."
+            )
+            if self.prime_if_straight is not None:
+                yield (
+                    "If you know that they are straight, give flank as straight: "
+                    f"{prime.name} is then {self.prime_if_straight.interval_text} with 95 %."
+                )
+        elif flank.over_straight:
+            yield (
+                "The readings do not exclude straight flanks. They are used unless curved flanks "
+                "are requested."
+            )
+
+    def _warnings(self) -> Iterator[str]:
+        """Yield warnings on another shape, contradicted radii, and undetermined parameters."""
+        if not self.is_described:
+            yield (
+                f"Warning: tangent arcs do not describe the readings: {self.rms * 1e3:.3g} mm "
+                f"r.m.s. are left, the readings scatter by {self.scatter * 1e3:.2g} mm about a "
+                "smooth law. The radii of the cam are not identified: try another follower, or use "
+                "the shape spline."
+            )
+        free = self.without_radii
+        if free is not None and free.excludes(Parameter.PRIME, self.best.sse):
+            prime, nose = (
+                " to ".join(f"{end * 1e3:.3g}" for end in free.interval(parameter))
+                for parameter in (Parameter.PRIME, Parameter.NOSE)
+            )
+            yield (
+                f"Warning: the readings contradict the given radii: {free.rms * 1e3:.3g} mm r.m.s. "
+                f"are left without them, and base and roller radius together are then {prime} mm, "
+                f"nose and roller radius {nose} mm, with 95 %."
+            )
+        poor = (Identifiability.POOR, Identifiability.NOT_IDENTIFIABLE)
+        names = ", ".join(
+            f"{interval.name} {interval.interval_text}"
+            for parameter, interval in zip(Parameter, self.intervals, strict=True)
+            if parameter != Parameter.FLANK and interval.identifiability in poor
+        )
+        if names:
+            yield f"Warning: the readings hardly identify {names} (95 %)."
+
+    def _explain_columns(self) -> Iterator[str]:
+        """Yield the sentences on followers, turning senses, outliers and other interpretations."""
+        columns = self.fitted_columns
+        flat = [column.readings.name for column in columns if column.kind == "flat"]
+        if flat and len(flat) < len(columns):
+            yield f"The flat follower's readings are {' and '.join(flat)}."
+        reverse = [column.readings.name for column in columns if column.is_reversed]
+        if reverse:
+            apart = abs(math.degrees(2.0 * self.arcs.nose_angle) + 180.0) % 360.0 - 180.0
+            yield (
+                f"{' and '.join(reverse)} fits as read in the other turning sense, or from a zero "
+                f"{abs(apart):.2g} deg apart."
+            )
+        for column in columns:
+            sizes = relative_residuals(column.readings, column.residuals)
+            if self.is_described:
+                yield from list_farthest(column.readings, -column.residuals, sizes)
+            if column.readings.outliers:
+                yield f"{column.readings.name}: {list_outliers(column.readings)}"
+        for other in self.others[:1]:
+            text = f"{other.search.name} ({other.rms * 1e3:.3g} mm r.m.s.)"
+            if self.excludes(other):
+                yield f"The next best interpretation of the columns is {text}"
+            else:
+                yield f"The readings do not exclude {text}"

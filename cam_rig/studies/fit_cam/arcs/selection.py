@@ -1,0 +1,241 @@
+"""Selection of one contour of tangent arcs for the readings of one or several followers.
+
+An interpretation of the columns is the kind of follower (flat or not) and the turning sense of each
+column. An `ArcSearch` fits each possible interpretation. The likeliest is fitted again with
+straight flanks, and these are used if the readings do not rule them out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from cam_rig.errors import LawError
+from cam_rig.studies.fit_cam.arcs.contour import Coordinates, Parameter
+from cam_rig.studies.fit_cam.arcs.profile_likelihood import Profile
+from cam_rig.studies.fit_cam.arcs.radii import GivenRadii, contour_of_pitch_curve, require_roller
+from cam_rig.studies.fit_cam.arcs.result import ArcsFit, Flank
+from cam_rig.studies.fit_cam.arcs.search import NO_CLOSE_CONTOUR, ArcSearch, Role
+from cam_rig.studies.fit_cam.gauge import Readings
+from cam_rig.studies.fit_cam.outliers import (
+    MIN_OUTLIER_SCATTERS,
+    exclude_outliers_from,
+    include_outliers,
+)
+
+Columns = tuple[Readings, ...]
+
+#: Largest number of times that outliers are determined from the arcs and the arcs fitted again.
+MAX_OUTLIER_ROUNDS = 4
+#: R.m.s. residual, as a fraction of the lift, from which a contour does not belong to the readings.
+#: The tables of other cams have larger residuals.
+MAX_RMS_RATIO = 0.05
+#: Base radius in lifts that is large enough not to bound the contour under a flat face.
+FREE_BASE_LIFTS = 100.0
+#: Ratio of the nose radius of the pitch curve to a given roller radius, below which the search is
+#: at its bound.
+BOUND_RATIO = 1.01
+#: Ratio of r.m.s. residual to the smallest residual, above which an interpretation is not refined.
+#: A rough search ends close to its minimum, so the order of the residuals stays the same.
+MAX_REFINED_RATIO = 2.0
+#: Smallest r.m.s. residual (m) in the criterion of likelihood, far below that of a gauge. It is
+#: reached by exact lifts.
+MIN_RMS = 1e-12
+
+
+def fit_arcs(
+    columns: Columns,
+    kinds: tuple[bool | None, ...],
+    roller_radius: float,
+    base_radius: float,
+    given_radii: GivenRadii = None,
+    flank: Flank = None,
+) -> ArcsFit:
+    """Fit one contour of tangent arcs to the readings of all columns.
+
+    The lifts are above the zero of their column. The fitted arcs determine the outliers, not the
+    neighbouring readings. A flat face can pass from base circle to nose with a kink, and a good
+    reading at a kink disagrees with its neighbours.
+
+    Parameters
+    ----------
+    columns : readings of each column
+    kinds : for each column True if its follower is flat, False if not, None to try both
+    roller_radius : roller radius in m, 0 for a point
+    base_radius : base radius in m, used if all followers are flat, because they do not determine
+        it, and if both radii are given
+    given_radii : the radii that are given. A radius bounds the search only if it is given. An
+        assumed radius that leaves too little radius for the nose is replaced.
+    flank : shape of the flanks (default: straight unless the readings rule it out)
+
+    Returns
+    -------
+    fit : the likeliest contour
+
+    Raises
+    ------
+    LawError : no contour is close to the readings
+    ConfigError : the given base radius leaves no roller or no nose
+    """
+
+    def fit(columns: Columns) -> ArcsFit:
+        searches = _searches(columns, kinds, roller_radius, base_radius, given_radii)
+        if flank == "straight":
+            searches = (search.fix(Parameter.FLANK, 0.0) for search in searches)
+        return _select(list(searches), roller_radius, base_radius, given_radii, flank)
+
+    result = _fit_without_outliers(fit, columns)
+    if any(column.readings.outliers for column in result.fitted_columns):
+        with suppress(LawError):  # no contour is close to the readings with a very large slip
+            other = _fit_without_outliers(fit, tuple(map(include_outliers, columns)))
+            # used if it keeps more readings, and on average the added readings are not outliers
+            added = other.best.search.count - result.best.search.count
+            added_sse = other.best.sse - result.best.sse
+            if added > 0 and added_sse < added * (MIN_OUTLIER_SCATTERS * result.rms) ** 2:
+                result = other
+    if given_radii == "base":
+        pitch = result.best.search.pitch(result.best.x)
+        interval = result.intervals[Parameter.PRIME].interval_text
+        require_roller(base_radius, pitch, interval)
+    return result
+
+
+def _fit_without_outliers(fit: Callable[[Columns], ArcsFit], columns: Columns) -> ArcsFit:
+    """Return the fit that excludes the same outliers that its arcs determine.
+
+    The last fit is returned if the outliers still change after `MAX_OUTLIER_ROUNDS` repetitions.
+    """
+    result = fit(columns)
+    for _ in range(MAX_OUTLIER_ROUNDS):
+        fitted = result.fitted_columns
+        columns = tuple(
+            exclude_outliers_from(partial(column.lifts, result.arcs), column.readings)
+            for column in fitted
+        )
+        if all(
+            np.array_equal(new.lines, column.readings.lines)
+            for new, column in zip(columns, fitted, strict=True)
+        ):
+            break
+        result = fit(columns)
+    return result
+
+
+# Interpretations of the columns, and the likeliest of them.
+
+
+def _searches(
+    columns: Columns,
+    kinds: tuple[bool | None, ...],
+    roller_radius: float,
+    base_radius: float,
+    given_radii: GivenRadii,
+) -> Iterator[ArcSearch]:
+    """Yield the search of each possible interpretation of the columns.
+
+    A contour and its mirror image differ only in the angle of the nose. The sense of the first
+    column is therefore not reversed. The other columns are tried in both senses.
+    """
+    free_base = FREE_BASE_LIFTS * max(float(column.lifts.max()) for column in columns)
+    all_flats = product(*((True, False) if kind is None else (kind,) for kind in kinds))
+    all_senses = list(product(*([(False,)] + [(False, True)] * (len(columns) - 1))))
+    for flats, senses in product(all_flats, all_senses):
+        fixed, min_radius = dict[Parameter, float](), 0.0
+        if all(flats):
+            base = base_radius if given_radii in ("base", "both") else free_base
+            fixed = {Parameter.PRIME: 1.0 / base}
+        elif given_radii in ("roller", "both"):
+            min_radius = roller_radius
+            if given_radii == "both":
+                fixed = {Parameter.PRIME: 1.0 / (base_radius + roller_radius)}
+        yield ArcSearch(
+            columns=columns,
+            roles=tuple(map(Role, flats, senses)),
+            coordinates=Coordinates(
+                rolling=roller_radius > 0.0, sums=not all(flats) and given_radii != "base"
+            ),
+            fixed=fixed,
+            min_radius=min_radius,
+        )
+
+
+def _select(
+    searches: list[ArcSearch],
+    roller_radius: float,
+    base_radius: float,
+    given_radii: GivenRadii,
+    flank: Flank,
+) -> ArcsFit:
+    """Return the fit of the likeliest search, with straight flanks if not ruled out."""
+    curved, *others = _solve_all(searches)
+    columns = curved.search.columns
+    if curved.rms >= MAX_RMS_RATIO * max(float(column.lifts.max()) for column in columns):
+        raise LawError(f"{columns[0].name}: {NO_CLOSE_CONTOUR}")
+    best = curved
+    if not flank:
+        search = curved.search.fix(Parameter.FLANK, 0.0)
+        straight = Profile(search, search.solve())
+        if not curved.excludes(Parameter.FLANK, straight.sse):
+            best = straight
+    arcs, roller_radius, other_radius = contour_of_pitch_curve(
+        pitch=best.search.pitch(best.x),
+        flat=all(best.search.flats),
+        given=given_radii,
+        roller=roller_radius,
+        base=base_radius,
+    )
+    return ArcsFit(
+        best=best,
+        curved=curved,
+        given_radii=given_radii,
+        flank=flank,
+        others=tuple(others),
+        arcs=arcs,
+        roller_radius=roller_radius,
+        other_radius=other_radius,
+        without_radii=_solve_without_radii(best, given_radii),
+    )
+
+
+def _solve_all(searches: list[ArcSearch]) -> list[Profile]:
+    """Return the best contour of each search, the likeliest first.
+
+    A contour with a far larger residual than the smallest is not refined. The order is that of
+    Schwarz's criterion (BIC): of two contours that are equally close, that with fewer free
+    parameters is likelier.
+    """
+    minima = [search.rough_minima() for search in searches]
+    rms = [search.rms(ends[0]) for search, ends in zip(searches, minima, strict=True)]
+    limit = MAX_REFINED_RATIO * min(rms)
+    profiles = [
+        Profile(search, ends[0] if rough > limit else search.refine(ends))
+        for search, ends, rough in zip(searches, minima, rms, strict=True)
+    ]
+
+    def criterion(profile: Profile) -> float:
+        count = profile.search.count
+        likelihood = 2.0 * count * math.log(max(profile.rms, MIN_RMS))
+        return likelihood + profile.x.size * math.log(count)
+
+    return sorted(profiles, key=criterion)
+
+
+def _solve_without_radii(profile: Profile, given_radii: GivenRadii) -> Profile | None:
+    """Return the best fit without the given radii.
+
+    Return None if they do not bound the search.
+    """
+    search = profile.search
+    is_at_bound = search.pitch(profile.x).nose_radius < BOUND_RATIO * search.min_radius
+    if all(search.flats) or not (given_radii == "both" or is_at_bound):
+        return None
+    fixed = dict(search.fixed)
+    fixed.pop(Parameter.PRIME, None)
+    free = replace(search, fixed=fixed, min_radius=0.0)
+    return Profile(free, free.solve())

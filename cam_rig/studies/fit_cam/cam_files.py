@@ -1,0 +1,216 @@
+"""Cam file of a fitted spline, the table of its points, and the parts that cam files share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cam_rig.laws import Law, build_law
+from cam_rig.profile.cam_checks import check_cam
+from cam_rig.schema import CamConfig
+from cam_rig.schema.load import quantity_data, to_yaml, validate_cam
+from cam_rig.studies.fit_cam.arcs.contour import FollowerKind
+from cam_rig.studies.fit_cam.dwells import DEGREE_DECIMALS
+from cam_rig.studies.fit_cam.spline_fit import SplineFit
+from cam_rig.units import TURN
+
+#: Base radii, as multiples of the lift, that are tried in this order. The first whose contour
+#: passes the checks is taken.
+BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
+#: Assumed roller radius, as a fraction of the base radius: a usual proportion.
+ROLLER_PART = 0.3
+#: Number of decimals of lengths in mm in a file: 1 nm, below the step of any gauge.
+MILLIMETRE_DECIMALS = 6
+#: Origin of an assumed radius, for a cam file.
+FREE_CHOICE = "a free choice, not identifiable from the readings: replace it with the cam's radius"
+
+
+@dataclass(frozen=True)
+class CamFiles:
+    """A cam, its law, and the text of each of its files by file name.
+
+    `assumed` lists the assumptions that no reading supports.
+    """
+
+    cam: CamConfig
+    law: Law
+    texts: dict[str, str]
+    assumed: tuple[str, ...]
+
+
+class _Candidate(NamedTuple):
+    """Cam with a base radius (m), and whether it passes all checks."""
+
+    radius: float
+    data: dict[str, Any]
+    cam: CamConfig
+    law: Law
+    passes: bool
+
+
+def spline_cam(
+    name: str,
+    fit: SplineFit,
+    kind: FollowerKind,
+    base_radius: float | None = None,
+    roller_radius: float | None = None,
+) -> CamFiles:
+    """Return the cam file of a spline, and the table of its points.
+
+    `base_radius` is in m. The default is the first of `BASE_RADII_IN_LIFTS` that passes the checks.
+    `roller_radius` is in m. The default is the fraction `ROLLER_PART` of the base radius.
+    """
+
+    def build(radius: float) -> _Candidate:
+        return _build_spline_cam(name, fit, kind, radius, base_radius is not None, roller_radius)
+
+    candidates = (build(n * fit.law.lift) for n in BASE_RADII_IN_LIFTS)
+    passing = (candidate for candidate in candidates if candidate.passes)
+    if base_radius is None:
+        best = next(passing, None) or build(BASE_RADII_IN_LIFTS[-1] * fit.law.lift)
+    else:
+        best = build(base_radius)
+    radius = to_mm(best.radius)
+    assumed = [f"follower {kind}, and a gauge whose foot is of its shape"]
+    if base_radius is None:
+        first = ", the first to pass the checks" if best.passes else ""
+        assumed.append(f"base radius {radius:.4g} mm{first}")
+    if kind == "roller" and roller_radius is None:
+        assumed.append(f"roller radius {to_mm(ROLLER_PART * best.radius):.4g} mm")
+    if not best.passes and base_radius is None:
+        assumed.append("no base radius passes all checks: see cam-rig profile")
+    elif not best.passes:
+        better = next(passing, None)
+        other = "" if better is None else f", {to_mm(better.radius):.4g} mm does"
+        assumed.append(
+            f"the given base radius of {radius:.4g} mm does not pass all checks{other}: see "
+            "cam-rig profile"
+        )
+    source = f"{fit.readings.name}: the law is the spline of {name}.csv."
+    texts = {
+        f"{name}.yaml": cam_text(best.data, source, *fit.notes, assumed=assumed),
+        f"{name}.csv": _points_table(fit),
+    }
+    return CamFiles(best.cam, best.law, texts, tuple(assumed))
+
+
+def _build_spline_cam(
+    name: str,
+    fit: SplineFit,
+    kind: FollowerKind,
+    base_radius: float,
+    is_base_given: bool,
+    roller_radius: float | None,
+) -> _Candidate:
+    """Return the cam of a spline with a base radius (m), and whether it passes the checks."""
+    roller = radius_quantity(roller_radius or ROLLER_PART * base_radius, roller_radius is not None)
+    data: dict[str, Any] = {
+        "name": name,
+        "title": f"{name}, from readings",
+        "lift": quantity_data(
+            "identified", to_mm(fit.law.lift), "mm", "spline through the readings", _residual(fit)
+        ),
+        "follower": follower_data(kind, radius_quantity(base_radius, is_base_given), roller),
+        "segments": [_table_segment(f"{name}.csv", fit)],
+    }
+    # the points as the table contains them, because it is not written yet
+    degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
+    points = {
+        "file": f"{name}.csv",
+        "angles": tuple(angle * (TURN / 360.0) for angle in degrees),
+        "lifts": tuple(1e-3 * to_mm(lift) for lift in fit.readings.lifts),
+    }
+    cam = validate_cam({**data, "segments": [{**data["segments"][0], "file": points}]})
+    law = build_law(cam)
+    passes = all(check.passed for check in check_cam(cam, law))
+    return _Candidate(base_radius, data, cam, law, passes)
+
+
+def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
+    """Return the segment of a cam file with the table of points, its tolerance and dwells."""
+    allowed = float(f"{fit.tolerance * 1e3:.9g}")
+    if fit.followed:
+        tolerance = quantity_data("given", allowed, "mm", "the gauge's error, as requested")
+    else:
+        source = f"scatter of the readings, {fit.scatter * 1e3:.3g} mm, and its error"
+        if fit.widened:
+            source = "the least that a spline with fewer knots than readings reaches"
+        tolerance = quantity_data("identified", allowed, "mm", source, _residual(fit))
+    segment: dict[str, Any] = {
+        "law": "table",
+        "span": quantity_data("given", 360, "deg", "readings all around"),
+        "file": file,
+        "source": fit.readings.name,
+        "tolerance": tolerance,
+    }
+    dwells = []
+    for dwell in fit.dwells:
+        start, span, level = dwell.rest
+        start, span = (round(math.degrees(angle), DEGREE_DECIMALS) for angle in (start, span))
+        dwells.append(
+            {
+                "start": quantity_data("identified", start % 360.0, "deg", "found in the readings"),
+                "span": quantity_data("identified", span, "deg", f"{dwell.count} readings rest"),
+                "level": quantity_data("identified", to_mm(level), "mm", "their mean"),
+            }
+        )
+    return {**segment, "dwells": dwells} if dwells else segment
+
+
+def _points_table(fit: SplineFit) -> str:
+    """Return the text of the table of points."""
+    readings = fit.readings
+    lines = [f"# {readings.name}, {to_mm(fit.zero):.6g} mm subtracted"]
+    lines += [f"# {note}" for note in readings.notes]
+    lines += [
+        f"# excluded as an outlier: line {outlier.line}, {math.degrees(outlier.angle):.6g} deg, "
+        f"{to_mm(outlier.lift):.6g} mm"
+        for outlier in readings.outliers
+    ]
+    lines.append("angle_deg,lift_mm")
+    degrees = np.degrees(readings.angles)
+    lines += [f"{a:.9g},{to_mm(s)!r}" for a, s in zip(degrees, readings.lifts, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def _residual(fit: SplineFit) -> str:
+    """Return the residuals of a spline as text for a cam file."""
+    smoothed = fit.smoothed
+    return f"{to_mm(smoothed.rms):.3g} mm r.m.s., {to_mm(smoothed.largest):.3g} mm at most"
+
+
+# Parts of all cam files.
+
+
+def cam_text(data: dict[str, Any], *header: str, assumed: list[str]) -> str:
+    """Return the text of a cam file, with a header and the assumptions as comments.
+
+    Unprintable characters of the comments are removed.
+    """
+    lines = [*header, *(f"assumed: {assumption}" for assumption in assumed)]
+    comments = (f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
+    return "".join(comments) + to_yaml(data)
+
+
+def follower_data(
+    kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the follower section of a cam file. Only a roller has a roller radius."""
+    data = {"type": kind, "base_radius": base}
+    return {**data, "roller_radius": roller} if kind == "roller" else data
+
+
+def radius_quantity(radius: float, is_given: bool) -> dict[str, Any]:
+    """Return a radius (m) that does not follow from the readings, as a quantity of a file."""
+    if is_given:
+        source = "an option of cam-rig, or stated in the table"
+        return quantity_data("given", to_mm(radius), "mm", source)
+    return quantity_data("assumed", to_mm(radius), "mm", FREE_CHOICE)
+
+
+def to_mm(metres: float) -> float:
+    """Return a length in mm, rounded to the decimals of a file."""
+    return round(float(metres) * 1e3, MILLIMETRE_DECIMALS)
