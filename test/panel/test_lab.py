@@ -194,7 +194,7 @@ def test_no_response_contains_a_hidden_number(hidden):
 def test_theory_is_available_only_without_a_seed(hidden, plain):
     """Refuse the theory with a seed, because it is not that of the hidden rig."""
     status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
-    assert status == 409 and "without a seed" in json.loads(body)["words"]
+    assert status == 409 and "without a seed" in json.loads(body)["message"]
     sheet = plain.pages.notebook.sheet
     theory = json.loads(plain.get("/lab/theory"))
     (line,) = theory["curves"]
@@ -256,7 +256,7 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
     ):
         for path in ("/lab/turn", "/lab/record"):
             status, body = plain.send(path, plain.request_data(0, 300.0) | change)
-            assert status == 409 and text in body["words"]
+            assert status == 409 and text in body["message"]
     for student in (None, 7, "a\nb", "x" * 81):
         assert plain.send("/lab/student", {"student": student})[0] == 409
     assert plain.pages.notebook.recorded.readings == ()

@@ -107,32 +107,32 @@ def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
     point, normal = shape.contact(motion)
     return {
         "contour": millimetres(disc.points),
-        "base": _rounded(cam.follower.base_radius.si * MM),
-        "roller": _rounded(shape.element.roller * MM),
+        "base": _millimetres(cam.follower.base_radius.si),
+        "roller": _millimetres(shape.element.roller),
         "outline": [millimetres(strip.T) for strip in shape.in_guide()],
         "support": [millimetres(strip.T) for strip in shape.support()],
         "origin": origin[0].tolist(),
-        "along": ((origin[1] - origin[0]) / lift).tolist(),
+        "origin_per_mm": ((origin[1] - origin[0]) / lift).tolist(),
         "turn": float(turn[0]),
-        "turns": float(turn[1] - turn[0]) / lift,
-        "place": millimetres(shape.place(lifts).T),
-        "swings": bool(np.ptp(turn)),
-        "reach": _rounded(shape.reach * MM),
-        "max_lift": _rounded(shape.max_lift * MM),
-        "touch": millimetres(point.T),
+        "turn_per_mm": float(turn[1] - turn[0]) / lift,
+        "centre": millimetres(shape.place(lifts).T),
+        "is_oscillating": bool(np.ptp(turn)),
+        "reach": _millimetres(shape.reach),
+        "max_lift": _millimetres(shape.max_lift),
+        "contact": millimetres(point.T),
         "normal": np.round(normal.T, DECIMALS).tolist(),
     }
 
 
-def _rounded(value: float) -> float:
-    return round(float(value), DECIMALS)
+def _millimetres(length: float) -> float:
+    return round(float(length * MM), DECIMALS)
 
 
 def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
     """Return the steady turn of a set-up by the exact model.
 
     The result contains the speed (rpm), `turn_curves` in base64, the level (dB), the least force
-    (N), and the flags `lost` (contact is lost) and `settled` (the turn repeats).
+    (N), and the flags `contact_lost` and `is_steady` (the turn repeats).
     """
     scene = SceneConfig.model_validate(setup.scene_data(rig, [setup.rpm], LEVEL_TURNS))
     speed = setup.rpm * RPM
@@ -142,9 +142,9 @@ def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
         "rpm": setup.rpm,
         "curves": base64.b64encode(values.tobytes()).decode("ascii"),
         "level_db": row.level_db,
-        "least_n": row.force_least,
-        "lost": bool((block.force == 0.0).any()),
-        "settled": is_steady,
+        "min_force_n": row.force_least,
+        "contact_lost": bool((block.force == 0.0).any()),
+        "is_steady": is_steady,
     }
 
 

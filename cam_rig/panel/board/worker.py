@@ -47,13 +47,13 @@ def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
     from cam_rig.studies.design.study import search_design
 
     def report(_: object, value: float) -> None:
-        _send({"so_far_rpm": value / RPM})
+        _send({"best_rpm": value / RPM})
 
     try:
         request = DesignRequest.of(maximise=GOAL, limits=[LIMIT])
         result = search_design(cam, rig, request, first["name"], report)
     except CamRigError as error:
-        _send({"words": str(error)})
+        _send({"message": str(error)})
     else:
         rpm = result.measures[0].result / RPM
         _send({"rpm": rpm, "motion": motion_in_base64(result.law), "text": result.text})
