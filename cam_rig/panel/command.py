@@ -204,14 +204,8 @@ def panel(
     """
     sheets = [name for name in names or [] if mark and name.endswith(".csv")]
     cams = [name for name in names or [] if name not in sheets]
-    if len(cams) > 1 and not (mark or lab):  # a lab checks the number of its cams itself
-        raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
-    if (seed or host) and lab is None:
-        raise ConfigError("--seed and --host require --lab")
-    if mark and (lab is not None or open_browser):
-        raise ConfigError("--mark cannot be combined with --lab, --seed or --open")
-    if not mark and any(value is not None for value in (tolerance, json, csv, plot)):
-        raise ConfigError("--tolerance, --json, --csv and --plot require --mark")
+    has_mark_options = any(value is not None for value in (tolerance, json, csv, plot))
+    _require_compatible(cams, lab, seed or host, mark, open_browser, has_mark_options)
     if mark:
         return mark_sheets([*map(Path, sheets)], cams, rig, tolerance)
     room = ClassRoom(lab, tuple(seed or ()), host) if lab else None
@@ -248,6 +242,24 @@ class ClassRoom(NamedTuple):
         return pages
 
 
+def _require_compatible(
+    cams: list[str],
+    lab: str | None,
+    lab_options: list[str] | str | None,
+    mark: bool,
+    open_browser: bool,
+    has_mark_options: bool,
+) -> None:
+    if len(cams) > 1 and not (mark or lab):  # a lab checks the number of its cams itself
+        raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
+    if lab_options and lab is None:
+        raise ConfigError("--seed and --host require --lab")
+    if mark and (lab is not None or open_browser):
+        raise ConfigError("--mark cannot be combined with --lab, --seed or --open")
+    if has_mark_options and not mark:
+        raise ConfigError("--tolerance, --json, --csv and --plot require --mark")
+
+
 def _serve(
     cams: list[str],
     rig: str,
@@ -258,8 +270,6 @@ def _serve(
     room: ClassRoom | None,
     lang: str | None,
 ) -> None:
-    import webbrowser
-
     from cam_rig.dynamics.events.backend import expect_many
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
@@ -302,10 +312,19 @@ def _serve(
                 print(served.address, flush=True)
             say("Ctrl-C ends the panel")
             if open_browser:
-                # Every user can read the arguments of a process, but only this user the file.
-                page = folder / "panel.html"
-                page.touch(mode=0o600)
-                page.write_text(REDIRECT.format(address=served.address), encoding="utf-8")
-                webbrowser.open(page.as_uri())
+                _open_browser(served.address, folder)
             runner.run(served.alive)
     raise CamRigError("the server of the panel has ended")
+
+
+def _open_browser(address: str, folder: Path) -> None:
+    """Open the browser with a file that only this user can read.
+
+    The file hides the token, because every user can read the arguments of a process.
+    """
+    import webbrowser
+
+    page = folder / "panel.html"
+    page.touch(mode=0o600)
+    page.write_text(REDIRECT.format(address=address), encoding="utf-8")
+    webbrowser.open(page.as_uri())

@@ -144,16 +144,7 @@ def languages() -> list[str]:
 
 
 #: Names in `looks` of the colours that the pages use.
-COLOUR_NAMES = (
-    "LIFT",
-    "VELOCITY",
-    "ACCELERATION",
-    "FORCE",
-    "GAP",
-    "LANDING",
-    "LIFT_OFF",
-    "FOLLOWER",
-)
+COLOURS = ("LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER")
 
 
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:
@@ -171,7 +162,7 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
 
     def variables() -> Response:
         """Return the colours and sizes of pages and figures as CSS variables."""
-        values = ((name.lower().replace("_", "-"), getattr(looks, name)) for name in COLOUR_NAMES)
+        values = ((name.lower().replace("_", "-"), getattr(looks, name)) for name in COLOURS)
         colours = "".join(f"--of-{name}:{web(value)};" for name, value in values)
         return Response(f"{looks.tokens()}:root{{{colours}}}", media_type="text/css")
 

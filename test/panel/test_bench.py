@@ -164,7 +164,7 @@ def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
     More ticks mean that another program has started the drive.
     """
     turn(live, 0, 150)
-    live.on_stop()
+    live.on_service("stop")
     turn(live, 150, 4)
     assert (live.drive, live.page_data()["level"]) == ("stopped", None)
     with pytest.raises(RefusedError, match="the cam is stopped"):

@@ -69,7 +69,6 @@ interface Board {
   rig: Mass & { name: string; two_masses: boolean; from_rest_s: number; calibrated_on: string };
   rpm: number;
   rpm_range: Pair;
-  version: number;
   ordinates: number[];
   start: number[];
   handles: SentHandle[];
@@ -137,7 +136,6 @@ interface FullResults {
   jump: PageValue;
   residual_um: PageValue;
   level_db: PageValue;
-  file_jump?: PageValue;
   checks: string[];
   can_be_made: boolean;
 }

@@ -100,10 +100,6 @@ class NodeLink:
 SETTINGS = {name: (node, spec) for node, specs in LIVE.items() for name, spec in specs.items()}
 #: Services of the drive that a page may call.
 SERVICES = ABOUT["cam_drive"].services
-#: Service that starts the drive.
-START = "start"
-#: Service that stops the drive.
-STOP = "stop"
 #: Service that stops the drive until it is reset.
 EMERGENCY_STOP = "emergency_stop"
 #: Answer to a command: `success`, `message`, and more for some commands.
@@ -129,7 +125,10 @@ class BenchControls:
         value = command.get("value")
         match command.get("do"):
             case "call" if value in SERVICES:
-                return await self._call(value)
+                reply = await self._link.request({"call": value})
+                if reply["success"]:
+                    self._live.on_service(value)
+                return reply
             case "call":
                 raise RefusedError(f"call: allowed: {', '.join(SERVICES)}")
             case "set":
@@ -193,14 +192,6 @@ class BenchControls:
         """Return the set-up with the mounted cam, the commanded speed and changes."""
         changes = self._live.mounted_cam_and_speed() | changes
         return self._live.setup.with_changes(changes, self._runner.rig)
-
-    async def _call(self, service: str) -> Reply:
-        reply = await self._link.request({"call": service})
-        if reply["success"] and service == START:
-            self._live.on_start()
-        elif reply["success"] and service == STOP:
-            self._live.on_stop()
-        return reply
 
     async def _set(self, name: str, value: Any) -> Reply:
         if name not in SETTINGS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -169,17 +170,10 @@ def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
     out if the rig does not split its mass. A speed that cannot be computed is left out, such as
     that of a desmodromic follower.
     """
-    speeds: list[dict[str, Any]] = []
-    try:
-        speeds.append(
-            _jump("one_mass", rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
-        )
+    speeds: dict[str, float] = {}
+    with suppress(CamRigError):  # a desmodromic follower has no jump speed
+        speeds["one_mass"] = rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM
         if isinstance(follower := follower_of(rig), TwoMassParameters):
-            speeds.append(_jump("two_mass", find_jump(law, follower, FROM_REST).rpm))
-    except CamRigError:
-        pass  # a desmodromic follower has no jump speed
-    return sorted(speeds, key=lambda entry: entry["model"] != model)
-
-
-def _jump(model: str, rpm: float) -> dict[str, Any]:
-    return {"model": model, "rpm": rpm if math.isfinite(rpm) else None}
+            speeds["two_mass"] = find_jump(law, follower, FROM_REST).rpm
+    entries = [{"model": m, "rpm": v if math.isfinite(v) else None} for m, v in speeds.items()]
+    return sorted(entries, key=lambda entry: entry["model"] != model)

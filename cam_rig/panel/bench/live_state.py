@@ -146,6 +146,8 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
+#: State of the drive while the cam turns.
+TURNING = "turning"
 #: State of the drive after a stop.
 STOPPED = "stopped"
 #: State of the drive after an emergency stop.
@@ -248,15 +250,17 @@ class LiveState:
         self.meter.add_speed(state["time_ns"], state["rpm"])
         self._ticks_in_flight -= 1
         if self.drive != EMERGENCY and self._ticks_in_flight < 0:
-            self.drive = "turning"
+            self.drive = TURNING
 
-    def on_stop(self) -> None:
-        """Mark the drive as stopped. Only the ticks in flight may still arrive."""
-        self.drive, self._ticks_in_flight = STOPPED, MAX_TICKS_IN_FLIGHT + 1
+    def on_service(self, service: str) -> None:
+        """Update the drive after a service was called.
 
-    def on_start(self) -> None:
-        """Mark the drive as turning."""
-        self.drive, self._ticks_in_flight = "turning", 0
+        After a stop only the ticks in flight may still arrive.
+        """
+        if service == "start":
+            self.drive, self._ticks_in_flight = TURNING, 0
+        elif service == "stop":
+            self.drive, self._ticks_in_flight = STOPPED, MAX_TICKS_IN_FLIGHT + 1
 
     def _on_diagnostics(self, node: str, level: int, values: dict[str, str]) -> None:
         if node == f"cam_drive{HEARTBEAT}":
@@ -264,7 +268,7 @@ class LiveState:
             self.waits_for = values["waits_for"]
             self.drive = self.drive if values["state"] == "waiting" else values["state"]
         elif node == "cam_drive":
-            self.drive = EMERGENCY if level == ERROR else "turning"
+            self.drive = EMERGENCY if level == ERROR else TURNING
         elif node == "follower":
             contact = IN_CONTACT if level == OK else LOST
             self.contact_losses += contact == LOST
@@ -298,7 +302,7 @@ class LiveState:
         if len(self.readings) >= MAX_READINGS:
             raise RefusedError(f"reading: limit of {MAX_READINGS} reached; clear them first")
         weightings = self.parameters.get("microphone", {})
-        if self.drive != "turning":
+        if self.drive != TURNING:
             raise RefusedError("reading: the cam is stopped; allowed: while it turns")
         time_weighting = weightings.get("time_weighting", "F")
         rpm, level, start_ns = self.meter.steady_mean(TIME_WEIGHTINGS[time_weighting])
@@ -324,7 +328,7 @@ class LiveState:
         objects.
         """
         tick = self.meter.latest
-        level = round(tick.level, 1) if tick and self.drive == "turning" else None
+        level = round(tick.level, 1) if tick and self.drive == TURNING else None
         data = {f.name: copy(getattr(self, f.name)) for f in fields(self)}
         data["parameters"] = {node: dict(values) for node, values in self.parameters.items()}
         state = {key: value for key, value in self.state.items() if key in ("cam", "rpm")}

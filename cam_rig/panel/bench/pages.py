@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import math
+import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -47,16 +49,16 @@ class BenchPage(LivePage):
         super().__init__(socket)
         self.listens = self.watches = False
         self._page_data, self._sent = page_data, Message()
-        self._level_changed = asyncio.Event()
+        self._queued_s = -math.inf
         self._blocks = {kind: deque[bytes](maxlen=MAX_BLOCKS) for kind in (MOTION, SOUND)}
         self._has_blocks = asyncio.Event()
 
     def queue_changes(self, soon: bool = True) -> None:
-        """Send the changed values, `soon` or at the rate of level messages."""
-        if soon:
+        """Send the changed values. Unless `soon`, they may wait for those of a later tick."""
+        now = time.monotonic()
+        if soon or now - self._queued_s >= LEVEL_EVERY_S:
+            self._queued_s = now
             self.queue("live", self._changed_values)
-        else:
-            self._level_changed.set()
 
     def _changed_values(self) -> Message:
         """Return the values that have changed since the last message."""
@@ -66,13 +68,6 @@ class BenchPage(LivePage):
         if "readings" in new:
             new["readings"] = [vars(reading) for reading in new["readings"]]
         return new and {"type": "live"} | new
-
-    async def _send_levels(self) -> None:
-        while True:
-            await self._level_changed.wait()
-            self._level_changed.clear()
-            self.queue("live", self._changed_values)
-            await asyncio.sleep(LEVEL_EVERY_S)
 
     def queue_block(self, kind: bytes, block: bytes) -> None:
         """Queue a block of a tick. Blocks of the same kind are sent in order."""
@@ -84,8 +79,8 @@ class BenchPage(LivePage):
         return {"type": "answer", "success": False, "message": reason, "answer": number}
 
     def sender_tasks(self) -> list[Any]:
-        """Return the coroutines that send values, levels and blocks."""
-        return [*super().sender_tasks(), self._send_levels(), self._send_blocks()]
+        """Return the coroutines that send values and blocks."""
+        return [*super().sender_tasks(), self._send_blocks()]
 
     async def _send_blocks(self) -> None:
         while True:

@@ -122,11 +122,7 @@ class Board:
             degree = max(s.degree for s in cam.segments if isinstance(s, BSpline))
             splines = {"degree": degree, "exact": start.exact, "distance_m": start.distance}
         return {
-            "cam": {
-                "name": self.file.name,
-                "lift_m": cam.lift.si,
-                "sprung": cam.follower.sprung,
-            },
+            "cam": {"name": self.file.name, "lift_m": cam.lift.si, "sprung": cam.follower.sprung},
             "b_splines": splines,
             "start_can_be_made": not evaluate_fast(cam, start.law, self.rig)["faults"],
             "picture": cam_picture(cam, start.law),
@@ -143,7 +139,6 @@ class Board:
             },
             "rpm": self.rpm,
             "rpm_range": [MIN_RPM, MAX_RPM],
-            "version": self.version,
             "ordinates": self.ordinates.tolist(),
             "start": self.drawn.ordinates.tolist(),
             "handles": [asdict(handle) for handle in self.drawn.handles],

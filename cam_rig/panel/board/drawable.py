@@ -250,7 +250,7 @@ def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[
 
     fatal, failed = failed_checks(cam, law)
     return {
-        "jump": _page_value(lambda: _jump_rpm(law, rig)),
+        "jump": _page_value(lambda: find_jump(law, follower_of(rig), FROM_REST).rpm),
         "residual_um": _page_value(residual),
         "level_db": _page_value(lambda: level(law, rig, rpm)),
         "checks": failed,
@@ -268,18 +268,6 @@ def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
     except CamRigError as error:
         return [str(error)], [str(error)]
     return [str(check) for check in failed if check.vital], [str(check) for check in failed]
-
-
-def file_jump(cam: CamConfig, rig: RigConfig) -> PageValue:
-    """Return the jump speed (rpm) of a file's law.
-
-    The page displays it next to that of the B-splines that replace the law.
-    """
-    return _page_value(lambda: _jump_rpm(build_law(cam), rig))
-
-
-def _jump_rpm(law: Law, rig: RigConfig) -> float:
-    return find_jump(law, follower_of(rig), FROM_REST).rpm
 
 
 def level(law: Law, rig: RigConfig, rpm: float) -> float:

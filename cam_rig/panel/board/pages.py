@@ -112,10 +112,8 @@ class BoardPages(PanelPages):
         """Compute the slow results of the latest law after each pause in the changes."""
         board = self.board
         while True:
-            drawn, start = board.drawn, board.drawn.start
-            request: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
-            is_file_law = start.has_file_ordinates or start.exact
-            request["file"] = None if is_file_law else board.file.model_dump()
+            drawn = board.drawn
+            request = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
             async with worker_process(request) as process:
                 try:
                     while board.drawn is drawn:  # a new worker follows if another file is opened
@@ -238,7 +236,7 @@ class Designs:
         return JSONResponse({})
 
     async def _run(self, cam: CamConfig, out: Path) -> None:
-        """Send each better law to the pages, and write the last."""
+        """Send each better law to the pages, and write the last into a file."""
         rig, result = self._board.rig.model_dump(), dict[str, Any]()
         request = {"cam": cam.model_dump(), "rig": rig, "name": out.stem}
         async with worker_process(request, DESIGN) as process:
@@ -247,17 +245,12 @@ class Designs:
                 result = json.loads(line)
                 if "best_rpm" in result:
                     self._broadcast({"type": "design"} | result)
-        self._broadcast({"type": "design"} | _write_design(result, out))
-
-
-def _write_design(result: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Write the designed cam's file and return the message for the pages."""
-    if "message" in result:
-        return result
-    if "text" not in result:
-        return {"message": "the worker process ended before the design had a law"}
-    try:
-        write_new(out.parent, {out.name: result.pop("text")})
-    except OutputError as error:
-        return {"message": str(error)}
-    return result | {"path": str(out)}
+        if "text" in result:
+            result["path"] = str(out)
+            try:
+                write_new(out.parent, {out.name: result.pop("text")})
+            except OutputError as error:
+                result = {"message": str(error)}
+        elif "message" not in result:
+            result = {"message": "the worker process ended before the design had a law"}
+        self._broadcast({"type": "design"} | result)

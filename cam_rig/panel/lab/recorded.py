@@ -8,6 +8,7 @@ import io
 import math
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import IO, Any
 
@@ -300,19 +301,17 @@ class Notebook:
 
     def _create_file(self) -> Path:
         """Create a new file for the sheet. Existing files are not overwritten."""
-        number = 1
-        while True:
-            path = self._path(number)
-            try:
-                self._out.mkdir(parents=True, exist_ok=True)
-                path.open("x").close()
-                return path
-            except FileExistsError:
-                if not path.exists():  # the folder is a file
-                    raise OutputError(f"{self._out}: is a file; allowed: a folder") from None
-                number += 1
-            except OSError as error:
-                raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        path = next(path for path in map(self._path, count(1)) if not path.exists())
+        try:
+            self._out.mkdir(parents=True, exist_ok=True)
+            path.open("x").close()
+        except FileExistsError:
+            if path.exists():  # created by another panel meanwhile
+                return self._create_file()
+            raise OutputError(f"{self._out}: is a file; allowed: a folder") from None
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        return path
 
     def page_data(self) -> dict[str, Any]:
         """Return the data that a page displays of the notebook."""

@@ -34,8 +34,6 @@ export function renderReadouts({ fast, full, isFastCurrent }, isSprung) {
     showValue("jump", desmodromic ?? full.jump, 5, "rpm");
     showValue("residual", full.residual_um, 4, "µm");
     showValue("level", full.level_db, 4, "dB");
-    setHidden("file_jump_row", full.file_jump === undefined);
-    if (full.file_jump) showValue("file_jump", desmodromic ?? full.file_jump, 5, "rpm");
   }
   const hasChecks = full?.version === fast.version && full.checks.length > 0;
   const canBeMade = full?.version === fast.version ? full.can_be_made : fast.faults.length === 0;
