@@ -33,7 +33,7 @@ SPEED, TICKS = 300.0, 12
 def test_a_set_up_is_written_as_a_scene(tmp_path):
     """Write the chosen numbers. Other numbers are those of the file."""
     runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
-    for model in runner.allowed_models(RIG):
+    for model in runner.available_models(RIG):
         changes = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
         loaded = open_scene(DEFAULT_SETUP.with_changes(changes, RIG).write(tmp_path, RIG))
         follower = loaded.rig.follower
@@ -53,10 +53,10 @@ def test_the_bench_starts_with_the_follower_of_the_board():
     for path in (config_root() / "rigs").glob("*.yaml"):
         rig = cam_rig.load_rig(path)
         model = Setup.of(rig, "poly345").model
-        assert model in runner.allowed_models(rig)
+        assert model in runner.available_models(rig)
         assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
-    assert set(runner.allowed_models(RIG)) == set(runner.MODELS)
-    assert not {"two_mass", "torsional"} & set(runner.allowed_models(cam_rig.load_rig("tm21")))
+    assert set(runner.available_models(RIG)) == set(runner.MODELS)
+    assert not {"two_mass", "torsional"} & set(runner.available_models(cam_rig.load_rig("tm21")))
 
 
 @pytest.mark.variants(8)

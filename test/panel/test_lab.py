@@ -307,7 +307,7 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     assert mark(wrong, "--tolerance", 2.5)[2].count("4 of 4 within 2.5 %") == 1
     lines = target.read_text("utf-8").splitlines()
     assert lines[0].startswith(
-        "file,reading,asked,spring_stiffness,added_mass,preload,answer,true,unit,"
+        "file,reading,question,spring_stiffness,added_mass,preload,answer,true,unit,"
     )
     assert len(lines) == 1 + 2 * ANSWERS
     assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3

@@ -156,7 +156,7 @@ class BenchPages(PanelPages):
         return {
             "rig": {"name": rig.name},
             "has_rerun": self._runner.has_rerun,
-            "models": runner.allowed_models(rig),
+            "models": runner.available_models(rig),
             "model": self.live.setup.model,
             "settings": settings,
             "knob": KNOB,

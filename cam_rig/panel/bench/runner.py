@@ -93,8 +93,8 @@ class Setup:
             wrong = [key for key in changes if key in current]
         if wrong:
             raise RefusedError(f"set-up: {', '.join(wrong)[:80]}: allowed: {', '.join(current)}")
-        if setup.model not in allowed_models(rig):
-            allowed = ", ".join(allowed_models(rig))
+        if setup.model not in available_models(rig):
+            allowed = ", ".join(available_models(rig))
             raise RefusedError(f"model: is {setup.model[:40]!r}; allowed on this rig: {allowed}")
         if not MIN_RPM <= setup.rpm <= MAX_RPM:
             raise RefusedError(f"rpm: is {setup.rpm:g}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
@@ -146,7 +146,7 @@ class Setup:
         }
 
 
-def allowed_models(rig: RigConfig) -> tuple[str, ...]:
+def available_models(rig: RigConfig) -> tuple[str, ...]:
     """Return the models for which a rig has the numbers."""
 
     def has_numbers(model: str) -> bool:

@@ -66,7 +66,7 @@ export function errorText(message) {
 }
 
 /** Return a number and its unit with the decimal sign of the page's language, and any other text unchanged. @param {string} value */
-const withDecimalSign = (value) => (/^-?\d+\.\d+\D*$/.test(value) ? value.replace(".", decimalSign()) : value);
+const withDecimalSign = (value) => (/^-?\d+\.\d+(e-?\d+)?\D*$/.test(value) ? value.replace(".", decimalSign()) : value);
 
 const decimalSign = () => formatted(0.5, {})[1];
 

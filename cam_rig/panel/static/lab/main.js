@@ -146,7 +146,7 @@ function fillPage() {
   setHidden("answering", !sheet.has_answer);
   if (sheet.has_instrument) setText("instrument_of", labText("measured"));
   if (sheet.has_answer) {
-    setText("asked", labText("question"));
+    setText("question", labText("question"));
     setText("answer_unit", sheet.unit);
   }
   const results = [...(sheet.has_instrument ? [labText("measured_unit")] : []), ...(sheet.has_answer ? [labText("answer_unit")] : [])];
