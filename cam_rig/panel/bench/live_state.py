@@ -111,7 +111,7 @@ class Meter:
         """
         last = self.latest
         if last is None or last.rpm == 0.0:
-            raise RefusedError("reading: the cam is stopped; start it and wait some seconds")
+            raise RefusedError("reading: the cam is stopped; allowed: while it turns")
         steady_ticks = [last]
         for tick in list(self._ticks)[-2::-1]:
             if abs(tick.rpm - last.rpm) > SPEED_RTOL * last.rpm:
@@ -308,15 +308,15 @@ class LiveState:
         rpm, level, start_ns = self.meter.steady_mean(TIME_WEIGHTINGS[time_weighting])
         lost = self.contact == LOST or self._lost_ns >= start_ns
         reading = NotedReading(
-            self.state["cam"],
-            self.setup.model,
-            round(rpm, 6),
-            round(level, 3),
-            f"L{weightings.get('frequency_weighting', '?')}{time_weighting}",
-            LOST if lost else self.contact,
-            self.setup.added_mass,
-            self.setup.spring_stiffness,
-            self.setup.preload,
+            cam=self.state["cam"],
+            model=self.setup.model,
+            rpm=round(rpm, 6),
+            level_db=round(level, 3),
+            weighting=f"L{weightings.get('frequency_weighting', '?')}{time_weighting}",
+            contact=LOST if lost else self.contact,
+            added_mass_kg=self.setup.added_mass,
+            spring_stiffness_n_m=self.setup.spring_stiffness,
+            preload_n=self.setup.preload,
         )
         self.readings.append(reading)
         return reading
