@@ -226,7 +226,13 @@ class LiveState:
         """
         before = self._urgent_values()
         if "state" in message:
-            self._on_cam_state(message["state"])
+            if message["state"]["cam"] != self.state.get("cam"):
+                self.meter.clear()
+            self.state, self.graph, self.waits_for = message["state"], "running", ""
+            self.meter.add_speed(self.state["time_ns"], self.state["rpm"])
+            self._ticks_in_flight -= 1
+            if self.drive != EMERGENCY and self._ticks_in_flight < 0:
+                self.drive = TURNING
         elif "level" in message:
             self.meter.add_level(message["time_ns"], message["level"])
         elif "health" in message:
@@ -242,15 +248,6 @@ class LiveState:
         """Return the values whose change is sent to the pages at once."""
         turning = self.state.get("cam"), self.state.get("rpm")
         return self.graph, self.drive, self.waits_for, self.contact, self.is_late, turning
-
-    def _on_cam_state(self, state: dict[str, Any]) -> None:
-        if state["cam"] != self.state.get("cam"):
-            self.meter.clear()
-        self.state, self.graph, self.waits_for = state, "running", ""
-        self.meter.add_speed(state["time_ns"], state["rpm"])
-        self._ticks_in_flight -= 1
-        if self.drive != EMERGENCY and self._ticks_in_flight < 0:
-            self.drive = TURNING
 
     def on_service(self, service: str) -> None:
         """Update the drive after a service was called.

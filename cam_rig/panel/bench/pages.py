@@ -55,9 +55,8 @@ class BenchPage(LivePage):
 
     def queue_changes(self, soon: bool = True) -> None:
         """Send the changed values. Unless `soon`, they may wait for those of a later tick."""
-        now = time.monotonic()
-        if soon or now - self._queued_s >= LEVEL_EVERY_S:
-            self._queued_s = now
+        if soon or time.monotonic() - self._queued_s >= LEVEL_EVERY_S:
+            self._queued_s = time.monotonic()
             self.queue("live", self._changed_values)
 
     def _changed_values(self) -> Message:
