@@ -80,7 +80,7 @@ class Panel(RigNode):
         return self._answer(number, False, f"{command.get('node', 'cam_drive')} does not answer")
 
     def _answer(self, number: Any, success: bool, text: str) -> None:
-        self._socket.send({"answer": number, "success": success, "words": text})
+        self._socket.send({"answer": number, "success": success, "message": text})
 
     def _on_called(self, number: Any, future: Any) -> None:
         reply = future.result()

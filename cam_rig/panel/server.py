@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from inspect import isawaitable
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,10 @@ STATIC = Path(__file__).parent / "static"
 
 # Requests of pages: JSON objects of a bounded size.
 
+#: JSON object of a request, an answer or a websocket message.
+Message = dict[str, Any]
 #: Function that answers the data of a request with a JSON object or a response.
-Handler = Callable[[dict[str, Any]], Awaitable[dict[str, Any] | Response]]
+Handler = Callable[[Message], Message | Response | Awaitable[Message | Response]]
 
 
 def page_file(path: str, folder: str, on_open: Callable[[], None] = lambda: None) -> Route:
@@ -70,23 +73,30 @@ def post(path: str, answer: Handler) -> Route:
     """
 
     async def respond(request: Request) -> Response:
+        body = b""
         try:
-            body = await _read_body(request)
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > MAX_MESSAGE:
+                    raise RefusedError(f"request: must not exceed {MAX_MESSAGE} bytes")
+            request_data = parse_object(body)
         except ClientDisconnect:  # the connection is closed, so the response is not read
             return Response(status_code=400)
         except RefusedError as error:
-            return JSONResponse({"words": str(error)}, 400)
-        return await _respond(answer, body, 409)
+            return JSONResponse({"message": str(error)}, 400)
+        return await _respond(answer, request_data, 409)
 
     return Route(path, respond, methods=["POST"])
 
 
-async def _respond(answer: Handler, request_data: dict[str, Any], status: int) -> Response:
+async def _respond(answer: Handler, request_data: Message, status: int) -> Response:
     try:
-        reply = await answer(request_data)
+        reply = answer(request_data)
+        if isawaitable(reply):
+            reply = await reply
     except CamRigError as error:
         status = 409 if isinstance(error, RefusedError) else status
-        return JSONResponse({"words": str(error)}, status)
+        return JSONResponse({"message": str(error)}, status)
     return reply if isinstance(reply, Response) else JSONResponse(reply)
 
 
@@ -96,33 +106,14 @@ def csv_file(name: str, text: str) -> Response:
     return Response(text, headers=headers, media_type="text/csv")
 
 
-async def _read_body(request: Request) -> dict[str, Any]:
-    data = b""
-    async for chunk in request.stream():
-        data += chunk
-        if len(data) > MAX_MESSAGE:
-            raise RefusedError(f"request: must not exceed {MAX_MESSAGE} bytes")
-    return read_object(data)
-
-
-async def read_frame(socket: WebSocket) -> dict[str, Any]:
-    """Return the JSON object of a page's next message.
-
-    Raises WebSocketDisconnect if the page is closed, and RefusedError for any other content.
-    """
-    message = await socket.receive()
-    if message["type"] == "websocket.disconnect":
-        raise WebSocketDisconnect(message.get("code", 1005))
-    return read_object(message.get("text") or "")
-
-
-def read_object(text: str | bytes) -> dict[str, Any]:
+def parse_object(text: str | bytes) -> Message:
     """Return the JSON object of a text that can be sent back as JSON.
 
     Raises RefusedError unless all numbers are finite and all text is valid Unicode.
     """
     try:
-        data = json.loads(text, parse_int=_number)
+        # A double represents integers below 2^53 exactly.
+        data = json.loads(text, parse_int=lambda d: int(d) if abs(float(d)) < 2**53 else float(d))
         # json.loads accepts NaN, 1e999 and half a surrogate pair, which a response cannot contain.
         json.dumps(data, allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
@@ -130,12 +121,6 @@ def read_object(text: str | bytes) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise RefusedError("message: allowed: a JSON object, of finite numbers and Unicode text")
     return data
-
-
-def _number(digits: str) -> int | float:
-    """Return an integer, or a float if a double cannot represent it exactly."""
-    value = float(digits)
-    return int(digits) if abs(value) < 2.0**53 else value
 
 
 class PanelPages:
@@ -158,11 +143,8 @@ def languages() -> list[str]:
     return sorted(path.stem for path in (STATIC / "texts").glob("*.json"))
 
 
-async def _looks(_: Request) -> Response:
-    """Return the colours and sizes of pages and figures as CSS variables."""
-    names = "LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER"
-    rows = "".join(f"--of-{n.lower().replace('_', '-')}:{web(getattr(looks, n))};" for n in names)
-    return Response(f"{looks.tokens()}:root{{{rows}}}", media_type="text/css")
+#: Names in `looks` of the colours that the pages use.
+COLOURS = ("LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER")
 
 
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:
@@ -178,17 +160,21 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
                 await stack.enter_async_context(part.alive())
             yield
 
-    async def list_languages(_: Request) -> Response:
-        paths = [route.path for route in page_routes if isinstance(route, Route)]
-        return JSONResponse({"language": language, "languages": languages(), "pages": paths})
+    def variables() -> Response:
+        """Return the colours and sizes of pages and figures as CSS variables."""
+        values = ((name.lower().replace("_", "-"), getattr(looks, name)) for name in COLOURS)
+        colours = "".join(f"--of-{name}:{web(value)};" for name, value in values)
+        return Response(f"{looks.tokens()}:root{{{colours}}}", media_type="text/css")
 
     page_routes = [route for part in pages for route in part.routes]
-    common_routes = (
-        Route("/languages", list_languages),
-        Route("/looks.css", _looks),
+    paths = [route.path for route in page_routes if isinstance(route, Route)]
+    offer = {"language": language, "languages": languages(), "pages": paths}
+    routes = [
+        *page_routes,
+        get("/languages", lambda _: offer),
+        get("/looks.css", lambda _: variables()),
         Mount("/static", StaticFiles(directory=STATIC)),
-    )
-    routes = [*page_routes, *common_routes]
+    ]
     gzip = Middleware(GZipMiddleware, compresslevel=5)
     return Starlette(routes=routes, lifespan=lifespan, middleware=[gzip])
 
@@ -239,8 +225,6 @@ def serve(
 MESSAGE_PERIOD_S = 0.05
 #: Wall time (s) within which a page must accept a message, or it is dropped.
 SEND_TIMEOUT_S = 30.0
-#: Message of a websocket: a JSON object.
-Message = dict[str, Any]
 
 
 class LivePage:
@@ -262,9 +246,9 @@ class LivePage:
         self._queued[kind] = message
         self._has_queued.set()
 
-    def refusal(self, number: Any, words: str) -> Message:
+    def refusal(self, number: Any, reason: str) -> Message:
         """Return the answer to a refused message. `number` is None if the message has no number."""
-        return {"type": "refused", "number": number, "words": words}
+        return {"type": "refused", "number": number, "message": reason}
 
     async def serve(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
         """Execute the page's commands by `obey` and send queued messages until it closes."""
@@ -291,9 +275,11 @@ class LivePage:
 
     async def _obey(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
         while True:
-            number = None
+            number, frame = None, await self.socket.receive()
+            if frame["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(frame.get("code", 1005))
             try:
-                request_data = await read_frame(self.socket)
+                request_data = parse_object(frame.get("text") or "")
                 number = request_data.get("number")
                 answer = await obey(request_data)
             except RefusedError as error:

@@ -134,7 +134,7 @@ def filled(sheet, folder, off=0.0, student="Ana"):
     sheet also has a reading.
     """
     book = Notebook(sheet, folder)
-    book.set_student(student)
+    book.set_student({"student": student})
     if sheet.answer:
         book.record(vars(sheet.setups[0]) | {"rpm": sheet.knob[0] + 1.0})
     for setup in sheet.answerable_setups[:ANSWERS]:
@@ -192,9 +192,12 @@ class BrowserPage:
         return str(self.page.evaluate("id => document.getElementById(id)?.textContent", name))
 
     def number(self, name):
-        """Return the first word of a readout as a number, None if it is not a number."""
+        """Return the first word of a readout as a number, None if it is not a number.
+
+        The number has the decimal sign of the page's language.
+        """
         try:
-            return float(self.text(name).split()[0])
+            return float(self.text(name).split()[0].replace(",", "."))
         except (ValueError, IndexError):
             return None
 
@@ -275,12 +278,12 @@ class BenchPage:
     def do(self, do, **more):
         """Send a command that must not be refused, and return its answer."""
         answer = self.request(do, **more)
-        assert answer["success"], answer["words"]
+        assert answer["success"], answer["message"]
         return answer
 
     def running(self):
         """Wait until the nodes run and have reported their parameters."""
-        return self.until(lambda live: live["graph"] == "running" and len(live["values"]) == 3)
+        return self.until(lambda live: live["graph"] == "running" and len(live["parameters"]) == 3)
 
     def turning(self, rpm):
         """Wait until the cam turns at a speed (rpm)."""
@@ -298,9 +301,9 @@ class BenchPage:
 
     def keep(self):
         """Keep the bag that is recorded, and return its path."""
-        kept = len(self.live["kept"])
+        kept = len(self.live["kept_bags"])
         self.do("keep")
-        return Path(self.until(lambda live: len(live["kept"]) > kept)["kept"][-1])
+        return Path(self.until(lambda live: len(live["kept_bags"]) > kept)["kept_bags"][-1])
 
 
 class RunningPanel(Visitor):

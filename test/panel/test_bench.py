@@ -33,7 +33,7 @@ SPEED, TICKS = 300.0, 12
 def test_a_set_up_is_written_as_a_scene(tmp_path):
     """Write the chosen numbers. Other numbers are those of the file."""
     runner.add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
-    for model in runner.allowed_models(RIG):
+    for model in runner.available_models(RIG):
         changes = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
         loaded = open_scene(DEFAULT_SETUP.with_changes(changes, RIG).write(tmp_path, RIG))
         follower = loaded.rig.follower
@@ -53,10 +53,10 @@ def test_the_bench_starts_with_the_follower_of_the_board():
     for path in (config_root() / "rigs").glob("*.yaml"):
         rig = cam_rig.load_rig(path)
         model = Setup.of(rig, "poly345").model
-        assert model in runner.allowed_models(rig)
+        assert model in runner.available_models(rig)
         assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
-    assert set(runner.allowed_models(RIG)) == set(runner.MODELS)
-    assert not {"two_mass", "torsional"} & set(runner.allowed_models(cam_rig.load_rig("tm21")))
+    assert set(runner.available_models(RIG)) == set(runner.MODELS)
+    assert not {"two_mass", "torsional"} & set(runner.available_models(cam_rig.load_rig("tm21")))
 
 
 @pytest.mark.variants(8)
@@ -132,7 +132,7 @@ def test_a_loss_of_contact_within_the_averaged_time_is_noted(live):
     live.on_node_message({"health": ["follower", 0, {}]})
     turn(live, 150, 20)
     assert live.note().contact == "contact lost"
-    assert live.losses == 1
+    assert live.contact_losses == 1
     turn(live, 170, 90)
     assert live.note().contact == "in contact"
     assert [reading.weighting for reading in live.readings] == ["LAF"] * 3
@@ -153,9 +153,9 @@ def test_the_drive_has_its_reported_state(live):
     live.on_node_message({"health": ["cam_drive", 0, {}]})
     assert live.drive == "turning"
     live.on_node_message({"health": [PACE, 1, {}]})
-    assert live.late == "lagging"
+    assert live.is_late
     live.on_node_message({"health": [PACE, 0, {}]})
-    assert live.late == ""
+    assert not live.is_late
 
 
 def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
@@ -164,7 +164,7 @@ def test_ticks_in_flight_after_a_stop_do_not_count_as_turning(live):
     More ticks mean that another program has started the drive.
     """
     turn(live, 0, 150)
-    live.on_stop()
+    live.on_service("stop")
     turn(live, 150, 4)
     assert (live.drive, live.page_data()["level"]) == ("stopped", None)
     with pytest.raises(RefusedError, match="the cam is stopped"):
@@ -282,11 +282,11 @@ def test_the_drawn_follower_is_that_of_the_profile(name):
     cam, law = law_of(name)
     shape, picture = follower_shape(cam, law), drawing.cam_picture(cam, law)
     lift = np.linspace(0.0, 1.3 * law.lift, 7)
-    way = np.array(picture["origin"]) + np.outer(lift, picture["along"]) * 1e3
+    way = np.array(picture["origin"]) + np.outer(lift, picture["origin_per_mm"]) * 1e3
     assert way == pytest.approx(shape.origin(lift) * 1e3, abs=1e-9)
-    turned = picture["turn"] + picture["turns"] * lift * 1e3
+    turned = picture["turn"] + picture["turn_per_mm"] * lift * 1e3
     assert turned == pytest.approx(shape.turn(lift), abs=1e-12)
-    contour, touch = np.array(picture["contour"]), np.array(picture["touch"])
+    contour, touch = np.array(picture["contour"]), np.array(picture["contact"])
     for i in range(0, drawing.CONTOUR_POINTS, 30):
         angle = TURN * i / drawing.CONTOUR_POINTS
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
@@ -305,7 +305,7 @@ def test_the_predicted_turn_is_that_of_a_long_run(model, above):
     law, setup = law_of("poly345")[1], DEFAULT_SETUP.with_changes({"model": model}, RIG)
     for rpm in (250.0, above):
         predicted = drawing.predict_turn(setup.with_changes({"rpm": rpm}, RIG), law, RIG)
-        assert predicted["settled"]
+        assert predicted["is_steady"]
         turn = np.frombuffer(base64.b64decode(predicted["curves"]), "<f4").reshape(6, -1)
         run = cam_rig.simulate(law, RIG, model=model, rpm=rpm, turns=30, sample_rate=48_000)
         last = run.angle >= run.angle[-1] - TURN
@@ -314,8 +314,8 @@ def test_the_predicted_turn_is_that_of_a_long_run(model, above):
         for row, tolerance in ((1, 2e-3), (4, 0.03 * curves[4].max())):
             simulated = np.interp(turn[0], (curves[0] % TURN)[order], curves[row][order])
             assert np.abs(simulated - turn[row]).max() < tolerance
-        assert predicted["lost"] == bool((curves[4] == 0.0).any())
-        assert predicted["least_n"] == pytest.approx(curves[4].min(), abs=0.5)
+        assert predicted["contact_lost"] == bool((curves[4] == 0.0).any())
+        assert predicted["min_force_n"] == pytest.approx(curves[4].min(), abs=0.5)
 
 
 def test_the_marks_of_the_knob_are_the_jump_speeds():

@@ -237,7 +237,7 @@ def test_readings_and_an_answer_are_recorded_by_keyboard(chromium, tmp_path, lab
         page.until(lambda: page.page.locator("#rows tr").count() == 2)
         reading, answer = pages.notebook.recorded.readings
         assert (reading.measured, answer.answer) == (displayed, 251.5)
-        assert page.text("recorded").startswith("Respuesta 2: 251.5 ")
+        assert page.text("recorded").startswith("Respuesta 2: 251,5 ")
         page.page.locator("#plot_it").press("Enter")
         assert page.page.locator("#plot .point").count() == 1
         for width in (400, 1000, 1600):

@@ -53,9 +53,9 @@ def test_one_page_has_the_controls(shared):
     """
     with shared[0].page() as first, shared[0].page() as second:
         first.running()
-        assert second.running()["holds"] is False
-        refused = second.request("set", name="rpm", value=100)
-        assert refused["words"] == "another page has the controls; take over first"
+        assert second.running()["has_controls"] is False
+        error = second.request("set", name="rpm", value=100)
+        assert error["message"] == "another page has the controls; take over first"
         for wrong in ({"do": "keep"}, {"do": "clear"}, {"do": "set", "name": "rpm"}):
             assert not second.request(**wrong, value="emergency_stop")["success"]
         first.do("call", value="start")
@@ -68,7 +68,7 @@ def test_one_page_has_the_controls(shared):
         second.until(lambda live: live["drive"] == "turning")
         assert not first.request("call", value="stop")["success"]
         second.socket.close()
-        first.until(lambda live: live["holds"])
+        first.until(lambda live: live["has_controls"])
         first.do("call", value="stop")
         bag = first.keep()
         first.running()
@@ -83,7 +83,7 @@ def test_a_watching_page_receives_every_tick_and_another_none(shared):
     panel, _ = shared
     with panel.page() as page, panel.page() as other:
         page.running()
-        page.until(lambda live: live["holds"])
+        page.until(lambda live: live["has_controls"])
         page.do("watch", value=True)
         page.do("set", name="rpm", value=250)
         page.do("call", value="start")
@@ -206,7 +206,7 @@ def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
     panel, _ = shared
     with panel.page() as page:
         page.running()
-        kept = {Path(bag) for bag in page.until(lambda live: live["holds"])["kept"]}
+        kept = {Path(bag) for bag in page.until(lambda live: live["has_controls"])["kept_bags"]}
         page.turned(1.5)
         nodes = panel.nodes()
         assert len(nodes) == 6
@@ -225,26 +225,30 @@ def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
     """
     with running_panel.page() as page:
         live = page.running()
-        assert (live["drive"], live["domain"], live["holds"]) == ("stopped", ros_domain, True)
+        assert (live["drive"], live["domain"], live["has_controls"]) == (
+            "stopped",
+            ros_domain,
+            True,
+        )
         page.do("call", value="start")
         page.do("set", name="rpm", value=320)
         page.turning(320.0)
         with RigClient(ros_domain) as outside:
             outside.set_parameter("cam_drive", "rpm", 410.0)
-            page.until(lambda live: live["values"]["cam_drive"]["rpm"] == 410.0)
+            page.until(lambda live: live["parameters"]["cam_drive"]["rpm"] == 410.0)
             outside.set_parameter("microphone", "frequency_weighting", "A")
-            page.until(lambda live: live["values"]["microphone"]["frequency_weighting"] == "A")
+            page.until(lambda live: live["parameters"]["microphone"]["frequency_weighting"] == "A")
     with running_panel.page() as page:
         live = page.until(lambda live: live["state"])
-        assert (live["drive"], live["holds"]) == ("turning", True)
-        assert live["values"]["cam_drive"]["rpm"] == 410.0
+        assert (live["drive"], live["has_controls"]) == ("turning", True)
+        assert live["parameters"]["cam_drive"]["rpm"] == 410.0
         page.do("set", name="pacing", value="2x")
         page.do("set", name="cam", value="cycloidal")
         page.until(lambda live: live["state"]["cam"] == "cycloidal" and live["level"])
         page.do("call", value="stop")
         page.until(lambda live: live["drive"] == "stopped")
         answer = page.request("set", name="cam", value="no_such")
-        assert not answer["success"] and "no_such" in answer["words"]
+        assert not answer["success"] and "no_such" in answer["message"]
 
 
 @pytest.mark.long
@@ -260,10 +264,10 @@ def test_a_noted_level_is_that_of_the_exact_model(running_panel):
         page.do("call", value="start")
         page.do("listen", value=True)
         while not (answer := page.request("note"))["success"]:
-            assert "allowed" in answer["words"]
+            assert "allowed" in answer["message"]
             time.sleep(0.2)
         page.until(lambda _: len(page.sound) > 4 * 8000)
-    noted = answer["noted"]
+    noted = answer["reading"]
     law = cam_rig.build_law(cam)
     motion = cam_rig.simulate(law, rig, model="two_mass", rpm=350.0, turns=12)
     assert noted["level_db"] == pytest.approx(cam_rig.sound_level(motion).level_db, abs=0.2)
@@ -283,9 +287,9 @@ def test_another_set_up_starts_another_run_and_a_bag_can_be_kept(running_panel):
         page.until(lambda live: live["graph"] == "starting")
         live = page.running()
         assert live["setup"]["preload"] == 55.0
-        assert live["values"]["microphone"]["time_weighting"] == "S"
-        refused = page.request("keep")
-        assert "nothing is recorded yet" in refused["words"]
+        assert live["parameters"]["microphone"]["time_weighting"] == "S"
+        error = page.request("keep")
+        assert "nothing is recorded yet" in error["message"]
         page.do("set", name="rpm", value=400)
         page.turned(1.0)
         bag = page.keep()
@@ -337,8 +341,8 @@ def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
         with RigClient(ros_domain) as outside:
             outside.node.create_publisher(JointState, "/cam/state", 1)
             live = page.until(lambda live: live["graph"] == "failed")
-        assert "/cam/state" in live["words"]
-        (bag,) = map(Path, page.until(lambda live: live["kept"])["kept"])
+        assert "/cam/state" in live["failure"]
+        (bag,) = map(Path, page.until(lambda live: live["kept_bags"])["kept_bags"])
         page.do("set_up", value={})
         page.until(lambda live: live["graph"] == "starting")
         page.running()

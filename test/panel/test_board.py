@@ -7,6 +7,7 @@ import shlex
 
 import numpy as np
 import pytest
+from cam_rig.schema.quantity_data import Quantity
 from shapely import Point, Polygon
 
 import cam_rig
@@ -15,7 +16,6 @@ from cam_rig.panel.board.board import MAX_RPM, Board
 from cam_rig.panel.board.drawable import evaluate_full, level
 from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.schema.load import config_root
-from cam_rig.schema.quantity import Quantity
 
 from ..cli.conftest import done
 from .conftest import with_moved_ordinate
@@ -104,8 +104,8 @@ def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
     """Name the failed check with its angle on the page, in the file, and for a DXF."""
     ordinates = with_moved_ordinate(board, 0.5)
     saved = board.save_for_page("undercut", ordinates)
-    assert cam_rig.load_cam(saved["path"]).cannot_be_made == saved["why_not"]
-    assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", saved["why_not"])
+    assert cam_rig.load_cam(saved["path"]).cannot_be_made == saved["cannot_be_made"]
+    assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", saved["cannot_be_made"])
     with pytest.raises(ProfileError, match="cannot be made: convex radius of curvature"):
         board.dxf(ordinates)
     board.update(ordinates, 300)
@@ -118,7 +118,7 @@ def test_an_undercut_law_is_reported_as_a_fault(board, monkeypatch):
 
     board.update(board.drawn.ordinates.tolist(), 300)
     good = board.save_for_page("good", with_moved_ordinate(board, 0.05))
-    assert good["why_not"] is cam_rig.load_cam(good["path"]).cannot_be_made is None
+    assert good["cannot_be_made"] is cam_rig.load_cam(good["path"]).cannot_be_made is None
     monkeypatch.setattr("cam_rig.extras.find_spec", lambda _: None)
     with pytest.raises(MissingLibraryError, match=r"ezdxf is not installed: .*cam_rig\[cad\]"):
         board.dxf(board.drawn.ordinates.tolist())
@@ -131,7 +131,7 @@ def test_a_follower_out_of_reach_is_a_fault_without_a_contour(tmp_path):
     board = Board(cam.model_copy(update={"follower": short}), cam_rig.load_rig("tm21"), tmp_path)
     results = board.evaluate_fast()
     assert results["discs"] == [] and [fault["key"] for fault in results["faults"]] == ["error"]
-    assert "out of reach" in results["faults"][0]["words"]
+    assert "out of reach" in results["faults"][0]["message"]
     assert evaluate_full(board.cam, board.law(), board.rig, 300.0)["checks"]
 
 
@@ -165,12 +165,12 @@ def test_extreme_speeds_and_a_velocity_jump_have_results(board, tmp_path):
     """
     for rpm in (1.0, MAX_RPM):
         results = evaluate_full(board.cam, board.law(), board.rig, rpm)
-        assert {*results["residual_um"], *results["level_db"]} <= {"value", "words"}
+        assert {*results["residual_um"], *results["level_db"]} <= {"value", "message"}
         assert "value" in results["jump"]
         json.dumps(results, allow_nan=False)
     corners = cam_rig.load_cam("worked_example_constant_velocity")
     results = Board(corners, cam_rig.load_rig("tm21"), tmp_path).evaluate_fast()
-    assert results["discs"] and "velocity" in results["jump_rigid"]["words"]
+    assert results["discs"] and "velocity" in results["jump_rigid"]["message"]
 
 
 # -- output of the board: cam files, contour as DXF, design command ---------------------------
@@ -206,9 +206,9 @@ def test_a_cam_with_a_large_pressure_angle_can_be_made(tmp_path):
     strict = Quantity(given=1.0, unit="deg", source="test")
     follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
     board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
-    assert board.save_for_page("steep", board.ordinates.tolist())["why_not"] is None
+    assert board.save_for_page("steep", board.ordinates.tolist())["cannot_be_made"] is None
     results = evaluate_full(board.cam, board.law(), board.rig, 300.0)
-    assert results["made"] and any("pressure angle" in check for check in results["checks"])
+    assert results["can_be_made"] and any("pressure angle" in check for check in results["checks"])
 
 
 def test_the_dxf_is_the_contour_in_mm(board, tmp_path):

@@ -194,7 +194,7 @@ def test_no_response_contains_a_hidden_number(hidden):
 def test_theory_is_available_only_without_a_seed(hidden, plain):
     """Refuse the theory with a seed, because it is not that of the hidden rig."""
     status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
-    assert status == 409 and "without a seed" in json.loads(body)["words"]
+    assert status == 409 and "without a seed" in json.loads(body)["message"]
     sheet = plain.pages.notebook.sheet
     theory = json.loads(plain.get("/lab/theory"))
     (line,) = theory["curves"]
@@ -256,7 +256,7 @@ def test_invalid_data_and_an_unwritable_folder_are_refused_and_not_recorded(plai
     ):
         for path in ("/lab/turn", "/lab/record"):
             status, body = plain.send(path, plain.request_data(0, 300.0) | change)
-            assert status == 409 and text in body["words"]
+            assert status == 409 and text in body["message"]
     for student in (None, 7, "a\nb", "x" * 81):
         assert plain.send("/lab/student", {"student": student})[0] == 409
     assert plain.pages.notebook.recorded.readings == ()
@@ -276,7 +276,7 @@ def mark(*arguments):
     return result.exit_code, result.stdout, result.stderr
 
 
-def refused(text, *arguments):
+def error(text, *arguments):
     """Check that sheets are refused in one line, and return it."""
     code, _, err = mark(*arguments)
     assert (code, err.count("\n"), text in err) == (2, 1, True), err
@@ -307,7 +307,7 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     assert mark(wrong, "--tolerance", 2.5)[2].count("4 of 4 within 2.5 %") == 1
     lines = target.read_text("utf-8").splitlines()
     assert lines[0].startswith(
-        "file,reading,asked,spring_stiffness,added_mass,preload,answer,true,unit,"
+        "file,reading,question,spring_stiffness,added_mass,preload,answer,true,unit,"
     )
     assert len(lines) == 1 + 2 * ANSWERS
     assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3
@@ -346,12 +346,12 @@ def test_a_damaged_sheet_is_refused_in_one_line(tmp_path):
     for old, new, message in DAMAGED:
         assert old in text
         path.write_text(text.replace(old, new, 1), "utf-8")
-        assert str(path) in refused(message, path) or "no such file" in message
+        assert str(path) in error(message, path) or "no such file" in message
     path.write_text(text, "utf-8")
     path.write_text(to_text(replace(read_sheet(path), readings=())), "utf-8")
-    refused("has 0 readings; allowed: 1 to 1000", path)
+    error("has 0 readings; allowed: 1 to 1000", path)
     path.write_bytes(b"\xff\xfe\x00")
-    refused("is not UTF-8 text", path)
+    error("is not UTF-8 text", path)
 
 
 def test_no_name_becomes_a_formula_or_a_terminal_command(tmp_path):
@@ -383,4 +383,4 @@ def test_another_cam_or_rig_is_refused_in_one_line(tmp_path):
         ((path, "--seed", "x"), "--seed"),
         ((path, "--lab", "jump"), "--grade cannot be combined with --lab"),
     ):
-        refused(text, *arguments)
+        error(text, *arguments)

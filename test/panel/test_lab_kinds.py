@@ -48,7 +48,7 @@ def test_the_figure_of_a_class_has_every_sheet_and_answer(tmp_path):
         sheets = [filled(sheet, tmp_path, off, f"off {off:g}") for off in (0.2, 0.0)]
         if LABS[lab].answer:
             book = Notebook(sheet_of(lab=lab), tmp_path)
-            book.set_student("none")
+            book.set_student({"student": "none"})
             book.record(vars(book.sheet.setups[0]) | {"rpm": book.sheet.knob[0] + 1.0})
             sheets.append(book.path)
         result = mark_sheets(sheets, [], None, None)

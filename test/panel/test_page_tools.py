@@ -73,8 +73,8 @@ def test_every_sent_message_has_its_declared_type(served, tmp_path):
         undercut = with_moved_ordinate(served.board, 0.5)
         socket.send(json.dumps({"number": 1, "ordinates": undercut, "rpm": 300.0}))
         socket.send(json.dumps({"number": 2, "ordinates": [], "rpm": 300.0}))
-        for kind, message in received(socket, "moved", "exact", "refused", "rest").items():
-            sent[kind] = (kind.capitalize(), message)
+        for kind, message in received(socket, "changed", "fast", "refused", "full").items():
+            sent[kind] = ("FullResults" if kind == "full" else kind.capitalize(), message)
     live = served.bench.live
     live.readings.append(NotedReading("a", "one_mass", 300.0, 80.0, "LZF", "in contact", 0, 1, 2))
     live.on_node_message({"state": {"time_ns": 1, "cam": "poly345", "angle": 0.5, "rpm": 300.0}})

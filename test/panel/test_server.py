@@ -1,7 +1,9 @@
 """Access to a panel, invalid messages, and pages that read nothing."""
 
+import ast
 import asyncio
 import base64
+import itertools
 import json
 import os
 import random
@@ -152,7 +154,7 @@ def test_every_language_has_all_texts_and_no_unused_text():
 
     A page uses each text, and every text that a page requests exists.
     """
-    texts = [json.loads(p.read_text(encoding="utf-8")) for p in STATIC.glob("texts/*.json")]
+    texts = [json.loads(p.read_text("utf-8")) for p in sorted(STATIC.glob("texts/*.json"))]
     assert len(texts) == 2
     texts_of_first, texts_of_second = texts
     assert list(texts_of_first) == list(texts_of_second)
@@ -176,6 +178,40 @@ def test_every_language_has_all_texts_and_no_unused_text():
     assert requested <= set(texts_of_first) <= used | requested
 
 
+def message_template(node):
+    """Return a message with {1}, {2} for its values, or None if it is not a literal text."""
+    if isinstance(node, ast.Constant):
+        return node.value
+    if not isinstance(node, ast.JoinedStr):
+        return None
+    numbers = itertools.count(1)
+    return "".join(
+        part.value if isinstance(part, ast.Constant) else f"{{{next(numbers)}}}"
+        for part in node.values
+    )
+
+
+def test_every_refusal_is_translated():
+    """Find each message of a RefusedError in the table of every language but English.
+
+    A translation has the values of its message.
+    """
+    messages = set()
+    for path in STATIC.parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "RefusedError":
+                messages.add(message_template(node.args[0]))
+    messages.discard(None)
+    assert len(messages) > 20
+    tables = {path.stem: json.loads(path.read_text("utf-8")) for path in STATIC.glob("errors/*")}
+    assert sorted(tables) == [name for name in server.languages() if name != "en"]
+    for table in tables.values():
+        assert messages - table.keys() == set()
+        for message, translation in table.items():
+            values = [sorted(re.findall(r"{\d}", text)) for text in (message, translation)]
+            assert values[0] == values[1]
+
+
 # -- invalid messages -------------------------------------------------------------------------
 
 
@@ -183,7 +219,7 @@ def answer_to(page, number):
     """Return the answer to the message of a number."""
     while True:
         message = json.loads(page.recv(timeout=WAIT_S))
-        if message["type"] in ("exact", "refused") and message["number"] == number:
+        if message["type"] in ("fast", "refused") and message["number"] == number:
             return message
         if message["type"] == "answer" and message["answer"] == number:
             return message
@@ -235,9 +271,9 @@ def test_invalid_messages_are_refused_in_one_line_and_the_page_stays(panel, path
             page.send(text.encode() if rng.random() < 0.2 else text)
             kinds = ("refused", "answer")
             while (answer := json.loads(page.recv(timeout=WAIT_S)))["type"] not in kinds:
-                assert answer["type"] != "exact", text[:80]
+                assert answer["type"] != "fast", text[:80]
             assert answer.get("success") is not True, text[:80]
-            assert 0 < len(answer["words"]) < 400 and len(answer["words"].splitlines()) == 1
+            assert 0 < len(answer["message"]) < 400 and len(answer["message"].splitlines()) == 1
             page.send(json.dumps(panel.valid_message(path) | {"number": number}))
             answer = answer_to(page, number)
             assert answer.get("success", True) and answer["type"] != "refused"
@@ -269,7 +305,7 @@ def test_invalid_requests_are_refused_in_one_line_and_the_connection_stays(panel
         for body in (*bodies, rng.randbytes(50), b"", b"{}"):
             connection.request("POST", path, body, panel.headers | {"Host": panel.url.netloc})
             answer = connection.getresponse()
-            text = json.loads(answer.read())["words"]
+            text = json.loads(answer.read())["message"]
             statuses.add(answer.status)
             assert len(text.splitlines()) == 1 and len(text) < 400
             assert connection.sock is open_socket
@@ -290,7 +326,7 @@ def test_a_huge_message_closes_only_its_page(panel):
             answer_to(page, None)
         assert closed.value.rcvd.code == 1009
         good.send(json.dumps(panel.valid_message(BOARD) | {"number": 1}))
-        assert answer_to(good, 1)["type"] == "exact"
+        assert answer_to(good, 1)["type"] == "fast"
 
 
 # -- pages that read nothing ------------------------------------------------------------------
@@ -333,7 +369,7 @@ def test_only_a_page_that_reads_nothing_is_dropped(panel, path, monkeypatch):
             second.recv(timeout=WAIT_S)
         assert number > 10
         second.send(json.dumps({"number": -1}))
-        assert answer_to(second, -1)["words"]
+        assert answer_to(second, -1)["message"]
         assert len(pages) == 2
         sleeper.close()
 
@@ -358,7 +394,7 @@ def test_only_the_newest_state_is_queued(panel, monkeypatch):
         speeds = []
         while not speeds or speeds[-1] != 340.0:
             message = json.loads(second.recv(timeout=WAIT_S))
-            speeds += [message["rpm"]] if message["type"] == "moved" else []
+            speeds += [message["rpm"]] if message["type"] == "changed" else []
     assert speeds == sorted(speeds) and len(speeds) < 40
 
 
@@ -375,16 +411,16 @@ def test_slow_results_are_those_of_the_last_law_and_a_killed_worker_is_replaced(
         start = panel.board.version
         for number in range(1, 21):
             page.send(json.dumps(change | {"number": number, "rpm": 200 + number}))
-        answer = received(page, "rest")["rest"]
+        answer = received(page, "full")["full"]
         while answer["version"] < start + 20:
-            answer = received(page, "rest")["rest"]
+            answer = received(page, "full")["full"]
         assert answer["rpm"] == 220.0
         for child in child_processes(WORKER):
             os.kill(child, signal.SIGKILL)
         page.send(json.dumps(change | {"number": 21, "rpm": 200}))
-        assert "ended" in received(page, "rest")["rest"]["words"]
+        assert "ended" in received(page, "full")["full"]["message"]
         page.send(json.dumps(change | {"number": 22, "rpm": 200}))
-        assert "jump" in received(page, "rest")["rest"]
+        assert "jump" in received(page, "full")["full"]
 
 
 def child_processes(*arguments):
@@ -406,7 +442,7 @@ def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
     with panel.page(BOARD) as page:
         assert design(panel, "start")[0] == 202
         status, reply = design(panel, "other")
-        assert status == 409 and "stop it first" in reply["words"]
+        assert status == 409 and "stop it first" in reply["message"]
         assert panel.post("/design/stop")[0] == 200
         while not received(page, "design")["design"].get("stopped"):
             pass
@@ -418,16 +454,16 @@ def test_one_design_runs_at_a_time_and_can_be_stopped(panel):
 def test_a_design_that_fails_reports_the_reason(panel):
     """Report a start that is not saved, a path as a name, and an unsupported follower."""
     status, reply = design(panel, "nothing")
-    assert status == 409 and "nothing.yaml" in reply["words"]
+    assert status == 409 and "nothing.yaml" in reply["message"]
     for name in ("../poly345", "", "A"):
         status, reply = design(panel, name)
-        assert status == 409 and reply["words"].startswith("name: allowed")
+        assert status == 409 and reply["message"].startswith("name: allowed")
     frame = Path(__file__).parents[2] / "config/cams/constant_breadth.yaml"
     panel.board.out.mkdir(exist_ok=True)
     (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
     with panel.page(BOARD) as page:
         assert design(panel, "frame")[0] == 202
-        assert "its follower is constant_breadth" in received(page, "design")["design"]["words"]
+        assert "its follower is constant_breadth" in received(page, "design")["design"]["message"]
 
 
 @pytest.mark.long
@@ -442,8 +478,8 @@ def test_a_design_reports_its_progress_and_is_written(panel):
     with panel.page(BOARD) as page:
         assert design(panel, "begin")[0] == 202
         message, best = received(page, "design")["design"], []
-        while "so_far_rpm" in message:
-            best.append(message["so_far_rpm"])
+        while "best_rpm" in message:
+            best.append(message["best_rpm"])
             message = received(page, "design")["design"]
     assert best and best == sorted(best)
     law = cam_rig.build_law(cam_rig.load_cam(message["path"]))
@@ -455,4 +491,4 @@ def test_a_design_reports_its_progress_and_is_written(panel):
     largest = np.abs(expected).max(axis=1, keepdims=True)
     assert (np.abs(motion.reshape(ORDERS, MOTION_POINTS) - expected) / largest).max() <= 1e-9
     status, reply = design(panel, "begin")
-    assert status == 409 and "begin_designed.yaml: exists already" in reply["words"]
+    assert status == 409 and "begin_designed.yaml: exists already" in reply["message"]

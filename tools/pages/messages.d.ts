@@ -1,14 +1,14 @@
-// What the server tells the pages, and what more than one of their modules speaks of.
+// Messages that the server sends to the pages, and types that several modules share.
 
-/** From and to, or x and y. */
+/** Lowest and highest value, or x and y. */
 type Pair = [number, number];
-/** All x, and all y, of points. */
+/** Coordinates x and y of points. */
 type Points = [number[], number[]];
-type Numbers = Float64Array | Float32Array | number[];
+type Numbers = Float64Array | Float32Array | readonly number[];
 
 // -- the cam and its follower -----------------------------------------------------------------
 
-/** A contour in mm; `undercut` and `steep` are indices of points. */
+/** A contour in mm. `undercut` and `steep` are indices of points. */
 interface Disc {
   points: Points;
   pitch: Points | null;
@@ -16,7 +16,7 @@ interface Disc {
   steep: number[];
 }
 
-/** The cam in its own frame, the follower about its origin and how it moves; mm and rad. */
+/** Cam in its frame, and follower about its origin, in mm and rad. Origin and turn are linear in the lift. */
 interface CamPicture {
   contour: Points;
   base: number;
@@ -24,18 +24,19 @@ interface CamPicture {
   outline: Points[];
   support: Points[];
   origin: Pair;
-  along: Pair;
+  origin_per_mm: Pair;
   turn: number;
-  turns: number;
-  place: Points;
-  swings: boolean;
+  turn_per_mm: number;
+  /** Roller's centre, point or middle of the face, at zero and at the largest lift. */
+  centre: Points;
+  is_oscillating: boolean;
   reach: number;
   max_lift: number;
-  touch: Points;
+  contact: Points;
   normal: Points;
 }
 
-/** Cam angle (rad), lift (mm), contact force (N) and gap (µm, 0 in contact). */
+/** Cam angle (rad), lift (mm), contact force (N), and gap (µm, 0 in contact). */
 interface Pose {
   angle: number;
   lift: number;
@@ -45,7 +46,7 @@ interface Pose {
 
 // -- the board --------------------------------------------------------------------------------
 
-/** One ordinate that may be moved. */
+/** Ordinate that may be moved. */
 interface SentHandle {
   index: number;
   angle: number;
@@ -54,22 +55,20 @@ interface SentHandle {
   right: number;
 }
 
-/** With the angle's index, which the page adds. */
+/** Handle with the index of its angle in the motion table. */
 interface Handle extends SentHandle {
   k: number;
 }
 
 interface Board {
   cam: { name: string; lift_m: number; sprung: boolean };
-  drawn_as: { degree: number; exact: boolean } | null;
-  distance_m: number;
-  start_made: boolean;
-  follower: { roller_mm: number; pivot_mm: number | null };
+  /** B-splines that replace the law of the file, null if its ordinates are drawn. */
+  b_splines: { degree: number; exact: boolean; distance_m: number } | null;
+  start_can_be_made: boolean;
   picture: CamPicture;
   rig: Mass & { name: string; two_masses: boolean; from_rest_s: number; calibrated_on: string };
   rpm: number;
   rpm_range: Pair;
-  version: number;
   ordinates: number[];
   start: number[];
   handles: SentHandle[];
@@ -83,7 +82,7 @@ interface Board {
   colours: Record<string, string>;
 }
 
-/** One mass on a spring, SI. */
+/** One mass on a spring, SI units. */
 interface Mass {
   mass: number;
   damping: number;
@@ -91,78 +90,81 @@ interface Mass {
   preload: number;
 }
 
-/** A value or why there is none; nothing is none at any speed. */
-interface Found {
+/** A value, or the reason why there is none. Empty for infinity. */
+interface PageValue {
   value?: number;
-  words?: string;
+  message?: string;
 }
 
-/** What a law cannot be made for, or should not: at an angle, or in words alone. */
+/** Reason why a law cannot or should not be made, at an angle or as a message. */
 type Fault =
-  | { key: "error"; words: string }
+  | { key: "error"; message: string }
   | { key: "undercut" | "pressure"; angle_deg: number; value_deg?: number; allowed_deg?: number };
 
-/** What ordinates come to, at once. */
-interface Exact {
-  type: "exact";
-  number: number;
+/** Results that are computed for each change. */
+interface FastResults {
   version: number;
   discs: Disc[];
   faults: Fault[];
   warnings: Fault[];
-  jump_rigid: Found;
-  /** The greatest, of the disc on which it is nearest to its limit. */
+  jump_rigid: PageValue;
+  /** Largest pressure angle of the disc on which it is nearest to its limit. */
   pressure: { value_deg: number; allowed_deg: number } | null;
 }
 
-/** Another page's ordinates, with what they come to. */
-interface Moved extends Omit<Exact, "type" | "number"> {
-  type: "moved";
+/** Answer to a change of this page. */
+interface Fast extends FastResults {
+  type: "fast";
+  number: number;
+}
+
+/** Change of another page. */
+interface Changed extends FastResults {
+  type: "changed";
   number: null;
   ordinates: number[];
   rpm: number;
 }
 
-/** What is found once the law rests, or why it is not. */
-interface Rest {
-  type: "rest";
+/** Results that are computed after a pause in the changes. With a `message` there are no results. */
+interface FullResults {
+  type: "full";
   number?: undefined;
   version: number;
   rpm: number;
-  words?: string;
-  jump: Found;
-  residual_um: Found;
-  level_db: Found;
-  file_jump?: Found;
+  message?: string;
+  jump: PageValue;
+  residual_um: PageValue;
+  level_db: PageValue;
   checks: string[];
-  made: boolean;
+  can_be_made: boolean;
 }
 
-/** A better law so far, the last one and its file, or why there is none. */
+/** Best law of a running design, the result with its file, or the reason why there is none. */
 interface Design {
   type: "design";
   number?: undefined;
-  so_far_rpm?: number;
+  best_rpm?: number;
   rpm: number;
   path: string;
   motion: string;
-  words?: string;
+  message?: string;
   stopped?: boolean;
 }
 
 interface Refused {
   type: "refused";
   number: number;
-  words: string;
+  message: string;
 }
 
-/** Another page has opened a file. */
+/** A file has been opened on a page. */
 interface Opened {
   type: "opened";
   number?: undefined;
 }
 
-type BoardMessage = Exact | Moved | Rest | Design | Refused | Opened;
+type BoardMessage = Fast | Changed | FullResults | Design | Refused | Opened;
 
 // -- the bench --------------------------------------------------------------------------------
 
@@ -187,33 +189,33 @@ interface NotedReading {
   preload_n: number;
 }
 
-/** The bench as a page sees it: all of it at first, then what has changed. */
+/** State of the bench: complete in the first message, then the changed values. */
 interface Live {
   type: "live";
-  holds: boolean;
+  has_controls: boolean;
   sound_rate: number;
   calibrated_on: string;
   setup: Setup;
   graph: string;
-  words: string;
+  failure: string;
   domain: number;
   drive: string;
   waits_for: string;
-  /** What the nodes are set to, by their names. */
-  values: Record<string, any>;
-  /** Empty until the cam has turned. */
+  /** Parameter values by node. */
+  parameters: Record<string, any>;
+  /** Empty before the first turn. */
   state: { cam: string; rpm: number } | Record<string, never>;
   contact: string;
-  late: string;
-  kept: string[];
+  is_late: boolean;
+  kept_bags: string[];
   log: string[];
   readings: NotedReading[];
-  screen: string;
-  losses: number;
+  rerun_address: string;
+  contact_losses: number;
   level: number | null;
 }
 
-/** `answer` is the number of what was asked, null where it had none. */
+/** Answer to the command of a number, null for a command without a number. */
 interface SentAnswer extends Answer {
   type: "answer";
   answer: number | null;
@@ -221,24 +223,24 @@ interface SentAnswer extends Answer {
 
 interface Answer {
   success: boolean;
-  words: string;
-  noted?: NotedReading;
+  message: string;
+  reading?: NotedReading;
 }
 
-/** A settled turn; `curves` are its rows in base64. */
+/** Predicted steady turn. `curves` are in base64. */
 interface Expected {
   curves: string;
   rpm: number;
-  lost: boolean;
-  settled: boolean;
-  least_n: number;
+  contact_lost: boolean;
+  is_steady: boolean;
+  min_force_n: number;
   level_db: number | null;
   jumps: { model: string; rpm: number | null }[];
 }
 
 // -- the lab ----------------------------------------------------------------------------------
 
-/** A row of a sheet: a reading, with where it is in the plot, or an answer. */
+/** Row of a sheet: a reading with its position in the plot, or an answer. */
 interface LabReading {
   number: number;
   spring_stiffness: number | null;
@@ -248,7 +250,7 @@ interface LabReading {
   rpm: number | null;
   measured: number | null;
   answer: number | null;
-  point?: { x: number; y: number; marker: number; full: boolean };
+  point?: { x: number; y: number; marker: number; is_filled: boolean };
 }
 
 interface LabSheet {
@@ -257,14 +259,14 @@ interface LabSheet {
   rig: { name: string; spring_stiffness: number; mass: number; preload: number };
   seed: string | null;
   tolerances: Record<string, number> | null;
-  /** What can be set up, by the names of a reading. */
+  /** Values of the set-up by the names of a reading. */
   options: Record<string, (number | string)[]>;
   marker: string;
-  lift: number | null;
+  critical_lift_m: number | null;
   scatter_db: number | null;
-  measured: boolean;
-  answered: boolean;
-  heard: boolean;
+  has_instrument: boolean;
+  has_answer: boolean;
+  has_sound: boolean;
   unit: string;
   knob: Pair;
   plot: { x: Pair; y: Pair };

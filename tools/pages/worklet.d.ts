@@ -1,4 +1,4 @@
-// What an AudioWorklet module has beside what any module has.
+// Additional names of an AudioWorklet module.
 
 declare const sampleRate: number;
 

@@ -50,9 +50,9 @@ class NodeLink:
             self._path.unlink(missing_ok=True)
 
     async def request(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Send a command to a node and return its answer with `success` and `words`."""
+        """Send a command to a node and return its answer with `success` and `message`."""
         if self._writer is None:
-            return {"success": False, "words": "the nodes have not started yet"}
+            return {"success": False, "message": "the nodes have not started yet"}
         self._number += 1
         number, answer = self._number, asyncio.get_running_loop().create_future()
         self._pending[number] = answer
@@ -60,7 +60,7 @@ class NodeLink:
             self._writer.write(line_of(command | {"number": number}))
             return await asyncio.wait_for(answer, ANSWER_S)
         except TimeoutError:
-            return {"success": False, "words": f"no answer within {ANSWER_S:g} s"}
+            return {"success": False, "message": f"no answer within {ANSWER_S:g} s"}
         finally:
             self._pending.pop(number, None)
 
@@ -78,35 +78,34 @@ class NodeLink:
         try:
             with suppress(ConnectionError, RunError):
                 while line := await reader.readline():
-                    self._dispatch(read_line(line))
+                    message = read_line(line)
+                    if "answer" in message:
+                        self._answer(message["answer"], message)
+                    else:
+                        self._on_message(message)
         finally:
             writer.close()
             if self._writer is writer:
-                self._disconnect()
+                self._writer = None
+                ended = {"success": False, "message": "the panel's node has ended"}
+                for number in self._pending:
+                    self._answer(number, ended)
 
-    def _dispatch(self, message: dict[str, Any]) -> None:
-        if "answer" not in message:
-            self._on_message(message)
-        elif (answer := self._pending.get(message["answer"])) and not answer.done():
-            answer.set_result(message)
-
-    def _disconnect(self) -> None:
-        self._writer = None
-        for answer in self._pending.values():
-            if not answer.done():
-                answer.set_result({"success": False, "words": "the panel's node has ended"})
+    def _answer(self, number: int, reply: dict[str, Any]) -> None:
+        if (answer := self._pending.get(number)) and not answer.done():
+            answer.set_result(reply)
 
 
 #: Node and specification of each live parameter that a page may set, by parameter name.
 SETTINGS = {name: (node, spec) for node, specs in LIVE.items() for name, spec in specs.items()}
 #: Services of the drive that a page may call.
 SERVICES = ABOUT["cam_drive"].services
-#: Names of single services.
-START, STOP, _, EMERGENCY_STOP = SERVICES
-#: Answer to a command: `success`, `words`, and more for some commands.
+#: Service that stops the drive until it is reset.
+EMERGENCY_STOP = "emergency_stop"
+#: Answer to a command: `success`, `message`, and more for some commands.
 Reply = dict[str, Any]
 #: Answer to a command that was carried out.
-DONE: Reply = {"success": True, "words": ""}
+DONE: Reply = {"success": True, "message": ""}
 #: Names of the commands of a page.
 COMMANDS = ("call", "set", "set_up", "keep", "rerun", "note", "clear")
 
@@ -125,8 +124,13 @@ class BenchControls:
         """
         value = command.get("value")
         match command.get("do"):
+            case "call" if value in SERVICES:
+                reply = await self._link.request({"call": value})
+                if reply["success"]:
+                    self._live.on_service(value)
+                return reply
             case "call":
-                return await self._call(value)
+                raise RefusedError(f"call: allowed: {', '.join(SERVICES)}")
             case "set":
                 return await self._set(str(command.get("name")), value)
             case "set_up" if isinstance(value, dict):
@@ -140,10 +144,10 @@ class BenchControls:
                     "bag: nothing is recorded yet; allowed: after the cam has turned"
                 )
             case "rerun":
-                self._runner.request_screen()
+                self._runner.request_rerun()
                 self.set_up(self.current_setup({}))
             case "note":
-                return DONE | {"noted": asdict(self._live.note())}
+                return DONE | {"reading": asdict(self._live.note())}
             case "clear":
                 self._live.readings.clear()
             case other:
@@ -175,7 +179,7 @@ class BenchControls:
             return self.set_up(self.current_setup({"cam": cam.name}))
         answer = await self._link.request({"node": "law_server", "name": "cam", "value": cam.name})
         if not answer["success"]:
-            raise RefusedError(answer["words"])
+            raise RefusedError(answer["message"])
         return None
 
     def _apply_rig(self, setup: Setup) -> None:
@@ -188,14 +192,6 @@ class BenchControls:
         """Return the set-up with the mounted cam, the commanded speed and changes."""
         changes = self._live.mounted_cam_and_speed() | changes
         return self._live.setup.with_changes(changes, self._runner.rig)
-
-    async def _call(self, service: Any) -> Reply:
-        if service not in SERVICES:
-            raise RefusedError(f"call: allowed: {', '.join(SERVICES)}")
-        reply = await self._link.request({"call": service})
-        if reply["success"] and service in (STOP, START):
-            (self._live.on_stop if service == STOP else self._live.on_start)()
-        return reply
 
     async def _set(self, name: str, value: Any) -> Reply:
         if name not in SETTINGS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -107,32 +108,32 @@ def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
     point, normal = shape.contact(motion)
     return {
         "contour": millimetres(disc.points),
-        "base": _rounded(cam.follower.base_radius.si * MM),
-        "roller": _rounded(shape.element.roller * MM),
+        "base": _millimetres(cam.follower.base_radius.si),
+        "roller": _millimetres(shape.element.roller),
         "outline": [millimetres(strip.T) for strip in shape.in_guide()],
         "support": [millimetres(strip.T) for strip in shape.support()],
         "origin": origin[0].tolist(),
-        "along": ((origin[1] - origin[0]) / lift).tolist(),
+        "origin_per_mm": ((origin[1] - origin[0]) / lift).tolist(),
         "turn": float(turn[0]),
-        "turns": float(turn[1] - turn[0]) / lift,
-        "place": millimetres(shape.place(lifts).T),
-        "swings": bool(np.ptp(turn)),
-        "reach": _rounded(shape.reach * MM),
-        "max_lift": _rounded(shape.max_lift * MM),
-        "touch": millimetres(point.T),
+        "turn_per_mm": float(turn[1] - turn[0]) / lift,
+        "centre": millimetres(shape.place(lifts).T),
+        "is_oscillating": bool(np.ptp(turn)),
+        "reach": _millimetres(shape.reach),
+        "max_lift": _millimetres(shape.max_lift),
+        "contact": millimetres(point.T),
         "normal": np.round(normal.T, DECIMALS).tolist(),
     }
 
 
-def _rounded(value: float) -> float:
-    return round(float(value), DECIMALS)
+def _millimetres(length: float) -> float:
+    return round(float(length * MM), DECIMALS)
 
 
 def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
     """Return the steady turn of a set-up by the exact model.
 
     The result contains the speed (rpm), `turn_curves` in base64, the level (dB), the least force
-    (N), and the flags `lost` (contact is lost) and `settled` (the turn repeats).
+    (N), and the flags `contact_lost` and `is_steady` (the turn repeats).
     """
     scene = SceneConfig.model_validate(setup.scene_data(rig, [setup.rpm], LEVEL_TURNS))
     speed = setup.rpm * RPM
@@ -142,9 +143,9 @@ def predict_turn(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
         "rpm": setup.rpm,
         "curves": base64.b64encode(values.tobytes()).decode("ascii"),
         "level_db": row.level_db,
-        "least_n": row.min_force,
-        "lost": bool((block.force == 0.0).any()),
-        "settled": is_steady,
+        "min_force_n": row.min_force,
+        "contact_lost": bool((block.force == 0.0).any()),
+        "is_steady": is_steady,
     }
 
 
@@ -169,17 +170,10 @@ def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
     out if the rig does not split its mass. A speed that cannot be computed is left out, such as
     that of a desmodromic follower.
     """
-    speeds: list[dict[str, Any]] = []
-    try:
-        speeds.append(
-            _jump("one_mass", rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM)
-        )
+    speeds: dict[str, float] = {}
+    with suppress(CamRigError):  # a desmodromic follower has no jump speed
+        speeds["one_mass"] = rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM
         if isinstance(follower := follower_of(rig), TwoMassParameters):
-            speeds.append(_jump("two_mass", find_jump(law, follower, FROM_REST).rpm))
-    except CamRigError:
-        pass  # a desmodromic follower has no jump speed
-    return sorted(speeds, key=lambda entry: entry["model"] != model)
-
-
-def _jump(model: str, rpm: float) -> dict[str, Any]:
-    return {"model": model, "rpm": rpm if math.isfinite(rpm) else None}
+            speeds["two_mass"] = find_jump(law, follower, FROM_REST).rpm
+    entries = [{"model": m, "rpm": v if math.isfinite(v) else None} for m, v in speeds.items()]
+    return sorted(entries, key=lambda entry: entry["model"] != model)

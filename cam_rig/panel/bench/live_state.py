@@ -111,7 +111,7 @@ class Meter:
         """
         last = self.latest
         if last is None or last.rpm == 0.0:
-            raise RefusedError("reading: the cam is stopped; start it and wait some seconds")
+            raise RefusedError("reading: the cam is stopped; allowed: while it turns")
         steady_ticks = [last]
         for tick in list(self._ticks)[-2::-1]:
             if abs(tick.rpm - last.rpm) > SPEED_RTOL * last.rpm:
@@ -146,6 +146,8 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
+#: State of the drive while the cam turns.
+TURNING = "turning"
 #: State of the drive after a stop.
 STOPPED = "stopped"
 #: State of the drive after an emergency stop.
@@ -170,31 +172,31 @@ class LiveState:
     setup: Setup
     #: State of the node graph: off, starting, running, ended or failed.
     graph: str = "off"
-    #: Reason of the failure, empty without one.
-    words: str = ""
+    #: Reason of a failure of the graph, empty without one.
+    failure: str = ""
     #: ROS domain of the nodes.
     domain: int = 0
     #: State of the drive: turning, stopped or emergency.
-    drive: str = "stopped"
+    drive: str = STOPPED
     #: Names of the nodes that the drive waits for.
     waits_for: str = ""
     #: Parameter values by node.
-    values: dict[str, dict[str, Any]] = field(default_factory=dict)
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     #: Latest cam state: time_ns, cam, rpm and angle.
     state: dict[str, Any] = field(default_factory=dict)
     #: Contact state of the latest tick, `LOST` or `IN_CONTACT`, empty if unknown.
     contact: str = ""
-    #: "lagging" if the run is slower than its pace, else empty.
-    late: str = ""
+    #: True if the run is slower than its pace.
+    is_late: bool = False
     #: Paths of the bags that were kept.
-    kept: list[str] = field(default_factory=list)
+    kept_bags: list[str] = field(default_factory=list)
     #: Last lines of the graph's log.
     log: list[str] = field(default_factory=list)
     readings: list[NotedReading] = field(default_factory=list)
     #: Address of the page that shows the rig in Rerun, empty without one.
-    screen: str = ""
+    rerun_address: str = ""
     #: Number of reports of the follower that contact was lost.
-    losses: int = 0
+    contact_losses: int = 0
 
     def __post_init__(self) -> None:
         self.meter = Meter()
@@ -202,20 +204,20 @@ class LiveState:
         self._lost_ns = -1
         self._ticks_in_flight = 0
 
-    def on_runner_event(self, message: dict[str, Any]) -> None:
+    def on_runner_event(self, event: dict[str, Any]) -> None:
         """Update the state from an event of the runner."""
-        if "graph" in message:
-            self.graph, self.words = message["graph"], message.get("words", "")
-            self.domain = message.get("domain", self.domain)
+        if "graph" in event:
+            self.graph, self.failure = event["graph"], event.get("failure", "")
+            self.domain = event.get("domain", self.domain)
             if self.graph == "starting":
-                self.drive, self.state, self.values = "stopped", {}, {}
-                self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
+                self.drive, self.state, self.parameters = STOPPED, {}, {}
+                self.contact, self.is_late, self.waits_for, self.meter = "", False, "", Meter()
                 self._lost_ns, self._ticks_in_flight = -1, 0
-        self.screen = message.get("screen", self.screen)
-        if "kept" in message:
-            self.kept.append(message["kept"])
-        if "log" in message:
-            self.log = [*self.log, message["log"]][-MAX_LINES:]
+        self.rerun_address = event.get("rerun_address", self.rerun_address)
+        if "kept_bag" in event:
+            self.kept_bags.append(event["kept_bag"])
+        if "log" in event:
+            self.log = [*self.log, event["log"]][-MAX_LINES:]
 
     def on_node_message(self, message: dict[str, Any]) -> bool:
         """Update the state from a message of the panel's node.
@@ -224,36 +226,38 @@ class LiveState:
         """
         before = self._urgent_values()
         if "state" in message:
-            self._on_cam_state(message["state"])
+            if message["state"]["cam"] != self.state.get("cam"):
+                self.meter.clear()
+            self.state, self.graph, self.waits_for = message["state"], "running", ""
+            self.meter.add_speed(self.state["time_ns"], self.state["rpm"])
+            self._ticks_in_flight -= 1
+            if self.drive != EMERGENCY and self._ticks_in_flight < 0:
+                self.drive = TURNING
         elif "level" in message:
             self.meter.add_level(message["time_ns"], message["level"])
         elif "health" in message:
             self._on_diagnostics(*message["health"])
         elif "values" in message:
-            self._on_parameters(message["node"], message["values"])
+            node, values = message["node"], message["values"]
+            if node == "microphone" and values != self.parameters.get(node):
+                self.meter.clear()
+            self.parameters.setdefault(node, {}).update(values)
         return "values" in message or self._urgent_values() != before
 
     def _urgent_values(self) -> tuple[Any, ...]:
         """Return the values whose change is sent to the pages at once."""
         turning = self.state.get("cam"), self.state.get("rpm")
-        return self.graph, self.drive, self.waits_for, self.contact, self.late, turning
+        return self.graph, self.drive, self.waits_for, self.contact, self.is_late, turning
 
-    def _on_cam_state(self, state: dict[str, Any]) -> None:
-        if state["cam"] != self.state.get("cam"):
-            self.meter.clear()
-        self.state, self.graph, self.waits_for = state, "running", ""
-        self.meter.add_speed(state["time_ns"], state["rpm"])
-        self._ticks_in_flight -= 1
-        if self.drive != EMERGENCY and self._ticks_in_flight < 0:
-            self.drive = "turning"
+    def on_service(self, service: str) -> None:
+        """Update the drive after a service was called.
 
-    def on_stop(self) -> None:
-        """Mark the drive as stopped. Only the ticks in flight may still arrive."""
-        self.drive, self._ticks_in_flight = STOPPED, MAX_TICKS_IN_FLIGHT + 1
-
-    def on_start(self) -> None:
-        """Mark the drive as turning."""
-        self.drive, self._ticks_in_flight = "turning", 0
+        After a stop only the ticks in flight may still arrive.
+        """
+        if service == "start":
+            self.drive, self._ticks_in_flight = TURNING, 0
+        elif service == "stop":
+            self.drive, self._ticks_in_flight = STOPPED, MAX_TICKS_IN_FLIGHT + 1
 
     def _on_diagnostics(self, node: str, level: int, values: dict[str, str]) -> None:
         if node == f"cam_drive{HEARTBEAT}":
@@ -261,25 +265,20 @@ class LiveState:
             self.waits_for = values["waits_for"]
             self.drive = self.drive if values["state"] == "waiting" else values["state"]
         elif node == "cam_drive":
-            self.drive = EMERGENCY if level == ERROR else "turning"
+            self.drive = EMERGENCY if level == ERROR else TURNING
         elif node == "follower":
             contact = IN_CONTACT if level == OK else LOST
-            self.losses += contact == LOST
+            self.contact_losses += contact == LOST
             if LOST in (contact, self.contact):  # contact was lost until this report
                 self._lost_ns = int(self.state.get("time_ns", 0))
             self.contact = contact
         elif node == PACE:
-            self.late = "" if level == OK else "lagging"
-
-    def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
-        if node == "microphone" and values != self.values.get(node):
-            self.meter.clear()
-        self.values.setdefault(node, {}).update(values)
+            self.is_late = level != OK
 
     def mounted_cam_and_speed(self) -> dict[str, Any]:
         """Return the present cam and speed (rpm), as far as known, for the next set-up."""
-        rpm = self.values.get("cam_drive", {}).get("rpm", 0.0)
-        cam = self.values.get("law_server", {}).get("cam", "")
+        rpm = self.parameters.get("cam_drive", {}).get("rpm", 0.0)
+        cam = self.parameters.get("law_server", {}).get("cam", "")
         current = {"cam": cam or self.state.get("cam"), "rpm": rpm or self.state.get("rpm")}
         return {key: value for key, value in current.items() if value}
 
@@ -288,7 +287,7 @@ class LiveState:
         return {
             node: {key: values[key] for key in live if key in values and key not in ("cam", "rpm")}
             for node, live in LIVE.items()
-            if (values := self.values.get(node))
+            if (values := self.parameters.get(node))
         }
 
     def note(self) -> NotedReading:
@@ -299,23 +298,22 @@ class LiveState:
         """
         if len(self.readings) >= MAX_READINGS:
             raise RefusedError(f"reading: limit of {MAX_READINGS} reached; clear them first")
-        weightings = self.values.get("microphone", {})
-        if self.drive != "turning":
+        weightings = self.parameters.get("microphone", {})
+        if self.drive != TURNING:
             raise RefusedError("reading: the cam is stopped; allowed: while it turns")
-        rpm, level, start_ns = self.meter.steady_mean(
-            TIME_WEIGHTINGS[weightings.get("time_weighting", "F")]
-        )
+        time_weighting = weightings.get("time_weighting", "F")
+        rpm, level, start_ns = self.meter.steady_mean(TIME_WEIGHTINGS[time_weighting])
         lost = self.contact == LOST or self._lost_ns >= start_ns
         reading = NotedReading(
-            self.state["cam"],
-            self.setup.model,
-            round(rpm, 6),
-            round(level, 3),
-            f"L{weightings.get('frequency_weighting', '?')}{weightings.get('time_weighting', '?')}",
-            LOST if lost else self.contact,
-            self.setup.added_mass,
-            self.setup.spring_stiffness,
-            self.setup.preload,
+            cam=self.state["cam"],
+            model=self.setup.model,
+            rpm=round(rpm, 6),
+            level_db=round(level, 3),
+            weighting=f"L{weightings.get('frequency_weighting', '?')}{time_weighting}",
+            contact=LOST if lost else self.contact,
+            added_mass_kg=self.setup.added_mass,
+            spring_stiffness_n_m=self.setup.spring_stiffness,
+            preload_n=self.setup.preload,
         )
         self.readings.append(reading)
         return reading
@@ -327,11 +325,11 @@ class LiveState:
         objects.
         """
         tick = self.meter.latest
-        level = round(tick.level, 1) if tick and self.drive == "turning" else None
+        level = round(tick.level, 1) if tick and self.drive == TURNING else None
         data = {f.name: copy(getattr(self, f.name)) for f in fields(self)}
-        data |= {"setup": vars(self.setup), "values": {n: dict(v) for n, v in self.values.items()}}
+        data["parameters"] = {node: dict(values) for node, values in self.parameters.items()}
         state = {key: value for key, value in self.state.items() if key in ("cam", "rpm")}
-        return data | {"state": state, "level": level}
+        return data | {"setup": vars(self.setup), "state": state, "level": level}
 
 
 # The sound of the rig, rendered from the samples of each tick while a page listens.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import math
+import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -11,32 +13,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from starlette.responses import Response
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cam_rig.errors import RefusedError
+from cam_rig.panel.bench import drawing, runner
 from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, SETTINGS, BenchControls, NodeLink
-from cam_rig.panel.bench.drawing import (
-    MOTION,
-    SOUND,
-    Cams,
-    LiveMotion,
-    cam_picture,
-    jump_speeds,
-    predict_turn,
-)
+from cam_rig.panel.bench.drawing import MOTION, SOUND, cam_picture
 from cam_rig.panel.bench.live_state import LiveState, to_csv
-from cam_rig.panel.bench.runner import (
-    MAX_ADDED_MASS,
-    MAX_RPM,
-    MIN_RPM,
-    BenchRunner,
-    Setup,
-    add_cam,
-    allowed_models,
-    cam_names,
-)
+from cam_rig.panel.bench.runner import BenchRunner, Setup
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.server import LivePage, Message, PanelPages, csv_file, get, page_file, post
 from cam_rig.schema import CamConfig
@@ -51,7 +36,7 @@ MAX_BLOCKS = 64
 #: its content.
 STREAM_EVERY_S = 0.04
 #: Wall time (s) between two messages with only a new level. A reader needs no faster display.
-LEVEL_EVERY_S = 0.1
+LEVEL_EVERY_S = 0.2
 
 
 class BenchPage(LivePage):
@@ -64,16 +49,15 @@ class BenchPage(LivePage):
         super().__init__(socket)
         self.listens = self.watches = False
         self._page_data, self._sent = page_data, Message()
-        self._level_changed = asyncio.Event()
+        self._queued_s = -math.inf
         self._blocks = {kind: deque[bytes](maxlen=MAX_BLOCKS) for kind in (MOTION, SOUND)}
         self._has_blocks = asyncio.Event()
 
     def queue_changes(self, soon: bool = True) -> None:
-        """Send the changed values, `soon` or at the rate of level messages."""
-        if soon:
+        """Send the changed values. Unless `soon`, they may wait for those of a later tick."""
+        if soon or time.monotonic() - self._queued_s >= LEVEL_EVERY_S:
+            self._queued_s = time.monotonic()
             self.queue("live", self._changed_values)
-        else:
-            self._level_changed.set()
 
     def _changed_values(self) -> Message:
         """Return the values that have changed since the last message."""
@@ -84,25 +68,18 @@ class BenchPage(LivePage):
             new["readings"] = [vars(reading) for reading in new["readings"]]
         return new and {"type": "live"} | new
 
-    async def _send_levels(self) -> None:
-        while True:
-            await self._level_changed.wait()
-            self._level_changed.clear()
-            self.queue("live", self._changed_values)
-            await asyncio.sleep(LEVEL_EVERY_S)
-
     def queue_block(self, kind: bytes, block: bytes) -> None:
         """Queue a block of a tick. Blocks of the same kind are sent in order."""
         self._blocks[kind].append(block)
         self._has_blocks.set()
 
-    def refusal(self, number: Any, words: str) -> dict[str, Any]:
+    def refusal(self, number: Any, reason: str) -> Message:
         """Return the answer to a refused command."""
-        return {"type": "answer", "success": False, "words": words, "answer": number}
+        return {"type": "answer", "success": False, "message": reason, "answer": number}
 
     def sender_tasks(self) -> list[Any]:
-        """Return the coroutines that send values, levels and blocks."""
-        return [*super().sender_tasks(), self._send_levels(), self._send_blocks()]
+        """Return the coroutines that send values and blocks."""
+        return [*super().sender_tasks(), self._send_blocks()]
 
     async def _send_blocks(self) -> None:
         while True:
@@ -129,20 +106,23 @@ class BenchPages(PanelPages):
     `cam` is mounted first. Laws drawn on the `board` can be mounted later.
     """
 
-    def __init__(self, runner: BenchRunner, cam: CamConfig, board: Board) -> None:
-        self._runner, self._board = runner, board
-        add_cam(cam, runner.cams)
-        self.live = LiveState(Setup.of(runner.rig, cam.name))
-        self._link = NodeLink(runner.socket, self._on_node_message)
+    def __init__(self, bench: BenchRunner, cam: CamConfig, board: Board) -> None:
+        self._runner, self._board = bench, board
+        runner.add_cam(cam, bench.cams)
+        self.live = LiveState(Setup.of(bench.rig, cam.name))
+        self._link = NodeLink(bench.socket, self._on_node_message)
         self._pages: list[BenchPage] = []  # the first page has the controls
-        self._controls = BenchControls(runner, self.live, self._link)
-        self._cams = Cams(runner.folder)
-        self._motion = LiveMotion(self._cams)
+        self._controls = BenchControls(bench, self.live, self._link)
+        self._cams = drawing.Cams(bench.folder)
+        self._motion = drawing.LiveMotion(self._cams)
         self.routes = (
             page_file("/bench", "bench", self._start_graph),
             get("/bench/about", self._about),
-            get("/bench/cam/{cam}", self._cam),
-            get("/bench/readings.csv", self._csv),
+            get("/bench/cam/{cam}", lambda path: cam_picture(*self._cams(path["cam"]))),
+            get(
+                "/bench/readings.csv",
+                lambda _: csv_file("readings.csv", to_csv(self.live.readings)),
+            ),
             post("/bench/expected", self._expected),
             post("/bench/mount", self._mount),
             WebSocketRoute("/bench/live", self._live),
@@ -152,56 +132,50 @@ class BenchPages(PanelPages):
     async def alive(self) -> AsyncIterator[None]:
         """Receive the messages of the nodes and the runner while the context is active."""
         loop = asyncio.get_running_loop()
-        self._runner.on_event = lambda message: loop.call_soon_threadsafe(
-            self._on_runner_event, message
+        self._runner.on_event = lambda event: loop.call_soon_threadsafe(
+            self._on_runner_event, event
         )
         try:
             async with self._link.listening():
                 yield
         finally:
-            self._runner.on_event = lambda _message: None
+            self._runner.on_event = lambda _event: None
 
     def _start_graph(self) -> None:
         if self.live.graph == "off":
             self._controls.set_up(self.live.setup)
 
-    async def _about(self, _: dict[str, Any]) -> dict[str, Any]:
-        rig, choices = self._runner.rig, {"cam": cam_names(self._runner.cams), "pacing": PACES}
+    def _about(self, _: Message) -> Message:
+        rig = self._runner.rig
+        choices = {"cam": runner.cam_names(self._runner.cams), "pacing": PACES}
         settings = {
             name: {"node": node, "choices": choices.get(name, spec.choices)}
             for name, (node, spec) in SETTINGS.items()
         }
         return {
             "rig": {"name": rig.name},
-            "has_screen": self._runner.has_screen,
-            "models": allowed_models(rig),
+            "has_rerun": self._runner.has_rerun,
+            "models": runner.available_models(rig),
             "model": self.live.setup.model,
             "settings": settings,
             "knob": KNOB,
-            "speeds": (MIN_RPM, MAX_RPM),
+            "speeds": (runner.MIN_RPM, runner.MAX_RPM),
             "colours": [colours.web(colour) for colour in CAM_COLOURS],
-            "max_added_mass": MAX_ADDED_MASS,
+            "max_added_mass": runner.MAX_ADDED_MASS,
         }
 
-    async def _cam(self, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Return the picture of a cam that can be mounted."""
-        return cam_picture(*self._cams(parameters["cam"]))
-
-    async def _expected(self, changes: dict[str, Any]) -> dict[str, Any]:
+    async def _expected(self, changes: Message) -> Message:
         """Return the steady turn of a set-up at its speed, and its jump speeds."""
         setup = self._controls.current_setup(changes)
         law, rig = self._cams(setup.cam)[1], setup.rig(self._runner.rig)
-        jumps = {"jumps": await asyncio.to_thread(jump_speeds, law, rig, setup.model)}
-        return await asyncio.to_thread(predict_turn, setup, law, rig) | jumps
+        jumps = await asyncio.to_thread(drawing.jump_speeds, law, rig, setup.model)
+        return await asyncio.to_thread(drawing.predict_turn, setup, law, rig) | {"jumps": jumps}
 
-    async def _mount(self, body: dict[str, Any]) -> dict[str, Any]:
+    async def _mount(self, body: Message) -> Message:
         """Mount the law of ordinates drawn on the board, and start the nodes if needed."""
-        cam = self._board.drawn_cam(self._controls.next_drawn_name(), body.get("ordinates"))
+        cam = self._board.cam_of(self._controls.next_drawn_name(), body.get("ordinates"))
         await self._controls.mount(cam)
         return {"cam": cam.name}
-
-    async def _csv(self, _: dict[str, Any]) -> Response:
-        return csv_file("readings.csv", to_csv(self.live.readings))
 
     async def _live(self, socket: WebSocket) -> None:
         await socket.accept()
@@ -215,37 +189,36 @@ class BenchPages(PanelPages):
             self._update_listening()
             self._queue_changes()
 
-    async def _obey(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
+    async def _obey(self, page: BenchPage, command: Message) -> Message:
         try:
-            answer = {"type": "answer"} | await self._execute(page, command)
-            return answer | {"answer": command.get("number")}
+            reply = await self._execute(page, command.get("do"), command)
+            return reply | {"type": "answer", "answer": command.get("number")}
         finally:
             self._queue_changes()
 
-    async def _execute(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
-        match command.get("do"):
+    async def _execute(self, page: BenchPage, name: Any, command: Message) -> Message:
+        value = command.get("value")
+        match name:
             case "listen":
-                page.listens = command.get("value") is True
+                page.listens = value is True
                 self._update_listening()
-                return DONE
             case "watch":
-                page.watches = command.get("value") is True
+                page.watches = value is True
                 self._update_listening()
-                return DONE
             case "take_over":
                 self._pages.remove(page)
                 self._pages.insert(0, page)
-                return DONE
-        # Every page may call an emergency stop.
-        is_emergency = (command.get("do"), command.get("value")) == ("call", EMERGENCY_STOP)
-        if page is not self._pages[0] and not is_emergency:
-            raise RefusedError("another page has the controls; take over first")
-        return await self._controls.obey(command)
+            # Every page may call an emergency stop.
+            case _ if page is self._pages[0] or (name, value) == ("call", EMERGENCY_STOP):
+                return await self._controls.obey(command)
+            case _:
+                raise RefusedError("another page has the controls; take over first")
+        return DONE
 
     def _update_listening(self) -> None:
         self._link.set_listening(any(page.listens or page.watches for page in self._pages))
 
-    def _on_node_message(self, message: dict[str, Any]) -> None:
+    def _on_node_message(self, message: Message) -> None:
         if "samples" in message:
             data = np.frombuffer(base64.b64decode(message["samples"]), dtype="<f8")
             return self._send_samples(data.reshape(message["shape"]))
@@ -266,8 +239,8 @@ class BenchPages(PanelPages):
             for page in listening:
                 page.queue_block(SOUND, sound)
 
-    def _on_runner_event(self, message: dict[str, Any]) -> None:
-        self.live.on_runner_event(message)
+    def _on_runner_event(self, event: Message) -> None:
+        self.live.on_runner_event(event)
         self._queue_changes()
 
     def _queue_changes(self, soon: bool = True) -> None:
@@ -275,5 +248,8 @@ class BenchPages(PanelPages):
             page.queue_changes(soon)
 
     def _page_data(self, page: BenchPage) -> Message:
-        data = {"holds": page is self._pages[0], "calibrated_on": self._controls.calibrated_on}
-        return data | {"sound_rate": self._controls.sound.rate} | self.live.page_data()
+        return self.live.page_data() | {
+            "has_controls": page is self._pages[0],
+            "calibrated_on": self._controls.calibrated_on,
+            "sound_rate": self._controls.sound.rate,
+        }

@@ -93,8 +93,8 @@ class Setup:
             wrong = [key for key in changes if key in current]
         if wrong:
             raise RefusedError(f"set-up: {', '.join(wrong)[:80]}: allowed: {', '.join(current)}")
-        if setup.model not in allowed_models(rig):
-            allowed = ", ".join(allowed_models(rig))
+        if setup.model not in available_models(rig):
+            allowed = ", ".join(available_models(rig))
             raise RefusedError(f"model: is {setup.model[:40]!r}; allowed on this rig: {allowed}")
         if not MIN_RPM <= setup.rpm <= MAX_RPM:
             raise RefusedError(f"rpm: is {setup.rpm:g}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
@@ -146,7 +146,7 @@ class Setup:
         }
 
 
-def allowed_models(rig: RigConfig) -> tuple[str, ...]:
+def available_models(rig: RigConfig) -> tuple[str, ...]:
     """Return the models for which a rig has the numbers."""
 
     def has_numbers(model: str) -> bool:
@@ -193,15 +193,15 @@ class BenchRunner:
     Only the main thread may call `run`. `set_up` may be called from any thread.
     """
 
-    def __init__(self, rig: RigConfig, folder: Path, out: Path, screen: bool = True) -> None:
+    def __init__(self, rig: RigConfig, folder: Path, out: Path, rerun: bool = True) -> None:
         self.rig, self.folder, self.out = rig, folder, out
         self.cams = folder / "cams"
         self.cams.mkdir(parents=True, exist_ok=True)
         #: Called with each event of the graph, from the thread of `run`.
-        self.on_event: EventCallback = lambda _message: None
+        self.on_event: EventCallback = lambda _event: None
         #: Address of the page that shows the rig in Rerun, empty without one.
-        self.screen = ""
-        self.has_screen, self._wants_screen = screen, False
+        self.rerun_address = ""
+        self.has_rerun, self._wants_rerun = rerun, False
         self._stream: str | None = None
         self._page: PageTime | None = None
         self._setups: Queue[tuple[Setup, NodeValues]] = Queue()
@@ -220,11 +220,11 @@ class BenchRunner:
         self._keep = self._keep or keep
         self._setups.put((setup, values))
 
-    def request_screen(self) -> None:
+    def request_rerun(self) -> None:
         """Show the next run, and those after it, in Rerun too."""
-        if not self.has_screen:
+        if not self.has_rerun:
             raise RefusedError("rerun: disabled by --no-rerun; start the panel without it")
-        self._wants_screen = not self.screen
+        self._wants_rerun = not self.rerun_address
 
     def run(self, served: Callable[[], bool]) -> None:
         """Run the newest set-up while `served` returns True, or until a signal arrives."""
@@ -234,21 +234,22 @@ class BenchRunner:
                 if setup is None:
                     setup = self._newest_setup(POLL_S)
                     continue
-                if self._wants_screen:
-                    self._open_screen(stack)
+                if self._wants_rerun:
+                    self._open_rerun(stack)
                 setup = self._run(*setup)
 
-    def _open_screen(self, stack: ExitStack) -> None:
+    def _open_rerun(self, stack: ExitStack) -> None:
         """Start Rerun's viewer once. The bench runs without it if it fails."""
-        self._wants_screen = False
+        self._wants_rerun = False
         try:
             require("rerun")
             pages = stack.enter_context(serve())
         except CamRigError as error:
             self._log(f"cannot show the rig in Rerun: {error}")
         else:
-            self.screen, self._stream, self._page = pages.address, str(pages.folder), pages.page
-        self.on_event({"screen": self.screen})
+            self.rerun_address, self._page = pages.address, pages.page
+            self._stream = str(pages.folder)
+        self.on_event({"rerun_address": self.rerun_address})
 
     def on_drive_time(self, rig_time: float) -> None:
         """Report the present rig time (s) of the drive.
@@ -284,7 +285,7 @@ class BenchRunner:
                         following = self._newest_setup()
                 self.on_event({"graph": "ended"})
         except CamRigError as error:
-            self.on_event({"graph": "failed", "words": str(error)})
+            self.on_event({"graph": "failed", "failure": str(error)})
         return following
 
     def _log(self, line: str) -> None:
@@ -311,4 +312,4 @@ class BenchRunner:
             if ended_by_hand and not self._keep:
                 shutil.rmtree(bag, ignore_errors=True)
             elif bag.is_dir():
-                self.on_event({"kept": str(bag)})
+                self.on_event({"kept_bag": str(bag)})

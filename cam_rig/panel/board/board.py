@@ -20,26 +20,12 @@ from cam_rig.files import write_new
 from cam_rig.laws import Law, build_law
 from cam_rig.panel import is_number
 from cam_rig.panel.bench.drawing import cam_picture
+from cam_rig.panel.board import drawn_law
 from cam_rig.panel.board.drawable import DRAWABLE_SEGMENTS, evaluate_fast, failed_checks
-from cam_rig.panel.board.drawn_law import (
-    MOTION_POINTS,
-    ORDERS,
-    DrawnLaw,
-    in_base64,
-    motion_in_base64,
-)
-from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.panel.board.drawn_law import DrawnLaw, in_base64
+from cam_rig.schema import CamConfig, RigConfig, load
 from cam_rig.schema.explain import explain
-from cam_rig.schema.load import (
-    NAME,
-    Library,
-    config_root,
-    file_data,
-    load_cam,
-    quantity_data,
-    to_yaml,
-    validate_cam,
-)
+from cam_rig.schema.load import config_root, load_cam
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.simulation.scene import is_calibrated
@@ -103,7 +89,10 @@ class Board:
         The fixed ordinates at the ends of segments do not change. Raises RefusedError for invalid
         values.
         """
-        self.ordinates, self.rpm = self._validate(ordinates), _valid_speed(rpm)
+        valid = self._validate(ordinates)
+        if not (is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
+            raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
+        self.ordinates, self.rpm = valid, float(rpm)
         self.version += 1
 
     def _validate(self, values: Any) -> FloatArray:
@@ -125,24 +114,18 @@ class Board:
 
         They contain names, numbers of the rig, handles, and the motion's table.
         """
-        start, table = self.drawn.start, self.drawn.table
-        pivot = getattr(start.cam.follower, "pivot_distance", None)
+        start, table, cam = self.drawn.start, self.drawn.table, self.cam
         follower = FollowerParameters.from_rig(self.rig)
         calibrated = is_calibrated(self.rig, "one_mass")
+        splines = None
+        if not start.has_file_ordinates:
+            degree = max(s.degree for s in cam.segments if isinstance(s, BSpline))
+            splines = {"degree": degree, "exact": start.exact, "distance_m": start.distance}
         return {
-            "cam": {
-                "name": self.file.name,
-                "lift_m": start.cam.lift.si,
-                "sprung": start.cam.follower.sprung,
-            },
-            "drawn_as": self._drawn_as(),
-            "distance_m": start.distance,
-            "start_made": not evaluate_fast(self.cam, start.law, self.rig)["faults"],
-            "follower": {
-                "roller_mm": 1e3 * start.cam.follower.roller,
-                "pivot_mm": None if pivot is None else 1e3 * pivot.si,
-            },
-            "picture": cam_picture(start.cam, start.law),
+            "cam": {"name": self.file.name, "lift_m": cam.lift.si, "sprung": cam.follower.sprung},
+            "b_splines": splines,
+            "start_can_be_made": not evaluate_fast(cam, start.law, self.rig)["faults"],
+            "picture": cam_picture(cam, start.law),
             "rig": {
                 "name": self.rig.name,
                 "mass": follower.mass,
@@ -156,31 +139,24 @@ class Board:
             },
             "rpm": self.rpm,
             "rpm_range": [MIN_RPM, MAX_RPM],
-            "version": self.version,
             "ordinates": self.ordinates.tolist(),
             "start": self.drawn.ordinates.tolist(),
             "handles": [asdict(handle) for handle in self.drawn.handles],
             "cams": sorted(path.stem for path in (config_root() / "cams").glob("*.yaml")),
-            "points": MOTION_POINTS,
-            "orders": ORDERS,
+            "points": drawn_law.MOTION_POINTS,
+            "orders": drawn_law.ORDERS,
             "first": in_base64(table.first),
             "table": in_base64(table.table),
             "constant": in_base64(table.constant),
         }
-
-    def _drawn_as(self) -> dict[str, Any] | None:
-        """Return the B-splines that replace the law, None for the file's ordinates."""
-        start = self.drawn.start
-        degrees = [s.degree for s in start.cam.segments if isinstance(s, BSpline)]
-        return None if start.has_file_ordinates else {"degree": max(degrees), "exact": start.exact}
 
     def shipped_law(self, name: str) -> dict[str, Any]:
         """Return the law of a shipped cam for comparison.
 
         The motion is ``(4, n)`` in m/rad^order, as base64.
         """
-        law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
-        return {"name": name, "motion": motion_in_base64(law)}
+        law = build_law(load_cam(load.Library((config_root(),)).path("cams", name)))
+        return {"name": name, "motion": drawn_law.motion_in_base64(law)}
 
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file and return its path.
@@ -188,26 +164,28 @@ class Board:
         The file of a law that cannot be made contains the reason.
         """
         path = self.out / f"{require_name(name)}.yaml"
-        write_new(self.out, {path.name: self._text(path.stem, ordinates)})
+        write_new(self.out, {path.name: self._file_text(path.stem, ordinates)})
         return path
 
-    def drawn_cam(self, name: str, ordinates: Any) -> CamConfig:
+    def cam_of(self, name: str, ordinates: Any) -> CamConfig:
         """Return the cam of ordinates without writing a file."""
-        return CamConfig.model_validate(parse_yaml(self._text(name, ordinates)))
+        return CamConfig.model_validate(parse_yaml(self._file_text(name, ordinates)))
 
-    def _text(self, name: str, ordinates: Any) -> str:
+    def _file_text(self, name: str, ordinates: Any) -> str:
         valid = self._validate(ordinates)
-        why_not = "; ".join(failed_checks(self.cam, self.law(valid))[0]) or None
-        return cam_text(name, self.cam, self.file, valid, why_not)
+        reason = "; ".join(failed_checks(self.cam, self.law(valid))[0]) or None
+        return cam_text(name, self.cam, self.file, valid, reason)
 
     def save_for_page(self, name: Any, ordinates: Any) -> dict[str, Any]:
         """Write ordinates as a cam file and return path, design command and reason."""
         path = self.save(name, ordinates)
-        arguments = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
-        command = shlex.join(
-            [*arguments, "--rig", self.rig_name, "--out", str(designed_path(path))]
-        )
-        return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}
+        arguments = ["cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT]
+        arguments += ["--rig", self.rig_name, "--out", str(designed_path(path))]
+        return {
+            "path": str(path),
+            "command": shlex.join(arguments),
+            "cannot_be_made": load_cam(path).cannot_be_made,
+        }
 
     def dxf(self, ordinates: Any) -> str:
         """Return the contour of ordinates in mm as the text of a DXF file.
@@ -227,12 +205,6 @@ class Board:
         return text.getvalue()
 
 
-def _valid_speed(rpm: Any) -> float:
-    if not (is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
-        raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
-    return float(rpm)
-
-
 # Output of the board: cam file, contour as DXF, and command of a design from the drawn cam.
 
 #: Largest distance (m) of the chords of the DXF from the contour.
@@ -245,19 +217,19 @@ LIMIT = "peak_acceleration<=start"
 
 def require_name(name: Any) -> str:
     """Return a cam's name, or raise ConfigError if it is not valid."""
-    if not (isinstance(name, str) and NAME.fullmatch(name)):
+    if not (isinstance(name, str) and load.NAME.fullmatch(name)):
         raise ConfigError("name: allowed: a letter, then up to 99 small letters, digits and _")
     return name
 
 
 def cam_text(
-    name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, why_not: str | None
+    name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, reason: str | None
 ) -> str:
     """Return the text of a drawn cam's file with other ordinates ``(m,)``.
 
-    `why_not` is the reason why the cam cannot be made, None if it can be made.
+    `reason` is the reason why the cam cannot be made, None if it can be made.
     """
-    data = file_data(cam) | {"name": name, "title": f"{file.title}, drawn"}
+    data = load.file_data(cam) | {"name": name, "title": f"{file.title}, drawn"}
     data.pop("cannot_be_made", None)
     data.pop("identified_from", None)
     source, index = f"drawn on the panel, from {file.name}", 0
@@ -265,14 +237,14 @@ def cam_text(
         if isinstance(segment, DRAWABLE_SEGMENTS):
             count = len(segment.ordinates.numbers)
             values = ordinates[index : index + count].tolist()
-            segment_data["ordinates"] = quantity_data("assumed", values, "1", source)
+            segment_data["ordinates"] = load.quantity_data("assumed", values, "1", source)
             index += count
-    if why_not is not None:
-        data["cannot_be_made"] = why_not
+    if reason is not None:
+        data["cannot_be_made"] = reason
     data["segments"] = data.pop("segments")  # move to the end of the file
-    validate_cam(data)
+    load.validate_cam(data)
     header = f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n"
-    return header + to_yaml(data)
+    return header + load.to_yaml(data)
 
 
 def designed_path(start: Path) -> Path:

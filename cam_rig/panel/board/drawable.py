@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline as Spline
 
 from cam_rig.acoustics import RadiationParameters, level_db
@@ -97,25 +96,24 @@ def to_b_splines(cam: CamConfig) -> DrawableCam:
     """
     law = build_law(cam)
     law_events = events(law, 0)
-    splines = [_file_data(_nearest(law, event), cam.name) for event in law_events]
+    splines = [
+        {
+            "degree": int(spline.k),
+            # without scipy's outermost knots
+            "knots": quantity_data(
+                "assumed", spline.t[1:-1].tolist(), "1", f"joints of {cam.name}, and between"
+            ),
+            "ordinates": quantity_data(
+                "identified", (spline.c + 0.0).tolist(), "1", f"the law of {cam.name}"
+            ),
+        }
+        for spline in (_nearest(law, event) for event in law_events)
+    ]
     drawn = validate_cam(spline_cam_data(cam, law, law_events, splines, cam.name, cam.title))
     drawn_law = build_law(drawn)
     angles = np.linspace(0.0, TURN, COMPARED_POINTS, endpoint=False)
     distance = float(np.abs(drawn_law(angles) - law(angles)).max())
     return DrawableCam(drawn, drawn_law, False, distance)
-
-
-def _file_data(spline: Spline, name: str) -> dict[str, Any]:
-    """Return a B-spline as data of a cam file, without scipy's outermost knots."""
-    return {
-        "degree": int(spline.k),
-        "knots": quantity_data(
-            "assumed", spline.t[1:-1].tolist(), "1", f"joints of {name}, and between"
-        ),
-        "ordinates": quantity_data(
-            "identified", (spline.c + 0.0).tolist(), "1", f"the law of {name}"
-        ),
-    }
 
 
 def _nearest(law: Law, event: LawEvent) -> Spline:
@@ -138,9 +136,8 @@ def _nearest(law: Law, event: LawEvent) -> Spline:
     ordinates = np.zeros(count)
     for end, fixed in enumerate(ends):
         rows = [basis(float(end), k)[fixed] for k in range(fixed.size)]
-        ordinates[fixed] = np.linalg.solve(
-            np.array(rows), _end_derivatives(law, event, end, fixed.size)
-        )
+        derivatives = _end_derivatives(law, event, end, fixed.size)
+        ordinates[fixed] = np.linalg.solve(np.array(rows), derivatives)
     nodes, edges = 0.5 * (np.polynomial.legendre.leggauss(GAUSS_POINTS)[0] + 1.0), np.unique(knots)
     u = (edges[:-1, None] + np.diff(edges)[:, None] * nodes).ravel()
     lift, curvature = (law(event.start + event.span * u, k) / law.lift for k in (0, 2))
@@ -172,11 +169,8 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
         multiplicity = 1 if right == edges[-1] else max(1, degree - max(0, continuity[right]))
         knots += [*steps[:-1].tolist(), *[float(steps[-1])] * multiplicity]
     knots[-1:] = [1.0] * (degree + 1)
-    smooth = [
-        min(MAX_KEPT_CONTINUITY, max(0, continuity[angle % TURN]))
-        for angle in (edges[0], edges[-1])
-    ]
-    return np.array(knots), smooth
+    orders = [max(0, continuity[angle % TURN]) for angle in (edges[0], edges[-1])]
+    return np.array(knots), [min(MAX_KEPT_CONTINUITY, order) for order in orders]
 
 
 def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
@@ -199,7 +193,7 @@ def _end_derivatives(law: Law, event: LawEvent, end: int, count: int) -> list[fl
 CONTOUR_POINTS = 360
 #: Number of turns that are simulated for the level if contact is lost. The first turn settles.
 LEVEL_TURNS = 6
-#: Value for the page: `value`, or `words` with the reason why there is no value. Empty for
+#: Value for the page: `value`, or `message` with the reason why there is no value. Empty for
 #: infinity, which JSON cannot contain.
 PageValue = dict[str, float | str]
 
@@ -215,13 +209,20 @@ def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
     try:
         discs = contours(cam.follower, law, CONTOUR_POINTS)
     except CamRigError as error:
-        faults: list[dict[str, Any]] = [{"key": "error", "words": str(error)}]
+        faults: list[dict[str, Any]] = [{"key": "error", "message": str(error)}]
         return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump, "pressure": None}
     discs_data, faults, warnings, pressure = [], [], [], list[dict[str, float]]()
     for disc in discs:
         allowed = greatest_allowed(cam.follower, disc.disc.element)
         undercut, steep = disc.rate <= 0.0, np.abs(disc.pressure) > allowed
-        discs_data.append(_disc_data(disc, undercut, steep))
+        discs_data.append(
+            {
+                "points": millimetres(disc.points),
+                "pitch": None if disc.pitch is None else millimetres(disc.pitch),
+                "undercut": np.flatnonzero(undercut).tolist(),
+                "steep": np.flatnonzero(steep).tolist(),
+            }
+        )
         if undercut.any():
             worst = int(np.argmin(disc.rate))
             faults.append({"key": "undercut", "angle_deg": _angle_deg(disc, worst)})
@@ -249,11 +250,11 @@ def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[
 
     fatal, failed = failed_checks(cam, law)
     return {
-        "jump": _page_value(lambda: _jump_rpm(law, rig)),
+        "jump": _page_value(lambda: find_jump(law, follower_of(rig), FROM_REST).rpm),
         "residual_um": _page_value(residual),
         "level_db": _page_value(lambda: level(law, rig, rpm)),
         "checks": failed,
-        "made": not fatal,
+        "can_be_made": not fatal,
     }
 
 
@@ -267,18 +268,6 @@ def failed_checks(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
     except CamRigError as error:
         return [str(error)], [str(error)]
     return [str(check) for check in failed if check.is_fatal], [str(check) for check in failed]
-
-
-def file_jump(cam: CamConfig, rig: RigConfig) -> PageValue:
-    """Return the jump speed (rpm) of a file's law.
-
-    The page displays it next to that of the B-splines that replace the law.
-    """
-    return _page_value(lambda: _jump_rpm(build_law(cam), rig))
-
-
-def _jump_rpm(law: Law, rig: RigConfig) -> float:
-    return find_jump(law, follower_of(rig), FROM_REST).rpm
 
 
 def level(law: Law, rig: RigConfig, rpm: float) -> float:
@@ -298,24 +287,9 @@ def _page_value(compute: Callable[[], float]) -> PageValue:
     try:
         value = compute()
     except CamRigError as error:
-        return {"words": str(error)}
+        return {"message": str(error)}
     return {"value": value} if math.isfinite(value) else {}
 
 
 def _angle_deg(disc: Contour, index: int) -> float:
     return math.degrees(disc.angle[index]) % 360.0
-
-
-def _disc_data(
-    disc: Contour, undercut: NDArray[np.bool_], steep: NDArray[np.bool_]
-) -> dict[str, Any]:
-    """Return a contour for the page, with lengths in mm.
-
-    `undercut` and `steep` become indices of points.
-    """
-    return {
-        "points": millimetres(disc.points),
-        "pitch": None if disc.pitch is None else millimetres(disc.pitch),
-        "undercut": np.flatnonzero(undercut).tolist(),
-        "steep": np.flatnonzero(steep).tolist(),
-    }

@@ -17,14 +17,8 @@ import numpy as np
 from cam_rig.laws import Law, bernstein, spline
 from cam_rig.laws.cam import abscissae, segment_angles
 from cam_rig.laws.law import joints
-from cam_rig.panel.board.drawable import (
-    DRAWABLE_SEGMENTS,
-    MAX_KEPT_CONTINUITY,
-    DrawableCam,
-    DrawableSegment,
-    to_b_splines,
-    with_file_ordinates,
-)
+from cam_rig.panel.board import drawable
+from cam_rig.panel.board.drawable import DRAWABLE_SEGMENTS, DrawableCam
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import BSpline
 from cam_rig.units import TURN, FloatArray
@@ -77,9 +71,9 @@ class DrawnLaw:
         It uses the ordinates of the cam's file if some of them may be moved, else those of
         B-splines.
         """
-        start = with_file_ordinates(cam)
+        start = drawable.with_file_ordinates(cam)
         law = None if start is None else cls(start)
-        return law if law is not None and law.handles else cls(to_b_splines(cam))
+        return law if law is not None and law.handles else cls(drawable.to_b_splines(cam))
 
     @cached_property
     def ordinates(self) -> FloatArray:
@@ -101,7 +95,7 @@ class DrawnLaw:
             angles = start + segment.span.si * abscissae(segment)
             edges = (start, (start + segment.span.si) % TURN)
             orders = [max(0, continuity[_nearest_joint(joint_angles, edge)]) for edge in edges]
-            fixed = [1 + min(MAX_KEPT_CONTINUITY, order) for order in orders]
+            fixed = [1 + min(drawable.MAX_KEPT_CONTINUITY, order) for order in orders]
             first, last = float(angles[fixed[0] - 1]), float(angles[-fixed[1]])
             for i in range(fixed[0], count - fixed[1]):
                 angle = float(angles[i])
@@ -117,7 +111,11 @@ class DrawnLaw:
             if not isinstance(segment, DRAWABLE_SEGMENTS):
                 pieces.append((0, np.zeros((degree + 1, 0))))
                 continue
-            for columns in _bezier_matrices(segment):
+            matrices = [np.eye(len(segment.ordinates.numbers))]
+            if isinstance(segment, BSpline):
+                knots = np.array(segment.knots.numbers)
+                matrices = spline.pieces(knots, matrices[0], segment.degree)[1]
+            for columns in matrices:
                 used = np.flatnonzero(columns.any(axis=0))
                 matrix = columns[:, used[0] : used[-1] + 1]
                 pieces.append((index + int(used[0]), lift * bernstein.elevate(matrix, degree)))
@@ -181,14 +179,6 @@ def motion_in_base64(law: Law) -> str:
     The array is ``(4, n)`` in m/rad^order.
     """
     return in_base64(np.stack([law(table_angles(), order) for order in range(ORDERS)]))
-
-
-def _bezier_matrices(segment: DrawableSegment) -> list[FloatArray]:
-    """Return the matrices from a segment's ordinates to those of its Bézier pieces."""
-    identity = np.eye(len(segment.ordinates.numbers))
-    if not isinstance(segment, BSpline):
-        return [identity]
-    return spline.pieces(np.array(segment.knots.numbers), identity, segment.degree)[1]
 
 
 def _nearest_joint(angles: FloatArray, angle: float) -> float:

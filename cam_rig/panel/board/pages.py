@@ -29,16 +29,14 @@ from cam_rig.show import looks as colours
 PAUSE_S = 0.15
 #: Colours of the page's curves, as in the rig's other figures.
 COLOURS = {
-    "lift": colours.LIFT,
-    "velocity": colours.VELOCITY,
-    "acceleration": colours.ACCELERATION,
-    "jerk": colours.BLACK,
-    "force": colours.FORCE,
-    "level": colours.LEVEL,
-    "contour": colours.BLUE,
-    "pitch": colours.GREEN,
-    "fault": colours.VERMILION,
-    "ghost": colours.GREY,
+    "lift": colours.web(colours.LIFT),
+    "velocity": colours.web(colours.VELOCITY),
+    "acceleration": colours.web(colours.ACCELERATION),
+    "jerk": colours.web(colours.BLACK),
+    "force": colours.web(colours.FORCE),
+    "contour": colours.web(colours.BLUE),
+    "pitch": colours.web(colours.GREEN),
+    "ghost": colours.web(colours.GREY),
 }
 
 
@@ -52,9 +50,9 @@ class BoardPages(PanelPages):
         self._designs = Designs(board, self._broadcast)
         self.routes = (
             page_file("/", "board"),
-            get("/board", self._board),
-            get("/other/{cam}", self._other),
-            post("/save", self._save),
+            get("/board", lambda _: self.board.page_data() | {"colours": COLOURS}),
+            get("/other/{cam}", lambda path: self.board.shipped_law(path["cam"])),
+            post("/save", lambda b: self.board.save_for_page(b.get("name"), b.get("ordinates"))),
             post("/dxf", self._dxf),
             post("/open", self._open),
             *self._designs.routes,
@@ -73,16 +71,6 @@ class BoardPages(PanelPages):
             with suppress(asyncio.CancelledError):
                 await answering
 
-    async def _board(self, _: dict[str, Any]) -> dict[str, Any]:
-        web_colours = {name: colours.web(colour) for name, colour in COLOURS.items()}
-        return self.board.page_data() | {"colours": web_colours}
-
-    async def _other(self, parameters: dict[str, Any]) -> dict[str, Any]:
-        return self.board.shipped_law(parameters["cam"])
-
-    async def _save(self, body: dict[str, Any]) -> dict[str, Any]:
-        return self.board.save_for_page(body.get("name"), body.get("ordinates"))
-
     async def _open(self, body: dict[str, Any]) -> dict[str, Any]:
         await asyncio.to_thread(self.board.open, body.get("text"))
         self._broadcast({"type": "opened"})
@@ -96,7 +84,7 @@ class BoardPages(PanelPages):
     async def _changes(self, socket: WebSocket) -> None:
         await socket.accept()
         page = LivePage(socket)
-        page.queue("moved", lambda: self._moved_message() | self.board.evaluate_fast())
+        page.queue("changed", lambda: self.board.evaluate_fast() | self._changed_values())
         self._pages.add(page)
         self._changed.set()
         try:
@@ -106,15 +94,15 @@ class BoardPages(PanelPages):
 
     async def _apply_change(self, page: LivePage, change: dict[str, Any]) -> dict[str, Any]:
         self.board.update(change.get("ordinates"), change.get("rpm"))
-        answer = {"type": "exact", "number": change.get("number")} | self.board.evaluate_fast()
-        self._broadcast(answer | self._moved_message(), self._pages - {page})
+        results = self.board.evaluate_fast()
+        self._broadcast(results | self._changed_values(), self._pages - {page})
         self._changed.set()
-        return answer
+        return {"type": "fast", "number": change.get("number")} | results
 
-    def _moved_message(self) -> dict[str, Any]:
+    def _changed_values(self) -> dict[str, Any]:
         """Return the board's state for a page that did not make the last change."""
         ordinates = self.board.ordinates.tolist()
-        return {"type": "moved", "number": None, "ordinates": ordinates, "rpm": self.board.rpm}
+        return {"type": "changed", "number": None, "ordinates": ordinates, "rpm": self.board.rpm}
 
     def _broadcast(self, message: dict[str, Any], pages: set[LivePage] | None = None) -> None:
         for page in self._pages if pages is None else pages:
@@ -124,34 +112,31 @@ class BoardPages(PanelPages):
         """Compute the slow results of the latest law after each pause in the changes."""
         board = self.board
         while True:
-            drawn, start = board.drawn, board.drawn.start
-            request: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
-            is_file_law = start.has_file_ordinates or start.exact
-            request["file"] = None if is_file_law else board.file.model_dump()
+            drawn = board.drawn
+            request = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
             async with worker_process(request) as process:
                 try:
                     while board.drawn is drawn:  # a new worker follows if another file is opened
                         await self._answer_once(process)
                 except WorkerLostError as error:  # the next worker answers the next change
-                    message = {"type": "rest", "version": self.board.version, "words": str(error)}
-                    self._broadcast(message)
+                    self._broadcast(self._full_message() | {"message": str(error)})
 
     async def _answer_once(self, process: asyncio.subprocess.Process) -> None:
         drawn = self.board.drawn
-        await self._wait_for_pause()
-        if self.board.drawn is not drawn:
-            self._changed.set()
-            return
-        header = {"type": "rest", "version": self.board.version, "rpm": self.board.rpm}
-        results = await request_results(process, self.board.law(), self.board.rpm)
-        self._broadcast(header | results)
-
-    async def _wait_for_pause(self) -> None:
         await self._changed.wait()
-        while self._changed.is_set():
+        while self._changed.is_set():  # until there is no change for a while
             self._changed.clear()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), PAUSE_S)
+        if self.board.drawn is not drawn:
+            self._changed.set()
+            return
+        message = self._full_message()
+        results = await request_results(process, self.board.law(), self.board.rpm)
+        self._broadcast(message | results)
+
+    def _full_message(self) -> dict[str, Any]:
+        return {"type": "full", "version": self.board.version, "rpm": self.board.rpm}
 
 
 # The server's end of its worker processes, for the slow results of a law and for a design.
@@ -251,26 +236,21 @@ class Designs:
         return JSONResponse({})
 
     async def _run(self, cam: CamConfig, out: Path) -> None:
-        """Send each better law to the pages, and write the last."""
+        """Send each better law to the pages, and write the last into a file."""
         rig, result = self._board.rig.model_dump(), dict[str, Any]()
         request = {"cam": cam.model_dump(), "rig": rig, "name": out.stem}
         async with worker_process(request, DESIGN) as process:
             assert process.stdout is not None
             while line := await process.stdout.readline():
                 result = json.loads(line)
-                if "so_far_rpm" in result:
+                if "best_rpm" in result:
                     self._broadcast({"type": "design"} | result)
-        self._broadcast({"type": "design"} | _write_design(result, out))
-
-
-def _write_design(result: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Write the designed cam's file and return the message for the pages."""
-    if "words" in result:
-        return result
-    if "text" not in result:
-        return {"words": "the worker process ended before the design had a law"}
-    try:
-        write_new(out.parent, {out.name: result.pop("text")})
-    except OutputError as error:
-        return {"words": str(error)}
-    return result | {"path": str(out)}
+        if "text" in result:
+            result["path"] = str(out)
+            try:
+                write_new(out.parent, {out.name: result.pop("text")})
+            except OutputError as error:
+                result = {"message": str(error)}
+        elif "message" not in result:
+            result = {"message": "the worker process ended before the design had a law"}
+        self._broadcast({"type": "design"} | result)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
-from cam_rig.panel.board.drawable import evaluate_full, file_jump
+from cam_rig.panel.board.drawable import evaluate_full
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import RPM
 
@@ -24,19 +24,12 @@ def _send(message: dict[str, Any]) -> None:
     print(json.dumps(message), flush=True)
 
 
-def answer_laws(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Write the slow results of the laws on a cam, one line per law.
-
-    If `first` contains a ``file``, they include the jump speed of the law in that file, which the
-    laws replace.
-    """
-    constant = {}
-    if first["file"] is not None:
-        constant = {"file_jump": file_jump(CamConfig.model_validate(first["file"]), rig)}
+def answer_laws(_: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
+    """Write the slow results of the laws on a cam, one line per law."""
     for line in sys.stdin:
         request = json.loads(line)
         law = Law(cam.name, np.array(request["breaks"]), np.array(request["ordinates"]))
-        _send(evaluate_full(cam, law, rig, request["rpm"]) | constant)
+        _send(evaluate_full(cam, law, rig, request["rpm"]))
 
 
 def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
@@ -47,13 +40,13 @@ def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
     from cam_rig.studies.design.study import search_design
 
     def report(_: object, value: float) -> None:
-        _send({"so_far_rpm": value / RPM})
+        _send({"best_rpm": value / RPM})
 
     try:
         request = DesignRequest.of(maximise=GOAL, limits=[LIMIT])
         result = search_design(cam, rig, request, first["name"], report)
     except CamRigError as error:
-        _send({"words": str(error)})
+        _send({"message": str(error)})
     else:
         rpm = result.measures[0].result / RPM
         _send({"rpm": rpm, "motion": motion_in_base64(result.law), "text": result.text})

@@ -29,8 +29,6 @@ from cam_rig.laws import Law
 from cam_rig.panel.bench.live_state import FULL_SCALE_PA, MIN_RATE_HZ
 from cam_rig.panel.lab.sheet import (
     CURVE_POINTS,
-    KNOB_FROM,
-    KNOB_TO,
     LabReading,
     LabSetup,
     LabSheet,
@@ -52,6 +50,10 @@ RATE_HZ = MIN_RATE_HZ
 TURN_POINTS = 720
 #: Resolution of the force sensor, N.
 RESOLUTION_N = 0.1
+#: Lowest speed of the knob, relative to the lowest expected speed.
+KNOB_FROM = 0.5
+#: Highest speed of the knob, relative to the highest expected speed.
+KNOB_TO = 1.25
 
 
 def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:

@@ -147,13 +147,13 @@ def _option_text(value: float | str | None) -> str:
 class MarksResult(Result):
     """Marks of lab sheets: each answer compared with the true value."""
 
-    schema = "cam_rig.panel_marks.2"
+    schema = "cam_rig.panel_marks.3"
     plot_function = "cam_rig.panel.lab.figures:marks_figure"
     columns: ClassVar = {
         "answers": (
             Column("file"),
             Column("reading", "", "d", of="reading.number"),
-            Column("asked", of="lab.question"),
+            Column("question", of="lab.question"),
             Column("spring_stiffness", "N/m", "g", "spring", "reading.setup.spring_stiffness"),
             Column("added_mass", "kg", "g", of="reading.setup.added_mass"),
             Column("preload", "N", "g", of="reading.setup.preload"),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import base64
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from starlette.responses import Response
 from starlette.routing import Route
@@ -15,7 +15,7 @@ from cam_rig.panel.bench.drawing import cam_picture
 from cam_rig.panel.lab.labs import RATE_HZ, SCATTER_DB, JumpSheet, NoiseSheet
 from cam_rig.panel.lab.recorded import MAX_NAME, Notebook, to_text
 from cam_rig.panel.lab.sheet import CURVE_POINTS, LabSheet
-from cam_rig.panel.server import Handler, PanelPages, csv_file, get, page_file, post
+from cam_rig.panel.server import Message, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 
 #: Path of a panel's only sheet, and prefix of the paths of a class's sheets.
@@ -44,12 +44,12 @@ class LabPages(PanelPages):
             get(f"{path}/picture/{{cam}}", self._picture),
             get(f"{path}/readings.csv", self._csv),
             self._exclusive_post(f"{path}/turn", self._turn),
-            self._exclusive_post(f"{path}/record", self._record),
-            self._exclusive_post(f"{path}/answer", self._answer),
-            self._exclusive_post(f"{path}/student", self._student),
+            self._exclusive_post(f"{path}/record", self.notebook.record),
+            self._exclusive_post(f"{path}/answer", self.notebook.answer),
+            self._exclusive_post(f"{path}/student", self.notebook.set_student),
         )
 
-    async def _sheet_data(self, _: dict[str, Any]) -> dict[str, Any]:
+    def _sheet_data(self, _: Message) -> Message:
         sheet, follower = self._sheet, self._sheet.rig.follower
         return {
             "lab": sheet.name,
@@ -64,11 +64,11 @@ class LabPages(PanelPages):
             "tolerances": sheet.tolerances if sheet.seed else None,
             "options": sheet.options,
             "marker": sheet.marker,
-            "lift": sheet.critical[0] if isinstance(sheet, JumpSheet) else None,
+            "critical_lift_m": sheet.critical[0] if isinstance(sheet, JumpSheet) else None,
             "scatter_db": SCATTER_DB if isinstance(sheet, NoiseSheet) else None,
-            "measured": sheet.measured is not None,
-            "answered": sheet.answer is not None,
-            "heard": sheet.has_sound,
+            "has_instrument": sheet.measured is not None,
+            "has_answer": sheet.answer is not None,
+            "has_sound": sheet.has_sound,
             "unit": sheet.unit,
             "knob": self._knob,
             "plot": dict(zip("xy", sheet.plot, strict=True)),
@@ -77,7 +77,7 @@ class LabPages(PanelPages):
             "curve_colour": colours.web(colours.FORCE),
         } | self.notebook.page_data()
 
-    async def _theory(self, _: dict[str, Any]) -> dict[str, Any]:
+    async def _theory(self, _: Message) -> Message:
         """Return the curves of theory by the sheet's numbers, at equal steps of x."""
         if self._sheet.seed is not None:
             raise RefusedError("theory: allowed: on a sheet without a seed")
@@ -86,31 +86,34 @@ class LabPages(PanelPages):
         curves = [[round(float(y), 4) for y in curve] for curve in theory]
         return {"step": (high - low) / (CURVE_POINTS - 1), "curves": curves}
 
-    async def _picture(self, parameters: dict[str, Any]) -> dict[str, Any]:
+    def _picture(self, parameters: Message) -> Message:
         name = parameters["cam"]
         if name not in self._sheet.cams:
             raise ConfigError(f"cam: is {name!r:.40}; allowed: {', '.join(self._sheet.cams)}")
         return cam_picture(self._sheet.cams[name], self._sheet.laws[name])
 
-    async def _csv(self, _: dict[str, Any]) -> Response:
+    def _csv(self, _: Message) -> Response:
         book = self.notebook
         return csv_file(book.path.name if book.path else "lab_readings.csv", to_text(book.recorded))
 
-    def _exclusive_post(self, path: str, answer: Handler) -> Route:
-        """Return a POST route whose requests are processed one at a time."""
+    def _exclusive_post(self, path: str, action: Callable[[Message], Message | object]) -> Route:
+        """Return a POST route that executes an action in a thread, one request at a time.
 
-        async def respond(body: dict[str, Any]) -> dict[str, Any] | Response:
+        The answer is that of the action, or the notebook if the action returns no JSON object.
+        """
+
+        async def respond(body: Message) -> Message:
             async with self._busy:
-                return await answer(body)
+                reply = await asyncio.to_thread(action, body)
+                return reply if isinstance(reply, dict) else self.notebook.page_data()
 
         return post(path, respond)
 
-    async def _turn(self, body: dict[str, Any]) -> dict[str, Any]:
+    def _turn(self, body: Message) -> Message:
         """Return the observation of a set-up at a speed."""
         book = self.notebook
-        setup, rpm = book.setup(body), book.speed(body)
-        turn = await asyncio.to_thread(self._sheet.turn, setup, rpm, book.next_number)
-        data: dict[str, Any] = {
+        turn = self._sheet.turn(book.setup(body), book.speed(body), book.next_number)
+        data: Message = {
             "contact_lost": turn.contact_lost,
             "was_lost": turn.was_lost,
             "curve": [round(y, 1) for y in turn.curve.tolist()],
@@ -120,17 +123,3 @@ class LabPages(PanelPages):
             sound = base64.b64encode(turn.sound.astype("<f4").tobytes()).decode()
             data |= {"sound": sound, "rate": RATE_HZ}
         return data
-
-    async def _record(self, body: dict[str, Any]) -> dict[str, Any]:
-        await asyncio.to_thread(self.notebook.record, body)
-        return self.notebook.page_data()
-
-    async def _answer(self, body: dict[str, Any]) -> dict[str, Any]:
-        self.notebook.answer(body)
-        return self.notebook.page_data()
-
-    async def _student(self, body: dict[str, Any]) -> dict[str, Any]:
-        if "student" not in body:
-            raise RefusedError("student: missing; allowed: a name")
-        self.notebook.set_student(body["student"])
-        return self.notebook.page_data()

@@ -8,6 +8,7 @@ import io
 import math
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import IO, Any
 
@@ -94,7 +95,11 @@ def _parse(text: str) -> RecordedSheet:
     lines = [line for line in text.splitlines() if line.strip(" ,")]
     if (longest := max(map(len, lines), default=0)) > MAX_LINE_LENGTH:
         raise ConfigError(f"a line has {longest} characters; allowed: {MAX_LINE_LENGTH}")
-    header = dict(_header_entry(line) for line in lines if _is_header(line))
+    header = {}
+    for line in filter(_is_header, lines):
+        # A spreadsheet puts a header line into quotation marks and appends commas.
+        key, _, value = ",".join(next(csv.reader([line]))).strip("#, ").partition(":")
+        header[key.strip()] = value.strip()
     body = [next(csv.reader([line])) for line in lines if not _is_header(line)]
     if not {TITLE, *HEADER_KEYS} - set(OPTIONAL_KEYS) <= header.keys():
         raise ConfigError("not a lab sheet; allowed: a file that cam-rig panel --lab wrote")
@@ -113,16 +118,6 @@ def _is_header(line: str) -> bool:
     return line.lstrip(' "').startswith("#")
 
 
-def _header_entry(line: str) -> tuple[str, str]:
-    """Return key and value of a header line.
-
-    A spreadsheet puts the line into quotation marks and appends commas.
-    """
-    text = ",".join(next(csv.reader([line]))).strip("#, ")
-    key, _, value = text.partition(":")
-    return key.strip(), value.strip()
-
-
 def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
     columns = lab.columns()
     cells = [cell.strip() for cell in row[: len(columns)]]
@@ -133,11 +128,14 @@ def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
     # If the lab has a column for answers, a row contains either a reading or an answer.
     is_answer = bool(lab.answer and texts[lab.answer])
     blank = {"speed_rpm", lab.measured} if is_answer else {lab.answer}
-    numbers = {
-        name: _number_in_cell(context, name, cell)
-        for name, cell in texts.items()
-        if name != "cam" and not (name in blank and not cell)
-    }
+    numbers: dict[str, float] = {}
+    for name, cell in texts.items():
+        if name == "cam" or (name in blank and not cell):
+            continue
+        number = parse_number(cell)
+        if number is None or (name in POSITIVE_COLUMNS and number <= 0.0):
+            raise ConfigError(f"{context}: {name} is {shorten(cell)}; allowed: a number above 0")
+        numbers[name] = number
     chosen: dict[str, Any] = {
         name: numbers.get(column) for name, column in COLUMNS.items() if column in texts
     }
@@ -145,13 +143,6 @@ def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
         chosen["cam"] = None if is_answer else texts["cam"]
     read = (numbers.get(name or "") for name in ("speed_rpm", lab.measured, lab.answer))
     return LabReading(int(numbers["reading"]), LabSetup(**chosen), *read)
-
-
-def _number_in_cell(context: str, name: str, cell: str) -> float:
-    number = parse_number(cell)
-    if number is None or (name in POSITIVE_COLUMNS and number <= 0.0):
-        raise ConfigError(f"{context}: {name} is {shorten(cell)}; allowed: a number above 0")
-    return number
 
 
 def parse_number(text: str) -> float | None:
@@ -294,8 +285,9 @@ class Notebook:
         self._save(replace(self.recorded, readings=(*readings, reading)))
         return reading
 
-    def set_student(self, student: Any) -> None:
-        """Write the student's name on the sheet, or raise RefusedError."""
+    def set_student(self, data: dict[str, Any]) -> None:
+        """Write the name of a page's `student` on the sheet, or raise RefusedError."""
+        student = data.get("student")
         if not isinstance(student, str) or len(student) > MAX_NAME or not student.isprintable():
             raise RefusedError(f"student: allowed: a line of {MAX_NAME} characters")
         self._save(replace(self.recorded, student=student.strip()))
@@ -309,19 +301,17 @@ class Notebook:
 
     def _create_file(self) -> Path:
         """Create a new file for the sheet. Existing files are not overwritten."""
-        number = 1
-        while True:
-            path = self._path(number)
-            try:
-                self._out.mkdir(parents=True, exist_ok=True)
-                path.open("x").close()
-                return path
-            except FileExistsError:
-                if not path.exists():  # the folder is a file
-                    raise OutputError(f"{self._out}: is a file; allowed: a folder") from None
-                number += 1
-            except OSError as error:
-                raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        path = next(path for path in map(self._path, count(1)) if not path.exists())
+        try:
+            self._out.mkdir(parents=True, exist_ok=True)
+            path.open("x").close()
+        except FileExistsError:
+            if path.exists():  # created by another panel meanwhile
+                return self._create_file()
+            raise OutputError(f"{self._out}: is a file; allowed: a folder") from None
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        return path
 
     def page_data(self) -> dict[str, Any]:
         """Return the data that a page displays of the notebook."""
@@ -338,8 +328,7 @@ class Notebook:
         if reading.rpm is not None:
             x, y = sheet.point(reading)
             marker = sheet.options[sheet.marker].index(setup[sheet.marker])
-            is_full = (
-                sheet.filled is not None and setup[sheet.filled] != sheet.options[sheet.filled][0]
-            )
-            row["point"] = {"x": x, "y": y, "marker": marker, "full": is_full}
+            name = sheet.filled
+            is_filled = name is not None and setup[name] != sheet.options[name][0]
+            row["point"] = {"x": x, "y": y, "marker": marker, "is_filled": is_filled}
         return row

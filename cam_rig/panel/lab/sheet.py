@@ -23,10 +23,6 @@ from cam_rig.units import FloatArray
 
 #: Pattern of a seed, which becomes part of a file's name.
 SEED_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
-#: Lowest speed of the knob, relative to the lowest expected speed.
-KNOB_FROM = 0.5
-#: Highest speed of the knob, relative to the highest expected speed.
-KNOB_TO = 1.25
 
 
 @dataclass(frozen=True)

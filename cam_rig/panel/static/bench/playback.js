@@ -1,108 +1,114 @@
-// The follower's motion as it is drawn: blocks of a tick, played a little behind the newest one.
-import { NAME } from "./link.js";
+// Playback buffer of the follower's motion: the picture follows slightly behind the newest block.
+import { NAME_BYTES } from "./connection.js";
 
-/** Rows of a block, in this order: rad, mm, m/s, m/s², N, µm. */
-export const ROWS = /** @type {const} */ (["angle", "lift", "velocity", "acceleration", "force", "gap"]);
-/** @typedef {typeof ROWS[number]} Row */
-/** @typedef {Record<Row, Float32Array>} Rows */
-/** @typedef {Record<Row, number>} Sample */
-/** How far (s of wall time, and ticks) the picture is behind the newest block. */
-const BEHIND_S = 0.065, BEHIND_TICKS = 1.5;
-/** What the picture is off its place is made up within about so long (s); more (s) is jumped. */
-const PULL_S = 0.3, FARTHEST_S = 0.4;
+/** Curves of a block in their order: rad, mm, m/s, m/s², N, µm. */
+export const CURVES = /** @type {const} */ (["angle", "lift", "velocity", "acceleration", "force", "gap"]);
+/** @typedef {typeof CURVES[number]} CurveName */
+/** @typedef {Record<CurveName, Float32Array>} TurnCurves */
+/** @typedef {Record<CurveName, number>} Sample */
 
-/** Doubles before a block's rows: rig time and step (s), and samples. */
-const HEAD = 3;
+/** Delay of the picture, in s of wall time and in ticks. The larger one applies. */
+const DELAY_S = 0.065, DELAY_TICKS = 1.5;
+/** Time (s) within which a wrong delay is corrected, and difference (s) above which the picture jumps. */
+const CORRECTION_S = 0.3, MAX_DIFFERENCE_S = 0.4;
+/** Number of doubles in the header of a block: rig time (s), step (s) and number of samples. */
+const HEADER = 3;
 
-/** Rows of 32-bit floats `(6, n)` from a byte on. @param {ArrayBuffer} buffer @param {number} from */
-export function rowsOf(buffer, from, count = (buffer.byteLength - from) / 4 / ROWS.length) {
-  return each((_, i) => new Float32Array(buffer, from + 4 * i * count, count));
+/** Return the curves in the 32-bit floats of a buffer. @param {ArrayBuffer} buffer @param {number} start byte */
+export function readCurves(buffer, start, count = (buffer.byteLength - start) / 4 / CURVES.length) {
+  return forEachCurve((_, i) => new Float32Array(buffer, start + 4 * i * count, count));
 }
 
 export class Playback {
-  /** @type {{time: number, step: number, count: number, rows: Rows}[]} */
+  /** @type {{time: number, step: number, count: number, curves: TurnCurves}[]} */
   blocks = [];
-  /** Of the picture (s). @type {number | null} */
+  /** Rig time of the picture, s. @type {number | null} */
   time = null;
-  /** Of the newest sample (s). @type {number | null} */
+  /** Rig time of the newest sample, s. @type {number | null} */
   end = null;
-  /** When the newest block began (s). @type {number | null} */
+  /** Rig time at which the newest block starts, s. @type {number | null} */
   start = null;
+  /** Duration of a tick, s. */
   tick = 0;
-  at = 0;
-  /** Where it is. @type {Sample | null} */
-  before = null;
+  /** Number of played samples of the first block. */
+  played = 0;
+  /** Displayed sample. @type {Sample | null} */
+  sample = null;
 
-  /** Nothing is known of the motion any more. */
   reset() {
     [this.blocks, this.time, this.end] = [[], null, null];
-    [this.tick, this.at, this.before] = [0, 0, null];
+    [this.tick, this.played, this.sample] = [0, 0, null];
   }
 
-  /** One block after the other. @param {ArrayBuffer} buffer */
+  /** Add the blocks of a message. @param {ArrayBuffer} buffer */
   push(buffer) {
-    for (let from = NAME; from < buffer.byteLength;) {
-      const [time, step, count] = new Float64Array(buffer, from, HEAD);
-      from += 8 * HEAD;
-      if (count) this.#push(time, step, count, rowsOf(buffer, from, count));
-      from += 4 * ROWS.length * count;
+    for (let position = NAME_BYTES; position < buffer.byteLength;) {
+      const [time, step, count] = new Float64Array(buffer, position, HEADER);
+      position += 8 * HEADER;
+      if (count) this.#add(time, step, count, readCurves(buffer, position, count));
+      position += 4 * CURVES.length * count;
     }
   }
 
-  /** @param {number} time @param {number} step @param {number} count @param {Rows} rows */
-  #push(time, step, count, rows) {
+  /** @param {number} time @param {number} step @param {number} count @param {TurnCurves} curves */
+  #add(time, step, count, curves) {
     if (this.end !== null && time < this.end - 10 * step) this.reset(); // another run
     this.tick = time - (this.start ?? time) || this.tick;
     this.start = time;
     this.end = time + step * (count - 1);
-    this.blocks.push({ time, step, count, rows });
+    this.blocks.push({ time, step, count, curves });
   }
 
   /**
-   * Go on by wall time (s) at a pace (rig time over wall time); what was passed, and where it is.
-   * @param {number} seconds @param {number} pace
+   * Advance by a wall time (s) at a real-time factor. Return the passed curves and the displayed sample.
+   * @param {number} seconds @param {number} factor
    */
-  advance(seconds, pace) {
-    if (this.end === null) return { passed: [], now: null };
-    const goal = this.end - Math.max(BEHIND_S * pace, BEHIND_TICKS * this.tick);
-    const off = goal - (this.time ?? goal) - seconds * pace;
-    if (this.time === null || Math.abs(off) > FARTHEST_S * pace + 2 * this.tick) this.time = goal;
-    else this.time = Math.min(this.end, this.time + Math.max(0, seconds * pace + off * Math.min(1, seconds / PULL_S)));
-    return { passed: this.#passed(this.time), now: this.before };
+  advance(seconds, factor) {
+    if (this.end === null) return { passed: [], sample: null };
+    const target = this.end - Math.max(DELAY_S * factor, DELAY_TICKS * this.tick);
+    const difference = target - (this.time ?? target) - seconds * factor;
+    if (this.time === null || Math.abs(difference) > MAX_DIFFERENCE_S * factor + 2 * this.tick) this.time = target;
+    else {
+      const step = seconds * factor + difference * Math.min(1, seconds / CORRECTION_S);
+      this.time = Math.min(this.end, this.time + Math.max(0, step));
+    }
+    return { passed: this.#playTo(this.time), sample: this.sample };
   }
 
-  /** Where it stands once nothing comes any more. */
-  settle() {
+  /** Advance to the newest sample, after the cam has stopped. */
+  finish() {
     if (this.end !== null) this.time = this.end;
-    return { passed: this.#passed(this.time ?? 0), now: this.before };
+    return { passed: this.#playTo(this.time ?? 0), sample: this.sample };
   }
 
-  /** @param {number} now */
-  #passed(now) {
-    /** @type {Rows[]} */
+  /** @param {number} time */
+  #playTo(time) {
+    /** @type {TurnCurves[]} */
     const passed = [];
     while (this.blocks.length) {
-      const { time, step, count, rows } = this.blocks[0];
-      const upTo = Math.min(count, Math.floor((now - time) / (step || 1) + 1e-6) + 1);
-      if (upTo > this.at) {
-        passed.push(each((name) => rows[name].subarray(this.at, upTo)));
-        this.before = each((name) => rows[name][upTo - 1]);
-        this.at = upTo;
+      const { time: start, step, count, curves } = this.blocks[0];
+      const position = (time - start) / (step || 1);
+      const end = Math.min(count, Math.floor(position + 1e-6) + 1);
+      if (end > this.played) {
+        passed.push(forEachCurve((name) => curves[name].subarray(this.played, end)));
+        this.sample = forEachCurve((name) => curves[name][end - 1]);
+        this.played = end;
       }
-      if (this.at < count) {
-        const part = (now - time) / (step || 1) - (this.at - 1);
-        if (this.at > 0 && part > 0) this.before = between(rows, this.at - 1, Math.min(1, part));
+      if (this.played < count) {
+        const last = this.played - 1, fraction = Math.min(1, position - last);
+        if (last >= 0 && fraction > 0) {
+          this.sample = forEachCurve((name) => curves[name][last] + fraction * (curves[name][last + 1] - curves[name][last]));
+        }
         break;
       }
       this.blocks.shift();
-      this.at = 0;
+      this.played = 0;
     }
     return passed;
   }
 }
 
-/** Something of each row. @template T @param {(name: Row, i: number) => T} of @returns {Record<Row, T>} */
-function each(of) { return /** @type {Record<Row, T>} */ (Object.fromEntries(ROWS.map((name, i) => [name, of(name, i)]))); }
-
-/** @param {Rows} rows @param {number} i @param {number} part */
-function between(rows, i, part) { return each((name) => rows[name][i] + part * (rows[name][i + 1] - rows[name][i])); }
+/** Return a value for each curve. @template T @param {(name: CurveName, i: number) => T} valueOf @returns {Record<CurveName, T>} */
+function forEachCurve(valueOf) {
+  return /** @type {Record<CurveName, T>} */ (Object.fromEntries(CURVES.map((name, i) => [name, valueOf(name, i)])));
+}

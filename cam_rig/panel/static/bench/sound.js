@@ -1,59 +1,60 @@
-// The rig's sound, on the bench as it comes, in the lab turn by turn; nothing is sent while the volume is 0.
-import { decode } from "../common/dom.js";
+// Sound of the rig: continuous on the bench, one repeated turn in the lab. No data are sent while the volume is 0.
+import { decodeBase64 } from "../common/dom.js";
 
+/** Key of localStorage under which the volume is kept. */
 const VOLUME = "volume";
 
-/** The page's loudspeaker, opened when the volume is turned up. */
-export class Loudspeaker {
-  constructor() {
-    /** @type {AudioContext | null} */
-    this.context = null;
-    /** @type {GainNode | null} */
-    this.gain = null;
-    /** Of the samples, Hz; the browser's own where it does not matter. @type {number | undefined} */
-    this.rate = undefined;
-    this.on = false;
-  }
+/** Output of the page, created when the volume is first raised. */
+class Output {
+  /** @type {AudioContext | null} */
+  context = null;
+  /** @type {GainNode | null} */
+  gain = null;
+  /** Sample rate in Hz, or undefined for that of the browser. @type {number | undefined} */
+  rate = undefined;
+  isOn = false;
 
-  /** Set the volume; whether it begins to be heard, or ends. @param {number} value */
-  volume(value) {
-    if (!this.context && value > 0) {
+  /** Set the volume. Return true if the sound is switched on or off. @param {number} volume */
+  setVolume(volume) {
+    if (!this.context && volume > 0) {
       this.context = new AudioContext({ sampleRate: this.rate });
       this.gain = this.context.createGain();
       this.gain.connect(this.context.destination);
     }
-    if (this.gain) this.gain.gain.value = value * value; // what one hears goes with the logarithm
-    if (value > 0) this.context?.resume();
-    const changed = this.on !== value > 0;
-    this.on = value > 0;
-    return changed;
+    if (this.gain) this.gain.gain.value = volume * volume; // loudness is perceived logarithmically
+    if (volume > 0) this.context?.resume();
+    const hasChanged = this.isOn !== volume > 0;
+    this.isOn = volume > 0;
+    return hasChanged;
   }
 }
 
-export class Sound extends Loudspeaker {
-  /** listen(bool) asks for the blocks, or for none. @param {(on: boolean) => void} listen */
-  constructor(listen) {
+/** Continuous sound of the bench. */
+export class LiveSound extends Output {
+  rate = 16000;
+  /** @type {AudioWorkletNode | null} */
+  speaker = null;
+
+  /** @param {(isOn: boolean) => void} onSwitch requests the blocks of sound, or ends them */
+  constructor(onSwitch) {
     super();
-    this.listen = listen;
-    this.rate = 16000;
-    /** @type {AudioWorkletNode | null} */
-    this.speaker = null;
+    this.onSwitch = onSwitch;
   }
 
-  /** What was chosen last, from one visit to the next; 0 where nothing was. */
-  get remembered() { return Number(localStorage.getItem(VOLUME)) || 0; }
+  /** Volume of the last visit, 0 without one. */
+  get storedVolume() { return Number(localStorage.getItem(VOLUME)) || 0; }
 
-  /** @param {number} value */
-  volume(value) {
-    localStorage.setItem(VOLUME, String(value));
-    const changed = super.volume(value);
-    if (changed) this.#listen();
-    return changed;
+  /** @param {number} volume */
+  setVolume(volume) {
+    localStorage.setItem(VOLUME, String(volume));
+    const hasChanged = super.setVolume(volume);
+    if (hasChanged) this.#switch();
+    return hasChanged;
   }
 
-  async #listen() {
-    this.listen(this.on);
-    if (!this.on || this.speaker || !this.context || !this.gain) return;
+  async #switch() {
+    this.onSwitch(this.isOn);
+    if (!this.isOn || this.speaker || !this.context || !this.gain) return;
     await this.context.audioWorklet.addModule("/static/bench/speaker.js");
     this.speaker ??= new AudioWorkletNode(this.context, "speaker", { numberOfInputs: 0, outputChannelCount: [1] });
     this.speaker.connect(this.gain);
@@ -61,42 +62,43 @@ export class Sound extends Loudspeaker {
 
   /** @param {Float32Array} samples */
   play(samples) {
-    if (this.on && samples.length) this.speaker?.port.postMessage(samples);
+    if (this.isOn && samples.length) this.speaker?.port.postMessage(samples);
   }
 }
 
-/** The sound of one turn, over and over. */
-export class TurnSound extends Loudspeaker {
-  /** changed() is told when it begins to be heard. @param {() => void} changed */
-  constructor(changed) {
+/** Repeated sound of one turn in the lab. */
+export class TurnSound extends Output {
+  /** @type {AudioBufferSourceNode | null} */
+  source = null;
+
+  /** @param {() => void} onStart requests the sound of the present turn */
+  constructor(onStart) {
     super();
-    this.changed = changed;
-    /** @type {AudioBufferSourceNode | null} */
-    this.source = null;
+    this.onStart = onStart;
   }
 
-  /** @param {number} value */
-  volume(value) {
-    const changed = super.volume(value);
-    if (changed && this.on) this.changed();
-    else if (changed) this.#end();
-    return changed;
+  /** @param {number} volume */
+  setVolume(volume) {
+    const hasChanged = super.setVolume(volume);
+    if (hasChanged && this.isOn) this.onStart();
+    else if (hasChanged) this.#stop();
+    return hasChanged;
   }
 
-  /** Turn to another turn: base64 of 32-bit floats, and their rate in Hz. @param {string | undefined} data @param {number} rate */
-  play(data, rate) {
-    if (!this.on || !data || !this.context || !this.gain) return;
-    const samples = new Float32Array(decode(data));
+  /** Repeat a turn, given as 32-bit floats in base64. @param {string | undefined} base64 @param {number} rate Hz */
+  play(base64, rate) {
+    if (!this.isOn || !base64 || !this.context || !this.gain) return;
+    const samples = new Float32Array(decodeBase64(base64));
     const buffer = this.context.createBuffer(1, samples.length, rate);
     buffer.copyToChannel(samples, 0);
-    this.#end();
+    this.#stop();
     this.source = this.context.createBufferSource();
     Object.assign(this.source, { buffer, loop: true });
     this.source.connect(this.gain);
     this.source.start();
   }
 
-  #end() {
+  #stop() {
     this.source?.stop();
     this.source = null;
   }

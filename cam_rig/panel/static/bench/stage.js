@@ -1,84 +1,85 @@
-// The picture of the rig, its gauges and the charts of a turn: what runs, or what is expected.
-import { recoloured } from "../common/canvas.js";
-import { shown } from "../common/charts.js";
-import { $, decode, say } from "../common/dom.js";
-import { text } from "../common/texts.js";
-/** @import { Rows } from "./playback.js" */
-/** @import { Crossing } from "../common/rig.js" */
-/** @import { Sample } from "./turns.js" */
-import { Playback, rowsOf } from "./playback.js";
-import { length, Lens, RigPicture } from "../common/rig.js";
+// Picture of the rig, gauges, and charts of a turn: the present motion, or the predicted turn.
+/** @import { ContactEvent } from "../common/rig.js" */
+/** @import { Sample, TurnCurves } from "./playback.js" */
+import { $, decodeBase64, setText } from "../common/dom.js";
+import { degrees, formatGap, Lens, RigPicture } from "../common/rig.js";
+import { formatFixed, formatNumber, text } from "../common/texts.js";
+import { Playback, readCurves } from "./playback.js";
 import { TurnCharts } from "./turns.js";
 
 const TURN = 2 * Math.PI;
 const GAUGES = ["angle", "lift", "force", "gap"];
-/** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough. */
-const FRAME_MS = accelerated() ? 0 : 32;
-/** It may be asked for so much (ms) before its time: then it is one of those of the screen. */
+/** Time (ms) between two frames. Without a graphics card each frame needs the processor. */
+const FRAME_MS = hasGraphicsCard() ? 0 : 32;
+/** Time (ms) by which a frame is requested early, so that it falls on a frame of the screen. */
 const EARLY_MS = 10;
-/** A cam that did not come is asked for again after so long (ms). */
-const AGAIN_MS = 1000;
-/** The cam is watched, curves are read: so often (ms) those are drawn, less often where nobody sees them grow. */
-const CURVES_MS = FRAME_MS && 100, WHOLE_MS = 200;
+/** Time (ms) after which a cam that was not received is requested again. */
+const RETRY_MS = 1000;
+/** Time (ms) between two drawings of the curves, and that if a turn is shorter. */
+const CURVES_MS = FRAME_MS && 100, SHORT_TURN_MS = 200;
+/** Longest wall time (s) by which a frame advances the motion. */
+const MAX_FRAME_S = 0.25;
 
-function accelerated() {
+function hasGraphicsCard() {
   const context = document.createElement("canvas").getContext("webgl");
-  const named = context?.getExtension("WEBGL_debug_renderer_info");
-  const renderer = context && named ? context.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const renderer = context && info ? context.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
   context?.getExtension("WEBGL_lose_context")?.loseContext();
   return Boolean(context) && !/swiftshader|llvmpipe|software/i.test(renderer);
 }
 
 export class Stage {
-  /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. @param {() => string | undefined} pacing */
-  constructor(pacing) {
-    this.pacing = pacing;
-    this.turns = false;
+  constructor() {
+    /** Pace of the drive: real_time, a factor such as 0.5x, or free. */
+    this.pacing = "real_time";
+    this.isTurning = false;
     this.rpm = 0;
     /** @type {string | null} */
     this.cam = null;
-    /** A settled turn that is expected. @type {Rows | null} */
-    this.known = null;
-    this.at = 0; // the cam angle, rad
+    /** Predicted steady turn. @type {TurnCurves | null} */
+    this.predicted = null;
+    /** Displayed cam angle, rad. */
+    this.angle = 0;
+    /** Animation frame that is requested, 0 without one, and timer of the next request. */
     this.frame = 0;
-    this.waits = 0; // for the next frame
-    this.due = 0; // when (ms)
-    this.stood = false; // has turned, and stands: no force of a motion is left
-    this.halted = false; // has just come to stand, and is to be drawn where
-    this.curved = 0; // when (ms) the curves were drawn
-    /** When (ms) it was drawn, while it moves. @type {number | undefined} */
-    this.drawn = undefined;
+    this.timer = 0;
+    /** Times (ms) at which a frame is due, and at which the last frame and the last curves were drawn. */
+    this.dueMs = 0;
+    /** @type {number | null} */
+    this.frameMs = null;
+    this.curvesMs = 0;
+    /** True if the cam has stopped after a motion. No force of that motion is displayed then. */
+    this.hasStopped = false;
+    /** True until the position of a cam that has just stopped is drawn. */
+    this.isStopping = false;
     this.playback = new Playback();
     this.lens = new Lens();
     this.rig = new RigPicture($("rig"), text("rig_picture"), this.lens);
-    this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
-    /** The last turn that is over, until it is shown. @type {[Sample[], Crossing[]] | null} */
-    this.over = null;
-    this.charts.told = (...turn) => { this.over = turn; };
-    recoloured(() => {
-      this.charts.recolour();
-      this.charts.draw(this.at); // paper does not wait for a frame
-    });
+    this.charts = new TurnCharts($("curves"), (angle) => this.#turnTo(angle));
+    /** Last completed turn until it is displayed. @type {{samples: Sample[], events: ContactEvent[]} | null} */
+    this.completed = null;
+    this.charts.onTurn = (samples, events) => { this.completed = { samples, events }; };
   }
 
-  /** A block of a tick has come. @param {ArrayBuffer} block */
-  take(block) {
+  /** Add the samples of ticks. @param {ArrayBuffer} block */
+  add(block) {
     this.playback.push(block);
-    if (this.drawn === undefined) this.#soon(); // else a frame is on its way
+    if (this.frameMs === null) this.#requestFrame();
   }
 
-  /** What the bench says: another cam is drawn anew, a cam that stands is held. @param {Live} live @param {boolean} turns */
-  show({ graph, values, state, setup }, turns) {
-    const cam = values.law_server?.cam || state.cam || setup.cam;
+  /** Display the state of the bench. @param {Live} live @param {string} cam @param {boolean} isTurning */
+  show({ graph, parameters, state }, cam, isTurning) {
+    const isStarting = graph === "starting";
+    this.pacing = parameters.cam_drive?.pacing ?? "real_time";
     if (cam !== this.cam) this.#load(cam);
-    if (graph === "starting") {
+    if (isStarting) {
       this.playback.reset();
-      this.over = null;
+      this.completed = null;
     }
-    if (this.turns && !turns) this.halted = this.stood = true;
-    if (turns || graph === "starting") this.stood = false;
-    [this.turns, this.rpm] = [turns, state.rpm ?? 0];
-    if (this.halted) this.#soon();
+    if (this.isTurning && !isTurning) this.isStopping = this.hasStopped = true;
+    if (isTurning || isStarting) this.hasStopped = false;
+    [this.isTurning, this.rpm] = [isTurning, state.rpm ?? 0];
+    if (this.isStopping) this.#requestFrame();
   }
 
   /** @param {string} cam */
@@ -87,114 +88,114 @@ export class Stage {
     const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`).catch(() => null);
     if (cam !== this.cam) return;
     if (!answer?.ok) {
-      setTimeout(() => { if (cam === this.cam) this.#load(cam); }, AGAIN_MS);
+      setTimeout(() => { if (cam === this.cam) this.#load(cam); }, RETRY_MS);
       return;
     }
     this.rig.load(await answer.json());
     this.charts.clear();
-    this.over = null;
-    this.#still();
+    this.completed = null;
+    this.#drawStopped();
   }
 
-  /** A settled turn as the server found it; null where there is none. @param {Expected | null} found */
-  expect(found) {
-    this.known = found && rowsOf(decode(found.curves), 0);
-    this.charts.expected(this.known);
-    this.rig.strongest = this.known ? Math.max(1, ...this.known.force) : 1;
-    this.lens.widest = this.known ? Math.max(...this.known.gap) : 0;
-    if (!this.turns) this.#still();
-    this.#soon();
+  /** Display a predicted turn, or none. @param {Expected | null} expected */
+  setPredicted(expected) {
+    this.predicted = expected && readCurves(decodeBase64(expected.curves), 0);
+    this.charts.setPredicted(this.predicted);
+    this.rig.maxForce = Math.max(1, ...this.predicted?.force ?? []);
+    this.lens.maxGap = this.maxPredictedGap;
+    if (!this.isTurning) this.#drawStopped();
+    this.#requestFrame();
   }
 
-  /** The highest the follower is off its cam in what is expected, µm. */
-  get highest() { return this.known ? Math.max(...this.known.gap) : 0; }
+  /** Largest gap of the predicted turn, µm. */
+  get maxPredictedGap() { return Math.max(0, ...this.predicted?.gap ?? []); }
 
-  /** While the cam stands, the pointer on a chart turns it. @param {number | null} angle */
-  #hover(angle) {
-    if (this.turns || angle === null) return;
-    this.stood = false; // what is expected at that angle is asked for
-    this.at = angle;
-    this.#still();
+  /** Turn a stopped cam to an angle (rad). @param {number} angle */
+  #turnTo(angle) {
+    if (this.isTurning) return;
+    this.hasStopped = false; // display the predicted force
+    this.angle = angle;
+    this.#drawStopped();
   }
 
-  /** The cam at an angle, with what is expected there. */
-  #still() {
-    if (this.turns || !this.rig.picture) return;
-    const { known, at } = this;
-    const i = known ? Math.min(known.angle.length - 1, Math.round((at / TURN) * known.angle.length)) : 0;
-    const moving = this.stood ? { force: NaN, gap: 0 } : { force: known?.force[i] ?? 0, gap: known?.gap[i] ?? 0 };
-    const pose = { angle: at, lift: known?.lift[i] ?? 0, ...moving };
-    this.#pose(pose);
-    this.#stands(pose);
-    this.#soon();
+  /** Draw the stopped cam with the predicted values at its angle. */
+  #drawStopped() {
+    if (this.isTurning || !this.rig.picture) return;
+    const { predicted, angle } = this;
+    const count = predicted?.angle.length ?? 1;
+    const i = Math.min(count - 1, Math.round((angle / TURN) * count));
+    const force = this.hasStopped ? NaN : predicted?.force[i] ?? 0;
+    const gap = this.hasStopped ? 0 : predicted?.gap[i] ?? 0;
+    this.#drawPose({ angle, lift: predicted?.lift[i] ?? 0, force, gap });
+    this.#requestFrame();
   }
 
-  #soon() { this.frame ||= requestAnimationFrame((now) => this.#draw(now)); }
+  #requestFrame() { this.frame ||= requestAnimationFrame((nowMs) => this.#draw(nowMs)); }
 
-  /** The frame after the one of a time (ms). @param {number} now */
-  #next(now) {
-    clearTimeout(this.waits);
-    this.due = Math.max(now + FRAME_MS / 2, this.due + FRAME_MS); // one that came late is made up, no more
-    if (FRAME_MS) this.waits = setTimeout(() => this.#soon(), this.due - EARLY_MS - performance.now());
-    else this.#soon();
+  /** Request the frame after that of a time. @param {number} nowMs */
+  #requestNextFrame(nowMs) {
+    clearTimeout(this.timer);
+    this.dueMs = Math.max(nowMs + FRAME_MS / 2, this.dueMs + FRAME_MS); // a late frame is made up for once
+    if (FRAME_MS) this.timer = setTimeout(() => this.#requestFrame(), this.dueMs - EARLY_MS - performance.now());
+    else this.#requestFrame();
   }
 
-  /** @param {number} now */
-  #draw(now) {
+  /** @param {number} nowMs */
+  #draw(nowMs) {
     this.frame = 0;
-    const { playback } = this;
-    const seconds = Math.min(0.25, (now - (this.drawn ?? now)) / 1000);
-    this.drawn = now;
-    const pace = this.pacing();
-    const factor = pace === "real_time" || !pace ? 1 : pace === "free" ? 1e9 : Number.parseFloat(pace);
-    const found = this.turns ? playback.advance(seconds, factor) : playback.settle();
-    for (const rows of found.passed) this.charts.take(rows);
-    if (found.now && (this.turns || this.halted || found.passed.length) && this.rig.picture) {
-      this.at = ((found.now.angle % TURN) + TURN) % TURN;
-      const pose = this.turns ? found.now : { ...found.now, force: NaN, gap: 0 };
-      this.#pose(pose);
-      if (!this.turns) this.#stands({ ...pose, angle: this.at });
+    const { playback, pacing, isTurning } = this;
+    const seconds = Math.min(MAX_FRAME_S, (nowMs - (this.frameMs ?? nowMs)) / 1000);
+    this.frameMs = nowMs;
+    const factor = pacing === "real_time" ? 1 : pacing === "free" ? 1e9 : Number.parseFloat(pacing);
+    const { passed, sample } = isTurning ? playback.advance(seconds, factor) : playback.finish();
+    for (const curves of passed) this.charts.add(curves);
+    if (sample && (isTurning || this.isStopping || passed.length) && this.rig.picture) {
+      this.angle = ((sample.angle % TURN) + TURN) % TURN;
+      this.#drawPose(isTurning ? sample : { ...sample, angle: this.angle, force: NaN, gap: 0 });
     }
-    this.halted = false;
-    const every = 60_000 / (this.rpm * factor) < WHOLE_MS ? WHOLE_MS : CURVES_MS;
-    if (!this.turns || !CURVES_MS || now - this.curved > every) {
-      this.curved = now;
-      this.charts.draw(this.at);
-      this.#turned();
+    this.isStopping = false;
+    const period = 60_000 / (this.rpm * factor) < SHORT_TURN_MS ? SHORT_TURN_MS : CURVES_MS;
+    if (!isTurning || !CURVES_MS || nowMs - this.curvesMs > period) {
+      this.curvesMs = nowMs;
+      this.charts.draw(this.angle);
+      this.#showCompletedTurn();
     }
-    if (this.turns && playback.end !== null) this.#next(now);
-    else this.drawn = undefined;
+    if (isTurning && playback.end !== null) this.#requestNextFrame(nowMs);
+    else this.frameMs = null;
   }
 
-  /** The cam, its follower, and the gap under the lens. @param {Pose} pose */
-  #pose(pose) {
-    this.lens.show(pose.gap);
-    this.rig.pose(pose);
+  /** Draw cam, follower and gap, and the values of a stopped cam. @param {Pose} pose */
+  #drawPose(pose) {
+    this.lens.setGap(pose.gap);
+    this.rig.setPose(pose);
+    if (this.isTurning) return;
+    const { angle, lift, force, gap } = pose;
+    this.#showGauges("text", [
+      `${formatFixed(degrees(angle), 0)}°`,
+      `${formatFixed(lift, 2)} mm`,
+      Number.isNaN(force) ? "–" : `${formatNumber(force)} N`,
+      gap > 0 ? formatGap(gap) : "0",
+    ]);
   }
 
-  /** What the gauges say, and of what: where the cam stands, or the most of a turn. @param {"text" | "turning"} kind @param {string[]} said */
-  #gauges(kind, ...said) {
+  /** Show values of a stopped cam, or the largest values of a turn. @param {"text" | "turning"} kind @param {string[]} values */
+  #showGauges(kind, values) {
     GAUGES.forEach((name, i) => {
-      say(`name_${name}`, text($(`name_${name}`).dataset[kind] ?? ""));
-      say(`at_${name}`, said[i]);
+      setText(`name_${name}`, text($(`name_${name}`).dataset[kind] ?? ""));
+      setText(`at_${name}`, values[i]);
     });
   }
 
-  /** @param {Pose} pose */
-  #stands({ angle, lift, force, gap }) {
-    this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${(lift + 0).toFixed(2).replace(/^-(0\.0+)$/, "$1")} mm`, Number.isNaN(force) ? "–" : `${shown(force, 4)} N`, gap > 0 ? length(gap) : "0");
-  }
-
-  /** Where contact was lost and found in the last turn, and the most of it, where it is another one. */
-  #turned() {
-    if (!this.over) return;
-    const [turn, events] = this.over;
-    this.over = null;
-    this.rig.marks(events);
-    if (!this.turns) return;
-    /** @param {"lift" | "force" | "gap"} name */
-    const most = (name) => turn.reduce((found, one) => Math.max(found, one[name]), 0);
-    const landings = events.filter(({ landing }) => landing).length;
-    this.#gauges("turning", String(landings), `${most("lift").toFixed(2)} mm`, `${shown(most("force"), 4)} N`, landings ? length(most("gap")) : "0");
+  /** Show lift-offs, landings and largest values of a completed turn once. */
+  #showCompletedTurn() {
+    if (!this.completed) return;
+    const { samples, events } = this.completed;
+    this.completed = null;
+    this.rig.setEvents(events);
+    if (!this.isTurning) return;
+    const max = (/** @type {"lift" | "force" | "gap"} */ name) => Math.max(0, ...samples.map((sample) => sample[name]));
+    const landings = events.filter(({ isLanding }) => isLanding).length;
+    const gap = landings ? formatGap(max("gap")) : "0";
+    this.#showGauges("turning", [String(landings), `${formatFixed(max("lift"), 2)} mm`, `${formatNumber(max("force"))} N`, gap]);
   }
 }

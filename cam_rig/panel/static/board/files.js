@@ -1,35 +1,35 @@
-// What is written: the cam's file, the contour as DXF, and the command that designs on from it.
-import { shown } from "../common/charts.js";
-import { $, copy, field, post, status } from "../common/dom.js";
-import { text } from "../common/texts.js";
+// Files of the board: cam file, contour as DXF, and a design from the saved cam.
+import { $, copyText, create, field, post, setHidden, setText, showRefusal, showStatus } from "../common/dom.js";
+import { errorText, formatNumber, text } from "../common/texts.js";
 
-/** The cam that was saved last: a design begins there. @type {string | null} */
-let saved = null;
+/** Name of the cam that was saved last, from which a design starts. @type {string | null} */
+let savedName = null;
 
-/** ordinates() gives those that are drawn. @param {() => number[]} ordinates */
-export function listenForFiles(ordinates) {
-  const ask = (/** @type {string} */ path, more = {}) => post(path, { ...more, ordinates: ordinates() });
+/** @param {() => number[]} readOrdinates */
+export function listenForFiles(readOrdinates) {
+  const send = (/** @type {string} */ path, more = {}) => post(path, { ...more, ordinates: readOrdinates() });
 
   $("controls").addEventListener("submit", async (event) => {
     event.preventDefault();
-    const answer = await ask("/save", { name: field("name").value });
-    const found = await answer.json();
-    if (!answer.ok) return status(text("not_saved", found));
-    $("command").textContent = found.command;
-    saved = field("name").value;
-    $("design").hidden = false;
-    return status(text(found.why_not === null ? "saved" : "saved_not_made", found), found.why_not !== null);
+    const name = field("name").value;
+    const answer = await send("/save", { name });
+    const saved = await answer.json();
+    if (!answer.ok) return showRefusal("not_saved", saved);
+    const { path, command, cannot_be_made: reason } = saved;
+    $("command").textContent = command;
+    savedName = name;
+    setHidden("design", false);
+    if (reason === null) return showStatus(text("saved", { path }), false);
+    return showStatus(text("saved_not_made", { path, reason: errorText(reason) }));
   });
 
   $("dxf").addEventListener("click", async () => {
-    const answer = await ask("/dxf");
-    if (!answer.ok) return status(text("no_dxf", await answer.json()));
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(await answer.blob());
-    link.download = `${field("name").value || "cam"}.dxf`;
+    const answer = await send("/dxf");
+    if (!answer.ok) return showRefusal("no_dxf", await answer.json());
+    const link = create("a", { href: URL.createObjectURL(await answer.blob()), download: `${field("name").value || "cam"}.dxf` });
     link.click();
     URL.revokeObjectURL(link.href);
-    return status(text("dxf_made", { name: link.download }), false);
+    return showStatus(text("dxf_made", { name: link.download }), false);
   });
 
   $("open").addEventListener("click", () => field("file").click());
@@ -38,56 +38,43 @@ export function listenForFiles(ordinates) {
     if (!file) return;
     const answer = await post("/open", { text: await file.text() });
     field("file").value = "";
-    if (!answer.ok) status(text("not_opened", { name: file.name, ...(await answer.json()) }));
+    if (!answer.ok) showRefusal("not_opened", await answer.json(), { name: file.name });
   });
 
   $("on_bench").addEventListener("click", async () => {
-    const answer = await ask("/bench/mount");
+    const answer = await send("/bench/mount");
     if (answer.ok) location.assign("/bench");
-    else status(text("not_on_bench", await answer.json()));
+    else showRefusal("not_on_bench", await answer.json());
   });
 
   $("design_run").addEventListener("click", async () => {
-    running(true);
-    const answer = await post("/design", { name: saved });
+    showProgress(text("designing"));
+    const answer = await post("/design", { name: savedName });
     if (answer.ok) return;
-    running(false);
-    status(text("not_designed", await answer.json()));
+    showProgress("");
+    showRefusal("not_designed", await answer.json());
   });
-
   $("design_stop").addEventListener("click", () => fetch("/design/stop", { method: "POST" }));
 
-  $("copy").addEventListener("click", async () => {
-    const range = document.createRange();
-    range.selectNodeContents($("command"));
-    getSelection()?.removeAllRanges();
-    getSelection()?.addRange(range);
-    await copy($("command").textContent ?? "", "copied", "copy_by_hand");
+  $("copy").addEventListener("click", () => {
+    getSelection()?.selectAllChildren($("command"));
+    copyText($("command").textContent ?? "", "copied", "copy_by_hand");
   });
 }
 
-/** @param {boolean} on */
-function running(on) {
-  $("design_run").hidden = on;
-  $("design_stop").hidden = !on;
-  $("design_progress").textContent = on ? text("designing") : "";
+/** Show the progress of a running design, or an empty text if none runs. @param {string} progress */
+function showProgress(progress) {
+  setHidden("design_run", progress !== "");
+  setHidden("design_stop", progress === "");
+  setText("design_progress", progress);
 }
 
-/**
- * What a design has come to; put(motion) is given its law, in base64, once there is one.
- * @param {Design} found @param {(motion: string) => void} put
- */
-export function heardOfDesign({ so_far_rpm: best, rpm, path, motion, words, stopped }, put) {
-  if (best !== undefined) {
-    running(true);
-    $("design_progress").textContent = text("design_so_far", { rpm: shown(best) });
-    return;
-  }
-  running(false);
-  if (stopped) status(text("design_stopped"), false);
-  else if (words !== undefined) status(text("not_designed", { words }));
-  else {
-    put(motion);
-    status(text("designed", { rpm: shown(rpm, 5), path }), false);
-  }
+/** Show the state of a design. @param {Design} design @param {(motion: string) => void} onDesigned receives the law in base64 */
+export function showDesign(design, onDesigned) {
+  if (design.best_rpm !== undefined) return showProgress(text("design_so_far", { rpm: formatNumber(design.best_rpm) }));
+  showProgress("");
+  if (design.stopped) return showStatus(text("design_stopped"), false);
+  if (design.message !== undefined) return showRefusal("not_designed", { message: design.message });
+  onDesigned(design.motion);
+  return showStatus(text("designed", { rpm: formatNumber(design.rpm, 5), path: design.path }), false);
 }

@@ -1,44 +1,41 @@
-// Undo and redo: states before and after each gesture.
+// Undo and redo: the values before and after each gesture.
 
-/** @template T what there is at a time */
+/** @template Value */
 export class History {
-  /**
-   * now() gives it, put(before) puts it back, told() is told of a change.
-   * @param {() => T} now @param {(before: T) => void} put @param {() => void} told
-   */
-  constructor(now, put, told) {
-    this.now = now;
-    this.put = put;
-    this.told = told;
-    /** @type {T[]} */
-    this.past = [];
-    /** @type {T[]} */
-    this.future = [];
-    /** @type {T | null} */
-    this.before = null;
+  /** @type {Value[]} */
+  past = [];
+  /** @type {Value[]} */
+  future = [];
+  /** Value at the start of the present gesture, null without a gesture. @type {Value | null} */
+  before = null;
+
+  /** @param {() => Value} read returns the present value @param {(value: Value) => void} restore */
+  constructor(read, restore) {
+    this.read = read;
+    this.restore = restore;
   }
 
-  begin() { this.before ??= this.now(); }
+  /** Start a gesture, which is undone as one step. */
+  begin() { this.before ??= this.read(); }
 
+  /** End the gesture. */
   end() {
-    const before = this.before;
+    const { before } = this;
     this.before = null;
-    if (before === null || JSON.stringify(before) === JSON.stringify(this.now())) return;
+    if (before === null || JSON.stringify(before) === JSON.stringify(this.read())) return;
     this.past.push(before);
     this.future = [];
-    this.told();
   }
 
   undo() { this.#move(this.past, this.future); }
 
   redo() { this.#move(this.future, this.past); }
 
-  /** @param {T[]} from @param {T[]} to */
-  #move(from, to) {
-    const before = from.pop();
-    if (before === undefined) return;
-    to.push(this.now());
-    this.put(before);
-    this.told();
+  /** @param {Value[]} source @param {Value[]} target */
+  #move(source, target) {
+    const value = source.pop();
+    if (value === undefined) return;
+    target.push(this.read());
+    this.restore(value);
   }
 }

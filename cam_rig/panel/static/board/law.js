@@ -1,11 +1,11 @@
 // The law in the page: s to s''' are fixed matrices times the ordinates, and the kinetostatic
-// contact force is their sum. All in SI.
-import { decode } from "../common/dom.js";
+// contact force is a combination of them. All values are in SI units.
+import { decodeBase64 } from "../common/dom.js";
 
-/** Little-endian float64 from base64. @param {string} text */
-export const doubles = (text) => new Float64Array(decode(text));
+/** Return little-endian float64 values of base64. @param {string} base64 */
+const doubles = (base64) => new Float64Array(decodeBase64(base64));
 
-/** The table of a board as it was sent, its arrays decoded. @param {Board} board */
+/** Return the motion table of a board with decoded arrays. @param {Board} board */
 export function readTable(board) {
   const table = doubles(board.table);
   const first = Uint32Array.from(doubles(board.first));
@@ -14,55 +14,60 @@ export function readTable(board) {
 }
 
 /** @typedef {ReturnType<typeof readTable>} MotionTable */
-/**
- * s (m), s', s'', s''' (m/rad^order) at equal steps of a turn, one Float64Array each.
- * @param {MotionTable} table @param {Numbers} ordinates
- */
+/** Curves s (m), s', s'', s''' (m/rad^order) at equal steps of a turn. @typedef {Float64Array[]} Motion */
+
+/** Return the motion in the base64 of a message. @param {string} base64 @param {number} points @returns {Motion} */
+export function decodeMotion(base64, points) {
+  const values = doubles(base64);
+  return Array.from({ length: values.length / points }, (_, order) => values.subarray(order * points, (order + 1) * points));
+}
+
+/** Return the motion of ordinates. @param {MotionTable} table @param {Numbers} ordinates @returns {Motion} */
 export function motion({ table, first, constant, points, orders, width }, ordinates) {
-  const found = [];
+  const curves = [];
   for (let order = 0; order < orders; order += 1) {
     const values = new Float64Array(points);
     for (let k = 0; k < points; k += 1) {
       const row = (order * points + k) * width;
-      let total = constant[order * points + k];
-      for (let i = 0; i < width; i += 1) total += table[row + i] * ordinates[first[k] + i];
-      values[k] = total;
+      let sum = constant[order * points + k];
+      for (let i = 0; i < width; i += 1) sum += table[row + i] * ordinates[first[k] + i];
+      values[k] = sum;
     }
-    found.push(values);
+    curves.push(values);
   }
-  return found;
+  return curves;
 }
 
 /**
- * How far (m) the lift at angle index k moves for one ordinate more at `index`.
+ * Return the derivative (m) of the lift at angle index k with respect to an ordinate.
  * @param {MotionTable} table @param {number} k @param {number} index
  */
-export function pull({ table, first, width }, k, index) {
+export function sensitivity({ table, first, width }, k, index) {
   const column = index - first[k];
   return column >= 0 && column < width ? table[k * width + column] : 0;
 }
 
-/** Contact force (N): m s'' Ω² + c s' Ω + k s + preload. @param {Float64Array[]} law @param {Mass} rig @param {number} rpm */
-export function contactForce([s, slope, bend], rig, rpm) {
+/** Return the contact force (N): m s'' Ω² + c s' Ω + k s + preload. @param {Motion} law @param {Mass} rig @param {number} rpm */
+export function contactForce([lift, slope, curvature], rig, rpm) {
   const speed = (rpm * 2 * Math.PI) / 60;
-  const [inertia, drag] = [rig.mass * speed * speed, rig.damping * speed];
-  return s.map((lift, i) => inertia * bend[i] + drag * slope[i] + rig.spring_stiffness * lift + rig.preload);
+  const inertia = rig.mass * speed * speed, damping = rig.damping * speed;
+  return lift.map((s, i) => inertia * curvature[i] + damping * slope[i] + rig.spring_stiffness * s + rig.preload);
 }
 
-/** Amplitudes of orders 1 to `count` of one turn. @param {Numbers} values @param {number} count */
+/** Return the amplitudes of orders 1 to `count` of one turn. @param {Numbers} values @param {number} count */
 export function spectrum(values, count) {
   const n = values.length;
-  if (turn.length !== n) turn = Float64Array.from({ length: n }, (_, i) => Math.cos((2 * Math.PI * i) / n));
-  const found = new Float64Array(count);
+  if (cosine.length !== n) cosine = Float64Array.from({ length: n }, (_, i) => Math.cos((2 * Math.PI * i) / n));
+  const amplitudes = new Float64Array(count);
   for (let order = 1; order <= count; order += 1) {
     let [real, imaginary] = [0, 0];
     for (let i = 0; i < n; i += 1) {
-      const at = (order * i) % n;
-      real += values[i] * turn[at];
-      imaginary += values[i] * turn[(at + n - n / 4) % n];
+      const phase = (order * i) % n;
+      real += values[i] * cosine[phase];
+      imaginary += values[i] * cosine[(phase + n - n / 4) % n];
     }
-    found[order - 1] = (2 / n) * Math.hypot(real, imaginary);
+    amplitudes[order - 1] = (2 / n) * Math.hypot(real, imaginary);
   }
-  return found;
+  return amplitudes;
 }
-let turn = new Float64Array(0);
+let cosine = new Float64Array(0);

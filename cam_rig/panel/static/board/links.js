@@ -1,30 +1,27 @@
-// A link that opens the same law: cam, speed and ordinates in the address, behind #.
-import { $, copy, status } from "../common/dom.js";
+// Links to a law: cam, speed and ordinates in the fragment of the address.
+import { $, copyText, showStatus } from "../common/dom.js";
 import { text } from "../common/texts.js";
 
-/** @typedef {{ordinates: number[], rpm: number}} Drawn */
+/** @typedef {{ordinates: number[], rpm: number}} Drawing */
 
-/**
- * now() is what is drawn, put(found) draws what a link has.
- * @param {Board} board @param {() => Drawn} now @param {(found: Drawn) => void} put
- */
-export function listenForLinks(board, now, put) {
-  const open = () => {
-    const asked = new URLSearchParams(location.hash.slice(1));
-    if (!asked.has("ordinates")) return;
-    const found = { ordinates: (asked.get("ordinates") ?? "").split("_").map(Number), rpm: Number(asked.get("rpm")) };
-    const [least, most] = board.rpm_range;
-    const whole = found.ordinates.length === board.start.length && found.ordinates.every(Number.isFinite) && found.rpm >= least && found.rpm <= most;
-    if (whole && asked.get("cam") === board.cam.name) put(found);
-    else status(text("link_of_other", { cam: asked.get("cam") ?? "–", own: board.cam.name }));
+/** @param {Board} board @param {() => Drawing} read @param {(drawing: Drawing) => void} open draws the law of a link */
+export function listenForLinks(board, read, open) {
+  const openLink = () => {
+    const link = new URLSearchParams(location.hash.slice(1));
+    if (!link.has("ordinates")) return;
+    const ordinates = (link.get("ordinates") ?? "").split("_").map(Number), rpm = Number(link.get("rpm"));
+    const [low, high] = board.rpm_range;
+    const isValid = ordinates.length === board.start.length && ordinates.every(Number.isFinite) && rpm >= low && rpm <= high;
+    if (isValid && link.get("cam") === board.cam.name) open({ ordinates, rpm });
+    else showStatus(text("link_of_other", { cam: link.get("cam") ?? "–", own: board.cam.name }));
   };
-  addEventListener("hashchange", open);
-  open();
+  addEventListener("hashchange", openLink);
+  openLink();
 
-  $("link").addEventListener("click", async () => {
-    const { ordinates, rpm } = now();
-    const words = new URLSearchParams({ cam: board.cam.name, rpm: String(rpm), ordinates: ordinates.join("_") });
-    history.replaceState(null, "", `#${words}`);
-    await copy(location.href, "link_copied", "link_in_address");
+  $("link").addEventListener("click", () => {
+    const { ordinates, rpm } = read();
+    const link = new URLSearchParams({ cam: board.cam.name, rpm: String(rpm), ordinates: ordinates.join("_") });
+    history.replaceState(null, "", `#${link}`);
+    copyText(location.href, "link_copied", "link_in_address");
   });
 }

@@ -1,244 +1,276 @@
-// The drawing board: what is dragged changes the law here at once; the server says what is exact.
-import { extent, shown } from "../common/charts.js";
+// Drawing board: the page computes the law of the ordinates at once, the server its exact results.
+/** @import { Motion } from "./law.js" */
+import { extent } from "../common/charts.js";
 import { ContourChart } from "../common/contour.js";
+import { $, field, setDisabled, setText, setValue, showRefusal, showStatus } from "../common/dom.js";
+import { KEY_STEPS, typedSpeed } from "../common/knob.js";
 import { degrees } from "../common/rig.js";
-import { $, field, status } from "../common/dom.js";
-import { Handles, weights } from "./drag.js";
+import { Store } from "../common/store.js";
+import { errorText, formatNumber, loadTexts, text } from "../common/texts.js";
+import { BoardCharts } from "./charts.js";
+import { Connection } from "./connection.js";
+import { listenForFiles, showDesign } from "./files.js";
+import { Handles, pullWeights } from "./handles.js";
 import { History } from "./history.js";
-import { contactForce, doubles, motion, pull, readTable } from "./law.js";
-import { Pictures } from "./pictures.js";
-import { Readouts } from "./readouts.js";
-import { Stroboscope } from "./stroboscope.js";
-import { STEPS, typed } from "../common/knob.js";
-import { heardOfDesign, listenForFiles } from "./files.js";
-import { loadTexts, text } from "../common/texts.js";
-import { Wire } from "../common/wire.js";
+import { contactForce, decodeMotion, readTable, sensitivity } from "./law.js";
 import { listenForLinks } from "./links.js";
+import { fillHeading, renderReadouts } from "./readouts.js";
 
-const radians = (/** @type {number} */ degrees) => (degrees * Math.PI) / 180;
+/** Half widths (deg) of a pull. 0 moves a single ordinate. */
+const PULL_WIDTHS_DEG = [0, 10, 20, 40];
+/** Largest magnitude of an ordinate, in lifts, as in cam files. */
+const MAX_ORDINATE = 100;
+/** Range of the speed slider, rpm. */
+const SLIDER_RPM = [20, 2000];
 
 await loadTexts();
 /** @type {Board} */
 const board = await (await fetch("/board")).json();
 const table = readTable(board);
-const state = { ordinates: Float64Array.from(board.ordinates), rpm: board.rpm };
 const start = Float64Array.from(board.start);
-const lift = board.cam.lift_m;
-/** What was sent with a number, and what another page sent. @type {Map<number | "moved", Float64Array>} */
-const sent = new Map();
-
-const pictures = new Pictures(board, table, motion(table, start), new ContourChart($("contour"), board.colours, text("contour"), board.picture));
-const readouts = new Readouts(board);
-const stroboscope = new Stroboscope(board);
-
-/** Half widths (deg) of what a handle pulls; 0 is one ordinate. */
-const WIDTHS_DEG = [0, 10, 20, 40];
-
-// -- what is seen ---------------------------------------------------------------------------------
-let asked = false;
-function draw(anew = false) {
-  pictures.draw(state.ordinates, state.rpm, anew);
-  handles.place(pictures.motion[0], state.ordinates, lift * 1e3);
-  stroboscope.law(pictures.motion[0], state.rpm);
-  const peak = extent([pictures.motion[2]]).map(Math.abs);
-  $("acceleration").textContent = `${shown(Math.max(...peak) * speed() ** 2, 4)} m/s²`;
-  cursor();
-}
-/** Of the cam, rad/s. */
-function speed() { return (state.rpm * 2 * Math.PI) / 60; }
-
-// -- the cursor: one cam angle in all charts, and the cam as it has turned --------------------------
-function cursor() {
-  const at = field("cursor").valueAsNumber;
-  const k = Math.round((at / 360) * board.points) % board.points;
-  const [s, slope, bend] = pictures.motion.map((values) => values[k]);
-  pictures.contour.pose(radians(at), s * 1e3);
-  for (const chart of [...pictures.charts, pictures.force]) chart.cursor(at);
-  $("at_cursor").textContent = text("cursor_words", {
-    angle: at, lift: shown(s * 1e3, 4), velocity: shown(slope * speed(), 3), acceleration: shown(bend * speed() ** 2, 3), force: shown(contactForce([s, slope, bend].map((value) => Float64Array.of(value)), board.rig, state.rpm)[0], 3),
-  });
-}
-$("cursor").addEventListener("input", cursor);
-for (const chart of [...pictures.charts, pictures.force]) {
-  chart.svg.addEventListener("pointermove", (event) => {
-    const part = (event.clientX - chart.svg.getBoundingClientRect().left - chart.right(0)) / (chart.right(360) - chart.right(0));
-    if (part < 0 || part >= 1) return;
-    field("cursor").valueAsNumber = Math.floor(360 * part);
-    cursor();
-  });
-}
-/** Draw with the next frame: however many events there are, a frame is drawn once. */
-function drawSoon() {
-  if (asked) return;
-  asked = true;
-  requestAnimationFrame(() => { asked = false; draw(); });
-}
-function changed() {
-  readouts.stale();
-  drawSoon();
-  wire.change();
-}
-
-// -- what is dragged ------------------------------------------------------------------------------
-const drawn = () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm });
-const history = new History(
-  drawn,
-  (before) => { put(before); changed(); settle(); },
-  () => {
-    field("undo").disabled = !history.past.length;
-    field("redo").disabled = !history.future.length;
-  },
-);
-/** @param {{ordinates: number[], rpm: number}} to */
-function put({ ordinates, rpm }) {
-  state.ordinates = Float64Array.from(ordinates);
-  setSpeed(rpm);
-}
-/** After a gesture the axes may shrink again. */
-function settle() { requestAnimationFrame(() => draw(true)); }
-/** Something that is done at once, and undone as one step. @param {() => void} does */
-function gesture(does) {
-  history.begin();
-  does();
-  changed();
-  history.end();
-  settle();
-}
-/**
- * Move what a handle pulls: by(index) gives the way of its own ordinate's whole weight, in lifts.
- * @param {Handle} handle @param {(index: number) => number} by
- */
-function pullBy(handle, by) {
-  for (const [{ index }, weight] of weights(own, handle, radians(Number(field("width").value)))) {
-    const value = state.ordinates[index] + weight * by(index);
-    state.ordinates[index] = Math.min(FARTHEST, Math.max(-FARTHEST, value));
-  }
-  changed();
-}
-const own = board.handles.map((handle) => {
+const liftMm = board.cam.lift_m * 1e3;
+const handleData = board.handles.map((handle) => {
   const k = Math.round((handle.angle / (2 * Math.PI)) * board.points) % board.points;
   return { ...handle, k, angle: (2 * Math.PI * k) / board.points };
 });
-const FARTHEST = 100; // lifts, of an ordinate
-/** @type {import("./drag.js").Act} */
-const act = {
-  least: -FARTHEST * lift * 1e3,
-  most: FARTHEST * lift * 1e3,
-  begin: () => history.begin(),
-  move(handle, height) {
-    const now = motion(table, state.ordinates)[0][handle.k];
-    const moved = weights(own, handle, radians(Number(field("width").value)));
-    const lever = moved.reduce((sum, [{ index }, weight]) => sum + weight * pull(table, handle.k, index), 0);
-    pullBy(handle, () => (height - now) / lever);
-  },
-  step: (handle, lifts) => pullBy(handle, () => lifts),
-  home: (handle) => pullBy(handle, (index) => start[index] - state.ordinates[index]),
-  end() { history.end(); settle(); wire.flush(); },
-};
-const handles = new Handles(pictures.charts[0], own, act, {
-  label: (i) => text("handle", { number: i + 1, count: own.length }),
-  value: ({ k, angle }) => text("handle_value", { lift: shown(pictures.motion[0][k] * 1e3, 5), angle: shown(degrees(angle), 4) }),
-});
-handles.circles.forEach((circle, i) => circle.addEventListener("focus", () => {
-  field("cursor").valueAsNumber = degrees(own[i].angle);
-  cursor();
-}));
-pictures.charts[0].resized = drawSoon;
-for (const chart of pictures.all) chart.resized = drawSoon;
 
-// -- the knob, on a scale of equal ratios ---------------------------------------------------------
-const KNOB = [20, 2000];
-/** @param {number} rpm */
-function setSpeed(rpm) {
-  state.rpm = rpm;
-  field("rpm").value = String(Number(rpm.toPrecision(6)));
-  field("knob").value = String(Math.log(rpm));
+/**
+ * State of the board. Arrays are replaced and never changed.
+ *
+ * `makeable` are the ordinates of the last law that can be made. `mayShrink` is true for one frame
+ * after a gesture. `isFastCurrent` is true if the fast results are those of the ordinates.
+ * @typedef {{ordinates: Float64Array, rpm: number, cursorDeg: number, spectrum: string, second: Motion | null,
+ *   fast: FastResults | null, full: FullResults | null, isFastCurrent: boolean, makeable: Float64Array | null,
+ *   mayShrink: boolean}} BoardState
+ */
+const store = new Store(/** @type {BoardState} */ ({
+  ordinates: Float64Array.from(board.ordinates),
+  rpm: board.rpm,
+  cursorDeg: 0,
+  spectrum: "force",
+  second: null,
+  fast: null,
+  full: null,
+  isFastCurrent: false,
+  makeable: board.start_can_be_made ? start : null,
+  mayShrink: true,
+}), render);
+const { state } = store;
+const charts = new BoardCharts(board, table);
+const contour = new ContourChart($("contour"), board.colours, text("contour"), board.picture);
+
+// -- rendering ------------------------------------------------------------------------------------
+
+/** @param {BoardState} present */
+function render(present) {
+  const { ordinates, rpm, fast } = present;
+  const motion = charts.motion(ordinates);
+  const speed = (rpm * 2 * Math.PI) / 60;
+  charts.draw(present);
+  present.mayShrink = false;
+  handles.draw(motion[0], ordinates, liftMm);
+  if (fast) contour.draw(fast.discs);
+  setText("acceleration", `${formatNumber(Math.max(...extent([motion[2]]).map(Math.abs)) * speed ** 2)} m/s²`);
+  renderCursor(motion, present.cursorDeg, speed);
+  renderReadouts(present, board.cam.sprung);
+  if (document.activeElement !== $("rpm")) setValue("rpm", Number(rpm.toPrecision(6)));
+  setValue("knob", Math.log(rpm));
+  setDisabled("undo", !history.past.length);
+  setDisabled("redo", !history.future.length);
 }
-[field("knob").min, field("knob").max] = KNOB.map((rpm) => String(Math.log(rpm)));
+
+/** Show one cam angle in all charts, and turn the cam to it. @param {Motion} motion @param {number} angleDeg @param {number} speed */
+function renderCursor(motion, angleDeg, speed) {
+  const k = Math.round((angleDeg / 360) * board.points) % board.points;
+  const point = motion.map((curve) => curve.subarray(k, k + 1));
+  const [[lift], [slope], [curvature]] = point;
+  contour.setPose((angleDeg * Math.PI) / 180, lift * 1e3);
+  for (const chart of charts.overAngle) chart.drawCursor(angleDeg);
+  setText("at_cursor", text("cursor_words", {
+    angle: angleDeg,
+    lift: formatNumber(lift * 1e3),
+    velocity: formatNumber(slope * speed, 3),
+    acceleration: formatNumber(curvature * speed ** 2, 3),
+    force: formatNumber(contactForce(point, board.rig, state.rpm)[0], 3),
+  }));
+}
+
+// -- changes --------------------------------------------------------------------------------------
+
+/** Change the drawing, and send it to the server. @param {Partial<BoardState>} changes */
+function change(changes) {
+  store.update({ ...changes, isFastCurrent: false });
+  connection.change();
+}
+
+/** Let the axes shrink after a gesture. */
+const settle = () => store.update({ mayShrink: true });
+
+/** Return the drawing as it is sent and stored. */
+const readDrawing = () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm });
+const history = new History(readDrawing, ({ ordinates, rpm }) => {
+  change({ ordinates: Float64Array.from(ordinates), rpm, mayShrink: true });
+});
+
+/** Make a change that is undone as one step. @param {Partial<BoardState>} changes */
+function changeAsStep(changes) {
+  history.begin();
+  change({ ...changes, mayShrink: true });
+  history.end();
+}
+
+/**
+ * Move the ordinates that a handle pulls. `wayOf(index)` is the way of full weight, in lifts.
+ * @param {Handle} handle @param {(index: number) => number} wayOf
+ */
+function pull(handle, wayOf) {
+  const ordinates = state.ordinates.slice();
+  for (const [{ index }, weight] of weightsOf(handle)) {
+    const value = ordinates[index] + weight * wayOf(index);
+    ordinates[index] = Math.min(MAX_ORDINATE, Math.max(-MAX_ORDINATE, value));
+  }
+  change({ ordinates });
+}
+
+/** @param {Handle} handle */
+const weightsOf = (handle) => pullWeights(handleData, handle, (Number(field("width").value) * Math.PI) / 180);
+
+const endGesture = () => {
+  history.end();
+  settle();
+  connection.flush();
+};
+
+const handles = new Handles(charts.laws[0], handleData, {
+  limit: MAX_ORDINATE * liftMm,
+  begin: () => history.begin(),
+  move(handle, lift) {
+    const present = charts.motion(state.ordinates)[0][handle.k];
+    const effect = weightsOf(handle).reduce((sum, [{ index }, weight]) => sum + weight * sensitivity(table, handle.k, index), 0);
+    pull(handle, () => (lift - present) / effect);
+  },
+  step: (handle, lifts) => pull(handle, () => lifts),
+  reset: (handle) => pull(handle, (index) => start[index] - state.ordinates[index]),
+  end: endGesture,
+  focus: ({ angle }) => moveCursor(degrees(angle)),
+});
+
+// -- controls -------------------------------------------------------------------------------------
+
+/** @param {number} angleDeg */
+function moveCursor(angleDeg) {
+  field("cursor").valueAsNumber = angleDeg;
+  store.update({ cursorDeg: field("cursor").valueAsNumber });
+}
+$("cursor").addEventListener("input", () => store.update({ cursorDeg: field("cursor").valueAsNumber }));
+for (const chart of charts.overAngle) {
+  chart.svg.addEventListener("pointermove", (event) => {
+    const fraction = chart.xFraction(event);
+    if (fraction >= 0 && fraction < 1) moveCursor(Math.floor(360 * fraction));
+  });
+}
+for (const chart of [...charts.overAngle, charts.spectrum]) chart.onResize = () => store.update();
+
+[field("knob").min, field("knob").max] = SLIDER_RPM.map((rpm) => String(Math.log(rpm)));
 $("knob").setAttribute("aria-label", text("speed"));
 [field("rpm").min, field("rpm").max] = board.rpm_range.map(String);
 $("knob").addEventListener("input", () => {
   history.begin();
-  setSpeed(Math.round(Math.exp(field("knob").valueAsNumber)));
-  changed();
+  change({ rpm: Math.round(Math.exp(field("knob").valueAsNumber)) });
 });
 $("knob").addEventListener("keydown", (event) => {
-  const by = STEPS[event.key];
-  if (by === undefined) return;
+  const step = KEY_STEPS[event.key];
+  if (step === undefined) return;
   event.preventDefault();
-  history.begin();
-  setSpeed(Math.min(board.rpm_range[1], Math.max(board.rpm_range[0], Math.round(state.rpm) + by)));
-  changed();
-  history.end();
+  const [low, high] = board.rpm_range;
+  changeAsStep({ rpm: Math.min(high, Math.max(low, Math.round(state.rpm) + step)) });
 });
-$("knob").addEventListener("change", () => { history.end(); settle(); wire.flush(); });
+$("knob").addEventListener("change", endGesture);
 $("rpm").addEventListener("change", () => {
-  const rpm = typed(field("rpm"), board.rpm_range);
-  if (rpm !== null) gesture(() => setSpeed(rpm));
+  const rpm = typedSpeed(field("rpm"), board.rpm_range);
+  if (rpm !== null) changeAsStep({ rpm });
 });
 
-// -- buttons and keys -----------------------------------------------------------------------------
 $("undo").addEventListener("click", () => history.undo());
 $("redo").addEventListener("click", () => history.redo());
-$("reset").addEventListener("click", () => gesture(() => { state.ordinates = start.slice(); }));
+$("reset").addEventListener("click", () => changeAsStep({ ordinates: start }));
 addEventListener("keydown", (event) => {
-  if (!(event.ctrlKey || event.metaKey) || /** @type {Element} */ (event.target).matches("input:not([type=range])")) return;
+  const target = /** @type {Element} */ (event.target);
+  if (!(event.ctrlKey || event.metaKey) || target.matches("input:not([type=range])")) return;
   const key = event.key.toLowerCase();
   if (key === "z" && !event.shiftKey) history.undo();
   else if (key === "y" || (key === "z" && event.shiftKey)) history.redo();
   else return;
   event.preventDefault();
 });
-listenForFiles(() => Array.from(state.ordinates));
-for (const width of WIDTHS_DEG) $("width").append(new Option(width ? text("width_deg", { width }) : text("width_one"), String(width)));
+
+for (const width of PULL_WIDTHS_DEG) $("width").append(new Option(text(width ? "width_deg" : "width_one", { width }), String(width)));
 for (const name of board.cams) $("second").append(new Option(name, name));
 $("second").addEventListener("change", async () => {
   const name = field("second").value;
   const answer = name ? await fetch(`/other/${name}`) : null;
-  const found = answer && (await answer.json());
-  if (field("second").value !== name) return; // another was chosen meanwhile
-  if (answer && !answer.ok) status(found.words);
-  showSecond(answer?.ok ? found.motion : null);
+  const law = await answer?.json();
+  if (field("second").value !== name) return; // another law has been selected meanwhile
+  if (answer && !answer.ok) showStatus(errorText(law.message));
+  showSecond(answer?.ok ? law.motion : null);
 });
-/** A law beside the board's own, in base64; null shows none. @param {string | null} motion */
+/** Display a second law. @param {string | null} motion in base64, null to remove it */
 function showSecond(motion) {
-  const flat = motion ? doubles(motion) : null;
-  pictures.second = flat ? Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points)) : null;
-  draw(true);
+  store.update({ second: motion === null ? null : decodeMotion(motion, board.points), mayShrink: true });
 }
-$("spectrum_of").addEventListener("change", () => draw(true));
+$("spectrum_of").addEventListener("change", () => store.update({ spectrum: field("spectrum_of").value, mayShrink: true }));
+listenForFiles(() => Array.from(state.ordinates));
 
 // -- the server -----------------------------------------------------------------------------------
-/** @param {BoardMessage} message @param {boolean} pending */
-function heard(message, pending) {
-  if (message.type === "refused") status(text("refused", message));
-  if (message.type === "rest") readouts.rest(message);
-  if (message.type === "design") heardOfDesign(message, showSecond);
-  if (message.type === "opened") { // by this page or another: a link was of the cam before
-    window.history.replaceState(null, "", location.pathname);
-    location.reload();
+
+/** Sent ordinates by number. @type {Map<number, Float64Array>} */
+const sent = new Map();
+
+/** @param {BoardMessage} message @param {boolean} isPending true if a change of this page has no answer yet */
+function receive(message, isPending) {
+  switch (message.type) {
+    case "refused": return showRefusal("refused", message);
+    case "design": return showDesign(message, showSecond);
+    case "full": return message.message === undefined ? store.update({ full: message }) : showStatus(errorText(message.message));
+    case "opened": // a link in the address is of the previous cam
+      window.history.replaceState(null, "", location.pathname);
+      return location.reload();
+    case "changed": {
+      const ordinates = Float64Array.from(message.ordinates);
+      receiveFast(message, ordinates, true);
+      return store.update({ ordinates, rpm: message.rpm, mayShrink: true });
+    }
+    default: {
+      const ordinates = sent.get(message.number) ?? null;
+      for (const number of sent.keys()) if (number <= message.number) sent.delete(number);
+      return receiveFast(message, ordinates, !isPending);
+    }
   }
-  if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
-  if (message.type !== "exact" && message.type !== "moved") return;
-  const ordinates = sent.get(message.number ?? "moved");
-  for (const number of sent.keys()) if (number !== "moved" && number <= (message.number ?? 0)) sent.delete(number);
-  readouts.exact(message);
-  const turned = pictures.judged(ordinates, message);
-  if (message.discs.length) stroboscope.shapes(message.discs);
-  // What turned good or bad at rest may have other axes; in the middle of a gesture they stay.
-  if (message.type === "moved" || (turned && !history.before)) settle();
-  else if (turned) drawSoon();
-  if (!pending) readouts.current();
 }
-const wire = new Wire(
+
+/** @param {FastResults} fast @param {Float64Array | null} ordinates of the results @param {boolean} isFastCurrent */
+function receiveFast(fast, ordinates, isFastCurrent) {
+  const isFaulty = fast.faults.length > 0;
+  const hasChanged = isFaulty !== Boolean(state.fast?.faults.length);
+  // The contour of a law that has none is that of the last law with a contour.
+  const discs = fast.discs.length ? fast.discs : state.fast?.discs ?? [];
+  store.update({
+    fast: { ...fast, discs },
+    isFastCurrent,
+    makeable: isFaulty ? state.makeable : ordinates ?? state.makeable,
+    // Axes do not shrink during a gesture.
+    mayShrink: state.mayShrink || (hasChanged && !history.before),
+  });
+}
+
+const connection = new Connection(
   (number) => {
-    sent.set(number, state.ordinates.slice());
-    return drawn();
+    sent.set(number, state.ordinates);
+    return readDrawing();
   },
-  heard,
-  (on) => status(on ? "" : text("disconnected")),
+  receive,
+  (isOpen) => showStatus(isOpen ? "" : text("disconnected")),
 );
-setSpeed(state.rpm);
-history.told();
-draw(true);
-listenForLinks(board, drawn, (found) => gesture(() => put(found)));
+fillHeading(board);
+store.update();
+listenForLinks(board, readDrawing, ({ ordinates, rpm }) => changeAsStep({ ordinates: Float64Array.from(ordinates), rpm }));

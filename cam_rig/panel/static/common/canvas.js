@@ -1,36 +1,37 @@
-// What is drawn on a canvas: as sharp as the screen, and in the page's own colours.
+// Canvases as sharp as the screen, in the colours of the page.
 
 /** @param {HTMLCanvasElement} canvas */
-export const brush = (canvas) => /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+export const contextOf = (canvas) => /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
 
-/** Pixels of the screen to a px of the page; more than two are not told apart. */
-export const sharpness = () => Math.min(2, devicePixelRatio);
+/** Return the screen pixels per px of the page, at most two. More cannot be distinguished. */
+export const pixelRatio = () => Math.min(2, devicePixelRatio);
 
-/** Empty, and to be drawn on in px. @param {HTMLCanvasElement} canvas @param {number} width @param {number} height */
-export function size(canvas, width, height) {
-  const scale = sharpness();
-  canvas.width = Math.round(width * scale);
-  canvas.height = Math.round(height * scale);
+/** Clear a canvas and set its size in px. @param {HTMLCanvasElement} canvas @param {number} width @param {number} height */
+export function resizeCanvas(canvas, width, height) {
+  const ratio = pixelRatio();
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
   [canvas.style.width, canvas.style.height] = [`${width}px`, `${height}px`];
-  brush(canvas).scale(scale, scale);
+  contextOf(canvas).scale(ratio, ratio);
 }
 
 /** @param {HTMLCanvasElement} canvas */
-export function wipe(canvas) {
-  const context = brush(canvas);
+export function clearCanvas(canvas) {
+  const context = contextOf(canvas);
   context.save();
   context.resetTransform();
   context.clearRect(0, 0, canvas.width, canvas.height);
   context.restore();
 }
 
-/** The style sheet's variables as they are now, light or dark. @template {string} T @param {readonly T[]} names */
-export function colours(names) {
+/** Return variables of the style sheet, which differ in light and dark. @template {string} T @param {readonly T[]} names */
+export function readColours(names) {
   const style = getComputedStyle(document.documentElement);
-  return /** @type {Record<T, string>} */ (Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`)])));
+  const entries = names.map((name) => [name, style.getPropertyValue(`--${name}`)]);
+  return /** @type {Record<T, string>} */ (Object.fromEntries(entries));
 }
 
-/** Tell of a page that becomes light or dark, or goes on paper. @param {() => void} told */
-export function recoloured(told) {
-  for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", told);
+/** Call a function when the page becomes light or dark, or is printed. @param {() => void} onChange */
+export function onColourChange(onChange) {
+  for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", onChange);
 }

@@ -1,36 +1,68 @@
-// Elements of the page by their ids, what they are told, and what the server is asked.
-import { text } from "./texts.js";
+// Elements of the page by their ids, and requests to the server.
+import { errorText, text } from "./texts.js";
 
 /** @param {string} id */
 export const $ = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
-/** An input, or what has its value or is disabled as one: a select or a button. @param {string} id */
+/** Return an input, or a select or button, which have some of its properties. @param {string} id */
 export const field = (id) => /** @type {HTMLInputElement} */ (document.getElementById(id));
 
-/** What came of it, in the page's line for that; `wrong`: as a fault. @param {string} words */
-export function status(words, wrong = Boolean(words)) {
-  $("status").textContent = words;
-  $("status").classList.toggle("fault", wrong);
+/**
+ * Return a new element with properties.
+ * @template {keyof HTMLElementTagNameMap} Tag
+ * @param {Tag} tag @param {Record<string, unknown>} [properties] @returns {HTMLElementTagNameMap[Tag]}
+ */
+export const create = (tag, properties = {}) => Object.assign(document.createElement(tag), properties);
+
+// The setters write only changed values. A write would cause a new layout and be read to a blind user again.
+
+/** @param {string} id @param {string} value */
+export function setText(id, value) {
+  if ($(id).textContent !== value) $(id).textContent = value;
+}
+
+/** @param {string} id @param {boolean} isHidden */
+export function setHidden(id, isHidden) {
+  if ($(id).hidden !== isHidden) $(id).hidden = isHidden;
+}
+
+/** @param {string} id @param {boolean} isDisabled */
+export function setDisabled(id, isDisabled) {
+  if (field(id).disabled !== isDisabled) field(id).disabled = isDisabled;
+}
+
+/** @param {string} id @param {string | number} value */
+export function setValue(id, value) {
+  if (field(id).value !== String(value)) field(id).value = String(value);
+}
+
+/** Show the result of an action in the status line of the page. @param {string} message */
+export function showStatus(message, isFault = Boolean(message)) {
+  setText("status", message);
+  $("status").classList.toggle("fault", isFault);
+}
+
+/** Show the reason for which the server has refused a request. @param {string} key @param {{message: string}} reply */
+export function showRefusal(key, { message }, values = {}) {
+  showStatus(text(key, { ...values, message: errorText(message) }));
 }
 
 /** @param {string} path @param {object} value */
 export const post = (path, value, more = {}) => fetch(path, { method: "POST", body: JSON.stringify(value), ...more });
 
-/** The bytes that base64 stands for. @param {string} text */
-export const decode = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+/** Return the bytes of base64. @param {string} base64 */
+export const decodeBase64 = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0)).buffer;
 
-/** Copy words, and say so by the first key; by the other where the browser does not let a page. @param {string} words @param {string} done @param {string} not */
-export async function copy(words, done, not) {
+/**
+ * Copy a text, and show the first key. Show the other key if the browser does not allow it.
+ * @param {string} value @param {string} copiedKey @param {string} failedKey
+ */
+export async function copyText(value, copiedKey, failedKey) {
   try {
-    await navigator.clipboard.writeText(words);
-    status(text(done), false);
-  } catch (refused) {
-    if (!(refused instanceof DOMException)) throw refused;
-    status(text(not), false);
+    await navigator.clipboard.writeText(value);
+    showStatus(text(copiedKey), false);
+  } catch (error) {
+    if (!(error instanceof DOMException)) throw error;
+    showStatus(text(failedKey), false);
   }
-}
-
-/** Words are put only where they change: a reader of the page hears them once, and it is laid out once. @param {string} id @param {string} sentence */
-export function say(id, sentence) {
-  if ($(id).textContent !== sentence) $(id).textContent = sentence;
 }

@@ -1,144 +1,149 @@
-// A knob on a scale of equal ratios: by pointer around its middle, or by keys.
-import { element, shown } from "./charts.js";
-import { status } from "./dom.js";
-import { text } from "./texts.js";
+// A speed knob with a logarithmic scale, turned by pointer or keys, and the field of a typed speed.
+import { svgElement } from "./charts.js";
+import { showStatus } from "./dom.js";
+import { formatNumber, text } from "./texts.js";
 
-const SWEEP = 270, FIRST = -135; // degrees, from above
-/** @type {Record<string, number>} */
-export const STEPS = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 };
+/** Angle of the lowest speed from the top, and angle of the whole scale, deg. */
+const FIRST = -135, SWEEP = 270;
+/** Radius of the scale and of its numbers, in units of the drawing. */
+const SCALE_RADIUS = 44, NUMBER_RADIUS = 57;
+/** Speeds (rpm) with a number on the scale. */
+const NUMBERED_RPM = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
+/** Change of the speed (rpm) by each key. @type {Record<string, number>} */
+export const KEY_STEPS = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 };
 
 export class Knob {
   /**
-   * `range` in rpm; moved(rpm) is told of every change by a person.
-   * @param {HTMLElement} place @param {Pair} range @param {string} label @param {(rpm: number) => void} moved
+   * @param {HTMLElement} parent @param {Pair} range of the speed, rpm
+   * @param {string} label @param {(rpm: number) => void} onTurn called with the speed after each change by a person
    */
-  constructor(place, range, label, moved) {
-    this.place = place;
+  constructor(parent, range, label, onTurn) {
+    this.parent = parent;
     this.range = range;
-    this.moved = moved;
-    this.value = range[0];
-    this.held = false;
-    this.enabled = true;
-    this.at = 0; // angle (deg) of the mark while it is held ...
-    this.from = 0; // ... and of the pointer
-    const svg = element("svg", { viewBox: "-70 -64 140 122", "aria-hidden": "true" });
-    place.append(svg);
-    element("path", { class: "track", d: arc(FIRST, FIRST + SWEEP) }, svg);
-    this.turned = element("path", { class: "turned" }, svg);
-    element("circle", { class: "cap", r: 32 }, svg);
-    this.mark = element("path", { class: "mark", d: "M0 -14V-29" }, svg);
-    this.jumps = element("g", {}, svg);
-    for (const rpm of marks(range)) {
-      const [x, y] = point(this.#angle(rpm), 57);
-      element("text", { x, y: y + 3.5 }, svg).textContent = shown(rpm);
+    this.onTurn = onTurn;
+    this.rpm = NaN;
+    this.isHeld = false;
+    this.isEnabled = true;
+    /** Angles (deg) of the mark and of the pointer while the knob is held. */
+    this.markAngle = 0;
+    this.pointerAngle = 0;
+    const svg = svgElement("svg", { viewBox: "-70 -64 140 122", "aria-hidden": "true" });
+    parent.append(svg);
+    svgElement("path", { class: "track", d: arc(FIRST, FIRST + SWEEP) }, svg);
+    this.turned = svgElement("path", { class: "turned" }, svg);
+    svgElement("circle", { class: "cap", r: 32 }, svg);
+    this.mark = svgElement("path", { class: "mark", d: "M0 -14V-29" }, svg);
+    this.jumps = svgElement("g", {}, svg);
+    for (const rpm of NUMBERED_RPM.filter((value) => value >= range[0] && value <= range[1])) {
+      const [x, y] = polar(this.#angle(rpm), NUMBER_RADIUS);
+      svgElement("text", { x, y: y + 3.5 }, svg).textContent = formatNumber(rpm);
     }
-    place.setAttribute("aria-label", label);
-    place.setAttribute("aria-valuemin", String(range[0]));
-    place.setAttribute("aria-valuemax", String(range[1]));
-    place.addEventListener("pointerdown", (event) => this.#take(event));
-    place.addEventListener("pointermove", (event) => this.held && this.#turn(event));
-    for (const end of ["pointerup", "pointercancel"]) place.addEventListener(end, () => { this.held = false; });
-    place.addEventListener("keydown", (event) => this.#key(event));
+    const attributes = { "aria-label": label, "aria-valuemin": range[0], "aria-valuemax": range[1] };
+    for (const [name, value] of Object.entries(attributes)) parent.setAttribute(name, String(value));
+    parent.addEventListener("pointerdown", (event) => this.#grab(event));
+    parent.addEventListener("pointermove", (event) => this.isHeld && this.#drag(event));
+    for (const end of ["pointerup", "pointercancel"]) parent.addEventListener(end, () => { this.isHeld = false; });
+    parent.addEventListener("keydown", (event) => this.#pressKey(event));
     this.show(range[0]);
   }
 
-  /** @param {number} rpm */
+  /** Return the angle (deg) of a speed. @param {number} rpm */
   #angle(rpm) {
     const [low, high] = this.range.map(Math.log);
     return FIRST + SWEEP * Math.min(1, Math.max(0, (Math.log(rpm) - low) / (high - low)));
   }
 
-  /** Mark speeds (rpm) on the scale, each with its words. @param {{rpm: number, words: string}[]} speeds */
-  jump(speeds) {
-    const inside = speeds.filter(({ rpm }) => rpm > this.range[0] && rpm < this.range[1]);
-    this.jumps.replaceChildren(...inside.map(({ rpm, words }) => {
-      const mark = element("path", { class: "jump", d: "M0 -40L-4 -33H4Z", transform: `rotate(${this.#angle(rpm)})` });
-      element("title", {}, mark).textContent = words;
+  /** Mark jump speeds on the scale. @param {{rpm: number, title: string}[]} speeds */
+  showJumps(speeds) {
+    const visible = speeds.filter(({ rpm }) => rpm > this.range[0] && rpm < this.range[1]);
+    this.jumps.replaceChildren(...visible.map(({ rpm, title }) => {
+      const mark = svgElement("path", { class: "jump", d: "M0 -40L-4 -33H4Z", transform: `rotate(${this.#angle(rpm)})` });
+      svgElement("title", {}, mark).textContent = title;
       return mark;
     }));
   }
 
-  /** @param {boolean} on */
-  enable(on) {
-    this.enabled = on;
-    this.held &&= on;
-    if (this.place.getAttribute("aria-disabled") !== String(!on)) this.place.setAttribute("aria-disabled", String(!on));
+  /** @param {boolean} isEnabled */
+  enable(isEnabled) {
+    this.isEnabled = isEnabled;
+    this.isHeld &&= isEnabled;
+    const isDisabled = String(!isEnabled);
+    if (this.parent.getAttribute("aria-disabled") !== isDisabled) this.parent.setAttribute("aria-disabled", isDisabled);
   }
 
-  /** Show a speed (rpm), from wherever it came. @param {number} rpm */
+  /** Show a speed. @param {number} rpm */
   show(rpm) {
-    if (rpm === this.value && this.turned.hasAttribute("d")) return;
-    this.value = rpm;
+    if (rpm === this.rpm) return;
+    this.rpm = rpm;
     const angle = this.#angle(rpm);
     this.turned.setAttribute("d", arc(FIRST, angle));
     this.mark.setAttribute("transform", `rotate(${angle})`);
-    this.place.setAttribute("aria-valuenow", String(rpm));
-    this.place.setAttribute("aria-valuetext", `${shown(rpm, 6)} rpm`);
+    this.parent.setAttribute("aria-valuenow", String(rpm));
+    this.parent.setAttribute("aria-valuetext", `${formatNumber(rpm, 6)} rpm`);
   }
 
   /** @param {number} rpm */
-  #put(rpm) {
+  #turnTo(rpm) {
     const [low, high] = this.range;
     this.show(Math.round(Math.min(high, Math.max(low, rpm))));
-    this.moved(this.value);
+    this.onTurn(this.rpm);
   }
 
   /** @param {PointerEvent} event */
-  #take(event) {
-    if (!this.enabled) return;
-    this.held = true;
-    this.place.setPointerCapture(event.pointerId);
-    this.at = this.#angle(this.value);
-    this.from = this.#pointer(event);
+  #grab(event) {
+    if (!this.isEnabled) return;
+    this.isHeld = true;
+    this.parent.setPointerCapture(event.pointerId);
+    this.markAngle = this.#angle(this.rpm);
+    this.pointerAngle = this.#angleOf(event);
   }
 
-  /** @param {PointerEvent} event */
-  #pointer(event) {
-    const box = this.place.getBoundingClientRect();
-    return (Math.atan2(event.clientX - box.left - box.width / 2, box.top + box.height / 2 - event.clientY) * 180) / Math.PI;
+  /** Return the angle (deg) of the pointer about the centre. @param {PointerEvent} event */
+  #angleOf({ clientX, clientY }) {
+    const { left, top, width, height } = this.parent.getBoundingClientRect();
+    return (Math.atan2(clientX - left - width / 2, top + height / 2 - clientY) * 180) / Math.PI;
   }
 
-  /** By how far the pointer goes around the middle, the short way. @param {PointerEvent} event */
-  #turn(event) {
-    const to = this.#pointer(event);
-    const by = ((to - this.from + 540) % 360) - 180;
-    this.from = to;
-    this.at = Math.min(FIRST + SWEEP, Math.max(FIRST, this.at + by));
+  /** Turn the mark by the angle of the pointer's motion, the shorter way. @param {PointerEvent} event */
+  #drag(event) {
+    const angle = this.#angleOf(event);
+    const change = ((angle - this.pointerAngle + 540) % 360) - 180;
+    this.pointerAngle = angle;
+    this.markAngle = Math.min(FIRST + SWEEP, Math.max(FIRST, this.markAngle + change));
     const [low, high] = this.range.map(Math.log);
-    this.#put(Math.exp(low + ((this.at - FIRST) / SWEEP) * (high - low)));
+    this.#turnTo(Math.exp(low + ((this.markAngle - FIRST) / SWEEP) * (high - low)));
   }
 
   /** @param {KeyboardEvent} event */
-  #key(event) {
+  #pressKey(event) {
     const ends = /** @type {Record<string, number>} */ ({ Home: this.range[0], End: this.range[1] });
-    const to = ends[event.key] ?? Math.round(this.value) + (STEPS[event.key] ?? NaN);
-    if (!this.enabled || Number.isNaN(to)) return;
+    const rpm = ends[event.key] ?? Math.round(this.rpm) + (KEY_STEPS[event.key] ?? NaN);
+    if (!this.isEnabled || Number.isNaN(rpm)) return;
     event.preventDefault();
-    this.#put(to);
+    this.#turnTo(rpm);
   }
 }
 
-/** The speed (rpm) that is typed; null where it is none of the range, and the page says why. @param {HTMLInputElement} input @param {Pair} range */
-export function typed(input, [low, high]) {
+/**
+ * Return the typed speed (rpm). Show the rule and return null if it is out of range.
+ * @param {HTMLInputElement} input @param {Pair} range
+ */
+export function typedSpeed(input, [low, high]) {
   const rpm = input.valueAsNumber;
-  const good = rpm >= low && rpm <= high;
-  status(good ? "" : text("speed_range", { value: input.value || "–", low: shown(low, 6), high: shown(high, 6) }));
-  return good ? rpm : null;
+  const isValid = rpm >= low && rpm <= high;
+  const values = { value: input.value || "–", low: formatNumber(low, 6), high: formatNumber(high, 6) };
+  showStatus(isValid ? "" : text("speed_range", values));
+  return isValid ? rpm : null;
 }
 
-/** @param {number} angle @param {number} radius */
-function point(angle, radius) {
-  const turn = (angle * Math.PI) / 180;
-  return [radius * Math.sin(turn), -radius * Math.cos(turn)];
+/** @param {number} angle deg from the top @param {number} radius */
+function polar(angle, radius) {
+  const radians = (angle * Math.PI) / 180;
+  return [radius * Math.sin(radians), -radius * Math.cos(radians)];
 }
 
-/** @param {number} from @param {number} to */
-function arc(from, to) {
-  const [[x, y], [u, v]] = [point(from, 44), point(to, 44)];
-  return `M${x} ${y}A44 44 0 ${to - from > 180 ? 1 : 0} 1 ${u} ${v}`;
-}
-
-/** @param {Pair} range */
-function marks([low, high]) {
-  return [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000].filter((rpm) => rpm >= low && rpm <= high);
+/** @param {number} start @param {number} stop */
+function arc(start, stop) {
+  const [[x0, y0], [x1, y1]] = [polar(start, SCALE_RADIUS), polar(stop, SCALE_RADIUS)];
+  return `M${x0} ${y0}A${SCALE_RADIUS} ${SCALE_RADIUS} 0 ${stop - start > 180 ? 1 : 0} 1 ${x1} ${y1}`;
 }

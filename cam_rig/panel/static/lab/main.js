@@ -1,207 +1,255 @@
-// A lab sheet: a set-up, a knob, a lamp, the force over the turn, and what the student reads.
-import { Newest } from "../bench/link.js";
+// Lab sheet: set-up, knob, lamp, force over the turn, and the student's readings.
+/** @import { Theory } from "./plot.js" */
 import { TurnSound } from "../bench/sound.js";
-import { Chart, extent, shown } from "../common/charts.js";
-import { $, field, post, say, status } from "../common/dom.js";
-import { Knob, typed } from "../common/knob.js";
+import { ANGLE_TICKS, Chart, extent } from "../common/charts.js";
+import { $, create, field, post, setHidden, setText, showRefusal, showStatus } from "../common/dom.js";
+import { Knob, typedSpeed } from "../common/knob.js";
+import { LatestSender } from "../common/latest.js";
 import { RigPicture } from "../common/rig.js";
-import { loadTexts, text } from "../common/texts.js";
+import { Store } from "../common/store.js";
+import { formatFixed, formatNumber, loadTexts, text } from "../common/texts.js";
 import { ReadingsPlot } from "./plot.js";
 
 const UNITS = /** @type {const} */ ({ spring_stiffness: "N/m", added_mass: "kg", preload: "N", cam: "" });
+/** Texts of the table's columns. */
+const HEADINGS = /** @type {const} */ ({ spring_stiffness: "lab_spring_unit", added_mass: "lab_mass_unit", preload: "lab_preload_unit", cam: "cam" });
 
 await loadTexts();
-/** Where this sheet is served: each group of a class has its own. */
-const place = location.pathname.replace(/\/$/, "");
+/** Path of this sheet. Each group of a class has its own sheet. */
+const path = location.pathname.replace(/\/$/, "");
 /** @type {LabSheet} */
-const sheet = await (await fetch(`${place}/sheet`)).json();
-const choices = /** @type {(keyof typeof UNITS)[]} */ (Object.keys(sheet.options));
-/** @type {Record<string, number | string>} */
-const chosen = Object.fromEntries(choices.map((name) => [name, sheet.options[name][0]]));
-let set = sheet.knob[0];
-/** A text of this lab. @param {string} key @param {Record<string, string | number>} [values] */
-const own = (key, values) => text(`lab_${sheet.lab}_${key}`, values);
-
-// -- what is there once -----------------------------------------------------------------------------
-document.title = `${text("nav_lab")} – cam_rig`;
-/** @type {HTMLAnchorElement} */ ($("csv")).href = `${place}/readings.csv`;
-$("title").textContent = text("bench_title", { rig: sheet.cams.join(", "), model: sheet.rig.name });
-$("task_words").textContent = own("task", { mass: shown(sheet.rig.mass), scatter: shown(sheet.scatter_db ?? 0) });
-$("steps").replaceChildren(...own("steps").split("\n").map((step) => Object.assign(document.createElement("li"), { textContent: step })));
-if (sheet.seed) {
-  const percent = Object.fromEntries(Object.entries(sheet.tolerances ?? {}).map(([key, part]) => [key, shown(100 * part)]));
-  $("hidden_words").textContent = own("hidden", { seed: sheet.seed, ...percent });
-}
-field("student").value = sheet.student;
-field("student").maxLength = sheet.max_name;
-for (const name of choices) {
-  $(name).hidden = false;
-  for (const [i, value] of sheet.options[name].entries()) {
-    const input = Object.assign(document.createElement("input"), { type: "radio", name, value: String(value), checked: i === 0 });
-    const label = document.createElement("label");
-    label.append(input, typeof value === "number" ? `${shown(value)} ${UNITS[name]}` : value);
-    $(name).append(label);
-    input.addEventListener("change", () => { chosen[name] = value; values(); turn.put(); });
-  }
-}
-[field("rpm").min, field("rpm").max] = sheet.knob.map(String);
-$("theory").hidden = Boolean(sheet.seed);
-$("load_words").textContent = own("plot_words", { lift: shown(1000 * (sheet.lift ?? 0)) });
-$("curve_title").textContent = own("curve");
-$(`formula_${sheet.lab}`).hidden = false;
-$("formula_words").textContent = own("formula");
-$("loudness").hidden = !sheet.heard;
-$("instrument").hidden = !sheet.measured;
-$("answering").hidden = !sheet.answered;
-if (sheet.measured) $("instrument_of").textContent = own("measured");
-if (sheet.answered) [$("asked").textContent, $("answer_unit").textContent] = [own("asked"), sheet.unit];
-const HEADS = { spring_stiffness: text("lab_spring_unit"), added_mass: text("lab_mass_unit"), preload: text("lab_preload_unit"), cam: text("cam") };
-const heads = ["#", ...choices.map((name) => HEADS[name]), text("lab_speed_unit"), ...(sheet.measured ? [own("measured_unit")] : []), ...(sheet.answered ? [own("answer_unit")] : [])];
-$("heads").replaceChildren(...heads.map((words) => Object.assign(document.createElement("th"), { scope: "col", textContent: words })));
-
-/** What is set up, as the drawing's letters have it; a hidden rig's are those of its labels. */
-function values() {
-  const number = (/** @type {number | string} */ value) => shown(Number(value));
-  const words = text("lab_values", {
-    k: number(chosen.spring_stiffness ?? sheet.rig.spring_stiffness),
-    m: number(sheet.rig.mass + Number(chosen.added_mass ?? 0)),
-    preload: number(chosen.preload ?? sheet.rig.preload),
-  });
-  $("values").textContent = sheet.lift === null ? words : `${words} · s = ${shown(1000 * sheet.lift)} mm`;
-  picture(String(chosen.cam ?? sheet.cams[0]));
-}
-const rig = new RigPicture($("rig_drawing"), text("rig_picture"));
-let pictured = "";
-/** @param {string} cam */
-async function picture(cam) {
-  if (cam === pictured) return;
-  pictured = cam;
-  const found = await (await fetch(`${place}/picture/${encodeURIComponent(cam)}`)).json();
-  if (cam !== pictured) return;
-  rig.load(found);
-  rig.pose({ angle: 0, lift: 0, force: 0, gap: 0 });
-}
-
-const force = new Chart($("force"), { title: own("curve_unit"), x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360], xTitle: text("angle") });
-const plot = new ReadingsPlot($("plot"), $("plot_key"), sheet, { x: own("x"), y: own("y") });
-/** @type {number[] | null} */
-let drawn = null;
-/** @param {number[]} values */
-const drawForce = (values) => force.curve("force", values, { colour: sheet.curve_colour, step: 360 / values.length });
-force.resized = () => { if (drawn) drawForce(drawn); };
-
-// -- the drive -----------------------------------------------------------------------------------------
-const sound = new TurnSound(() => turn.put());
-/** @type {Newest<void>} */
-const turn = new Newest(observe);
-values();
-const knob = new Knob($("knob"), sheet.knob, text("speed"), (rpm) => speed(rpm));
-/** @param {number} rpm */
-function speed(rpm) {
-  set = rpm;
-  field("rpm").value = String(rpm);
-  turn.put();
-}
-$("rpm").addEventListener("change", () => {
-  const rpm = typed(field("rpm"), sheet.knob);
-  if (rpm === null) return;
-  knob.show(rpm);
-  speed(rpm);
-});
-$("volume").addEventListener("input", () => sound.volume(field("volume").valueAsNumber));
+const sheet = await (await fetch(`${path}/sheet`)).json();
+const options = /** @type {(keyof typeof UNITS)[]} */ (Object.keys(sheet.options));
+/** Return a text of this lab. @param {string} key @param {Record<string, string | number>} [values] */
+const labText = (key, values) => text(`lab_${sheet.lab}_${key}`, values);
 
 /**
- * What the server answers; null where it refused, and the page says why.
- * @param {string} path @param {object} value @returns {Promise<any>}
+ * Observed turn of a set-up and speed. The sound is in base64.
+ * @typedef {{contact_lost: boolean, was_lost: boolean, curve: number[], measured: number | null, sound?: string, rate: number}} Turn
  */
-async function ask(path, value) {
-  try {
-    const answer = await post(place + path, value);
-    const found = await answer.json();
-    status(answer.ok ? "" : text("refused", { words: found.words }));
-    return answer.ok ? found : null;
-  } catch (error) {
-    if (!(error instanceof TypeError || error instanceof SyntaxError)) throw error;
-    status(text("disconnected_bench"));
-    return null;
-  }
+/**
+ * State of the sheet. `turn` is the observed turn of `observed`, null if it was refused.
+ * @typedef {{setup: Record<string, number | string>, rpm: number, turn: Turn | null, observed: object | null,
+ *   readings: LabReading[], file: string | null, result: string, isPlotted: boolean, theory: Theory | null}} LabState
+ */
+const store = new Store(/** @type {LabState} */ ({
+  setup: Object.fromEntries(options.map((name) => [name, sheet.options[name][0]])),
+  rpm: sheet.knob[0],
+  turn: null,
+  observed: null,
+  readings: sheet.readings,
+  file: sheet.file,
+  result: "",
+  isPlotted: false,
+  theory: null,
+}), render);
+const { state } = store;
+
+// -- rendering ------------------------------------------------------------------------------------
+
+const picture = new RigPicture($("rig_drawing"), text("rig_picture"));
+const force = new Chart($("force"), { title: labText("curve_unit"), x: [0, 360], xTicks: ANGLE_TICKS, xTitle: text("angle") });
+force.onResize = () => store.update();
+const plot = new ReadingsPlot($("plot"), $("plot_key"), sheet, { x: labText("x"), y: labText("y") });
+
+/** @param {LabState} present */
+function render({ setup, turn, observed, readings, file, result, isPlotted, theory }) {
+  renderSetup(setup);
+  if (turn) renderTurn(turn);
+  document.body.dataset.shown = observed ? JSON.stringify(observed) : "";
+  setText("recorded", result);
+  setHidden("plotted", !isPlotted);
+  setToggle("plot_it", "aria-expanded", isPlotted, isPlotted ? "lab_plot_off" : "lab_plot");
+  setToggle("theory", "aria-pressed", theory !== null, theory ? "lab_theory_off" : "lab_theory");
+  setHidden("theory_words", theory === null);
+  if (readings !== plot.readings || theory !== plot.theory) plot.draw(readings, theory);
+  setHidden("csv", !readings.length);
+  setText("file", file ? text("lab_file", { path: file }) : "");
+  renderTable(readings);
 }
 
-/** Shows what is seen of the set-up and speed; whether contact is lost, null where it is not known. */
-async function observe() {
-  const asked = { ...chosen, rpm: set };
-  const seen = await ask("/turn", { ...asked, sound: sound.on });
-  document.body.dataset.shown = seen ? JSON.stringify(asked) : "";
-  if (!seen) return null;
-  const lost = seen.contact_lost || seen.was_lost;
-  $("lamp").classList.toggle("lost", lost);
-  say("contact", text(lost ? "contact_is_lost" : "contact_is_kept"));
-  say("on_the_way", seen.contact_lost || !seen.was_lost ? "" : text("lab_on_the_way"));
-  $("measured").textContent = seen.measured === null ? "–" : own("shows", { value: seen.measured.toFixed(1) });
-  drawn = seen.curve.length ? seen.curve : null;
-  force.fit(Math.min(0, ...extent([drawn])), extent([drawn])[1], true);
-  if (drawn) drawForce(drawn);
-  else force.curve("force", null, { step: 1 });
-  sound.play(seen.sound, seen.rate);
-  return lost;
+/** @param {string} id @param {string} attribute @param {boolean} isOn @param {string} key */
+function setToggle(id, attribute, isOn, key) {
+  $(id).setAttribute(attribute, String(isOn));
+  setText(id, text(key));
 }
 
-// -- the readings ----------------------------------------------------------------------------------------
-$("record").addEventListener("click", async () => {
-  const reading = { ...chosen, rpm: set };
-  const lost = await observe(); // of this set-up and speed, and not of the one before
-  if (lost === null || (!sheet.measured && !lost && !confirm(text("lab_record_anyway", { rpm: shown(reading.rpm, 6) })))) return;
-  const found = await ask("/record", reading);
-  if (!found) return;
-  show(found);
-  const { number, rpm } = found.readings.at(-1);
-  $("recorded").textContent = text("lab_recorded", { number, rpm: shown(rpm, 6) });
-  if (sheet.measured) turn.put(); // the next reading scatters otherwise
-});
-$("answering").addEventListener("submit", async (event) => {
-  event.preventDefault();
-  const found = await ask("/answer", { ...chosen, answer: field("answer").value });
-  if (!found) return;
-  show(found);
-  field("answer").value = "";
-  const { number, answer } = found.readings.at(-1);
-  $("recorded").textContent = text("lab_answered", { number, answer: shown(answer, 6), unit: sheet.unit });
-});
-$("student").addEventListener("change", async () => {
-  const found = await ask("/student", { student: field("student").value });
-  if (found) show(found);
-});
-$("plot_it").addEventListener("click", () => {
-  const on = $("plotted").hidden;
-  $("plotted").hidden = !on;
-  $("plot_it").setAttribute("aria-expanded", String(on));
-  $("plot_it").textContent = text(on ? "lab_plot_off" : "lab_plot");
-  plot.draw(plot.readings);
-});
-$("theory").addEventListener("click", async () => {
-  const on = plot.theory === null;
-  plot.theory = on ? await (await fetch(`${place}/theory`)).json() : null;
-  $("theory").setAttribute("aria-pressed", String(on));
-  $("theory").textContent = text(on ? "lab_theory_off" : "lab_theory");
-  $("theory_words").hidden = !on;
-  plot.draw(plot.readings);
-});
+/** Show the numbers of a set-up by the letters of the formulas. Those of a hidden rig are its labels. @param {LabState["setup"]} setup */
+function renderSetup(setup) {
+  const number = (/** @type {number | string} */ value) => formatNumber(Number(value));
+  const values = text("lab_values", {
+    k: number(setup.spring_stiffness ?? sheet.rig.spring_stiffness),
+    m: number(sheet.rig.mass + Number(setup.added_mass ?? 0)),
+    preload: number(setup.preload ?? sheet.rig.preload),
+  });
+  const { critical_lift_m: lift } = sheet;
+  setText("values", lift === null ? values : `${values} · s = ${formatNumber(1000 * lift)} mm`);
+  loadPicture(String(setup.cam ?? sheet.cams[0]));
+}
+let pictured = "";
+/** @param {string} cam */
+async function loadPicture(cam) {
+  if (cam === pictured) return;
+  pictured = cam;
+  const data = await (await fetch(`${path}/picture/${encodeURIComponent(cam)}`)).json();
+  if (cam === pictured) picture.load(data);
+}
 
-/** @param {{readings: LabReading[], file: string | null}} notebook */
-function show({ readings, file }) {
-  plot.draw(readings);
-  $("csv").hidden = !readings.length;
-  $("file").textContent = file ? text("kept", { path: file }) : "";
+/** @param {Turn} turn */
+function renderTurn({ contact_lost: isLost, was_lost: wasLost, measured, curve }) {
+  const isLampOn = isLost || wasLost;
+  $("lamp").classList.toggle("lost", isLampOn);
+  setText("contact", text(isLampOn ? "contact_is_lost" : "contact_is_kept"));
+  setText("on_the_way", wasLost && !isLost ? text("lab_on_the_way") : "");
+  setText("measured", measured === null ? "–" : labText("shows", { value: formatFixed(measured, 1) }));
+  const [low, high] = extent([curve]);
+  force.fit(Math.min(0, low), high, true);
+  force.drawCurve("force", curve.length ? curve : null, { colour: sheet.curve_colour, step: 360 / curve.length });
+}
+
+/** @type {LabReading[] | null} */
+let tabulated = null;
+/** @param {LabReading[]} readings */
+function renderTable(readings) {
+  if (readings === tabulated) return;
+  tabulated = readings;
   $("rows").replaceChildren(...readings.map((reading) => {
-    const row = document.createElement("tr");
-    const more = [...(sheet.measured ? [reading.measured] : []), ...(sheet.answered ? [reading.answer] : [])];
-    for (const value of [reading.number, ...choices.map((name) => reading[name]), reading.rpm, ...more]) {
-      row.append(Object.assign(document.createElement("td"), { textContent: typeof value === "number" ? shown(value, 6) : value }));
-    }
+    const results = [...(sheet.has_instrument ? [reading.measured] : []), ...(sheet.has_answer ? [reading.answer] : [])];
+    const cells = [reading.number, ...options.map((name) => reading[name]), reading.rpm, ...results];
+    const row = create("tr");
+    row.append(...cells.map((value) => create("td", { textContent: typeof value === "number" ? formatNumber(value, 6) : value })));
     return row;
   }).reverse());
 }
 
-knob.show(set);
-show(sheet);
-speed(set);
+/** Fill the parts that do not change. */
+function fillPage() {
+  document.title = `${text("nav_lab")} – cam_rig`;
+  /** @type {HTMLAnchorElement} */ ($("csv")).href = `${path}/readings.csv`;
+  setText("title", text("bench_title", { rig: sheet.cams.join(", "), model: sheet.rig.name }));
+  setText("task_words", labText("task", { mass: formatNumber(sheet.rig.mass), scatter: formatNumber(sheet.scatter_db ?? 0) }));
+  $("steps").replaceChildren(...labText("steps").split("\n").map((textContent) => create("li", { textContent })));
+  if (sheet.seed) {
+    const percent = Object.entries(sheet.tolerances ?? {}).map(([name, tolerance]) => [name, formatNumber(100 * tolerance)]);
+    setText("hidden_words", labText("hidden", { seed: sheet.seed, ...Object.fromEntries(percent) }));
+  }
+  field("student").value = sheet.student;
+  field("student").maxLength = sheet.max_name;
+  [field("rpm").min, field("rpm").max] = sheet.knob.map(String);
+  setHidden("theory", Boolean(sheet.seed));
+  setText("load_words", labText("plot_words", { lift: formatNumber(1000 * (sheet.critical_lift_m ?? 0)) }));
+  setText("curve_title", labText("curve"));
+  setHidden(`formula_${sheet.lab}`, false);
+  setText("formula_words", labText("formula"));
+  setHidden("loudness", !sheet.has_sound);
+  setHidden("instrument", !sheet.has_instrument);
+  setHidden("answering", !sheet.has_answer);
+  if (sheet.has_instrument) setText("instrument_of", labText("measured"));
+  if (sheet.has_answer) {
+    setText("question", labText("question"));
+    setText("answer_unit", sheet.unit);
+  }
+  const results = [...(sheet.has_instrument ? [labText("measured_unit")] : []), ...(sheet.has_answer ? [labText("answer_unit")] : [])];
+  const headings = ["#", ...options.map((name) => text(HEADINGS[name])), text("lab_speed_unit"), ...results];
+  $("heads").replaceChildren(...headings.map((textContent) => create("th", { scope: "col", textContent })));
+}
+
+/** Add a radio button for each value of the set-up. */
+function addOptions() {
+  for (const name of options) {
+    setHidden(name, false);
+    sheet.options[name].forEach((value, i) => {
+      const input = create("input", { type: "radio", name, value: String(value), checked: i === 0 });
+      const label = create("label");
+      label.append(input, typeof value === "number" ? `${formatNumber(value)} ${UNITS[name]}` : value);
+      $(name).append(label);
+      input.addEventListener("change", () => changeSetup({ setup: { ...state.setup, [name]: value } }));
+    });
+  }
+}
+
+// -- the drive ------------------------------------------------------------------------------------
+
+const sound = new TurnSound(() => turnSender.put());
+/** @type {LatestSender<void>} */
+const turnSender = new LatestSender(observe);
+/** Change set-up or speed, and observe its turn. @param {Partial<LabState>} changes */
+function changeSetup(changes) {
+  store.update(changes);
+  turnSender.put();
+}
+/** @param {number} rpm */
+function setSpeed(rpm) {
+  field("rpm").value = String(rpm);
+  changeSetup({ rpm });
+}
+const knob = new Knob($("knob"), sheet.knob, text("speed"), setSpeed);
+$("rpm").addEventListener("change", () => {
+  const rpm = typedSpeed(field("rpm"), sheet.knob);
+  if (rpm === null) return;
+  knob.show(rpm);
+  setSpeed(rpm);
+});
+$("volume").addEventListener("input", () => sound.setVolume(field("volume").valueAsNumber));
+
+/**
+ * Return the server's answer. Show the reason and return null if it refuses.
+ * @param {string} name @param {object} value @returns {Promise<any>}
+ */
+async function send(name, value) {
+  try {
+    const answer = await post(path + name, value);
+    const data = await answer.json();
+    if (answer.ok) showStatus("");
+    else showRefusal("refused", data);
+    return answer.ok ? data : null;
+  } catch (error) {
+    if (!(error instanceof TypeError || error instanceof SyntaxError)) throw error;
+    showStatus(text("disconnected_bench"));
+    return null;
+  }
+}
+
+/** Observe the turn of the present set-up and speed. Return it, or null if it was refused. @returns {Promise<Turn | null>} */
+async function observe() {
+  const observed = { ...state.setup, rpm: state.rpm };
+  const turn = await send("/turn", { ...observed, sound: sound.isOn });
+  store.update(turn ? { turn, observed } : { observed: null });
+  if (turn) sound.play(turn.sound, turn.rate);
+  return turn;
+}
+
+// -- the readings ---------------------------------------------------------------------------------
+
+/** Return the last row. @param {{readings: LabReading[]}} notebook */
+const lastRow = ({ readings }) => /** @type {LabReading} */ (readings.at(-1));
+
+$("record").addEventListener("click", async () => {
+  const reading = { ...state.setup, rpm: state.rpm };
+  const turn = await observe(); // the displayed turn may be that of another speed
+  if (!turn) return;
+  const isEarly = !sheet.has_instrument && !turn.contact_lost && !turn.was_lost;
+  if (isEarly && !confirm(text("lab_record_anyway", { rpm: formatNumber(reading.rpm, 6) }))) return;
+  const notebook = await send("/record", reading);
+  if (!notebook) return;
+  const { number, rpm } = lastRow(notebook);
+  store.update({ ...notebook, result: text("lab_recorded", { number, rpm: formatNumber(rpm ?? 0, 6) }) });
+  if (sheet.has_instrument) turnSender.put(); // the scatter of the next reading differs
+});
+$("answering").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const notebook = await send("/answer", { ...state.setup, answer: field("answer").value });
+  if (!notebook) return;
+  field("answer").value = "";
+  const { number, answer } = lastRow(notebook);
+  store.update({ ...notebook, result: text("lab_answered", { number, answer: formatNumber(answer ?? 0, 6), unit: sheet.unit }) });
+});
+$("student").addEventListener("change", () => send("/student", { student: field("student").value }));
+$("plot_it").addEventListener("click", () => store.update({ isPlotted: !state.isPlotted }));
+$("theory").addEventListener("click", async () => {
+  store.update({ theory: state.theory ? null : await (await fetch(`${path}/theory`)).json() });
+});
+
+fillPage();
+addOptions();
+setSpeed(state.rpm);

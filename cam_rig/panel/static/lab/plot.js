@@ -1,34 +1,39 @@
-// The readings' plot: a marker a reading, and the curves of theory when they are asked for.
-import { Chart, entry, extent, look, ticks } from "../common/charts.js";
+// Plot of the readings: one marker per reading, and the curves of theory on request.
+import { axisTicks, Chart, extent, legendItem, markerStyle } from "../common/charts.js";
+import { formatNumber } from "../common/texts.js";
+
+/** Colour of a single curve of theory. */
+const THEORY_COLOUR = "#333";
+
+/** Curves at equal steps of x. @typedef {{step: number, curves: number[][]}} Theory */
 
 export class ReadingsPlot {
-  /**
-   * Of the lab's own axes; the key says what each marker is of.
-   * @param {HTMLElement} place @param {HTMLElement} key @param {LabSheet} sheet @param {{x: string, y: string}} titles
-   */
-  constructor(place, key, sheet, { x, y }) {
+  /** @param {HTMLElement} parent @param {HTMLElement} legend @param {LabSheet} sheet @param {{x: string, y: string}} titles */
+  constructor(parent, legend, sheet, { x, y }) {
     this.sheet = sheet;
     /** @type {LabReading[]} */
     this.readings = [];
-    /** What is expected, once it is asked for. @type {{step: number, curves: number[][]} | null} */
+    /** @type {Theory | null} */
     this.theory = null;
-    this.chart = new Chart(place, { title: y, x: sheet.plot.x, xTicks: ticks(...sheet.plot.x, 6), xTitle: x });
+    this.chart = new Chart(parent, { title: y, x: sheet.plot.x, xTicks: axisTicks(...sheet.plot.x, 6), xTitle: x });
     this.chart.fit(...sheet.plot.y, true);
-    this.chart.resized = () => this.draw(this.readings);
-    const kinds = sheet.options[sheet.marker] ?? [];
-    key.replaceChildren(...kinds.map((kind, i) => entry(sheet.marker === "added_mass" ? `+${kind} kg` : String(kind), look(i, sheet.colours))));
+    this.chart.onResize = () => this.draw(this.readings, this.theory);
+    const values = sheet.options[sheet.marker] ?? [];
+    legend.replaceChildren(...values.map((value, i) => (
+      legendItem(typeof value === "number" ? `+${formatNumber(value)} kg` : value, markerStyle(i, sheet.colours)))));
   }
 
-  /** @param {LabReading[]} readings */
-  draw(readings) {
-    this.readings = readings;
+  /** @param {LabReading[]} readings @param {Theory | null} theory */
+  draw(readings, theory) {
+    [this.readings, this.theory] = [readings, theory];
+    const { colours } = this.sheet;
     const points = readings.flatMap(({ point }) => (point ? [point] : []));
-    const curves = this.theory?.curves ?? [];
+    const curves = theory?.curves ?? [];
     this.chart.fit(...extent([points.map(({ y }) => y), ...curves]));
-    this.chart.points("readings", points.map(({ x, y, marker, full }) => ({ x, y, full, ...look(marker, this.sheet.colours) })));
-    for (let i = 0; i < this.sheet.colours.length; i += 1) {
-      const colour = curves.length > 1 ? this.sheet.colours[i] : "#333";
-      this.chart.curve(`theory${i}`, curves[i], { colour, kind: "theory", step: this.theory?.step ?? 1 });
-    }
+    this.chart.drawMarkers(points.map((point) => ({ ...point, ...markerStyle(point.marker, colours) })));
+    colours.forEach((colour, i) => {
+      const style = { colour: curves.length > 1 ? colour : THEORY_COLOUR, kind: "theory", step: theory?.step ?? 1 };
+      this.chart.drawCurve(`theory${i}`, curves[i], style);
+    });
   }
 }

@@ -1,0 +1,126 @@
+// Charts of the board: the law and its derivatives, the contact force over the turn, the spectrum.
+/** @import { Motion, MotionTable } from "./law.js" */
+/** @import { BoardState } from "./main.js" */
+import { ANGLE_TICKS, Chart, extent, lineColour, svgElement, union } from "../common/charts.js";
+import { $, setText } from "../common/dom.js";
+import { cached } from "../common/store.js";
+import { formatNumber, text } from "../common/texts.js";
+import { contactForce, motion, spectrum } from "./law.js";
+
+/** Displayed lengths are in mm. */
+const MM = 1e3;
+/** Orders and decades of the spectrum. */
+const MAX_ORDER = 40, DECADES = 5;
+/** Distance of the stems of different laws in the spectrum, px. */
+const STEM_OFFSET = 2.5;
+/** Space above and below the curve of s, relative to its range, into which handles can be dragged. */
+const DRAG_MARGIN = 0.12;
+/** Colours of the curves, and texts of the axes, of s to s'''. */
+const CURVES = [["lift", "s0"], ["velocity", "s1"], ["acceleration", "s2"], ["jerk", "s3"]];
+const SECOND_COLOUR = "#111";
+
+export class BoardCharts {
+  /** @param {Board} board @param {MotionTable} table */
+  constructor(board, table) {
+    this.board = board;
+    this.step = 360 / board.points;
+    /** Motion of ordinates, and of the last law that can be made. */
+    this.motion = cached((/** @type {Numbers} */ ordinates) => motion(table, ordinates));
+    this.makeableMotion = cached((/** @type {Numbers} */ ordinates) => motion(table, ordinates));
+    this.start = motion(table, board.start);
+    const angle = { x: /** @type {Pair} */ ([0, 360]), xTicks: ANGLE_TICKS };
+    this.laws = CURVES.map(([, title], i) => new Chart($(`chart${i}`), {
+      ...angle, title: text(title), role: i === 0 ? "group" : "img", xTitle: [0, CURVES.length - 1].includes(i) ? text("angle") : "",
+    }));
+    this.force = new Chart($("force"), { ...angle, title: text("newton"), xTitle: text("angle") });
+    this.spectrum = new Chart($("spectrum"), {
+      x: [0, MAX_ORDER + 1], xTicks: [1, 10, 20, 30, 40], title: text("of_force"), xTitle: text("order"), isLogarithmic: true,
+    });
+    /** Charts over the cam angle. */
+    this.overAngle = [...this.laws, this.force];
+    const forces = () => cached((/** @type {Motion | null} */ law, /** @type {number} */ rpm) => law && contactForce(law, board.rig, rpm));
+    this.forces = [forces(), forces(), forces()];
+    const logSpectrum = (/** @type {Numbers | null} */ values, /** @type {number} */ scale) => (
+      values && spectrum(values, MAX_ORDER).map((amplitude) => Math.log10(Math.max(amplitude * scale, 1e-300))));
+    this.spectra = [cached(logSpectrum), cached(logSpectrum), cached(logSpectrum)];
+    this.#drawLegend();
+  }
+
+  /** Draw the state. Axes shrink only if `state.mayShrink`. @param {BoardState} state */
+  draw(state) {
+    const { mayShrink, second, fast, makeable, rpm } = state;
+    const law = this.motion(state.ordinates);
+    const isFaulty = Boolean(fast?.faults.length);
+    this.laws.forEach((chart, order) => this.#drawLaw(chart, order, law, second, mayShrink));
+    this.laws[0].paths.get("own")?.classList.toggle("bad", isFaulty);
+    // The force of a law that cannot be made is replaced by that of the last law that can.
+    const forceLaw = isFaulty && makeable ? this.makeableMotion(makeable) : law;
+    const laws = [forceLaw, this.start, second];
+    const forces = laws.map((each, i) => this.forces[i](each, rpm));
+    const [low, high] = extent(forces);
+    this.force.fit(Math.min(low, 0), Math.max(high, 0), mayShrink);
+    this.#drawCurves(this.force, forces, { colour: this.board.colours.force });
+    this.#drawContact(/** @type {Float64Array} */ (forces[0]), isFaulty, Boolean(makeable));
+    const isOfForce = state.spectrum === "force";
+    const spectra = laws.map((each, i) => this.spectra[i](isOfForce ? forces[i] : each && each[2], isOfForce ? 1 : MM));
+    this.#drawSpectrum(spectra, isOfForce, mayShrink);
+  }
+
+  /**
+   * Draw the curves of the present, start and second law.
+   * @param {Chart} chart @param {(Numbers | null | undefined)[]} curves @param {{colour: string, scale?: number}} style
+   */
+  #drawCurves(chart, [own, start, second], { colour, scale = 1 }) {
+    const common = { step: this.step, scale };
+    chart.drawCurve("start", start, { ...common, colour: this.board.colours.ghost, kind: "ghost" });
+    chart.drawCurve("second", second, { ...common, colour: SECOND_COLOUR, kind: "second" });
+    chart.drawCurve("own", own, { ...common, colour });
+  }
+
+  /** @param {Chart} chart @param {number} order @param {Motion} law @param {Motion | null} second @param {boolean} mayShrink */
+  #drawLaw(chart, order, law, second, mayShrink) {
+    const curves = [law[order], this.start[order], second?.[order]];
+    let range = extent(curves, MM);
+    if (order === 0) {
+      const [low, high] = extent([this.start[0]], MM);
+      range = union(range, [low - DRAG_MARGIN * (high - low), high + DRAG_MARGIN * (high - low)]);
+    }
+    chart.fit(...range, mayShrink);
+    this.#drawCurves(chart, curves, { colour: this.board.colours[CURVES[order][0]], scale: MM });
+  }
+
+  /** Show the angles at which the force is below zero. @param {Float64Array} force @param {boolean} isFaulty @param {boolean} hasMakeable */
+  #drawContact(force, isFaulty, hasMakeable) {
+    const first = force.findIndex((value) => value < 0), last = force.findLastIndex((value) => value < 0);
+    const isLost = first >= 0;
+    const [min] = extent([force]);
+    this.force.drawCurve("lost", isLost ? force.map((value) => Math.min(value, 0)) : null, { step: this.step, kind: "bad" });
+    const contact = isLost
+      ? text("contact_lost", { from: formatNumber(first * this.step), to: formatNumber(last * this.step) })
+      : text("contact_kept", { min: formatNumber(min) });
+    setText("contact", isFaulty ? text(hasMakeable ? "force_kept" : "force_not_made", { contact }) : contact);
+    $("contact").classList.toggle("fault", isLost || isFaulty);
+  }
+
+  /** @param {(Numbers | null)[]} spectra @param {boolean} isOfForce @param {boolean} mayShrink */
+  #drawSpectrum(spectra, isOfForce, mayShrink) {
+    const { colours } = this.board;
+    const top = Math.ceil(extent(spectra)[1]);
+    this.spectrum.setTitle(text(isOfForce ? "newton" : "s2"));
+    this.spectrum.fit(top - DECADES, top, mayShrink);
+    this.spectrum.drawStems("start", spectra[1], { offset: -STEM_OFFSET, colour: colours.ghost, kind: "ghost" });
+    this.spectrum.drawStems("second", spectra[2], { offset: STEM_OFFSET, colour: SECOND_COLOUR, kind: "second" });
+    this.spectrum.drawStems("own", spectra[0], { colour: isOfForce ? colours.force : colours.acceleration });
+  }
+
+  #drawLegend() {
+    const { colours } = this.board;
+    for (const [key, colour, kind] of [["key_law", colours.lift, ""], ["key_start", colours.ghost, "ghost"], ["key_second", SECOND_COLOUR, "second"]]) {
+      const item = document.createElement("li");
+      const svg = svgElement("svg", { viewBox: "0 0 34 10", "aria-hidden": "true" });
+      svgElement("path", { class: `curve ${kind}`, stroke: lineColour(colour), d: "M0 5H34" }, svg);
+      item.append(svg, text(key));
+      $("key").append(item);
+    }
+  }
+}
