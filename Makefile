@@ -35,12 +35,12 @@ pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@$(BIN)/cam-rig run --bag out/pictures
 	@$(BIN)/python -m tools.docs.main out/pictures
 
-docs: setup ## build the documents as a site with search into out/site
+docs: setup ## build the documents as a site into out/site; EDITION=student leaves out the teacher's pages
 	@$(BIN)/python tools/docs/commands.py
 	@$(BIN)/python tools/docs/parameters.py
 	@$(BIN)/python tools/docs/results.py
 	@$(BIN)/python tools/docs/drawings.py
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo 'out/site/index.html'
+	@EDITION=$(EDITION) NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo 'out/site/index.html'
 
 test: setup ## lint, types, import rules, tests
 	@$(MAKE) --no-print-directory --jobs=2 lint tests
