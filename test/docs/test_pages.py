@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -157,6 +158,16 @@ def test_every_page_is_in_the_menu(site):
         assert f'href="{one.relative_to(DOCS).with_suffix(".html")}"' in menu, one.name
     assert (site / "api" / "cam_rig.html").is_file()
     assert (site / "search" / "search_index.js").is_file()
+
+
+@pytest.mark.long
+def test_a_search_for_the_jump_speed_finds_its_page(site):
+    """The section has these words as its title, and its page is listed before others."""
+    text_of_index = (site / "search" / "search_index.js").read_text(encoding="utf-8")
+    index = json.loads(text_of_index.removeprefix("var __index = ").rstrip(";"))
+    boosts = {entry["location"]: entry.get("boost", 1) for entry in index["docs"]}
+    titles = {entry["location"] for entry in index["docs"] if entry["title"] == "Jump speed"}
+    assert max(titles, key=boosts.__getitem__) == "theory.html#jump-speed"
 
 
 @pytest.mark.long

@@ -31,6 +31,8 @@ ROOMS = (
 )
 #: Names of ``import cam_rig``.
 FACE = [f"cam_rig.{name}" for name in cam_rig.__all__ if not name.startswith("_")]
+#: Link from a file next to docs to another such file.
+LINK = re.compile(r"\]\(([A-Z_]+\.md)\)")
 #: True for the site that students get, which does not contain the pages for teachers.
 FOR_STUDENTS = os.environ.get("EDITION") == "student"
 #: Pages that a search lists before others that have the same words, with the factor of their rank.
@@ -60,10 +62,17 @@ def _is_hidden(entry: dict[str, Any]) -> bool:
     return FOR_STUDENTS and isinstance(content, str) and content.endswith(f"/{TEACHER}")
 
 
+def _page_of(name: str) -> str:
+    """Return the name of the page of a file next to docs: README is the first page."""
+    return "index.md" if name == "README.md" else name.lower()
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Generate index.md from README.md, the teacher's pages, and the API pages."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    pages = {"index.md": re.sub(r"\]\(docs/", "](", readme)}
+    """Generate the pages from files next to docs, the teacher's pages, and the API pages."""
+    pages = {}
+    for path in ROOT.glob("*.md"):
+        text = path.read_text(encoding="utf-8").replace("](docs/", "](")
+        pages[_page_of(path.name)] = LINK.sub(lambda name: f"]({_page_of(name[1])})", text)
     pages["api/cam_rig.md"] = "# cam_rig\n\n" + "\n".join(f"::: {name}" for name in FACE)
     for room in ROOMS:
         pages[f"api/{room}.md"] = f"# cam_rig.{room}\n\n::: cam_rig.{room}\n"
