@@ -70,9 +70,9 @@ def _page_of(name: str) -> str:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Generate the pages from files next to docs, the teacher's pages, and the API pages."""
     pages = {}
-    for path in ROOT.glob("*.md"):
-        text = path.read_text(encoding="utf-8").replace("](docs/", "](")
-        pages[_page_of(path.name)] = LINK.sub(lambda name: f"]({_page_of(name[1])})", text)
+    for source in ROOT.glob("*.md"):
+        text = source.read_text(encoding="utf-8").replace("](docs/", "](")
+        pages[_page_of(source.name)] = LINK.sub(lambda name: f"]({_page_of(name[1])})", text)
     pages["api/cam_rig.md"] = "# cam_rig\n\n" + "\n".join(f"::: {name}" for name in FACE)
     for room in ROOMS:
         pages[f"api/{room}.md"] = f"# cam_rig.{room}\n\n::: cam_rig.{room}\n"
