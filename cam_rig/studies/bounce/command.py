@@ -41,14 +41,14 @@ OwnRig = Annotated[
     str | None,
     typer.Option(
         "--rig",
-        help="Rig file, or a name in config/rigs; by default the only one in rigs beside "
-        "the cam, else tm21.",
+        help="Rig file, or a name in config/rigs (default: the only one in rigs beside "
+        "the cam, else tm21).",
     ),
 ]
 OneCam = Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")]
 Speeds = Annotated[
     str | None,
-    typer.Option(help="Speeds: 420, or 420,450, or 350:600:2; by default around the jump speed."),
+    typer.Option(help="Speeds: 420, or 420,450, or 350:600:2 (default: around the jump speed)."),
 ]
 Restitution = Annotated[
     float | None,
@@ -59,13 +59,13 @@ Follower = Annotated[
     typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
 ]
 Swept = Annotated[
-    Over, typer.Option("--over", help="Swept quantity; all but rpm need one speed and --range.")
+    Over, typer.Option("--over", help="Swept quantity. All but rpm need one speed and --range.")
 ]
 Range = Annotated[
     str | None,
     typer.Option(
         "--range",
-        help="Values of the swept quantity at one speed, such as 0:0.9:0.01; preload in N, "
+        help="Values of the swept quantity at one speed, such as 0:0.9:0.01. Preload in N, "
         "mass in kg.",
     ),
 ]
@@ -83,7 +83,7 @@ Follow = Annotated[
     typer.Option(
         "--follow",
         help="Follow the periodic motions of the rows, stable or unstable, and find their "
-        "bifurcations; more rows find more motions.",
+        "bifurcations. More rows find more motions.",
     ),
 ]
 Out = Annotated[

@@ -48,16 +48,16 @@ class OwnFollower(Enum):
 Follower = Annotated[
     list[OwnFollower] | None,
     typer.Option(
-        help="Follower of the readings and of the cam's file; by default a roller, and with arcs "
-        "the kind of each column is found. Of several columns once for the file alone, or once "
+        help="Follower of the readings and of the cam's file (default: a roller, for arcs the "
+        "kind of each column is found). Of several columns once for the file alone, or once "
         "for each in their order."
     ),
 ]
 Flank = Annotated[
     Literal["straight", "curved"] | None,
     typer.Option(
-        help="Flanks of arcs that are known; by default straight where the readings do not rule "
-        "it out."
+        help="Flanks of arcs that are known (default: straight where the readings do not rule "
+        "it out)."
     ),
 ]
 GaugeColumn = Annotated[
@@ -67,7 +67,7 @@ AngleColumn = Annotated[str | None, typer.Option(help="Heading of the column of 
 Angle = Annotated[
     Literal["cam", "crank"] | None,
     typer.Option(
-        help="Shaft whose angle the table has; the crank turns twice as fast (default: by the "
+        help="Shaft whose angle the table has. The crank turns twice as fast (default: by the "
         "heading, else cam)."
     ),
 ]
@@ -88,18 +88,18 @@ CheckingHeight = Annotated[
     list[float] | None,
     typer.Option(
         metavar="MM",
-        help="Lift of the valve at which opening and closing are reported; may be repeated "
+        help="Lift of the valve at which opening and closing are reported, can be repeated "
         "(default: 1 and 1.27 mm).",
     ),
 ]
 Tolerance = Annotated[
-    float | None, _in_mm("Error of the gauge; by default the scatter of the readings.")
+    float | None, _in_mm("Error of the gauge (default: the scatter of the readings).")
 ]
 Reverse = Annotated[
     bool, typer.Option("--reverse", help="The cam was turned the other way: take -angle.")
 ]
-RollerRadius = Annotated[float | None, _in_mm("Roller radius; by default assumed.", 0.0)]
-BaseRadius = Annotated[float | None, _in_mm("Base radius; by default assumed.", 0.0)]
+RollerRadius = Annotated[float | None, _in_mm("Roller radius (default: assumed).", 0.0)]
+BaseRadius = Annotated[float | None, _in_mm("Base radius (default: assumed).", 0.0)]
 
 
 def _kinds(follower: list[OwnFollower] | None) -> tuple[Any, ...]:
@@ -175,10 +175,10 @@ def new(
     name: Annotated[str, typer.Argument(help="Name of the cam, its rig and its scene.")],
     from_csv: Annotated[
         list[Path],
-        typer.Option("--from-csv", help="Table of cam angles and readings; several for arcs."),
+        typer.Option("--from-csv", help="Table of cam angles and readings, several for arcs."),
     ],
     folder: Annotated[
-        Path | None, typer.Option(help="Where cams/, rigs/ and scenes/ go; by default NAME.")
+        Path | None, typer.Option(help="Where cams/, rigs/ and scenes/ go (default: NAME).")
     ] = None,
     shape: Shape = "spline",
     follower: Follower = None,
