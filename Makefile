@@ -35,12 +35,12 @@ pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 	@$(BIN)/cam-rig run --bag out/pictures
 	@$(BIN)/python -m tools.docs.main out/pictures
 
-docs: setup ## build the documents as a site with search into out/site
+docs: setup ## build the documents as a site into out/site (EDITION=student: without answers)
 	@$(BIN)/python tools/docs/commands.py
 	@$(BIN)/python tools/docs/parameters.py
 	@$(BIN)/python tools/docs/results.py
 	@$(BIN)/python tools/docs/drawings.py
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo 'out/site/index.html'
+	@EDITION=$(EDITION) NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet && echo 'out/site/index.html'
 
 test: setup ## lint, types, import rules, tests
 	@$(MAKE) --no-print-directory --jobs=2 lint tests
@@ -62,7 +62,7 @@ test-long: setup ## all tests, with many more random cases (more than an hour)
 references: setup ## compute the tests' many-digit references anew
 	$(BIN)/python -m pytest --references=write -m ""
 
-bench: setup ## speed against error, against other solvers: writes docs/accuracy.md (5 minutes)
+bench: setup ## speed against error, against other solvers: writes docs/accuracy.md, docs/develop/cost.md (5 minutes)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m benchmark.work_precision
 
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)

@@ -1,4 +1,4 @@
-"""Cost of a jump search by number of pieces of the law: part of docs/accuracy.md.
+"""Cost of a jump search by number of pieces of the law: part of docs/develop/cost.md.
 
 Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.long_laws
 """
@@ -37,7 +37,7 @@ PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
 MANY = 180
 
 SECTION = """\
-### Jump search
+## Jump search
 
 CPU time of one jump speed against the number of pieces of the law, including the law's tables.
 The law is a spline of degree 5 through this number of readings of the Bézier 15 cam. *Noisy*

@@ -1,4 +1,4 @@
-"""Error against time of the rig and its peers: last part of docs/accuracy.md.
+"""Error against time of the rig and its peers: docs/accuracy.md (end), docs/develop/cost.md.
 
 It draws the plot too.
 Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.work_precision
@@ -25,6 +25,8 @@ from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
 PAGE, PLOT = Path("docs/accuracy.md"), Path("docs/speed.png")
+#: Page of the times that developers need.
+COST_PAGE = Path("docs/develop/cost.md")
 #: Heading of the part that is written here.
 HEADING = "## Speed against error\n"
 
@@ -51,11 +53,8 @@ these closed forms. The reference of `torsional` is a Taylor series of order 40 
 (`benchmark/make_reference.py`). Made by
 `make bench` in {took:.0f} s. `python -m benchmark.speed` measures this machine.
 
-{rates}
-
-{settled}
-
-{jump_search}
+[Computing time in detail](develop/cost.md) has samples, settled turns, jump search,
+events and start-up.
 
 ### A campaign
 
@@ -65,14 +64,26 @@ the first root of the contact force.
 
 {campaign}
 
+{live}"""
+COST = """\
+# Computing time in detail
+
+This page gives the computing time of each part of the rig, on the machine of
+[Speed against error](../accuracy.md#speed-against-error). `make bench` writes it.
+
+{rates}
+
+{settled}
+
+{jump_search}
+
 {events}
 
 {start_up}
-
-{live}"""
+"""
 
 EVENTS = """\
-### Events
+## Events
 
 Time of a lift-off and its landing: wall time divided by the number of landings of the run.
 
@@ -92,7 +103,7 @@ def events() -> str:
 
 
 START_UP = """\
-### Start-up
+## Start-up
 
 Time before the computation starts, medians.
 
@@ -106,7 +117,7 @@ By itself: CPU time of the imports with `ros2 run` or a launch file. Forked: CPU
 CPU: CPU time of all processes of the command.\
 """
 SAMPLES = """\
-### Samples
+## Samples
 
 Computing a block of samples (Bézier 15 at 48 kHz, the six rows of /follower/samples) compared with
 copying the same number of bytes. At {whole:g} rpm a turn is a whole number of samples, and its
@@ -115,7 +126,7 @@ polynomials are prepared once. At {broken:g} rpm a turn is not a whole number of
 {table}\
 """
 SETTLED = """\
-### Settled turns
+## Settled turns
 
 One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz. The first two are for
 settling. Above the jump speed, turns are computed before these until they repeat. CVODE
@@ -194,20 +205,23 @@ def main() -> None:
         table=to_markdown(of_points),
         cores=study.cores,
         machine=f"{platform.machine()}, Python {platform.python_version()}",
-        rates=samples(),
-        settled=settled(),
-        jump_search=long_laws.section(long_laws.measure()),
         loosest=FULL.rtols[0],
         tightest=FULL.rtols[-1],
         campaign=to_markdown(of_campaign),
-        events=events(),
-        start_up=start_up(),
         live=LIVE.format(table=to_markdown(live_rate.live_table())),
         cases="\n".join(f"- `{name}`: {r.case.title}." for name, r in study.cases.items()),
         took=study.took_s,
     )
     PAGE.write_text(before + HEADING + text, encoding="utf-8")
-    print(f"{PAGE}, {PLOT}")
+    details = COST.format(
+        rates=samples(),
+        settled=settled(),
+        jump_search=long_laws.section(long_laws.measure()),
+        events=events(),
+        start_up=start_up(),
+    )
+    COST_PAGE.write_text(details, encoding="utf-8")
+    print(f"{PAGE}, {COST_PAGE}, {PLOT}")
 
 
 if __name__ == "__main__":

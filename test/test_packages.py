@@ -199,6 +199,14 @@ def test_the_version_stands_once():
         assert stands.text not in (ROOT / place).read_text(encoding="utf-8")
 
 
+def test_the_changelog_starts_with_the_version():
+    """REP-132: a version with its date, underlined, then a list."""
+    (declared_version,) = ElementTree.parse(ROOT / "package.xml").iter("version")
+    text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+    heading = rf"^{re.escape(declared_version.text)} \(\d{{4}}-\d\d-\d\d\)\n-+\n\* "
+    assert re.search(heading, text, re.M)
+
+
 DOCKER = ROOT / "docker"
 PAGE = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
 #: Libraries of setup.py that Ubuntu 24.04 has in a version that is new enough.

@@ -17,7 +17,7 @@ def recover(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--out", "--output", help="New bag; by default BAG_recovered. Must not exist yet."
+            "--out", "--output", help="New bag, which must not exist yet (default: BAG_recovered)."
         ),
     ] = None,
 ) -> None:

@@ -112,14 +112,12 @@ Names = Annotated[
     ),
 ]
 Rig = Annotated[
-    str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {DEFAULT_RIG}.")
+    str | None, typer.Option(help=f"Rig file, or a name in config/rigs (default: {DEFAULT_RIG}).")
 ]
-Port = Annotated[
-    int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
-]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine (0: a free one).")]
 Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for cam files, bags and sheets.")]
 Lang = Annotated[
-    str | None, typer.Option(help="Language of the pages, en or es; by default the browser's.")
+    str | None, typer.Option(help="Language of the pages, en or es (default: the browser's).")
 ]
 NoRerun = Annotated[bool, typer.Option("--no-rerun", help="Disable recording in Rerun.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
@@ -131,7 +129,7 @@ Seeds = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME",
-        help="With --lab: hide the rig's numbers; repeat it for a class with one page per seed.",
+        help="With --lab: hide the rig's numbers. Repeat it for a class with one page per seed.",
     ),
 ]
 Host = Annotated[
@@ -148,7 +146,7 @@ Tolerance = Annotated[
         metavar="PERCENT",
         min=0.0,
         max=100.0,
-        help="With --grade: tolerance of an answer; by default that of the lab, 1, or 2 for noise.",
+        help="With --grade: tolerance of an answer (default: that of the lab, 1, or 2 for noise).",
     ),
 ]
 

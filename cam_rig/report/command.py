@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Rig = Annotated[
     str | None,
-    typer.Option(help="Rig file, or a name in config/rigs; by default the scene's."),
+    typer.Option(help="Rig file, or a name in config/rigs (default: the scene's)."),
 ]
 
 

@@ -192,7 +192,7 @@ Scene = Annotated[str, typer.Argument(help="Scene file, or a name in config/scen
 CamsOrScene = Annotated[
     list[str] | None,
     typer.Argument(
-        help="Cam files, or names in config/cams; or one scene: its cams on its rig. By default "
+        help="Cam files, or names in config/cams, or one scene: its cams on its rig. By default "
         "the cams of Table 2."
     ),
 ]
@@ -200,19 +200,20 @@ Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
 RigOfCam = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs; by default the only one in rigs next to "
-        "the cam, else paper_table2."
+        help="Rig file, or a name in config/rigs (default: the only one in rigs next to "
+        "the cam, else paper_table2)."
     ),
 ]
 RigOfScene = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs; by default the scene's, for cams the only one in "
-        "rigs next to them, else paper_table2."
+        help="Rig file, or a name in config/rigs (default: the scene's, for cams the only one in "
+        "rigs next to them, else paper_table2)."
     ),
 ]
 OtherRig = Annotated[
-    str | None, typer.Option("--rig", help="Rig file, or a name in config/rigs; the scene's.")
+    str | None,
+    typer.Option("--rig", help="Rig file, or a name in config/rigs (default: the scene's)."),
 ]
 SceneOfBag = Annotated[
     str | None,
@@ -221,11 +222,9 @@ SceneOfBag = Annotated[
 Plot = Annotated[Path | None, typer.Option(help="Write the plot (PNG, SVG, PDF).")]
 Csv = Annotated[
     Path | None,
-    typer.Option("--csv", metavar="FILE", help="Write the tables as CSV; - for stdout."),
+    typer.Option("--csv", metavar="FILE", help="Write the tables as CSV (-: stdout)."),
 ]
-Json = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
-]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write JSON (-: stdout).")]
 RigOfBag = Annotated[
     str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
 ]
@@ -233,7 +232,8 @@ Namespace = Annotated[
     str, typer.Option(help="Namespace of its nodes and topics, for two rigs side by side.")
 ]
 Jobs = Annotated[
-    int | None, typer.Option(metavar="N", min=1, max=1024, help="Processes; by default one a core.")
+    int | None,
+    typer.Option(metavar="N", min=1, max=1024, help="Processes (default: one per core)."),
 ]
 Dask = Annotated[
     str | None,

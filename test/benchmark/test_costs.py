@@ -1,4 +1,4 @@
-"""Cost of events, sweep points, starts and samples, as in docs/accuracy.md."""
+"""Cost of events, sweep points, starts and samples, as in docs/develop/cost.md."""
 
 import subprocess
 
@@ -31,7 +31,7 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
     assert rows[1][2] == 4e3
 
 
-# -- cost of a sweep point, as in the table of docs/accuracy.md -------------------------------
+# -- cost of a sweep point, as in the table of docs/develop/cost.md ----------------------------
 
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
@@ -46,7 +46,7 @@ def test_the_peer_has_flights_above_the_jump_speed_alone():
     assert rows[1][-1] == ratio
 
 
-# -- cost of a start, as in the tables of docs/accuracy.md ------------------------------------
+# -- cost of a start, as in the tables of docs/develop/cost.md ---------------------------------
 
 
 def test_a_command_counts_with_the_processes_it_waits_for():

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import markdown
 import matplotlib as mpl
 import pytest
 
 from cam_rig.cli.main import COMMANDS, command
 from tools.docs.commands import PAGE, page
+from tools.docs.course_editions import LANGUAGES, student_page, teacher_page, teacher_parts
 from tools.docs.drawings import DRAWINGS
 from tools.docs.equations import CODE, EQUATION, drawn, line
 
@@ -128,6 +131,7 @@ def outline(path):
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawing_is_that_of_today(name, tmp_path):
     """Else run ``make docs``."""
+    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({"svg.hashsalt": "cam_rig"}):
         DRAWINGS[name](tmp_path / name)
     assert outline(tmp_path / name) == outline(DOCS / name)
@@ -157,6 +161,16 @@ def test_every_page_is_in_the_menu(site):
 
 
 @pytest.mark.long
+def test_a_search_for_the_jump_speed_finds_its_page(site):
+    """The section has these words as its title, and its page is listed before others."""
+    text_of_index = (site / "search" / "search_index.js").read_text(encoding="utf-8")
+    index = json.loads(text_of_index.removeprefix("var __index = ").rstrip(";"))
+    boosts = {entry["location"]: entry.get("boost", 1) for entry in index["docs"]}
+    titles = {entry["location"] for entry in index["docs"] if entry["title"] == "Jump speed"}
+    assert max(titles, key=boosts.__getitem__) == "theory.html#jump-speed"
+
+
+@pytest.mark.long
 def test_nothing_comes_from_another_machine(site):
     """No script, style, font, picture or frame with an address of its own."""
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//"
@@ -167,6 +181,36 @@ def test_nothing_comes_from_another_machine(site):
         assert found is None, f"{one.name}: {found[0]}"
     for style in site.rglob("*.css"):
         assert not re.search(r"(?:url\(|@import )[\"']?https?:", style.read_text(encoding="utf-8"))
+
+
+# -- the course: students get lessons without answers, teachers one page with all of them -------
+
+COURSES = sorted(DOCS.joinpath(folder) for folder in LANGUAGES)
+
+
+@pytest.mark.parametrize("course", COURSES, ids=lambda folder: folder.name)
+def test_the_editions_of_the_course(course):
+    """Each lesson has answers, which are on the teacher's page only."""
+    teacher = teacher_page(DOCS, str(course.relative_to(DOCS)))
+    lessons = sorted(course.glob("[1-9]*.md"))
+    assert len(lessons) == 9
+    for source in [*lessons, course / "index.md"]:
+        parts, student = teacher_parts(text(source)), student_page(text(source))
+        assert len(parts) > 500 and parts in teacher, source.name
+        assert not set(parts.splitlines()) & set(student.splitlines()) - {""}
+        assert "teacher -->" not in student and "<details" not in student
+        assert len(student) + len(parts) == pytest.approx(len(text(source)), abs=100)
+
+
+@pytest.mark.long
+def test_answers_are_on_the_teachers_page_alone(site):
+    """1.44 m/s is the answer to the prediction of lesson 1."""
+    pages = {
+        path.name: path.read_text(encoding="utf-8")
+        for path in (site / "course").glob("*.html")
+        if "1.44 m/s" in path.read_text(encoding="utf-8")
+    }
+    assert list(pages) == ["teacher.html"]
 
 
 # -- the TeX of every page becomes MathML, and nothing of it is left --------------------------
@@ -191,6 +235,12 @@ def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
         equation = "<math" + part.partition("</math>")[0] + "</math>"
         ElementTree.fromstring(equation)
         assert not set(equation) & set("\\{}$"), equation
+
+
+def test_an_inline_equation_stays_in_its_paragraph() -> None:
+    """Also at the start of a line, where Markdown would take <math> for a block."""
+    html = markdown.markdown(drawn("The speed is\n$v = 2 s$, in m/s."), extensions=["md_in_html"])
+    assert html.count("<p>") == 1 and html.endswith("in m/s.</p>")
 
 
 def test_the_line_of_an_equation() -> None:

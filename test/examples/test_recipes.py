@@ -154,8 +154,8 @@ def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
     copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
         "cam_rig/studies/design/rows.py",
-        '    "shaft_torque": Rows(',
-        '    "mean_acceleration": Rows(squares=_rms_acceleration),\n',
+        '    "shaft_torque": QuantityRows(',
+        '    "mean_acceleration": QuantityRows(squares=_rms_acceleration),\n',
     )
     run = ("-m", "cam_rig.cli.main", "design", "poly345", "--pieces", "4", "--minimise")
     new = json.loads(copy.python(*run, "mean_acceleration", "--json", "-"))
@@ -207,3 +207,30 @@ def test_a_law_known_by_name_is_a_name_and_a_rise(copy):
     (rise,) = [one for one in laws["laws"] if one["law"] == "poly3"]
     assert rise["peak_velocity"] == pytest.approx(1.5)
     assert copy.touched <= recipe("A motion law known by name")
+
+
+@pytest.mark.long
+@pytest.mark.ros
+def test_a_parameter_of_a_node_is_a_record(copy, ros_domain, monkeypatch):
+    """A record adds a parameter to the settings and to the help of a node."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    copy.insert("cam_rig/nodes/parameters.py", 'Spec("frequency_weighting"', OFFSET)
+    arguments = ["--ros-args", "-p", "scene:=quick", "-p", "offset:=3"]
+    assert copy.python("-c", NODE, *arguments).splitlines()[-1] == "3.0"
+    help_text = copy.python("-m", "cam_rig.nodes.__main__", "microphone", "--help")
+    assert "correction of the level, dB" in help_text
+    assert copy.touched <= recipe("A parameter of a node")
+
+
+OFFSET = """            Spec("offset", 0.0, "correction of the level, dB", -20.0, 20.0),
+"""
+NODE = """
+import sys
+import rclpy
+from cam_rig.nodes.microphone import Microphone
+rclpy.init(args=sys.argv)
+node = Microphone()
+print(node.settings["offset"])
+node.destroy_node()
+rclpy.shutdown()
+"""

@@ -83,7 +83,9 @@ def _shared(verbs: Iterable[Any]) -> list[str]:
     """
     items = Counter(_item(one) for verb in verbs for one in _shown(verb))
     long = [
-        one for one, n in items.most_common() if n > 1 and len(one.split(": ")[1].split()) >= LONG
+        one
+        for one, n in items.most_common()
+        if n > 1 and len(one.split(": ", 1)[1].split()) >= LONG
     ]
     first: dict[str, str] = {}
     for item in long:

@@ -1,8 +1,8 @@
-"""Pictures of the lessons, each made by a command of its lesson.
+"""Pictures of lessons and tutorials, each made by a command of its page.
 
     .venv/bin/python -m tools.docs.course_pictures
 
-``make pictures`` makes them too. A lesson shows ``NAME.png`` if one of its commands writes
+``make pictures`` makes them too. A page shows ``NAME.png`` if one of its commands writes
 ``out/NAME.png``. Both languages show the same files.
 """
 
@@ -22,10 +22,13 @@ from cam_rig.show.command import user_errors
 from cam_rig.show.terminal import console
 
 COURSE = Path("docs/course")
+TUTORIALS = [Path("docs/first_hour.md"), Path("docs/own_cam.md")]
 SHOWN = re.compile(r"!\[[^\]]+\]\((?:\.\./)?(\w+)\.png\)")
 FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```', re.M | re.S)
 #: Command of a lesson, and the picture that it writes.
 DRAWN = re.compile(r"^\$ (cam-rig .*--(?:plot|out) out/(\w+)\.png.*)$", re.M)
+#: Command of a page that writes cam, rig and scene for the commands below it.
+NEW = re.compile(r"^\$ (cam-rig new .*)$", re.M)
 #: Number of colours and width of a picture. A plot has few colours, and is then a fifth of the
 #: size.
 COLOURS, WIDTH = 32, 1000
@@ -36,24 +39,27 @@ def lessons() -> list[Path]:
     return sorted(COURSE.glob("[1-9]*.md"))
 
 
-def pictures(lesson: Path) -> dict[str, str]:
-    """Return the commands of a lesson whose pictures it shows, by the picture's name."""
-    text = lesson.read_text(encoding="utf-8")
+def pictures(page: Path) -> dict[str, str]:
+    """Return the commands of a page whose pictures it shows, by the picture's name."""
+    text = page.read_text(encoding="utf-8")
     made = {name: command for command, name in DRAWN.findall(text)}
     return {name: made[name] for name in SHOWN.findall(text)}
 
 
-def draw(lesson: Path) -> None:
-    """Run the commands of a lesson that make its pictures, in a separate folder."""
+def draw(page: Path) -> None:
+    """Run the commands of a page that make its pictures, in a separate folder."""
+    text = page.read_text(encoding="utf-8")
     with temporary_folder() as folder:
-        for name, content in FILE.findall(lesson.read_text(encoding="utf-8")):
+        for name, content in FILE.findall(text):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_text(content, encoding="utf-8")
-        for name, command in pictures(lesson).items():
+        for command in [*NEW.findall(text), *pictures(page).values()]:
             call = [sys.executable, "-m", "cam_rig.cli.main", *shlex.split(command)[1:]]
             done = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
             if done.returncode:
-                raise CamRigError(f"{lesson.name}: {command}: {done.stderr.strip()}")
-            target = COURSE / f"{name}.png"
+                raise CamRigError(f"{page.name}: {command}: {done.stderr.strip()}")
+        for name in pictures(page):
+            target = page.parent / f"{name}.png"
             with (
                 atomic_write(target) as part,
                 Image.open(folder / "out" / f"{name}.png") as picture,
@@ -65,9 +71,9 @@ def draw(lesson: Path) -> None:
 
 
 def draw_all() -> None:
-    """Draw the pictures of every lesson."""
-    for lesson in lessons():
-        draw(lesson)
+    """Draw the pictures of every lesson and tutorial."""
+    for page in [*lessons(), *TUTORIALS]:
+        draw(page)
 
 
 if __name__ == "__main__":

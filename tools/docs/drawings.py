@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import ast
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from graphlib import TopologicalSorter
 from pathlib import Path
 from textwrap import fill
@@ -37,6 +38,16 @@ CAM, AT_DEG = "poly345", 75.0
 STEEL, INK, FORCE, SIZE = "#d5dbe1", "#222222", "#D55E00", "#0072B2"
 PACKAGE = DOCS.parent / "cam_rig"
 MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
+#: Names of the parts in the labelled sketch, in the order of `sketch`, by its file.
+SKETCHES = {
+    "cam_sketch.svg": (
+        "follower", "lift $s$", "base circle", "cam", "cam angle $θ$", "start of the\nturn, $θ = 0$"
+    ),
+    "course/es/cam_sketch.svg": (
+        "palpador", "desplazamiento $s$", "circunferencia\nbase", "leva", "ángulo $θ$",
+        "inicio de la\nvuelta, $θ = 0$",
+    ),
+}  # fmt: skip
 SHOWN = ("constant_velocity", "simple_harmonic", "cycloidal", "poly345", "poly4567", "bezier9")
 
 
@@ -116,6 +127,44 @@ def words(axes: Axes, base: float, top: float) -> None:
     note(axes, -0.04 + 1j * (top - 0.036), "guide", INK)
     note(axes, 0.03 - 0.02j - 0.02j, "cam", INK)
     note(axes, base * 0.72 - 1j * base * 0.98, "base circle", SIZE)
+
+
+def sketch(path: Path, names: tuple[str, ...]) -> None:
+    """Draw the cam turned by θ under its follower, with the names of parts and lengths."""
+    config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
+    law = build_law(config)
+    theta = np.radians(AT_DEG)
+    base, roller = config.follower.base_radius.si, config.follower.roller
+    (outline,) = contours_at(config.follower, law, np.linspace(0.0, 2 * np.pi, 721))
+    turned = (outline.points[0] + 1j * outline.points[1]) * np.exp(1j * theta)
+    low, centre = 1j * (base + roller), 1j * (base + roller + float(law(theta)))
+    start = 1j * np.exp(1j * theta)  # direction of the cam's zero mark
+
+    figure, axes = plt.subplots(figsize=(5.6, 5.6), layout="constrained")
+    axes.fill(turned.real, turned.imag, fc=STEEL, ec=INK, lw=1.6)
+    circle(axes, 0j, base, ls=(0, (5, 3)), ec=SIZE, lw=1.4)
+    circle(axes, 0j, 0.006, fc="white", ec=INK)
+    axes.plot([0, 0], [centre.imag + roller, centre.imag + 0.06], color=INK, lw=7)
+    circle(axes, centre, roller, fc="white", ec=INK, lw=1.6)
+    circle(axes, low, roller, ec="0.6", ls=(0, (2, 2)))
+    side = -0.05
+    for height in (low.imag, centre.imag):
+        axes.plot([side - 0.006, 0.0], [height] * 2, color=SIZE, lw=0.8)
+    arrow(axes, side + low, side + centre, SIZE, "<->", 1.6)
+    for end in (base * start, 1j * base):
+        axes.plot([0, end.real], [0, end.imag], color=SIZE, lw=0.9)
+    arc = 0.5 * base * 1j * np.exp(1j * np.linspace(0.0, theta, 60))
+    axes.plot(arc.real, arc.imag, color=SIZE, lw=1.4)
+    arrow(axes, complex(arc[-4]), complex(arc[-1]), SIZE, "->", 1.4)
+    places = (
+        centre + 0.036 + 0.045j, 0.5 * (low + centre) + side - 0.046, 0.068 - 0.067j,
+        0.03 - 0.025j, 0.68 * base * 1j * np.exp(0.45j * theta), 1.4 * base * start,
+    )  # fmt: skip
+    for place, name, tint in zip(places, names, (INK, SIZE, SIZE, INK, SIZE, SIZE), strict=True):
+        note(axes, complex(place), name, tint)
+    axes.set(xlim=(-0.14, 0.14), ylim=(-0.125, centre.imag + 0.07), aspect="equal")
+    axes.axis("off")
+    save(figure, path)
 
 
 def models(path: Path) -> None:
@@ -336,8 +385,9 @@ def save(figure: Figure, path: Path) -> None:
     plt.close(figure)
 
 
-DRAWINGS = {
+DRAWINGS: dict[str, Callable[[Path], None]] = {
     "cam_and_forces.svg": cam_and_forces,
+    **{file: partial(sketch, names=names) for file, names in SKETCHES.items()},
     "models.svg": models,
     "laws.svg": laws,
     "rooms.svg": rooms,

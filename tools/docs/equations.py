@@ -37,7 +37,9 @@ def drawn(page: str) -> str:
 
 def _math(display: str | None, inline: str | None) -> str:
     if inline is not None:
-        return str(mathml(line(inline))).replace('<math display="block">', "<math>")
+        # Markdown ends the paragraph at a line that starts with <math>, but not with <span>
+        equation = str(mathml(line(inline))).replace('<math display="block">', "<math>")
+        return f"<span>{equation}</span>"
     lines = mathml("\n".join(line(part) for part in APART.split(display or "")))
     return f'<div class="equation">{str(lines).replace(chr(10), "")}</div>'
 

@@ -35,6 +35,8 @@ GIVEN_BY = {
 }
 #: Number of equal columns at the end of two tables of a result from which on they are listed once.
 REPEATED = 4
+#: Head of the table of columns.
+TABLE = ("|key|unit|meaning|", "|---|---|---|")
 HEAD = """# Results
 
 This page lists every number that a command writes or a Python function returns.
@@ -49,9 +51,8 @@ In JSON, `schema` contains the name and the version. The version increases when 
 meaning or is removed. A new key does not increase it. `tools/docs/results.py` makes this page from
 the code.
 
-Each table is one line: its key, then its columns. A column has a `key`, a \\[unit\\], and its
-displayed heading if the heading differs from the key. A number without a unit is a ratio or a
-count.
+The name of a table is its key, followed by a row for each column. The meaning contains the
+displayed heading if it differs from the key. A number without a unit is a ratio or a count.
 """
 
 
@@ -98,20 +99,20 @@ def section(result: type[Result]) -> str:
     parts = [f"## {result.schema}", f"{whose}: {first}"]
     tables, before = [], dict[str, list[str]]()
     for key, columns in result.columns.items():
-        own = [_item(column) for column in columns]
-        tables.append(f"- **{key}**: {'; '.join(_without_repeated(own, before))}")
-        before[key] = own
-    return "\n\n".join(part.replace("``", "`") for part in [*parts, "\n".join(tables)])
+        rows = [_row(column) for column in columns]
+        tables.append("\n".join([f"**{key}**", "", *TABLE, *_without_repeated(rows, before)]))
+        before[key] = rows
+    return "\n\n".join(part.replace("``", "`") for part in [*parts, *tables])
 
 
-def _item(column: Column) -> str:
-    """Return a column: key, unit, and heading unless the key states it."""
-    unit = f" \\[{column.si_unit}\\]" if column.si_unit not in ("", "1", column.key) else ""
+def _row(column: Column) -> str:
+    """Return the row of a column: key, unit, and heading unless the key states it."""
+    unit = column.si_unit if column.si_unit not in ("1", column.key) else ""
     heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
     said = _letters(column.key)
     words = [heading, re.sub(r"\s+", " ", column.doc)]
     words = [one for one in words if one and not _letters(one) <= said]
-    return f"`{column.key}`{unit}{' ' if words else ''}{': '.join(words)}"
+    return f"|`{column.key}`|{unit}|{': '.join(words).replace('|', chr(92) + '|')}|"
 
 
 def _letters(words: str) -> set[str]:
@@ -120,18 +121,18 @@ def _letters(words: str) -> set[str]:
     return {part for part in parts if part}
 
 
-def _without_repeated(items: list[str], before: dict[str, list[str]]) -> list[str]:
-    """Return the columns without those at the end that end an earlier table too."""
+def _without_repeated(rows: list[str], before: dict[str, list[str]]) -> list[str]:
+    """Return the rows without those at the end that end an earlier table too."""
     for table, others in before.items():
         same = 0
-        for one, other in zip(reversed(items), reversed(others), strict=False):
+        for one, other in zip(reversed(rows), reversed(others), strict=False):
             if one != other:
                 break
             same += 1
         if same >= REPEATED:
-            first = others[-same].partition("`;")[0].split("`")[1]
-            return [*items[:-same], f"from `{first}` on as in **{table}**"]
-    return items
+            first = others[-same].split("`")[1]
+            return [*rows[:-same], f"|from `{first}` on||as in {table}|"]
+    return rows
 
 
 if __name__ == "__main__":

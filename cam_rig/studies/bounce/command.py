@@ -41,14 +41,14 @@ RigOption = Annotated[
     str | None,
     typer.Option(
         "--rig",
-        help="Rig file, or a name in config/rigs; by default the only one in rigs next to "
-        "the cam, else tm21.",
+        help="Rig file, or a name in config/rigs (default: the only one in rigs next to "
+        "the cam, else tm21).",
     ),
 ]
 OneCam = Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")]
 Speeds = Annotated[
     str | None,
-    typer.Option(help="Speeds: 420, or 420,450, or 350:600:2; by default around the jump speed."),
+    typer.Option(help="Speeds: 420, or 420,450, or 350:600:2 (default: around the jump speed)."),
 ]
 Restitution = Annotated[
     float | None,
@@ -60,13 +60,13 @@ Follower = Annotated[
 ]
 SweptParameter = Annotated[
     Parameter,
-    typer.Option("--parameter", help="Swept quantity; all but rpm need one speed and --values."),
+    typer.Option("--parameter", help="Swept quantity. All but rpm need one speed and --values."),
 ]
 Values = Annotated[
     str | None,
     typer.Option(
         "--values",
-        help="Values of the swept quantity at one speed, such as 0:0.9:0.01; preload in N, "
+        help="Values of the swept quantity at one speed, such as 0:0.9:0.01. Preload in N, "
         "mass in kg.",
     ),
 ]
@@ -84,7 +84,7 @@ Continuation = Annotated[
     typer.Option(
         "--continuation",
         help="Follow the periodic motions of the rows, stable or unstable, and find their "
-        "bifurcations; more rows find more motions.",
+        "bifurcations. More rows find more motions.",
     ),
 ]
 Out = Annotated[

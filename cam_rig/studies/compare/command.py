@@ -16,7 +16,7 @@ Topics = Annotated[
     typer.Option(
         metavar="LINE",
         help="Topic fields in a bag of another program: QUANTITY=/TOPIC.FIELD:UNIT of angle, lift, "
-        "force, level; SI without a unit.",
+        "force, level. SI without a unit.",
     ),
 ]
 Offset = Annotated[
@@ -34,7 +34,7 @@ def compare(
     topics: Topics = None,
     cam: Annotated[
         str | None,
-        typer.Option(help="Cam to compare; in a bag of another program the mounted cam."),
+        typer.Option(help="Cam to compare (default in a bag of another program: the mounted cam)."),
     ] = None,
     namespace: RigOfBag = None,
     offset: Offset = None,

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Limits = Annotated[
     list[str] | None,
-    typer.Option(help="Limit, such as 'peak_acceleration<=start'; can be repeated."),
+    typer.Option(help="Limit, such as 'peak_acceleration<=start', can be repeated."),
 ]
 Keep = Annotated[
     str,
@@ -40,7 +40,7 @@ Second = Annotated[
 @command("plot", "csv", "json")
 def design(
     start: Annotated[
-        str, typer.Argument(help="Cam file, or a name in config/cams; or a design file.")
+        str, typer.Argument(help="Cam file, or a name in config/cams, or a design file.")
     ],
     minimise: Annotated[
         str | None, typer.Option(metavar="QUANTITY", help="Goal, such as peak_acceleration.")

@@ -89,7 +89,7 @@ CheckingHeight = Annotated[
     list[float] | None,
     typer.Option(
         metavar="MM",
-        help="Lift of the valve at which opening and closing are reported; may be repeated "
+        help="Lift of the valve at which opening and closing are reported, can be repeated "
         "(default: 1 and 1.27 mm).",
     ),
 ]
@@ -179,7 +179,7 @@ def new(
     name: Annotated[str, typer.Argument(help="Name of the cam, its rig and its scene.")],
     from_csv: Annotated[
         list[Path],
-        typer.Option("--from-csv", help="Table of cam angles and readings; several for arcs."),
+        typer.Option("--from-csv", help="Table of cam angles and readings, several for arcs."),
     ],
     folder: Annotated[
         Path | None, typer.Option(help="Folder for cams/, rigs/ and scenes/ (default: NAME).")

@@ -16,18 +16,18 @@ Source = Annotated[
     str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
 ]
 Speeds = Annotated[
-    str | None, typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's.")
+    str | None, typer.Option(help="Speeds: 300, or 200,300, or 200:400:10 (default: the scene's).")
 ]
-OneCam = Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")]
+OneCam = Annotated[str | None, typer.Option(help="One cam of a scene (default: all).")]
 OwnRig = Annotated[
     str | None,
     typer.Option(
-        help="Rig file, or a name in config/rigs; by default the scene's, for a cam the only one "
-        "in rigs next to it, else tm21."
+        help="Rig file, or a name in config/rigs (default: the scene's, for a cam the only one "
+        "in rigs next to it, else tm21)."
     ),
 ]
 OwnModel = Annotated[
-    str | None, typer.Option(help="Model, as in a scene (two_mass); by default the scene's.")
+    str | None, typer.Option(help="Model, as in a scene (two_mass) (default: the scene's).")
 ]
 Highest = Annotated[int, typer.Option("--orders", min=1, max=MAX_ORDERS, help="Highest order.")]
 Save = Annotated[

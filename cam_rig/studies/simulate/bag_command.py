@@ -21,7 +21,7 @@ from cam_rig.studies.simulate.study import SceneRun
 @command("json", "csv", "plot")
 def analyze(
     bag: Annotated[
-        Path | None, typer.Argument(help="Bag to analyse; by default the newest in bags/.")
+        Path | None, typer.Argument(help="Bag to analyse (default: the newest in bags/).")
     ] = None,
     scene: SceneOfBag = None,
 ) -> Result:
@@ -66,9 +66,9 @@ def export(
         typer.Argument(metavar="BAG|SCENE", help="Bag, scene file, or a name in config/scenes."),
     ],
     to: Annotated[Path, typer.Option(help="File: .parquet, .csv, .npz or .wav.")],
-    cam: Annotated[str | None, typer.Option(help="One cam of the run; by default all.")] = None,
+    cam: Annotated[str | None, typer.Option(help="One cam of the run (default: all).")] = None,
     rpm: Annotated[
-        float | None, typer.Option(min=0.0, help="One speed of the run; by default all.")
+        float | None, typer.Option(min=0.0, help="One speed of the run (default: all).")
     ] = None,
     scene: SceneOfBag = None,
     *,

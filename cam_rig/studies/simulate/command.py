@@ -25,13 +25,14 @@ SECONDS = 5.0
 def listen(
     scene: Scene,
     out: Annotated[Path, typer.Option(help="Sound file to write (WAV).")],
-    cam: Annotated[str | None, typer.Option(help="One cam of the scene; by default all.")] = None,
+    cam: Annotated[str | None, typer.Option(help="One cam of the scene (default: all).")] = None,
     rpm: Annotated[
-        float | None, typer.Option(min=1.0, max=1e5, help="One speed; by default the schedule's.")
+        float | None,
+        typer.Option(min=1.0, max=1e5, help="One speed (default: the schedule)."),
     ] = None,
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, max=3600.0, help="Duration of --rpm in s, in whole turns; 5."),
+        typer.Option(min=0.1, max=3600.0, help="Duration of --rpm in s, whole turns (default: 5)."),
     ] = None,
     rig: OtherRig = None,
     *,

@@ -14,7 +14,7 @@ from cam_rig.show.result import Progress, Result
 def vibration(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
-    rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be repeated.")] = None,
+    rpm: Annotated[list[float] | None, typer.Option(help="Speed, can be repeated.")] = None,
     *,
     progress: Progress,
 ) -> Result:
