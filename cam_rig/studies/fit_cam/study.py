@@ -58,8 +58,6 @@ class FitRequest:
         self._require_compatible(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
         selected = [(table, column) for table in tables for column in self._select_columns(table)]
-        for table, column in selected:
-            self._require_lifts(table, column)
         readings = [
             order_readings(table, column, self.reverse, self.mirror) for table, column in selected
         ]
@@ -111,21 +109,27 @@ class FitRequest:
             )
 
     def _select_columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
-        if self.shape == "arcs":
-            return table.columns
-        return table.columns[:1] if self.take_first else (table.only_column(),)
+        """Return all columns for arcs, and one for a spline.
 
-    def _require_lifts(self, table: GaugeTable, column: GaugeColumn) -> None:
-        """Raise ConfigError for radii of a follower other than a point follower.
-
-        The lift of a point follower is the radius minus the base radius.
+        Raises ConfigError for several columns, and for radii of a follower other than a point
+        follower. The lift of a point follower is the radius minus the base radius.
         """
-        if column.is_radius and self.followers != ("point",):
+        columns = table.columns
+        if self.shape == "spline" and len(columns) > 1 and not self.take_first:
+            names = ", ".join(repr(column.name) for column in columns)
             raise ConfigError(
-                f"{table.file}: {column.name!r} is a radius, which is a lift for a point follower "
-                "only; allowed: --follower point, or cam-rig profile CAM --from for the contour "
-                "of a roller or a flat follower"
+                f"{table.file}: has {len(columns)} columns of lifts; allowed: one, so name it "
+                f"with --column ({names}), or take all with --shape arcs"
             )
+        columns = columns if self.shape == "arcs" else columns[:1]
+        for column in columns:
+            if column.is_radius and self.followers != ("point",):
+                raise ConfigError(
+                    f"{table.file}: {column.name!r} is a radius, which is a lift for a point "
+                    "follower only; allowed: --follower point, or cam-rig profile CAM --from for "
+                    "the contour of a roller or a flat follower"
+                )
+        return columns
 
     def _notes(self, tables: list[GaugeTable], readings: list[Readings]) -> list[str]:
         """Return the notes on the interpretation of the tables and on their readings."""
