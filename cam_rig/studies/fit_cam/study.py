@@ -53,6 +53,22 @@ class FitRequest:
     valve_train: ValveTrain = field(default_factory=ValveTrain)
     take_first: bool = False
 
+    def __post_init__(self) -> None:
+        """Raise ConfigError for a number that is out of range."""
+        train = self.valve_train
+        for name, length in {"roller_radius": self.roller_radius, "lash": train.lash}.items():
+            if length is not None and length < 0.0:
+                raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
+        positive = {
+            "counts": self.table.counts,
+            "rocker_ratio": train.rocker_ratio,
+            "base_radius": self.base_radius,
+            "checking_height": min(train.checking_heights, default=1.0),
+        }
+        for name, value in positive.items():
+            if value is not None and not 0.0 < value < math.inf:
+                raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
+
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
         """Return the fit of the readings in the files."""
         self._require_compatible(len(files))
@@ -276,16 +292,7 @@ def fit_cam(
     if not files:
         raise ConfigError("tables: is an empty list; allowed: a file, or several for arcs")
     kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
-    lengths = {"roller_radius": roller_radius, "lash": lash}
-    for name, length in lengths.items():
-        if length is not None and length < 0.0:
-            raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
-    positive = {"counts": counts, "rocker_ratio": rocker_ratio, "base_radius": base_radius}
     heights = (checking_height,) if isinstance(checking_height, float | int) else checking_height
-    positive["checking_height"] = min(heights, default=1.0)
-    for name, value in positive.items():
-        if value is not None and not 0.0 < value < math.inf:
-            raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
     request = FitRequest(
         shape=shape,
         followers=kinds,

@@ -16,7 +16,7 @@ MAX_RELATIVE_ERROR = 1.0 / 3.0
 
 
 class Identifiability(StrEnum):
-    """How the value of a parameter is known."""
+    """Identifiability of a parameter: determined by the readings, or given or assumed."""
 
     IDENTIFIABLE = "identifiable"
     POOR = "poorly identifiable"
@@ -79,7 +79,7 @@ class ParameterInterval:
 
     @property
     def identifiability(self) -> Identifiability:
-        """How the value of the parameter is known.
+        """Identifiability of the parameter.
 
         The relative error of an angle is not checked, because an angle can be 0.
         """
