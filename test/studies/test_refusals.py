@@ -77,6 +77,7 @@ REFUSED = [
     (f"fit cam {GL110} --shape arcs --tolerance 1", 2, "--tolerance cannot be combined"),
     (f"fit cam {GL110} --shape arcs --base-radius 50", 2, "allowed: below base"),
     ("new My&Cam --from-csv lifts.csv", 2, "name: is 'My Cam'"),
+    ("new mine --from-csv lifts.csv --base-radius 0", 2, "base_radius: is 0; allowed: above 0"),
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,9 +64,21 @@ def spline_cam(
     `base_radius` is in m. The default is the first of `BASE_RADII_IN_LIFTS` that passes the checks.
     `roller_radius` is in m. The default is the fraction `ROLLER_PART` of the base radius.
     """
+    degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
+    points = {  # as the table contains them, because it is not written yet
+        "file": f"{name}.csv",
+        "angles": tuple(angle * (TURN / 360.0) for angle in degrees),
+        "lifts": tuple(1e-3 * to_mm(lift) for lift in fit.readings.lifts),
+    }
 
     def build(radius: float) -> _Candidate:
-        return _build_spline_cam(name, fit, kind, radius, base_radius is not None, roller_radius)
+        base = radius_quantity(radius, base_radius is not None)
+        roller = radius_quantity(roller_radius or ROLLER_PART * radius, roller_radius is not None)
+        data = _spline_data(name, fit, follower_data(kind, base, roller))
+        cam = validate_cam({**data, "segments": [{**data["segments"][0], "file": points}]})
+        law = build_law(cam)
+        passes = all(check.passed for check in check_cam(cam, law))
+        return _Candidate(radius, data, cam, law, passes)
 
     candidates = (build(n * fit.law.lift) for n in BASE_RADII_IN_LIFTS)
     passing = (candidate for candidate in candidates if candidate.passes)
@@ -73,22 +86,14 @@ def spline_cam(
         best = next(passing, None) or build(BASE_RADII_IN_LIFTS[-1] * fit.law.lift)
     else:
         best = build(base_radius)
-    radius = to_mm(best.radius)
     assumed = [f"follower {kind}, and a gauge whose foot is of its shape"]
-    if base_radius is None:
-        first = ", the first to pass the checks" if best.passes else ""
-        assumed.append(f"base radius {radius:.4g} mm{first}")
-    if kind == "roller" and roller_radius is None:
-        assumed.append(f"roller radius {to_mm(ROLLER_PART * best.radius):.4g} mm")
+    assumed += assumed_radii(best.data["follower"])
     if not best.passes and base_radius is None:
         assumed.append("no base radius passes all checks: see cam-rig profile")
     elif not best.passes:
-        better = next(passing, None)
-        other = "" if better is None else f", {to_mm(better.radius):.4g} mm does"
-        assumed.append(
-            f"the given base radius of {radius:.4g} mm does not pass all checks{other}: see "
-            "cam-rig profile"
-        )
+        other = "".join(f", {to_mm(better.radius):.4g} mm does" for better in islice(passing, 1))
+        radius = f"the given base radius of {to_mm(best.radius):.4g} mm"
+        assumed.append(f"{radius} does not pass all checks{other}: see cam-rig profile")
     source = f"{fit.readings.name}: the law is the spline of {name}.csv."
     texts = {
         f"{name}.yaml": cam_text(best.data, source, *fit.notes, assumed=assumed),
@@ -97,36 +102,16 @@ def spline_cam(
     return CamFiles(best.cam, best.law, texts, tuple(assumed))
 
 
-def _build_spline_cam(
-    name: str,
-    fit: SplineFit,
-    kind: FollowerKind,
-    base_radius: float,
-    is_base_given: bool,
-    roller_radius: float | None,
-) -> _Candidate:
-    """Return the cam of a spline with a base radius (m), and whether it passes the checks."""
-    roller = radius_quantity(roller_radius or ROLLER_PART * base_radius, roller_radius is not None)
-    data: dict[str, Any] = {
+def _spline_data(name: str, fit: SplineFit, follower: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of the cam file of a spline."""
+    source = "spline through the readings"
+    return {
         "name": name,
         "title": f"{name}, from readings",
-        "lift": quantity_data(
-            "identified", to_mm(fit.law.lift), "mm", "spline through the readings", _residual(fit)
-        ),
-        "follower": follower_data(kind, radius_quantity(base_radius, is_base_given), roller),
+        "lift": quantity_data("identified", to_mm(fit.law.lift), "mm", source, _residual(fit)),
+        "follower": follower,
         "segments": [_table_segment(f"{name}.csv", fit)],
     }
-    # the points as the table contains them, because it is not written yet
-    degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
-    points = {
-        "file": f"{name}.csv",
-        "angles": tuple(angle * (TURN / 360.0) for angle in degrees),
-        "lifts": tuple(1e-3 * to_mm(lift) for lift in fit.readings.lifts),
-    }
-    cam = validate_cam({**data, "segments": [{**data["segments"][0], "file": points}]})
-    law = build_law(cam)
-    passes = all(check.passed for check in check_cam(cam, law))
-    return _Candidate(base_radius, data, cam, law, passes)
 
 
 def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
@@ -201,6 +186,15 @@ def follower_data(
     """Return the follower section of a cam file. Only a roller has a roller radius."""
     data = {"type": kind, "base_radius": base}
     return {**data, "roller_radius": roller} if kind == "roller" else data
+
+
+def assumed_radii(follower: dict[str, Any]) -> list[str]:
+    """Return the assumed radii of a follower section as text."""
+    return [
+        f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
+        for key, value in follower.items()
+        if "assumed" in value
+    ]
 
 
 def radius_quantity(radius: float, is_given: bool) -> dict[str, Any]:

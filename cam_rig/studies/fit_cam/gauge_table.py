@@ -104,16 +104,6 @@ class GaugeTable:
     notes: tuple[str, ...]
     base_radius: float | None = None
 
-    def only_column(self) -> GaugeColumn:
-        """Return the only column of lifts, or raise ConfigError if there are several."""
-        if len(self.columns) > 1:
-            names = ", ".join(repr(column.name) for column in self.columns)
-            raise ConfigError(
-                f"{self.file}: has {len(self.columns)} columns of lifts; allowed: one, so name it "
-                f"with --column ({names}), or take all with --shape arcs"
-            )
-        return self.columns[0]
-
 
 def read_gauge_table(path: Path, options: TableOptions | None = None) -> GaugeTable:
     """Read a table of gauge readings, written by a gauge, a spreadsheet or by hand."""

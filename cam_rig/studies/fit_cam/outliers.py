@@ -240,14 +240,8 @@ def _split(
 
     Both are indices. `distances` are those (m) of the outliers from their neighbours or the law.
     """
-    outliers = (
-        Outlier(
-            line=int(readings.lines[i]),
-            angle=float(readings.angles[i]),
-            lift=float(readings.lifts[i] + readings.zero),
-            distance=float(distance),
-        )
-        for i, distance in zip(excluded, distances, strict=True)
-    )
+    rows = readings.select(np.asarray(excluded, dtype=np.int64))
+    values = (rows.lines, rows.angles, rows.lifts + rows.zero, np.asarray(distances))
+    outliers = tuple(map(Outlier, *(value.tolist() for value in values)))
     gap = widest_gap(readings.angles[kept])
-    return replace(readings.select(kept), gap=gap, outliers=tuple(outliers))
+    return replace(readings.select(kept), gap=gap, outliers=outliers)

@@ -206,12 +206,6 @@ class SplineFit(Result):
                 f"Readings are {step:.3g} deg apart: what the law does between them counts as "
                 "scatter, and peaks of acceleration are inaccurate."
             )
-        yield (
-            "A spline has no jumps of acceleration between readings: use the shape arcs for a cam "
-            "of arcs."
-        )
-        if not self.dwells:
-            yield "No dwell is found: nowhere do enough readings rest within their scatter."
         yield from self._list_suspects()
 
     def _explain_tolerance(self) -> Iterator[str]:

@@ -53,13 +53,27 @@ class FitRequest:
     valve_train: ValveTrain = field(default_factory=ValveTrain)
     take_first: bool = False
 
+    def __post_init__(self) -> None:
+        """Raise ConfigError for a number that is out of range."""
+        train = self.valve_train
+        for name, length in {"roller_radius": self.roller_radius, "lash": train.lash}.items():
+            if length is not None and length < 0.0:
+                raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
+        positive = {
+            "counts": self.table.counts,
+            "rocker_ratio": train.rocker_ratio,
+            "base_radius": self.base_radius,
+            "checking_height": min(train.checking_heights, default=1.0),
+        }
+        for name, value in positive.items():
+            if value is not None and not 0.0 < value < math.inf:
+                raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
+
     def run(self, files: list[Path]) -> SplineFit | ArcsFit:
         """Return the fit of the readings in the files."""
         self._require_compatible(len(files))
         tables = [read_gauge_table(path, self.table) for path in files]
         selected = [(table, column) for table in tables for column in self._select_columns(table)]
-        for table, column in selected:
-            self._require_lifts(table, column)
         readings = [
             order_readings(table, column, self.reverse, self.mirror) for table, column in selected
         ]
@@ -111,21 +125,27 @@ class FitRequest:
             )
 
     def _select_columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
-        if self.shape == "arcs":
-            return table.columns
-        return table.columns[:1] if self.take_first else (table.only_column(),)
+        """Return all columns for arcs, and one for a spline.
 
-    def _require_lifts(self, table: GaugeTable, column: GaugeColumn) -> None:
-        """Raise ConfigError for radii of a follower other than a point follower.
-
-        The lift of a point follower is the radius minus the base radius.
+        Raises ConfigError for several columns, and for radii of a follower other than a point
+        follower. The lift of a point follower is the radius minus the base radius.
         """
-        if column.is_radius and self.followers != ("point",):
+        columns = table.columns
+        if self.shape == "spline" and len(columns) > 1 and not self.take_first:
+            names = ", ".join(repr(column.name) for column in columns)
             raise ConfigError(
-                f"{table.file}: {column.name!r} is a radius, which is a lift for a point follower "
-                "only; allowed: --follower point, or cam-rig profile CAM --from for the contour "
-                "of a roller or a flat follower"
+                f"{table.file}: has {len(columns)} columns of lifts; allowed: one, so name it "
+                f"with --column ({names}), or take all with --shape arcs"
             )
+        columns = columns if self.shape == "arcs" else columns[:1]
+        for column in columns:
+            if column.is_radius and self.followers != ("point",):
+                raise ConfigError(
+                    f"{table.file}: {column.name!r} is a radius, which is a lift for a point "
+                    "follower only; allowed: --follower point, or cam-rig profile CAM --from for "
+                    "the contour of a roller or a flat follower"
+                )
+        return columns
 
     def _notes(self, tables: list[GaugeTable], readings: list[Readings]) -> list[str]:
         """Return the notes on the interpretation of the tables and on their readings."""
@@ -272,16 +292,7 @@ def fit_cam(
     if not files:
         raise ConfigError("tables: is an empty list; allowed: a file, or several for arcs")
     kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
-    lengths = {"roller_radius": roller_radius, "lash": lash}
-    for name, length in lengths.items():
-        if length is not None and length < 0.0:
-            raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
-    positive = {"counts": counts, "rocker_ratio": rocker_ratio, "base_radius": base_radius}
     heights = (checking_height,) if isinstance(checking_height, float | int) else checking_height
-    positive["checking_height"] = min(heights, default=1.0)
-    for name, value in positive.items():
-        if value is not None and not 0.0 < value < math.inf:
-            raise ConfigError(f"{name}: is {value:g}; allowed: above 0")
     request = FitRequest(
         shape=shape,
         followers=kinds,

@@ -9,7 +9,8 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.studies.fit_cam.arcs.cam_file import arcs_cam, require_identifiable
-from cam_rig.studies.fit_cam.arcs.contour import Arcs, Parameter
+from cam_rig.studies.fit_cam.arcs.contour import Arcs, Coordinates, Parameter
+from cam_rig.studies.fit_cam.arcs.search import START_FLANKS, ArcSearch, Role
 from cam_rig.studies.fit_cam.arcs.selection import fit_arcs
 from cam_rig.studies.fit_cam.dwells import subtract_zero
 from cam_rig.studies.fit_cam.gauge import Readings, order_readings
@@ -129,6 +130,41 @@ def test_a_roller_larger_than_the_nose_of_its_path_is_contradicted():
     assert low < 4.0 < high < 4.5
 
 
+def test_a_given_base_radius_of_a_flat_follower_is_used():
+    """Its lifts do not determine the base radius, so any radius that leaves a nose is accepted."""
+    columns = readings_of(SHAPES["convex"], FLAT, noise=1e-5)
+    fit = fit_arcs(columns, (True,), 0.005, 0.03, "base")
+    assert fit.arcs.base_radius == pytest.approx(0.03)
+    assert fit.arcs.nose_radius == pytest.approx(0.012, abs=2e-4)
+    assert fit.intervals[Parameter.PRIME].origin == "given"
+
+
+#: Contour, follower and number of readings that a search misses without one of its starts.
+CASES_OF_STARTS = {
+    0.3: (Arcs(0.04, 0.012, -0.1, 0.012, 0.5), ArcFollower(False, 0.04), 72),  # large roller
+    0.7: (Arcs(0.04, 0.02, 0.15, 0.005, 1.0), FLAT, 24),  # sharp nose under a flat face
+    -0.3: (Arcs(0.02, 0.012, None, 0.02, 3.0), ROLLER, 24),  # nose as large as the base circle
+}
+
+
+@pytest.mark.parametrize("curvature", START_FLANKS)
+def test_each_start_of_the_search_has_a_case(curvature, monkeypatch):
+    """With all starts, the residual is the noise of 1 µm. Without one of them it is larger."""
+    arcs, follower, count = CASES_OF_STARTS[curvature]
+    noise = np.random.default_rng(0).normal(scale=1e-6, size=count)
+    column = in_order(all_around(count), arcs.lifts(follower, all_around(count)) + noise)
+    search = ArcSearch(
+        columns=(subtract_zero(column),),
+        roles=(Role(follower.flat, is_reversed=False),),
+        coordinates=Coordinates(rolling=not follower.flat, sums=not follower.flat),
+        fixed={Parameter.PRIME: 0.5} if follower.flat else {},
+    )
+    assert search.rms(search.solve()) < 1e-6
+    others = tuple(other for other in START_FLANKS if other != curvature)
+    monkeypatch.setattr("cam_rig.studies.fit_cam.arcs.search.START_FLANKS", others)
+    assert search.rms(search.solve()) > 2e-6
+
+
 # Fits to the table of the GL 110, and to random contours.
 
 
@@ -215,6 +251,12 @@ def test_a_flat_follower_alone_identifies_differences():
     assert one.numbers[2:4] == pytest.approx(other.numbers[2:4], rel=1e-5)
     assert one.numbers[3] == pytest.approx(arcs.nose_radius - arcs.base_radius, rel=1e-4)
     assert "less the base radius" in one.not_identifiable[0]
+
+
+def test_a_flat_follower_alone_identifies_the_flank():
+    """The search starts from a contour on the fixed, large base circle. Others miss this flank."""
+    fit = fit_arcs(readings_of(random_arcs(4), FLAT, noise=1e-5), (True,), 0.01, 0.03)
+    assert fit.rms < 1.2e-5
 
 
 def test_a_point_identifies_all_radii():
@@ -309,6 +351,17 @@ def readings_of_a_bridge(seed, slips=()):
     for place, slip in zip(places, slips, strict=True):
         lifts[place] += slip * noise
     return subtract_zero(in_order(angles, lifts)), [place + 2 for place in places]
+
+
+def test_readings_at_a_kink_that_neighbours_and_arcs_contradict_are_kept():
+    """Their neighbours contradict two readings, and so do the arcs through all others.
+
+    Arcs that are fitted to all readings contradict none of them.
+    """
+    readings, _ = readings_of_a_bridge(19)
+    assert readings.outliers
+    fit = fit_arcs((readings,), (True,), 0.01, 0.05)
+    assert fit.fitted_columns[0].readings.outliers == ()
 
 
 @pytest.mark.variants(1)

@@ -15,7 +15,13 @@ from cam_rig.schema.load import quantity_data, validate_cam
 from cam_rig.studies.fit_cam.arcs.contour import Arcs, FollowerKind, Parameter
 from cam_rig.studies.fit_cam.arcs.intervals import ParameterInterval
 from cam_rig.studies.fit_cam.arcs.result import ArcsFit
-from cam_rig.studies.fit_cam.cam_files import CamFiles, cam_text, follower_data, radius_quantity
+from cam_rig.studies.fit_cam.cam_files import (
+    CamFiles,
+    assumed_radii,
+    cam_text,
+    follower_data,
+    radius_quantity,
+)
 from cam_rig.units import round_to_error
 
 #: Largest distance of the rounded contour from the best, in errors of a reading. The standard
@@ -54,11 +60,7 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
     if arcs.flank_radius is not None:
         segment["flank_radius"] = identified(abs(arcs.flank_radius), Parameter.FLANK)
     follower = follower_data(kind, base_data, roller_data)
-    assumed = [
-        f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
-        for key, value in follower.items()
-        if "assumed" in value
-    ]
+    assumed = assumed_radii(follower)
     data = {
         "name": name,
         "title": f"{name}, tangent arcs through readings",

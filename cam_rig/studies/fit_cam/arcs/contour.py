@@ -10,7 +10,7 @@ R_f − R_b and R_n − R_b.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Literal
 
@@ -46,13 +46,9 @@ class Arcs:
 
     def offset(self, distance: float) -> Arcs:
         """Return the parallel contour at a distance (m), inside if negative."""
-        return Arcs(
-            base_radius=self.base_radius + distance,
-            lift=self.lift,
-            flank_radius=None if self.flank_radius is None else self.flank_radius + distance,
-            nose_radius=self.nose_radius + distance,
-            nose_angle=self.nose_angle,
-        )
+        flank = None if self.flank_radius is None else self.flank_radius + distance
+        base, nose = self.base_radius + distance, self.nose_radius + distance
+        return replace(self, base_radius=base, flank_radius=flank, nose_radius=nose)
 
     def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
         """Return the lift (m) of a follower at cam angles (rad).
@@ -60,13 +56,12 @@ class Arcs:
         A flat face bridges a flank that is not convex.
         """
         flank = Blend(self.flank_radius)
-        top = Circle(
-            complex(-(self.base_radius + self.lift - self.nose_radius), 0.0), self.nose_radius
-        )
+        centre = -(self.base_radius + self.lift - self.nose_radius)
+        top = Circle(complex(centre, 0.0), self.nose_radius)
         chain = close([Circle(0j, self.base_radius), flank, top, flank])
         turned = angles - self.nose_angle + math.pi  # the nose's top is at 180° of the contour
         if follower.flat and self.flank != "convex":
-            above = top.centre.real * np.cos(turned) + self.nose_radius - self.base_radius
+            above = centre * np.cos(turned) + self.nose_radius - self.base_radius
             return np.maximum(above, 0.0)
         return arc_lift(chain, self.base_radius, follower, turned)
 

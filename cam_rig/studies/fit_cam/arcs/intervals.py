@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Literal
 
 from cam_rig.units import round_to_error
 
@@ -17,7 +16,7 @@ MAX_RELATIVE_ERROR = 1.0 / 3.0
 
 
 class Identifiability(StrEnum):
-    """How the value of a parameter is known."""
+    """Identifiability of a parameter: determined by the readings, or given or assumed."""
 
     IDENTIFIABLE = "identifiable"
     POOR = "poorly identifiable"
@@ -42,8 +41,8 @@ class ParameterInterval:
     value: float
     low: float
     high: float
-    origin: Literal["given", "assumed", "identified"] = "identified"
-    unit: Literal["mm", "deg"] = "mm"
+    origin: str = "identified"
+    unit: str = "mm"
 
     @property
     def is_fixed(self) -> bool:
@@ -56,24 +55,17 @@ class ParameterInterval:
         return self.low > self.high
 
     @property
-    def low_95(self) -> float | None:
-        """Lower end of the interval, None if fixed or if the interval contains straight."""
-        return None if self.is_fixed or self.over_straight else self.low
+    def ends(self) -> tuple[float | None, ...]:
+        """Lower and upper end of the interval, and its smallest convex and concave radius.
 
-    @property
-    def high_95(self) -> float | None:
-        """Upper end of the interval, None if fixed or if the interval contains straight."""
-        return None if self.is_fixed or self.over_straight else self.high
-
-    @property
-    def convex_from_95(self) -> float | None:
-        """Smallest convex radius (m) if the interval contains straight, else None."""
-        return self.low if self.over_straight else None
-
-    @property
-    def concave_from_95(self) -> float | None:
-        """Smallest concave radius (m) if the interval contains straight, else None."""
-        return -self.high if self.over_straight else None
+        The ends are None if the interval contains a straight flank, the radii are None otherwise.
+        All are None if the parameter is fixed.
+        """
+        if self.is_fixed:
+            return (None,) * 4
+        if self.over_straight:
+            return (None, None, self.low, -self.high)
+        return (self.low, self.high, None, None)
 
     @property
     def error(self) -> float:
@@ -87,7 +79,7 @@ class ParameterInterval:
 
     @property
     def identifiability(self) -> Identifiability:
-        """How the value of the parameter is known.
+        """Identifiability of the parameter.
 
         The relative error of an angle is not checked, because an angle can be 0.
         """

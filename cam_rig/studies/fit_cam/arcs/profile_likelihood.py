@@ -205,18 +205,18 @@ class _ProfilePath:
         if coordinate in self._solutions:
             return self._solutions[coordinate][1]
         search = self._profile.search.fix(self._parameter, coordinate)
-        starts = (x for x in self._starts(coordinate) if search.rms(x) < NO_CONTOUR_RESIDUAL)
-        start = next(starts, None)
-        x = search.solve() if start is None else search.minimize(start, PROFILE_RTOL)
+        start = self._extrapolate(coordinate)
+        has_contour = search.rms(start) < NO_CONTOUR_RESIDUAL
+        x = search.minimize(start, PROFILE_RTOL) if has_contour else search.solve()
         excess = self._profile.distance(search.sse(x)) - self.estimate.limit
         self._solutions[coordinate] = x, excess
         return excess
 
-    def _starts(self, coordinate: float) -> tuple[FloatArray, FloatArray]:
-        """Return two starting points for the contour with this coordinate.
+    def _extrapolate(self, coordinate: float) -> FloatArray:
+        """Return a starting point for the contour with this coordinate.
 
-        The first is a linear extrapolation from the two nearest contours within twice the limit.
-        The second is the nearest contour. It is used if no contour has the extrapolated parameters.
+        It is a linear extrapolation from the two nearest contours within twice the limit. From the
+        nearest contour alone, the search misses the best contours of noisy readings.
         """
         limit = self.estimate.limit
         usable = [c for c, (_, excess) in self._solutions.items() if excess < limit]
@@ -224,4 +224,4 @@ class _ProfilePath:
         x, gradient = self._solutions[nearest][0], self._gradient
         if others:
             gradient = (self._solutions[others[0]][0] - x) / (others[0] - nearest)
-        return x + (coordinate - nearest) * gradient, x
+        return x + (coordinate - nearest) * gradient

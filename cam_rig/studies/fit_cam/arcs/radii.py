@@ -5,7 +5,7 @@ An assumed radius that would leave no nose is replaced. A given one is rejected.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from cam_rig.errors import ConfigError
 from cam_rig.studies.fit_cam.arcs.contour import Arcs
@@ -23,8 +23,26 @@ REPLACED_RADIUS_LEFT = 0.5
 MIN_RADIUS_RATIO = 1e-6
 
 
+class Radii(NamedTuple):
+    """Roller radius and base radius in m, each given or the usual assumption."""
+
+    roller: float
+    base: float
+    given: GivenRadii
+
+    @property
+    def is_base_given(self) -> bool:
+        """True if the base radius is given."""
+        return self.given in ("base", "both")
+
+    @property
+    def is_roller_given(self) -> bool:
+        """True if the roller radius is given."""
+        return self.given in ("roller", "both")
+
+
 def contour_of_pitch_curve(
-    pitch: Arcs, flat: bool, given: GivenRadii, roller: float, base: float
+    pitch: Arcs, flat: bool, radii: Radii
 ) -> tuple[Arcs, float, float | None]:
     """Return the contour of a pitch curve, its roller radius, and a replaced radius.
 
@@ -32,9 +50,7 @@ def contour_of_pitch_curve(
     ----------
     pitch : pitch curve
     flat : True if all followers are flat, so that the lifts do not determine the base radius
-    given : radii that are given
-    roller : roller radius, m: given, or the usual assumption
-    base : base radius, m: given, or the usual assumption
+    radii : roller radius and base radius
 
     Returns
     -------
@@ -43,10 +59,11 @@ def contour_of_pitch_curve(
     replaced : the usual assumption in m, if it leaves too little radius for nose or base and
         another radius was assumed, else None
     """
+    roller, base, given = radii
     replaced, smallest = None, min(pitch.nose_radius, pitch.base_radius)
     if flat:
         difference = pitch.base_radius - pitch.nose_radius
-        if given not in ("base", "both") and base - difference < MIN_RADIUS_LEFT * base:
+        if not radii.is_base_given and base - difference < MIN_RADIUS_LEFT * base:
             replaced, base = base, float(f"{difference / (1.0 - REPLACED_RADIUS_LEFT):.2g}")
         return pitch.offset(base - pitch.base_radius), roller, replaced
     if given == "base":

@@ -13,7 +13,7 @@ import numpy as np
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_cam.arcs.contour import ArcColumn, Arcs, Parameter, parameter_value
-from cam_rig.studies.fit_cam.arcs.intervals import Identifiability, ParameterInterval
+from cam_rig.studies.fit_cam.arcs.intervals import ParameterInterval
 from cam_rig.studies.fit_cam.arcs.profile_likelihood import Profile
 from cam_rig.studies.fit_cam.arcs.radii import GivenRadii
 from cam_rig.studies.fit_cam.suspects import list_farthest, list_outliers, relative_residuals
@@ -29,6 +29,8 @@ MIN_EXCLUDED_RATIO = 1.1
 MAX_DESCRIBED_SCATTERS = 4.0
 #: Text of the turning sense of a column. The index is True if it is reversed.
 SENSES = ("as turned", "reversed")
+#: Explanation of the ends of an interval.
+NOT_STRAIGHT = "empty if the interval contains straight"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,10 +59,10 @@ class ArcsFit(Result):
         "numbers": (
             Column("number", of="name"),
             Column("value", cell=lambda p: p.value_text, doc="m, of an angle rad"),
-            Column("low_95", hidden=True, doc="empty if the interval contains straight"),
-            Column("high_95", hidden=True, doc="empty if the interval contains straight"),
-            Column("convex_from_95", hidden=True, doc="else the least convex radius"),
-            Column("concave_from_95", hidden=True, doc="else the least concave radius"),
+            Column("low_95", of="ends.0", hidden=True, doc=NOT_STRAIGHT),
+            Column("high_95", of="ends.1", hidden=True, doc=NOT_STRAIGHT),
+            Column("convex_from_95", of="ends.2", hidden=True, doc="else the least convex radius"),
+            Column("concave_from_95", of="ends.3", hidden=True, doc="else the least concave one"),
             Column(
                 "interval",
                 heading="with 95 %",
@@ -172,15 +174,11 @@ class ArcsFit(Result):
 
     def _interval(self, parameter: Parameter, profile: Profile) -> ParameterInterval:
         value, name = self.numbers[parameter], self.best.search.coordinates.names[parameter]
-        unit: Literal["mm", "deg"] = "deg" if parameter == Parameter.ANGLE else "mm"
+        unit = "deg" if parameter == Parameter.ANGLE else "mm"
         if parameter not in profile.search.fixed:
             return ParameterInterval(name, value, *profile.interval(parameter), unit=unit)
-        is_base_given = self.given_radii == "both" or (
-            self.only_flat and self.given_radii == "base"
-        )
-        is_given = parameter == Parameter.FLANK or is_base_given
-        origin: Literal["given", "assumed"] = "given" if is_given else "assumed"
-        return ParameterInterval(name, value, value, value, origin, unit)
+        is_given = parameter == Parameter.FLANK or self.given_radii in ("base", "both")
+        return ParameterInterval(name, value, value, value, "given" if is_given else "assumed")
 
     def excludes(self, other: Profile) -> bool:
         """Return True if the readings rule out another interpretation."""
@@ -196,16 +194,15 @@ class ArcsFit(Result):
     @property
     def not_identifiable(self) -> tuple[str, ...]:
         """Parameters that these followers cannot identify, one sentence each."""
-        if self.only_flat:
-            is_given, usual = self.given_radii in ("base", "both"), "three lifts"
-            radius = self.arcs.base_radius
-        elif not self.roller_radius or self.given_radii == "both":
+        if not self.only_flat and (not self.roller_radius or self.given_radii == "both"):
             return ()
-        else:
-            is_given, usual = self.given_radii is not None, "half the lift"
-            radius = self.roller_radius
-        origin = "given" if is_given else "assumed"
-        if not is_given and self.other_radius is not None:
+        radius, usual = self.roller_radius, "half the lift"
+        if self.only_flat:
+            radius, usual = self.arcs.base_radius, "three lifts"
+        origin = "given"
+        if self.given_radii is None or (self.only_flat and self.given_radii == "roller"):
+            origin = "assumed"
+        if self.other_radius is not None:
             origin += (
                 f" as {radius * 1e3:.3g} mm, because with {usual}, "
                 f"{self.other_radius * 1e3:.3g} mm, nose or base would have no radius"
@@ -255,36 +252,30 @@ class ArcsFit(Result):
         yield from self.not_identifiable
 
     def _explain_flanks(self) -> Iterator[str]:
-        """Yield the sentences on straight flanks, and on the prime radius with them."""
+        """Yield sentences on straight flanks that were selected, and on the prime radius then."""
+        if self.best is self.curved:
+            return
         flank, prime = self.intervals[Parameter.FLANK], self.intervals[Parameter.PRIME]
-        if self.flank == "straight":
-            yield "Flanks are straight as requested: a tangent cam."
-        elif self.arcs.flank_radius is None:
+        yield (
+            "Straight flanks are used (`flank: straight`, a tangent cam), because the readings do "
+            f"not exclude them: the residual is {self.rms * 1e3:.3g} mm r.m.s., and "
+            f"{self.curved.rms * 1e3:.3g} mm with the best curved flanks. With 95 % {flank.name} "
+            f"is {flank.interval_text}."
+        )
+        if self.prime_if_straight is not None:
             yield (
-                "Straight flanks are used (`flank: straight`, a tangent cam), because the readings "
-                f"do not exclude them: {self.rms * 1e3:.3g} mm r.m.s. are left, and "
-                f"{self.curved.rms * 1e3:.3g} mm with the best curved flanks. With 95 % "
-                f"{flank.name} is {flank.interval_text}."
-            )
-            if self.prime_if_straight is not None:
-                yield (
-                    "If you know that they are straight, give flank as straight: "
-                    f"{prime.name} is then {self.prime_if_straight.interval_text} with 95 %."
-                )
-        elif flank.over_straight:
-            yield (
-                "The readings do not exclude straight flanks. They are used unless curved flanks "
-                "are requested."
+                "If you know that they are straight, give flank as straight: "
+                f"{prime.name} is then {self.prime_if_straight.interval_text} with 95 %."
             )
 
     def _warnings(self) -> Iterator[str]:
-        """Yield warnings on another shape, contradicted radii, and undetermined parameters."""
+        """Yield warnings on another shape, and on contradicted radii."""
         if not self.is_described:
             yield (
-                f"Warning: tangent arcs do not describe the readings: {self.rms * 1e3:.3g} mm "
-                f"r.m.s. are left, the readings scatter by {self.scatter * 1e3:.2g} mm about a "
-                "smooth law. The radii of the cam are not identified: try another follower, or use "
-                "the shape spline."
+                "Warning: tangent arcs do not describe the readings: the residual is "
+                f"{self.rms * 1e3:.3g} mm r.m.s., and their scatter about a smooth law "
+                f"{self.scatter * 1e3:.2g} mm. The radii of the cam are not identified: try "
+                "another follower, or use the shape spline."
             )
         free = self.without_radii
         if free is not None and free.excludes(Parameter.PRIME, self.best.sse):
@@ -293,25 +284,14 @@ class ArcsFit(Result):
                 for parameter in (Parameter.PRIME, Parameter.NOSE)
             )
             yield (
-                f"Warning: the readings contradict the given radii: {free.rms * 1e3:.3g} mm r.m.s. "
-                f"are left without them, and base and roller radius together are then {prime} mm, "
-                f"nose and roller radius {nose} mm, with 95 %."
+                "Warning: the readings contradict the given radii: without them the residual is "
+                f"{free.rms * 1e3:.3g} mm r.m.s., base and roller radius are together {prime} mm, "
+                f"and nose and roller radius {nose} mm, with 95 %."
             )
-        poor = (Identifiability.POOR, Identifiability.NOT_IDENTIFIABLE)
-        names = ", ".join(
-            f"{interval.name} {interval.interval_text}"
-            for parameter, interval in zip(Parameter, self.intervals, strict=True)
-            if parameter != Parameter.FLANK and interval.identifiability in poor
-        )
-        if names:
-            yield f"Warning: the readings hardly identify {names} (95 %)."
 
     def _explain_columns(self) -> Iterator[str]:
-        """Yield the sentences on followers, turning senses, outliers and other interpretations."""
+        """Yield the sentences on turning senses, outliers and other interpretations."""
         columns = self.fitted_columns
-        flat = [column.readings.name for column in columns if column.kind == "flat"]
-        if flat and len(flat) < len(columns):
-            yield f"The flat follower's readings are {' and '.join(flat)}."
         reverse = [column.readings.name for column in columns if column.is_reversed]
         if reverse:
             apart = abs(math.degrees(2.0 * self.arcs.nose_angle) + 180.0) % 360.0 - 180.0

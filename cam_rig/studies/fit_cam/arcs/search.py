@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,14 +15,20 @@ from cam_rig.studies.fit_cam.arcs.contour import ArcColumn, Arcs, Coordinates, P
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import FloatArray, rms
 
-PRIME, LIFT, FLANK, NOSE, ANGLE = Parameter
+# Short names of the parameters.
+PRIME = Parameter.PRIME
+LIFT = Parameter.LIFT
+FLANK = Parameter.FLANK
+NOSE = Parameter.NOSE
+ANGLE = Parameter.ANGLE
 
 #: Radius of the prime circle at the starts of the search, in lifts: a usual proportion of cams.
 START_PRIME_LIFTS = 3.0
 #: Radius of the nose at the starts of the search, as a fraction of its range.
 START_NOSE = 0.3
 #: Curvature of the flanks at the starts of the search, as a fraction of its largest value: slightly
-#: and strongly convex, and concave.
+#: and strongly convex, and concave. The search misses a contour without the first under a large
+#: roller, without the second at a sharp nose, and without the third at a nose as large as the base.
 START_FLANKS = (0.3, 0.7, -0.3)
 #: Relative tolerance of a rough search, which only ranks starts and interpretations.
 ROUGH_RTOL = 1e-8
@@ -29,9 +36,6 @@ ROUGH_RTOL = 1e-8
 MAX_ROUGH_EVALUATIONS = 30
 #: Relative tolerance of the final search, near that of the floating-point numbers.
 FINAL_RTOL = 1e-12
-#: Two results whose r.m.s. residuals differ by less than this factor are the same minimum. It is
-#: far above the tolerance of a rough search.
-SAME_MINIMUM_RATIO = 1.0 + 1e-6
 #: Message if no contour is close to the readings, or if no contour has the parameters.
 NO_CLOSE_CONTOUR = (
     "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
@@ -179,23 +183,14 @@ class ArcSearch:
     # Minimum of the residuals.
 
     def solve(self) -> FloatArray:
-        """Return the search variables of the best contour from all starts."""
-        return self.refine(self.rough_minima())
+        """Return the search variables of the best contour."""
+        return self.minimize(self.rough_minimum(), FINAL_RTOL)
 
-    def rough_minima(self) -> list[FloatArray]:
-        """Return the result of a rough search from each start, the best first."""
+    def rough_minimum(self) -> FloatArray:
+        """Return the best result of rough searches from all starts."""
         starts = np.unique(list(self._starts()), axis=0)  # with a fixed flank some are equal
-        minima = [self.minimize(start, ROUGH_RTOL, MAX_ROUGH_EVALUATIONS) for start in starts]
-        return sorted(minima, key=self.rms)
-
-    def refine(self, minima: list[FloatArray]) -> FloatArray:
-        """Return the search variables of the best contour, from rough minima.
-
-        The two best minima are refined, unless they are equal.
-        """
-        first, *more = minima
-        others = [x for x in more[:1] if self.rms(x) > SAME_MINIMUM_RATIO * self.rms(first)]
-        return min((self.minimize(x, FINAL_RTOL) for x in (first, *others)), key=self.rms)
+        minima = (self.minimize(start, ROUGH_RTOL, MAX_ROUGH_EVALUATIONS) for start in starts)
+        return min(minima, key=self.rms)
 
     def minimize(
         self, start: FloatArray, rtol: float, max_evaluations: int | None = None
@@ -208,14 +203,9 @@ class ArcSearch:
         """
         from scipy.optimize import least_squares
 
-        solution = least_squares(
-            self.residuals,
-            start,
-            x_scale="jac",
-            method="lm",
-            ftol=rtol,
-            xtol=rtol,
-            max_nfev=max_evaluations,
+        levenberg_marquardt = partial(least_squares, method="lm", x_scale="jac")
+        solution = levenberg_marquardt(
+            self.residuals, start, ftol=rtol, xtol=rtol, max_nfev=max_evaluations
         )
         return np.asarray(solution.x)
 
@@ -233,7 +223,9 @@ class ArcSearch:
             max_nose = _min_convex_radius(prime, lift)
             room = max_nose - self.min_radius
             nose, flank = START_NOSE * room, max_nose / curvature
-            if all(self.flats):  # the parallel contour on the fixed base circle: equal lifts
+            # The fixed base circle of a flat face is large. The parallel contour on it has equal
+            # lifts. Without it, the search ends at a contour with another flank.
+            if all(self.flats):
                 distance = max(0.0, 1.0 / self.fixed[PRIME] - prime)
                 nose, room, max_nose = nose + distance, room + distance, max_nose + distance
                 flank += distance if curvature > 0.0 else 0.0
