@@ -12,11 +12,11 @@ import numpy as np
 
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws.bernstein import join_pieces
 from cam_rig.laws.law import extremes, peak
-from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
-from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
-from cam_rig.profile.cam_checks import unusual_lift
+from cam_rig.laws.segments import LIFT_RTOL, MAX_LIFT_TOLERANCES
+from cam_rig.laws.spline import Rest, Smoothed, differences, min_tolerance, smooth
+from cam_rig.profile.cam_checks import warn_of_unusual_lift
 from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_TOLERANCE
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_cam.dwells import (
@@ -213,7 +213,7 @@ class SplineFit(Result):
             f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
             f"from {readings.angles.size} readings, with {found.knots} knots."
         )
-        yield from unusual_lift(self.law.lift)
+        yield from warn_of_unusual_lift(self.law.lift)
         yield from explain_missing_events(self.law, self.valve_train)
         if self.widened:
             yield (
@@ -225,7 +225,7 @@ class SplineFit(Result):
             yield (
                 f"Not followed: {self.asked * 1e3:.3g} mm were asked, the readings scatter by "
                 f"{self.scatter * 1e3:.3g} mm. A spline so near would follow their noise; allowed: "
-                f"{least_tolerance(self.scatter, readings.angles.size) * 1e3:.3g} mm or more."
+                f"{min_tolerance(self.scatter, readings.angles.size) * 1e3:.3g} mm or more."
             )
         step = math.degrees(float(np.median(np.diff(readings.angles))))
         if step > WIDE_DEG:
@@ -319,7 +319,7 @@ def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float
             f"--tolerance: is {asked * 1e3:g} mm; allowed: above 0, at most {most * 1e3:.4g} mm, "
             f"{MAX_TOLERANCE:g} of the lift"
         )
-    if asked is not None and asked >= least_tolerance(scatter, readings.angles.size):
+    if asked is not None and asked >= min_tolerance(scatter, readings.angles.size):
         return asked
     found = scatter * (1.0 + MARGIN * readings.scatter_error)
     if found > most:
@@ -354,14 +354,14 @@ def _zero(law: Law, rests: list[Rest], near: float) -> float:
 def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
     """Raise LawError if the lift of the spline is far from the lift of its readings."""
     height = float(np.ptp(readings.lifts))
-    if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * allowed:
+    if abs(law.lift - height) > LIFT_RTOL * height + MAX_LIFT_TOLERANCES * allowed:
         raise LawError(
             f"{readings.name}: the spline rises by {law.lift * 1e3:.4g} mm, the readings by "
-            f"{height * 1e3:.4g} mm; allowed: the same within {SAME_LIFT:g} of it, so read finer "
+            f"{height * 1e3:.4g} mm; allowed: the same within {LIFT_RTOL:g} of it, so read finer "
             "where the cam is steep"
         )
 
 
 def _law(smoothed: Smoothed) -> Law:
     breaks, columns = smoothed.pieces
-    return Law("fitted", np.array(breaks), joined(columns))
+    return Law("fitted", np.array(breaks), join_pieces(columns))
