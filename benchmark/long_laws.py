@@ -22,7 +22,7 @@ from cam_rig.dynamics.events.backend import COMPILED, PLAIN
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws.bernstein import join_pieces
 from cam_rig.laws.spline import smooth
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
@@ -73,7 +73,7 @@ def through(law: Law, count: int, noise: float = 0.0) -> Law:
     angles = np.linspace(0.0, TURN, count, endpoint=False)
     readings = law(angles) + noise * np.random.default_rng(count).standard_normal(count)
     breaks, columns = smooth(angles, readings, 0.0).pieces
-    return Law(law.name, np.array(breaks), joined(columns))
+    return Law(law.name, np.array(breaks), join_pieces(columns))
 
 
 def measure() -> list[JumpCost]:

@@ -22,7 +22,7 @@ def printable(text: str) -> str:
 
     Titles and names come from files of other people and must not control a terminal.
     """
-    return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 class CamRigError(Exception):
@@ -114,9 +114,9 @@ class MissingLibraryError(CamRigError):
     """
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, names: Iterable[str]) -> str:
     """Return the most similar known name as " (did you mean 'x'?)", or an empty text."""
     import difflib  # only for an error
 
-    near = difflib.get_close_matches(name, list(known), 1)
-    return f" (did you mean {near[0]!r}?)" if near else ""
+    similar = difflib.get_close_matches(name, list(names), 1)
+    return f" (did you mean {similar[0]!r}?)" if similar else ""

@@ -18,7 +18,7 @@ import numpy as np
 from benchmark.speed.cases import rad_per_s
 from benchmark.speed.peers import MAX_STEPS, ROOT_FOUND, cvode_class
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.errors import CamRigError
 from cam_rig.extras import friendly_import_errors
 from cam_rig.laws import Law
@@ -152,10 +152,10 @@ def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
 
     contact.terminal, contact.direction = [True], [-1]  # type: ignore[attr-defined]
     cam = law.motion_at(np.zeros(1)) * np.array([[1.0], [speed], [speed**2]])
-    start = p.static_place(cam)[:, 0]  # from rest: without vibration
+    start = p.static_position(cam)[:, 0]  # from rest: without vibration
     options = {"method": "Adams", "rtol": 1e-8, "atol": 1e-12, "max_num_steps": MAX_STEPS}
     solver = cvode_class()(right_side, eventsfn=contact, num_events=1, **options)
-    done = solver.solve(np.array([0.0, 0.5 * FROM_REST, FROM_REST]), start)
+    done = solver.solve(np.array([0.0, 0.5 * REST_DURATION_S, REST_DURATION_S]), start)
     return bool(done.status == ROOT_FOUND)
 
 

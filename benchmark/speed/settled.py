@@ -17,7 +17,7 @@ from benchmark.speed.models import Case, OneMass, Solution, output_times
 from benchmark.speed.peers import PEERS
 from cam_rig.dynamics import Interval
 from cam_rig.dynamics.events.backend import COMPILED, PLAIN
-from cam_rig.dynamics.events.trajectory import MIN_OF_LIFT
+from cam_rig.dynamics.events.trajectory import MIN_BOUNCE_RATIO
 from cam_rig.dynamics.kinetostatic import contact_samples
 from cam_rig.quantities.steady import scene_at, steady_row
 from cam_rig.show.tables import DataTable, Header, tabulate
@@ -77,7 +77,7 @@ def _case(loaded: LoadedScene, speed: float) -> Case:
     """Return the same follower for the peer."""
     law, p, turns = loaded.laws[CAM], loaded.follower, int(loaded.scene.schedule.turns.si)
     numbers = (p.mass, p.damping, p.spring_stiffness, p.preload, p.restitution or 0.0)
-    model = OneMass(*numbers, MIN_OF_LIFT * law.lift)
+    model = OneMass(*numbers, MIN_BOUNCE_RATIO * law.lift)
     return Case(CAM, CAM, law, model, speed, turns, turns, output_times(speed, turns, 1))
 
 

@@ -96,7 +96,7 @@ class SoundLevelMeter:
         if pressure.size == 0:
             raise ValueError("a block must contain at least one sample")
         _require_finite(pressure)
-        weighted, filter_ = self._weighted(pressure)
+        weighted, filter_ = self._apply_weighting(pressure)
         fresh = (1.0 - self._keep) * np.square(weighted)
         power = first_order(self._keep, fresh, self.state.power)  # y ← keep y + (1 − keep) x
         energy = float(weighted @ weighted)
@@ -137,7 +137,7 @@ class SoundLevelMeter:
         """True if a block was an overload. It is latched, as the standard requires."""
         return self.state.overload
 
-    def _weighted(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _apply_weighting(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the frequency-weighted samples, and the state of the filter after them."""
         if self._sections.size == 0:
             return pressure, self.state.filter
@@ -178,15 +178,18 @@ def _level(power: float) -> float:
 # 12 kHz the error at 4 kHz is 0.03 dB, with the bilinear transform it is 1.2 dB.
 
 #: Corner frequency f1 of annex E, Hz.
-F1 = 20.598997
+CORNER_1_HZ = 20.598997
 #: Corner frequency f2 of annex E, Hz.
-F2 = 107.65265
+CORNER_2_HZ = 107.65265
 #: Corner frequency f3 of annex E, Hz.
-F3 = 737.86223
+CORNER_3_HZ = 737.86223
 #: Corner frequency f4 of annex E, Hz.
-F4 = 12194.217
+CORNER_4_HZ = 12194.217
 #: Corner frequencies (Hz) of the poles of each weighting.
-POLES = {"A": (F1, F1, F2, F3, F4, F4), "C": (F1, F1, F4, F4)}
+POLES = {
+    "A": (CORNER_1_HZ, CORNER_1_HZ, CORNER_2_HZ, CORNER_3_HZ, CORNER_4_HZ, CORNER_4_HZ),
+    "C": (CORNER_1_HZ, CORNER_1_HZ, CORNER_4_HZ, CORNER_4_HZ),
+}
 #: Number of zeros at 0 Hz of each weighting.
 ZEROS = {"A": 4, "C": 2}
 #: Number of zeros that are fitted to the analog magnitude.
@@ -303,9 +306,9 @@ def class_1_up_to_hz(rate: int) -> float:
 def _analog(curve: str, frequency: FloatArray) -> FloatArray:
     """Return |H|² of the analog filter without its gain."""
     square = np.square(frequency)
-    gain = np.square(square) / np.square((square + F1**2) * (square + F4**2))
+    gain = np.square(square) / np.square((square + CORNER_1_HZ**2) * (square + CORNER_4_HZ**2))
     if curve == "A":
-        gain = gain * np.square(square) / ((square + F2**2) * (square + F3**2))
+        gain = gain * np.square(square) / ((square + CORNER_2_HZ**2) * (square + CORNER_3_HZ**2))
     return np.asarray(gain)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cam_rig.dynamics import elastic_stem, kinetostatic, one_mass, two_mass
-from cam_rig.dynamics.free_masses import NEEDED, TwoMassParameters
+from cam_rig.dynamics.free_masses import TWO_MASS_KEYS, TwoMassParameters
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
     COLUMNS,
@@ -62,7 +62,7 @@ def _elastic_stem(rig: RigConfig) -> FollowerParameters:
 
 
 def _two_mass(rig: RigConfig) -> TwoMassParameters:
-    keys = ("restitution", *NEEDED)
+    keys = ("restitution", *TWO_MASS_KEYS)
     rig.need_all(keys, "the model two_mass, which lands", "take the model kinetostatic")
     return TwoMassParameters.from_rig(rig)
 

@@ -22,8 +22,8 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
-from cam_rig.dynamics.linear.response import LinearResponse, Outputs, end_of, sample
-from cam_rig.dynamics.parameters import FollowerParameters, state_of
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, compute_end, sample
+from cam_rig.dynamics.parameters import FollowerParameters, check_state
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.laws import Law
 
@@ -71,14 +71,14 @@ def advance(
     A step of ṡ (m/s) before the interval changes neither x nor ẋ.
     """
     model = response(law, parameters, interval.speed)
-    start = np.zeros(2) if state is None else state_of(state.inner, 2)
+    start = np.zeros(2) if state is None else check_state(state.inner, 2)
     if step != 0.0:
         start = start + model.drive[:, 2] * step
     grid = interval.grid(sample_rate)
     out, period = outputs(parameters), 1.0 / sample_rate
-    rows = grid.open_rows()
+    rows = grid.new_rows()
     sample(model, start, interval.angle, grid.offset, period, grid.count, out, rows[1:5])
-    end, end_outputs = end_of(model, start, interval.angle, interval.duration, out)
+    end, end_outputs = compute_end(model, start, interval.angle, interval.duration, out)
     x, v, _, force = end_outputs.tolist()
     inner = tuple(end.tolist())
     return FollowerState(x, v, force, in_contact=True, inner=inner), Block(interval, rows)

@@ -12,16 +12,16 @@ import numpy as np
 
 from cam_rig.dynamics.linear.exponential import FreeSystem, Pairs
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs
-from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO, floats_of, si_or_none
+from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO, check_numbers, si_or_none
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
 #: Numbers of a rig's follower that the two-mass model needs and the one-mass model does not.
-NEEDED = ("roller_share", "stem_stiffness", "stem_damping")
+TWO_MASS_KEYS = ("roller_share", "stem_stiffness", "stem_damping")
 #: Name of the two-mass model in the error message for a missing number.
-BY = "two masses (the model two_mass)"
+NEEDED_BY = "two masses (the model two_mass)"
 #: Remedy in the error message for a missing number.
 ONE_MASS = "take one mass (the model one_mass)"
 
@@ -72,7 +72,7 @@ class TwoMassParameters:
     restitution: float | None = 0.0
 
     def __post_init__(self) -> None:
-        vars(self).update(floats_of(vars(self), "restitution"))
+        vars(self).update(check_numbers(vars(self), "restitution"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:
@@ -88,7 +88,7 @@ class TwoMassParameters:
             If a damping ratio is above `MAX_DAMPING_RATIO`.
         """
         follower = rig.follower
-        share, stem, stem_damping = (n.si for n in rig.need_all(NEEDED, BY, ONE_MASS))
+        share, stem, stem_damping = (n.si for n in rig.need_all(TWO_MASS_KEYS, NEEDED_BY, ONE_MASS))
         roller = follower.mass.si * share
         parameters = cls(
             roller_mass=roller,
@@ -127,7 +127,7 @@ class TwoMassParameters:
         """Static fraction α = k₁/(k₁ + k₂) of the lift that the end mass follows."""
         return self.stem_stiffness / self.stiffness
 
-    def static_place(self, cam: FloatArray) -> FloatArray:
+    def static_position(self, cam: FloatArray) -> FloatArray:
         """Return (y, ẏ) of the end mass without vibration, ``(2, n)``.
 
         The first two rows of ``cam`` are s (m) and ṡ (m/s).

@@ -263,11 +263,11 @@ class SampleGrid:
     sample_rate: int  #: Hz
     duration: float  #: duration of the interval, s
 
-    def since_start(self) -> FloatArray:
+    def sample_times(self) -> FloatArray:
         """Return the times of the samples since the start, s, ``(count,)``."""
         return self.offset + np.arange(self.count) / self.sample_rate
 
-    def open_rows(self) -> FloatArray:
+    def new_rows(self) -> FloatArray:
         """Return a new array of rows as in `COLUMNS`, ``(6, count)``.
 
         Times are set and impulses are 0. The caller writes the rows from lift to contact force.
@@ -284,7 +284,7 @@ class SampleGrid:
         """Return the index of the first sample at or after a time (s since the start)."""
         return samples_before((time - self.offset) * self.sample_rate)
 
-    def within(self, start: float, end: float) -> tuple[slice, FloatArray] | None:
+    def find_samples(self, start: float, end: float) -> tuple[slice, FloatArray] | None:
         """Return the samples between two times (s since the start), and their times (s).
 
         Returns None if the times enclose no sample.
@@ -408,7 +408,7 @@ def add_cam_state(state: FollowerState, interval: Interval) -> FollowerState:
     return replace(state, cam_angle=angle, cam_speed=speed)
 
 
-def require_joined(state: FollowerState | None, interval: Interval) -> None:
+def require_continuation(state: FollowerState | None, interval: Interval) -> None:
     """Raise a `DynamicsError` if an interval does not start at the state's angle."""
     if state is None or state.cam_angle is None:
         return
@@ -437,7 +437,7 @@ def is_same_speed(first: float, second: float) -> bool:
     return abs(first - second) <= SPEED_RTOL * max(abs(first), abs(second))
 
 
-def show_impulses(
+def add_impulses(
     rows: FloatArray, grid: SampleGrid, events: Sequence[Event], pending: float
 ) -> float:
     """Add each impulse to the first sample at or after its event.

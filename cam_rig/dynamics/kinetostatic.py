@@ -112,7 +112,7 @@ def contact_samples(
     The rows are in the order of `cam_rig.dynamics.interval.COLUMNS`.
     """
     grid, speed = interval.grid(sample_rate), interval.speed
-    rows, kinematic = grid.open_rows(), np.diag([1.0, speed, speed**2])
+    rows, kinematic = grid.new_rows(), np.diag([1.0, speed, speed**2])
     sample(
         law,
         interval.angle + speed * grid.offset,

@@ -16,7 +16,7 @@ from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
 from cam_rig.dynamics.parameters import FollowerParameters, require_parameter
 from cam_rig.dynamics.speed_ramp import with_ramps
-from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
+from cam_rig.dynamics.velocity_jumps import step_before_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import FloatArray
 
@@ -75,7 +75,7 @@ class OneMassTrajectory(Trajectory):
         start: FloatArray | Flight = np.zeros(2)
         if state is not None and not state.in_contact:
             start = flight_from(self.parameters, state.displacement, state.velocity, *state.inner)
-        first = self._begin(start, step)
+        first = self._start_record(start, step)
         losses = loss_intervals(self.law, self.parameters, self.speed)
         duration = self.interval.duration
         on_cam = step == 0.0 and not isinstance(start, Flight)
@@ -83,7 +83,7 @@ class OneMassTrajectory(Trajectory):
             first["phase_end"] = duration
             self._recorded.append(first)
         else:
-            self._find(self.run_table(duration), first, duration)
+            self._search(self.run_table(duration), first, duration)
 
     def run_table(self, duration: float) -> RunTable:
         """Return the table of a run of ``duration`` s from the start of the interval."""
@@ -116,8 +116,8 @@ class OneMassTrajectory(Trajectory):
         """
         if isinstance(self.last, Flight):
             y, v = self.last.start.tolist()
-            return FollowerState(y, v, 0.0, in_contact=False, inner=self.last.known)
-        angle = short_of_velocity_jump(self.law, self.angle + self.speed * self.phases[-1].end)
+            return FollowerState(y, v, 0.0, in_contact=False, inner=self.last.gap_state)
+        angle = step_before_velocity_jump(self.law, self.angle + self.speed * self.phases[-1].end)
         return state_at(self.law, self.parameters, angle, self.speed)
 
 

@@ -58,7 +58,7 @@ RULES = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "
 RULES |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 
 
-def floats_of(numbers: Mapping[str, Any], *optional: str) -> dict[str, float | None]:
+def check_numbers(numbers: Mapping[str, Any], *optional: str) -> dict[str, float | None]:
     """Return numbers as floats, after checking their limits.
 
     Numbers whose name is in ``optional`` may be None. Integers are converted, because they would
@@ -91,7 +91,7 @@ def require_turning(speed: object) -> None:
         )
 
 
-def row_of_numbers(name: str, values: object) -> FloatArray:
+def check_row(name: str, values: object) -> FloatArray:
     """Return values as an array of finite numbers, ``(n,)``.
 
     ``name`` is the name of the values in the error message.
@@ -106,17 +106,17 @@ def row_of_numbers(name: str, values: object) -> FloatArray:
     return row
 
 
-def state_of(values: object, size: int) -> FloatArray:
+def check_state(values: object, size: int) -> FloatArray:
     """Return the state of a model as an array of finite numbers, ``(size,)``."""
-    state = row_of_numbers("state", values)
+    state = check_row("state", values)
     if state.size != size:
         raise DynamicsError(f"state: has {state.size} numbers; allowed: {size}")
     return state
 
 
-def times_of(values: object, last: float = MAX_NUMBER) -> FloatArray:
+def check_times(values: object, last: float = MAX_NUMBER) -> FloatArray:
     """Return ascending times (s) between 0 and ``last`` as an array, ``(n,)``."""
-    times = row_of_numbers("times", values)
+    times = check_row("times", values)
     if times.size == 0:
         return times
     if np.any(times[1:] < times[:-1]):
@@ -186,7 +186,7 @@ class FollowerParameters:
     restitution: float | None = 0.0  #: Newton's coefficient of a landing, or None
 
     def __post_init__(self) -> None:
-        vars(self).update(floats_of(vars(self), "stem_stiffness", "restitution"))
+        vars(self).update(check_numbers(vars(self), "stem_stiffness", "restitution"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> FollowerParameters:

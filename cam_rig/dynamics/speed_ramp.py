@@ -19,11 +19,11 @@ from cam_rig.dynamics.interval import (
     FollowerState,
     Interval,
     add_cam_state,
-    require_joined,
+    require_continuation,
     speed_change,
 )
 from cam_rig.dynamics.parameters import require_turning
-from cam_rig.dynamics.velocity_jumps import JOINT_SLACK, short_of_velocity_jump
+from cam_rig.dynamics.velocity_jumps import JOINT_ATOL_RAD, step_before_velocity_jump
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import compose, product
 from cam_rig.units import TURN, FloatArray
@@ -54,9 +54,9 @@ def with_ramps(
     ) -> tuple[FollowerState, Block]:
         require(law)  # before it is replaced by a substitute law
         require_turning(interval.mean_speed)
-        require_joined(state, interval)
+        require_continuation(state, interval)
         change = speed_change(state, interval)  # it acts before a velocity jump at this angle
-        step = law.at(short_of_velocity_jump(law, interval.angle))[1] * change if change else 0.0
+        step = law.at(step_before_velocity_jump(law, interval.angle))[1] * change if change else 0.0
         if interval.acceleration == 0.0:
             end, block = advance(law, parameters, state, interval, sample_rate, step)
             return add_cam_state(end, interval), block
@@ -112,7 +112,7 @@ def _velocity_jumps(
         i: law.velocity_jumps[piece] * interval.speed_at(start) / speed
         for i, (start, _, piece, low) in enumerate(stretches)
         if piece in law.velocity_jumps
-        and (start > 0.0 or interval.angle - low <= JOINT_SLACK)
+        and (start > 0.0 or interval.angle - low <= JOINT_ATOL_RAD)
         and interval.speed_at(start) > 0.0  # at rest the velocity cannot jump
     }
 
@@ -130,7 +130,7 @@ def _stretches(law: Law, interval: Interval) -> list[Stretch]:
         span = float(law.spans[index])
         end, following = min(interval.time_at(low + span), interval.duration), index + 1
         is_jump = following % law.spans.size in law.velocity_jumps
-        if is_jump and end_angle - (low + span) <= JOINT_SLACK:
+        if is_jump and end_angle - (low + span) <= JOINT_ATOL_RAD:
             end = interval.duration
         if end > start:
             stretches.append((start, end, index, low))

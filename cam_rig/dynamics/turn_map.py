@@ -18,19 +18,19 @@ from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.events.law_table import CamMotion
 from cam_rig.dynamics.events.run_table import RUN_STATE, RunMode
 from cam_rig.dynamics.events.runs import compute_stem_stretch, start_flight
-from cam_rig.dynamics.events.trajectory import EndlessEventsError, record_of
+from cam_rig.dynamics.events.trajectory import EndlessEventsError, new_record
 from cam_rig.dynamics.events.turns import TURN_RESULT, run_turns
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
 from cam_rig.dynamics.two_mass import Separation
-from cam_rig.dynamics.velocity_jumps import require_continuous, short_of_velocity_jump
+from cam_rig.dynamics.velocity_jumps import require_continuous, step_before_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
 #: Largest number of phases in a call of the search.
-ROOM = 64
+MAX_PHASES = 64
 #: Turns per call, after which the backend is selected again.
 TURNS_PER_CALL = 100
 #: State of a follower on the cam: gap 0 m and gap rate 0 m/s.
@@ -142,7 +142,7 @@ class StroboscopicMap:
         require_continuous(law)
         self.law, self.parameters, self.speed = law, parameters, float(speed)
         # A velocity jump at angle 0 belongs to the next turn. The turn ends just before it.
-        self.duration = short_of_velocity_jump(law, TURN) / self.speed
+        self.duration = step_before_velocity_jump(law, TURN) / self.speed
         self._trajectory: Separation | OneMassTrajectory
         if isinstance(parameters, TwoMassParameters):
             self.size, self._trajectory = 4, Separation(law, parameters, speed)
@@ -241,5 +241,5 @@ class StroboscopicMap:
     def _turn(self, state: NDArray[np.void], frame: FloatArray, turns: NDArray[np.void]) -> int:
         """Run turns from a state, which is updated, and return the number of turns."""
         max_landings = float(self._trajectory.max_events)
-        record = record_of(state, ROOM)
+        record = new_record(state, MAX_PHASES)
         return int(dispatch(run_turns, self._table, record, frame, turns, max_landings))

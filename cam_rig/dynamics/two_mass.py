@@ -30,14 +30,14 @@ from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.linear.response import LinearResponse, polynomial_parts, sample
 from cam_rig.dynamics.parameters import (
+    check_state,
+    check_times,
     require_angle,
     require_number,
     require_parameter,
-    state_of,
-    times_of,
 )
 from cam_rig.dynamics.speed_ramp import with_ramps
-from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
+from cam_rig.dynamics.velocity_jumps import step_before_velocity_jump
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
 from cam_rig.laws.sampling import sample as sample_law
@@ -170,7 +170,7 @@ class Separation(Trajectory):
         """
         start: FloatArray | Flight = np.zeros(2)
         if state is not None:
-            start = state_of(state, 2 if contact else 4)
+            start = check_state(state, 2 if contact else 4)
             start = start if contact else Flight(self.system, to_inner(self.parameters, start))
         self.run_from(duration, start)
 
@@ -181,8 +181,10 @@ class Separation(Trajectory):
         """
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
-        first = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
-        self._find(self.run_table(float(duration)), first, float(duration))
+        first = self._start_record(
+            start if isinstance(start, Flight) else check_state(start, 2), step
+        )
+        self._search(self.run_table(float(duration)), first, float(duration))
 
     def run_table(self, duration: float) -> RunTable:
         """Return the table of a run of ``duration`` s."""
@@ -228,9 +230,9 @@ class Separation(Trajectory):
         """
         if isinstance(self.last, Flight):
             z, v, _, _ = self.fly(self.last, np.zeros(1))[:, 0].tolist()
-            inner = (*self.last.start.tolist(), *self.last.known)
+            inner = (*self.last.start.tolist(), *self.last.gap_state)
             return FollowerState(z, v, 0.0, False, inner=inner)
-        angle = short_of_velocity_jump(self.law, self.angle + self.speed * duration)
+        angle = step_before_velocity_jump(self.law, self.angle + self.speed * duration)
         s, slope, curvature = self.law.at(angle)
         cam = np.array([s, slope * self.speed, curvature * self.speed**2])
         force = float(self.force(self.last[:, None], cam[:, None])[0])
@@ -243,7 +245,7 @@ def states(trajectory: Separation, times: FloatArray) -> FloatArray:
     A time at the border of two phases belongs to the later one.
     """
     end = trajectory.phases[-1].end if trajectory.phases else 0.0
-    times = times_of(times, last=end * (1.0 + 1e-12))
+    times = check_times(times, last=end * (1.0 + 1e-12))
     out = np.empty((5, times.size))
     for phase in trajectory.phases:
         last = phase is trajectory.phases[-1]
@@ -262,7 +264,7 @@ def phase_states(trajectory: Separation, phase: Phase, times: FloatArray) -> Flo
     angle = trajectory.angle + trajectory.speed * phase.begin
     vibration = trajectory.response.states(phase.vibration, angle, times - phase.begin)
     cam = trajectory.cam(times)
-    end_mass = trajectory.parameters.static_place(cam) + vibration
+    end_mass = trajectory.parameters.static_position(cam) + vibration
     return np.vstack([cam[:2], end_mass, trajectory.force(vibration, cam)])
 
 
@@ -289,10 +291,10 @@ def advance(
         )
     trajectory.run_from(interval.duration, start, step)
     grid = interval.grid(sample_rate)
-    block = Block(interval, grid.open_rows())
+    block = Block(interval, grid.new_rows())
     block.rows[1:5] = 0.0
     for phase in trajectory.phases:
-        if phase.flight is None and (within := grid.within(phase.begin, phase.end)):
+        if phase.flight is None and (within := grid.find_samples(phase.begin, phase.end)):
             _write_contact(block, *within, sample_rate, trajectory, phase)
     return trajectory.finish(block, grid, state, trajectory.end(interval.duration))
 

@@ -16,14 +16,14 @@ import numpy as np
 
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.laws.law import TOLERANCE
+from cam_rig.laws.law import JUMP_RTOL
 from cam_rig.units import TURN
 
 #: Largest rounding of the cam angle at the border of two intervals, rad. It is the rounding of an
 #: angle of 1e5 turns in one number.
-JOINT_SLACK = 1e-9
+JOINT_ATOL_RAD = 1e-9
 #: Two events closer to each other than this angle are at the same angle, rad.
-SAME_PLACE = 1e-12
+SAME_ANGLE_RAD = 1e-12
 
 
 class VelocityJump(NamedTuple):
@@ -44,7 +44,7 @@ def velocity_jumps_ahead(
         return ()
     jumps: list[VelocityJump] = []
     # A substitute law contains only the jumps of its ramp.
-    slack = JOINT_SLACK if law.repeats else 0.0
+    slack = JOINT_ATOL_RAD if law.repeats else 0.0
     end = speed * duration - slack
     first = math.floor(angle / TURN)
     for turn in count(first - 1) if law.repeats else (0,):
@@ -53,11 +53,11 @@ def velocity_jumps_ahead(
             if ahead >= end:
                 return tuple(jumps)
             if ahead >= -slack:
-                jumps.append(VelocityJump(_arrival(law, angle, speed, ahead, piece), step))
+                jumps.append(VelocityJump(_arrival_time(law, angle, speed, ahead, piece), step))
     return tuple(jumps)
 
 
-def _arrival(law: Law, angle: float, speed: float, ahead: float, piece: int) -> float:
+def _arrival_time(law: Law, angle: float, speed: float, ahead: float, piece: int) -> float:
     """Return the time (s) at which the cam reaches the joint at the start of a piece.
 
     The time is increased until the rounded cam angle is not before the joint.
@@ -71,7 +71,7 @@ def _arrival(law: Law, angle: float, speed: float, ahead: float, piece: int) -> 
     return time
 
 
-def short_of_velocity_jump(law: Law, angle: float) -> float:
+def step_before_velocity_jump(law: Law, angle: float) -> float:
     """Return an angle (rad), moved to just before a velocity jump if it lies at one.
 
     The motion at the end of an interval is evaluated at this angle, because a jump there belongs
@@ -79,16 +79,16 @@ def short_of_velocity_jump(law: Law, angle: float) -> float:
     """
     if not (law.velocity_jumps and law.repeats):
         return angle
-    turn = math.floor(angle / TURN + JOINT_SLACK)
+    turn = math.floor(angle / TURN + JOINT_ATOL_RAD)
     for piece in law.velocity_jumps:
         joint = law.joints[piece] + turn * TURN
-        if abs(joint - angle) <= JOINT_SLACK:
+        if abs(joint - angle) <= JOINT_ATOL_RAD:
             return joint - 4.0 * math.ulp(max(joint, TURN))
     return angle
 
 
 #: Remedy in the error message of `require_smooth`, if another model can be chosen.
-OTHER_MODELS = (
+OTHER_MODELS_REMEDY = (
     ", or one of the models elastic_stem, one_mass and two_mass, where it is an impact or lifts "
     "the follower off"
 )
@@ -96,7 +96,7 @@ OTHER_MODELS = (
 
 def require_continuous(law: Law) -> None:
     """Raise a `DynamicsError` if the lift of a law jumps, which no follower can do."""
-    if law.largest_step > TOLERANCE * float(np.abs(law.ordinates).max()):
+    if law.largest_step > JUMP_RTOL * float(np.abs(law.ordinates).max()):
         piece = int(np.abs(law.jumps(0)).argmax())
         raise DynamicsError(
             f"law {law.name!r}: lift jumps by {law.largest_step:.3g} m at "
@@ -105,7 +105,7 @@ def require_continuous(law: Law) -> None:
         )
 
 
-def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
+def require_smooth(law: Law, otherwise: str = OTHER_MODELS_REMEDY) -> None:
     """Raise a `DynamicsError` if the velocity of a law jumps.
 
     A velocity jump needs an infinite force. ``otherwise`` is the remedy at the end of the message.

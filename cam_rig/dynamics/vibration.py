@@ -29,7 +29,7 @@ FLAT_RTOL = 1e-12
 LOW_RTOL = 1e-3
 #: Width of the window around the lowest lift that replaces the low dwell of a law without one,
 #: rad. It is the width of the low dwell of the other laws of the paper in this project.
-STAND_IN = float(np.radians(62.5))
+DEFAULT_WINDOW_RAD = float(np.radians(62.5))
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,16 @@ class LowDwell:
 
     start: float  #: cam angle, rad
     span: float  #: rad
-    dwell: bool  #: True if it is a dwell of the law, False for a window of width `STAND_IN`
+    dwell: (
+        bool  #: True if it is a dwell of the law, False for a window of width `DEFAULT_WINDOW_RAD`
+    )
 
     @property
     def middle(self) -> float:
         """Cam angle of the middle in [0, 2π), rad."""
         return (self.start + 0.5 * self.span) % TURN
 
-    def holds(self, angle: FloatArray) -> NDArray[np.bool_]:
+    def contains(self, angle: FloatArray) -> NDArray[np.bool_]:
         """Return for each cam angle (rad) whether it is in the window, without its end."""
         return np.asarray((angle - self.start) % TURN < self.span * (1.0 - 1e-9))
 
@@ -53,7 +55,7 @@ class LowDwell:
 def low_dwell(law: Law) -> LowDwell:
     """Return the longest low dwell of a law: adjacent flat pieces at the lowest lift.
 
-    A law without a low dwell gets a window of width `STAND_IN` around its lowest lift.
+    A law without a low dwell gets a window of width `DEFAULT_WINDOW_RAD` around its lowest lift.
     """
     lowest = float(law.ordinates.min())
     low = law.ordinates.max(axis=0) - lowest <= LOW_RTOL * law.lift
@@ -70,7 +72,7 @@ def low_dwell(law: Law) -> LowDwell:
     if longest.span > 0.0:
         return longest
     middle = extremes(law, 0)[0].angle
-    return LowDwell((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)
+    return LowDwell((middle - 0.5 * DEFAULT_WINDOW_RAD) % TURN, DEFAULT_WINDOW_RAD, False)
 
 
 #: Number of sample times in a turn of the flywheel.
@@ -140,7 +142,7 @@ MIN_RPM = 1.0
 MAX_RPM = 1e5
 
 
-def fastest(follower: FollowerParameters) -> float:
+def find_max_rpm(follower: FollowerParameters) -> float:
     """Return the highest speed (rpm) at which the residual vibration can be computed.
 
     At this speed `MIN_PERIODS` natural periods of the stem fit in one turn.
@@ -154,7 +156,7 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
 
     A speed is too low if a turn has more periods of the stem than can be sampled.
     """
-    max_rpm = fastest(follower)
+    max_rpm = find_max_rpm(follower)
     for speed in rpm:
         if not MIN_RPM <= speed * (1.0 + 1e-12) <= max_rpm * (1.0 + 2e-12):
             raise ConfigError(
@@ -166,7 +168,7 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
 #: Smallest number of samples per turn.
 MIN_SAMPLES = 4096
 #: Smallest number of samples per natural period of the stem.
-PER_PERIOD = 32
+SAMPLES_PER_PERIOD = 32
 #: Largest ratio of the residual vibration to the whole vibration. A larger residual vibration is
 #: an artefact of a stem that does not follow the law.
 MAX_RESIDUAL_RATIO = 2.0
@@ -188,7 +190,7 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
     """Return the samples of one turn in steady state at a speed (rad/s)."""
     model, out = response(law, follower, speed), outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
-    count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
+    count = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * rate / speed))
     step = TURN / speed / count
     displacement, _, acceleration, force = sample(
         model, model.periodic(), 0.0, 0.0, step, count, out
@@ -251,7 +253,7 @@ def vibration(
     if shaft is not None:
         require_smooth(law, ", or a rig without a shaft")
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
-    inside = turn.vibration[window.holds(turn.angle)]
+    inside = turn.vibration[window.contains(turn.angle)]
     twist = fluctuation = None
     if shaft is not None and shaft.flywheel_inertia is not None:
         flywheel = flywheel_turn(law, shaft, shaft.flywheel_inertia, speed)
@@ -297,7 +299,7 @@ def residual_vibration(
     """
     require_speeds(follower, speeds / RPM)
     window = window or low_dwell(law)
-    angles = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
+    angles = [window.start, *law.breaks[:-1][window.contains(law.breaks[:-1])].tolist()]
     run = ModalRun.of(response(law, follower, float(speeds[0])), outputs(follower), None)
     amplitudes = np.array(
         [max(free_amplitude(run, speed, angle) for angle in angles) for speed in speeds.tolist()]

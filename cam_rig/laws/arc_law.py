@@ -18,10 +18,19 @@ from functools import partial
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.laws.arcs import Arc, Blend, Chain, Circle, ConcaveFlankCam, Part, StraightLine, close
-from cam_rig.laws.bernstein import Pieces, joined, rotate_to_zero
+from cam_rig.laws.arcs import (
+    Arc,
+    Blend,
+    Chain,
+    Circle,
+    ConcaveFlankCam,
+    Part,
+    StraightLine,
+    close_chain,
+)
+from cam_rig.laws.bernstein import Pieces, join_pieces, rotate_to_zero
 from cam_rig.laws.law import Law, extremes
-from cam_rig.laws.sampling import Curve, fit
+from cam_rig.laws.sampling import Curve, fit_curve
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import ArcsByCentres, ArcsByRadii, ArcSpec, TangentArcs
 from cam_rig.units import TURN, FloatArray
@@ -97,7 +106,7 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
             breaks.append(stop)
             columns.append(np.array([part.radius - base_radius]))
             continue
-        part_breaks, part_columns = fit(_curve(part, base_radius, follower), start, stop)
+        part_breaks, part_columns = fit_curve(_curve(part, base_radius, follower), start, stop)
         breaks += part_breaks[1:]
         columns += part_columns
     return rotate_to_zero((breaks, columns), TURN)
@@ -264,15 +273,15 @@ def tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
     shape = concave_flank_cam(segment, cam)
     base, half, nose_half = shape.base_radius, shape.event_half_angle, shape.nose_half_angle
     flank, nose = shape.arcs()
-    flank_breaks, flank_pieces = fit(flank, -half, -nose_half)
-    nose_breaks, nose_pieces = fit(nose, -nose_half, 0.0)
+    flank_breaks, flank_pieces = fit_curve(flank, -half, -nose_half)
+    nose_breaks, nose_pieces = fit_curve(nose, -nose_half, 0.0)
     half_breaks = [x + half for x in flank_breaks] + [x + half for x in nose_breaks[1:]]
     half_pieces = [piece - base for piece in flank_pieces + nose_pieces]
     breaks = half_breaks + [2.0 * half - x for x in reversed(half_breaks[:-1])]
     return breaks, half_pieces + [piece[::-1].copy() for piece in reversed(half_pieces)]
 
 
-def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pieces:
+def arc_contour_pieces(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pieces:
     """Compute the law of a contour given by radii or by centres.
 
     Raises
@@ -281,11 +290,11 @@ def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pie
     """
     try:
         parts = _parts(segment, cam)
-        pieces = arc_pieces(close(parts), cam.follower.base_radius.si, arc_follower(cam))
+        pieces = arc_pieces(close_chain(parts), cam.follower.base_radius.si, arc_follower(cam))
     except LawError as error:
         raise LawError(f"cam {cam.name!r}: {error}") from None
     breaks, columns = pieces
-    low, high = extremes(Law(cam.name, np.array(breaks), joined(columns)), 0)
+    low, high = extremes(Law(cam.name, np.array(breaks), join_pieces(columns)), 0)
     lift, limit = cam.lift.si, LIFT_RTOL * cam.lift.si
     if abs(low.value) > limit or abs(high.value - lift) > limit:
         raise LawError(

@@ -62,7 +62,7 @@ class Chain:
     normals: tuple[complex, ...]
 
 
-def close(specs: list[Circle | Blend]) -> Chain:
+def close_chain(specs: list[Circle | Blend]) -> Chain:
     """Fit each blend between its neighbours and compute the normals at the joints.
 
     Parameters

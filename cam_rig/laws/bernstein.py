@@ -317,7 +317,7 @@ def rotate_to_zero(pieces: Pieces, turn: float) -> Pieces:
     return [*starts, turn], [column for _, _, column in moved]
 
 
-def joined(columns: list[FloatArray]) -> FloatArray:
+def join_pieces(columns: list[FloatArray]) -> FloatArray:
     """Return the ordinates of n columns as one array, ``(p + 1, n)``.
 
     p is the highest degree among the columns.

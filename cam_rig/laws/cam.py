@@ -11,9 +11,9 @@ import numpy as np
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import concave_flank_cam
 from cam_rig.laws.arcs import ConcaveFlankCam
-from cam_rig.laws.bernstein import Pieces, joined
+from cam_rig.laws.bernstein import Pieces, join_pieces
 from cam_rig.laws.law import Law
-from cam_rig.laws.segments import own_pieces, unit_rise
+from cam_rig.laws.segments import segment_pieces, unit_rise
 from cam_rig.laws.spline import greville
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.segments import Bezier, BSpline, Dwell, Rise, Segment, TangentArcs
@@ -42,17 +42,17 @@ def build_law(cam: CamConfig) -> Law:
     LawError : the segments do not join, the geometry of a segment does not exist, or the law does
         not have the lift of the file
     """
-    fixed_pieces = [own_pieces(segment, cam) for segment in cam.segments]
+    fixed_pieces = [segment_pieces(segment, cam) for segment in cam.segments]
     breaks, columns, level = [0.0], [], _start_level(cam, fixed_pieces)
     for i, (segment, pieces) in enumerate(zip(cam.segments, fixed_pieces, strict=True)):
-        piece_breaks, piece_columns = pieces or _relative(segment, level, cam.lift.si)
+        piece_breaks, piece_columns = pieces or _relative_pieces(segment, level, cam.lift.si)
         _require_no_step(cam, f"segments[{i}]", float(piece_columns[0][0]) - level)
         breaks += [breaks[-1] + x for x in piece_breaks[1:]]
         columns += piece_columns
         level = float(piece_columns[-1][-1])
     _require_no_step(cam, "the end of the turn", level - float(columns[0][0]))
     breaks[-1] = TURN
-    law = Law(cam.name, np.array(breaks), joined(columns))
+    law = Law(cam.name, np.array(breaks), join_pieces(columns))
     _require_declared_lift(cam, law)
     return law
 
@@ -107,7 +107,7 @@ def _start_level(cam: CamConfig, fixed_pieces: list[Pieces | None]) -> float:
     return 0.0
 
 
-def _relative(segment: Segment, level: float, lift: float) -> Pieces:
+def _relative_pieces(segment: Segment, level: float, lift: float) -> Pieces:
     """Return the pieces of a dwell or of a named rise that starts at ``level`` (m)."""
     span = float(segment.span.si)
     if not isinstance(segment, Rise):

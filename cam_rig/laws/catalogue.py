@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 
 from cam_rig.laws import bernstein
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws.bernstein import join_pieces
 from cam_rig.laws.law import Law, joints, peak
 from cam_rig.laws.segments import NAMED_RISES, unit_rise
 from cam_rig.schema import CamConfig
@@ -27,7 +27,7 @@ FAMILY_TITLES = {
 }
 
 
-def free_laws() -> dict[str, str]:
+def list_parametric_laws() -> dict[str, str]:
     """Return the laws that depend on numbers of the cam file.
 
     Each law is mapped to the keys of its numbers, joined by commas.
@@ -49,7 +49,7 @@ class RiseFamily:
     rises: tuple[str, ...]
 
 
-def families() -> dict[str, RiseFamily]:
+def rise_families() -> dict[str, RiseFamily]:
     """Return the families of named rises, each rise in one of them.
 
     The order is that of figures 3.1 to 3.12 of the laws thesis.
@@ -76,7 +76,7 @@ class Figures:
 
 
 @lru_cache(maxsize=len(NAMED_RISES))
-def figures(name: str) -> Figures:
+def rise_figures(name: str) -> Figures:
     """Compute the peaks and the class of a named rise, from exact roots."""
     law = between_lines(name)
     velocity, acceleration, jerk = (abs(peak(law, order).value) for order in (1, 2, 3))
@@ -93,7 +93,7 @@ def between_lines(name: str) -> Law:
     remainder = TURN - 2.0
     lines = np.array([-before, 0.0]), np.array([1.0, 1.0 + after * remainder])
     edges = np.array([0.0, *(1.0 + u for u in breaks), TURN])
-    return Law(name, edges, joined([lines[0], *columns, lines[1]]))
+    return Law(name, edges, join_pieces([lines[0], *columns, lines[1]]))
 
 
 # Curves of s to s''': of a cam over its turn, or of a named rise alone.
@@ -128,7 +128,7 @@ class LawCurves:
     infinite: tuple[tuple[float, float], ...]
 
 
-def sampled_pieces(law: Law, order: int) -> tuple[FloatArray, FloatArray]:
+def sample_pieces(law: Law, order: int) -> tuple[FloatArray, FloatArray]:
     """Return cam angles (rad) and values (m/rad^order), each ``(count, n)``.
 
     There is one column per piece, from its start to its end.
@@ -140,8 +140,8 @@ def sampled_pieces(law: Law, order: int) -> tuple[FloatArray, FloatArray]:
 
 def cam_curves(name: str, law: Law) -> LawCurves:
     """Return the curves of a cam's law over one turn."""
-    angles = sampled_pieces(law, 0)[0]
-    motion = np.stack([sampled_pieces(law, order)[1].T.ravel() for order in ORDERS])
+    angles = sample_pieces(law, 0)[0]
+    motion = np.stack([sample_pieces(law, order)[1].T.ravel() for order in ORDERS])
     jumps = [joint for joint in joints(law) if joint.continuity == 0]
     infinite = tuple((float(np.degrees(joint.angle)), joint.jump) for joint in jumps)
     return LawCurves(name, np.degrees(angles.T.ravel()), motion, infinite)
@@ -150,8 +150,8 @@ def cam_curves(name: str, law: Law) -> LawCurves:
 def rise_curves(name: str) -> LawCurves:
     """Return the curves of a named rise over u from 0 to 1, without its neighbours."""
     law = between_lines(name)
-    u = sampled_pieces(law, 0)[0][:, 1:-1].T.ravel() - RISE_START
-    motion = [sampled_pieces(law, order)[1][:, 1:-1].T.ravel() for order in ORDERS]
+    u = sample_pieces(law, 0)[0][:, 1:-1].T.ravel() - RISE_START
+    motion = [sample_pieces(law, order)[1][:, 1:-1].T.ravel() for order in ORDERS]
     jumps = [joint for joint in joints(law)[1:] if joint.continuity == 0]
     infinite = tuple((joint.angle - RISE_START, joint.jump) for joint in jumps)
     return LawCurves(name, u, np.stack(motion), infinite)

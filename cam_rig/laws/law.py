@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # Smallest and largest value of a derivative over the turn, from roots instead of samples.
 
 #: Largest difference of values that count as equal, as a fraction of the largest ordinate.
-TIE = 1e-12
+TIE_RTOL = 1e-12
 #: Largest absolute cam angle, rad. Beyond it fewer than four digits of the phase remain.
 MAX_ANGLE = 1e12
 
@@ -43,7 +43,7 @@ def extremes(law: Law, order: int) -> tuple[Extreme, Extreme]:
     ordinates = law.derivative_ordinates(order)
     slope = law.derivative_ordinates(order + 1)
     low = high = Extreme(float(ordinates[0, 0]), 0.0)
-    tie = TIE * float(np.abs(ordinates).max())
+    tie = TIE_RTOL * float(np.abs(ordinates).max())
     for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
         u = np.array([0.0, *bernstein.crossings(slope[:, i]), 1.0])
         values = bernstein.evaluate(ordinates[:, i], u)
@@ -387,9 +387,9 @@ class Law:
 # Smoothness of the joints: the class C0 to C4 of each.
 
 #: Highest class. A smoother joint counts as this class.
-SMOOTHEST = 4
+MAX_CONTINUITY = 4
 #: Largest jump that counts as 0, as a fraction of the derivative's peak in the adjacent pieces.
-TOLERANCE = 1e-6
+JUMP_RTOL = 1e-6
 #: Rounding of a derivative at the end of a piece, in units of eps·level·(2p/span)^order.
 LEVEL_ROUNDINGS = 16.0
 
@@ -412,9 +412,9 @@ class Joint:
 
 def joints(law: Law) -> tuple[Joint, ...]:
     """Return every joint of the law with its class, in order from cam angle 0."""
-    jumps = np.stack([law.jumps(order) for order in range(SMOOTHEST + 1)])
-    broken = np.abs(jumps) > np.stack([_limits(law, order) for order in range(SMOOTHEST + 1)])
-    first = np.where(broken.any(axis=0), np.argmax(broken, axis=0), SMOOTHEST + 1)
+    jumps = np.stack([law.jumps(order) for order in range(MAX_CONTINUITY + 1)])
+    broken = np.abs(jumps) > np.stack([_limits(law, order) for order in range(MAX_CONTINUITY + 1)])
+    first = np.where(broken.any(axis=0), np.argmax(broken, axis=0), MAX_CONTINUITY + 1)
     sizes = np.vstack([jumps, np.zeros(law.spans.size)])[first, np.arange(law.spans.size)]
     rows = zip(law.breaks[:-1].tolist(), (first - 1).tolist(), sizes.tolist(), strict=True)
     return tuple(Joint(*row) for row in rows)
@@ -434,14 +434,14 @@ def _limits(law: Law, order: int) -> FloatArray:
     """
     level = float(np.abs(law.ordinates).max())
     if order == 0:
-        return np.full(law.spans.size, TOLERANCE * level)
+        return np.full(law.spans.size, JUMP_RTOL * level)
     peaks = np.abs(law.derivative_ordinates(order)).max(axis=0)
     noise = LEVEL_ROUNDINGS * np.finfo(float).eps * level * (2.0 * law.degree / law.spans) ** order
-    limits = np.maximum(TOLERANCE * peaks, noise)
+    limits = np.maximum(JUMP_RTOL * peaks, noise)
     return np.asarray(np.maximum(limits, np.roll(limits, 1)))
 
 
-def continuity_in_words(law: Law) -> str:
+def format_continuity(law: Law) -> str:
     """Return the class of a law as text, such as "C3"."""
     order = continuity(law)
-    return f"C{order}" if order < SMOOTHEST else f"C{SMOOTHEST} or smoother"
+    return f"C{order}" if order < MAX_CONTINUITY else f"C{MAX_CONTINUITY} or smoother"

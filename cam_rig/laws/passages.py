@@ -16,7 +16,7 @@ LEVELS = (0.01, 0.50, 0.99)
 #: Largest distance of a joint from a height that counts as rounding, as a fraction of the lift.
 JOINT_TOLERANCE = 1e-12
 #: Largest distance (rad) of roots that are the same, because both pieces at a joint contain it.
-SAME_ANGLE = 1e-7
+SAME_ANGLE_RAD = 1e-7
 #: Angle (rad) before and after a root at which the law must be on different sides of the height.
 SIDE_ANGLE = 1e-5
 
@@ -45,7 +45,7 @@ def passages(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[P
         for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
             angles += [float(start + span * u) for u in bernstein.crossings(above[:, i])]
         angles = np.sort(np.mod(angles, TURN))
-        for angle in angles[np.diff(angles, prepend=-np.inf) > SAME_ANGLE].tolist():
+        for angle in angles[np.diff(angles, prepend=-np.inf) > SAME_ANGLE_RAD].tolist():
             before, after = law(np.array([angle - SIDE_ANGLE, angle + SIDE_ANGLE])) - height
             if before * after < 0.0:
                 result.append(Passage(level, angle, bool(after > before)))

@@ -104,7 +104,7 @@ def sample(
             _fill_without_chunks(runs, law.degree, weights @ law.motion[:, :, index], offsets, out)
             continue
         series = _piece_series(law, index, runs[0].width, chunk, weights.tobytes())
-        groups = repeated(runs)
+        groups = group_repeated_runs(runs)
         terms = series.at([group[0] for group in groups])
         terms[:, :, 0] += offsets[:, None]
         i = 0
@@ -150,7 +150,7 @@ class SampleRun(NamedTuple):
         return self.first + self.width * np.arange(self.length, dtype=np.float64)
 
 
-def repeated(runs: list[SampleRun]) -> list[list[SampleRun]]:
+def group_repeated_runs(runs: list[SampleRun]) -> list[list[SampleRun]]:
     """Group the equal and evenly spaced runs of one piece, as of successive turns.
 
     The runs are in order, and so are the groups.
@@ -223,7 +223,7 @@ def _fill_without_chunks(
 def fill_in_chunks(
     runs: list[SampleRun], terms: FloatArray, over: FloatArray, out: FloatArray
 ) -> None:
-    """Write the samples of a group of runs from `repeated` into ``out``.
+    """Write the samples of a group of runs from `group_repeated_runs` into ``out``.
 
     The shape of ``out`` is ``(k, count)``. The samples are the products of ``terms``, ``(k, runs or
     1, chunks, q)``, and ``over``, ``(k or 1, q, chunk)``.
@@ -288,7 +288,7 @@ def _nodes(degree: int) -> tuple[FloatArray, FloatArray]:
     return nodes, bernstein.basis(degree, nodes)
 
 
-def fit(
+def fit_curve(
     curve: Curve,
     start: float,
     stop: float,
@@ -340,10 +340,10 @@ def fit(
 
 
 def fit_sections(sections: list[Section]) -> Pieces:
-    """Fit Bernstein pieces to consecutive curves, as `fit`."""
+    """Fit Bernstein pieces to consecutive curves, as `fit_curve`."""
     breaks, pieces = [sections[0][0]], []
     for start, stop, curve in sections:
-        section_breaks, section_pieces = fit(curve, start, stop)
+        section_breaks, section_pieces = fit_curve(curve, start, stop)
         breaks += section_breaks[1:]
         pieces += section_pieces
     return breaks, pieces

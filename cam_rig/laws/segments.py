@@ -12,10 +12,10 @@ import numpy as np
 
 from cam_rig.errors import LawError
 from cam_rig.laws import spline as b_spline
-from cam_rig.laws.arc_law import tangent_arcs, whole_turn_arcs
-from cam_rig.laws.bernstein import Pieces, joined
+from cam_rig.laws.arc_law import arc_contour_pieces, tangent_arcs
+from cam_rig.laws.bernstein import Pieces, join_pieces
 from cam_rig.laws.law import Law
-from cam_rig.laws.sampling import Curve, Section, fit, fit_sections
+from cam_rig.laws.sampling import Curve, Section, fit_curve, fit_sections
 from cam_rig.laws.spline import Rest, Smoothed, require_above_scatter, smooth
 from cam_rig.schema import CamConfig
 from cam_rig.schema import segments as kinds
@@ -111,12 +111,12 @@ def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
 
 #: Largest difference between the lift of a cam file and the height of its points, as a fraction of
 #: that height ...
-SAME_LIFT = 1e-2
+LIFT_RTOL = 1e-2
 #: ... plus this number of smoothing tolerances, for the errors of the highest and the lowest point.
-SAME_LIFT_TOLERANCES = 8.0
+MAX_LIFT_TOLERANCES = 8.0
 
 
-def own_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
+def segment_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
     """Return the pieces (rad, m) of a segment that sets its level.
 
     The pieces start at angle 0. The result is None for a dwell or a named rise, which continue from
@@ -144,11 +144,11 @@ def own_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
                 [] if numbers is None else [lift * number for number in numbers.numbers]
                 for numbers in (segment.cosine, segment.sine)
             )
-            pieces = fit(trigonometric(lift * segment.mean.si, cosine, sine), 0.0, span)
+            pieces = fit_curve(trigonometric(lift * segment.mean.si, cosine, sine), 0.0, span)
         case kinds.TangentArcs():
             pieces = tangent_arcs(segment, cam)
         case kinds.ArcsByRadii() | kinds.ArcsByCentres():
-            pieces = whole_turn_arcs(segment, cam)
+            pieces = arc_contour_pieces(segment, cam)
         case Table():
             pieces = smooth_table(segment, cam).pieces
         case _:
@@ -165,7 +165,7 @@ def smooth_table(segment: Table, cam: CamConfig) -> Smoothed:
     """
     points = segment.file
     height = max(points.lifts) - min(points.lifts)
-    limit = SAME_LIFT * height + SAME_LIFT_TOLERANCES * segment.tolerance.si
+    limit = LIFT_RTOL * height + MAX_LIFT_TOLERANCES * segment.tolerance.si
     if abs(height - cam.lift.si) > limit:
         raise LawError(
             f"cam {cam.name!r}: lift is {cam.lift.si * 1e3:g} mm, the points of {points.file} "
@@ -369,4 +369,4 @@ def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None =
         breaks.append(TURN)
         pieces.append(np.array([0.0]))
     breaks[-1] = TURN
-    return Law(f"{rise} over {math.degrees(event):.4g}°", np.array(breaks), joined(pieces))
+    return Law(f"{rise} over {math.degrees(event):.4g}°", np.array(breaks), join_pieces(pieces))

@@ -337,7 +337,7 @@ def scatter_error(count: int) -> float:
     return ERROR_FACTOR / math.sqrt(count)
 
 
-def least_tolerance(noise: float, count: int) -> float:
+def min_tolerance(noise: float, count: int) -> float:
     """Return the smallest tolerance (m) with which a spline does not follow noise.
 
     ``noise`` (m) is the scatter of ``count`` readings.
@@ -353,10 +353,10 @@ def require_above_scatter(angles: FloatArray, lifts: FloatArray, tolerance: floa
     if angles[-1] - angles[0] > TURN * (1.0 - 1e-12):
         angles, lifts = angles[:-1], lifts[:-1]
     noise = scatter(angles, lifts)
-    min_tolerance = least_tolerance(noise, angles.size)
-    if 0.0 < tolerance < min_tolerance:
+    limit = min_tolerance(noise, angles.size)
+    if 0.0 < tolerance < limit:
         raise LawError(
             f"tolerance is {tolerance * 1e3:.3g} mm, the points scatter by {noise * 1e3:.3g} mm, "
             "so the spline would follow their noise; allowed: at least "
-            f"{min_tolerance * 1e3:.3g} mm, or 0 to go through every point"
+            f"{limit * 1e3:.3g} mm, or 0 to go through every point"
         )

@@ -121,7 +121,7 @@ class TickMatcher:
         if self._sample_rate is None:
             return True
         grid = start.until(end).grid(self._sample_rate)
-        times = start.time_ns / NS + grid.since_start()
+        times = start.time_ns / NS + grid.sample_times()
         if rows.shape[1] != grid.count:
             return False
         return bool(np.abs(Samples(rows).time - times).max() < SAMPLE_TIME_ATOL_S)

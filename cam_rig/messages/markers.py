@@ -19,7 +19,7 @@ from cam_rig.messages.frames import GUIDE, Robot
 from cam_rig.messages.serialization import CdrTemplate, example_header, header, new, serialize
 from cam_rig.messages.urdf import BODY_THICKNESS, DISC_THICKNESS
 from cam_rig.profile.contact import Motion
-from cam_rig.profile.shapes import closed
+from cam_rig.profile.shapes import close_outline
 from cam_rig.show import looks as colours
 from cam_rig.show.looks import of_cam
 from cam_rig.simulation.scene import FORCE_ARROW_RATIO as ARROW_SHARE
@@ -162,7 +162,7 @@ def cam_markers(robot: Robot) -> bytes:
     """
     cam, size = robot.mounted, robot.size
     outline, half = contour_of(cam, robot.law).T, 0.5 * DISC_THICKNESS * size
-    strip = [point(float(x), float(y), half) for x, y in closed(outline)]
+    strip = [point(float(x), float(y), half) for x, y in close_outline(outline)]
     solid = [point(*map(float, corner)) for corner in _solid(outline, half)]
     head, width, unscaled = header(0, cam.name), (0.01 * size, 0.0, 0.0), (1.0, 1.0, 1.0)
     black, cam_colour = colour(colours.BLACK), colour(of_cam(cam.name))

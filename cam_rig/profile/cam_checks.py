@@ -16,7 +16,7 @@ from cam_rig.profile.checks import (
     corner_check,
     crossing_check,
     curvature_checks,
-    least_base_radius,
+    find_min_base_radius,
     reach_checks,
 )
 from cam_rig.profile.contact import Element, Scan, greatest_between, stroke
@@ -50,25 +50,25 @@ def breadth_check(law: Law) -> Check:
 # Pressure angle: from the follower's direction of motion to the common normal.
 
 #: Default limit for a follower in a guide, rad, as handbooks recommend.
-GUIDED = float(np.radians(30.0))
+MAX_GUIDED_ANGLE = float(np.radians(30.0))
 #: Default limit for a follower on an arm, rad, as handbooks recommend.
-SWUNG = float(np.radians(45.0))
+MAX_SWUNG_ANGLE = float(np.radians(45.0))
 
 
-def greatest_allowed(follower: Follower, element: Element) -> float:
+def max_pressure_angle(follower: Follower, element: Element) -> float:
     """Return the greatest permitted pressure angle in rad.
 
-    It is the value of the cam file, or the default of `GUIDED` or `SWUNG`.
+    It is the value of the cam file, or the default of `MAX_GUIDED_ANGLE` or `MAX_SWUNG_ANGLE`.
     """
     if (limit := follower.most_pressure_angle) is not None:
         return limit.si
-    return SWUNG if isinstance(element, Swung) else GUIDED
+    return MAX_SWUNG_ANGLE if isinstance(element, Swung) else MAX_GUIDED_ANGLE
 
 
 def pressure_check(scan: Scan, follower: Follower) -> Check:
     """Return the check of the greatest pressure angle, of either sign."""
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
-    limit = greatest_allowed(follower, scan.element)
+    limit = max_pressure_angle(follower, scan.element)
     remedy = "let base_radius be larger, the spans longer, or set most_pressure_angle"
     return replace(
         Check.at("pressure angle", steepest, "at most", limit, "°", remedy), is_fatal=False
@@ -106,7 +106,7 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
     """
     follower, smaller = cam.follower, "a smaller one is undercut or out of reach"
     checks = [corner_check(law, VELOCITY_JUMP)]
-    least_base = least_base_radius(follower, law)
+    least_base = find_min_base_radius(follower, law)
     try:
         plates = discs(follower, law)
     except ReachError as error:
@@ -147,7 +147,7 @@ def require_profile(cam: CamConfig, law: Law) -> None:
 USUAL_LIFTS = 1e-4, 0.1
 
 
-def unusual_lift(lift: float) -> list[str]:
+def warn_of_unusual_lift(lift: float) -> list[str]:
     """Return a warning about a lift (m) outside of `USUAL_LIFTS`.
 
     The list is empty for a usual lift.

@@ -97,7 +97,7 @@ class Check:
         """Cam angle within one turn in degrees, None for the cam as a whole."""
         return None if self.angle is None else float(np.degrees(self.angle)) % 360.0
 
-    def shown(self, value: float) -> str:
+    def format_value(self, value: float) -> str:
         """Return the text of a value in the display unit."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{value * FACTORS[self.unit]:.5g}{unit}".replace(" °", "°")
@@ -105,13 +105,13 @@ class Check:
     @property
     def allowed(self) -> str:
         """Relation and limit as text."""
-        return f"{self.relation} {self.shown(self.limit)}"
+        return f"{self.relation} {self.format_value(self.limit)}"
 
     def __str__(self) -> str:
         """Return one line with angle, value, limit and remedy."""
         where = "" if self.degrees is None else f" at {self.degrees:.4g}°"
         return (
-            f"{self.title} is {self.shown(self.value)}{where}; allowed: {self.allowed}; "
+            f"{self.title} is {self.format_value(self.value)}{where}; allowed: {self.allowed}; "
             f"{self.remedy}"
         )
 
@@ -123,7 +123,7 @@ CROSSING_POINTS = 3600
 def reach_checks(scan: Scan) -> Iterator[Check]:
     """Yield the checks of the positions that the follower can reach."""
     element, law = scan.element, scan.law
-    nearest = least_clearance(element, law)
+    nearest = min_clearance(element, law)
     remedy = "the cam would not hold its shaft: let base_radius be larger"
     yield Check.at("distance from the axis", nearest, "more than", 0.0, "mm", remedy)
     if isinstance(element, Swung):
@@ -136,7 +136,7 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
         yield Check.at("turn of the face per turn", turn, "more than", 0.0, "1", remedy)
 
 
-def least_clearance(element: Element, law: Law) -> Extreme:
+def min_clearance(element: Element, law: Law) -> Extreme:
     """Return the least distance (m) of roller, point or face from the cam's axis.
 
     It occurs at the lowest or the highest lift.
@@ -264,14 +264,14 @@ MAX_BASE_RATIO = 1e3
 BASE_RTOL = 1e-12
 
 
-def least_base_radius(follower: Follower, law: Law) -> float | None:
+def find_min_base_radius(follower: Follower, law: Law) -> float | None:
     """Return the minimum base radius (m), or None if no base radius is sufficient.
 
     Above it the least convex radius of curvature meets the limit of the cam file (default: 0), and
     the follower does not cross the cam's axis. A face in a guide has closed forms: the radius of
     curvature is R_b + (s + s'') cos β, and the distance from the axis is R_b + s cos β. For other
-    followers `least_base` searches. The result is None too if the cam cuts the pivot of an arm at
-    this base radius.
+    followers `search_base_radius` is used. The result is None too if the cam cuts the pivot of an
+    arm at this base radius.
 
     References
     ----------
@@ -281,26 +281,26 @@ def least_base_radius(follower: Follower, law: Law) -> float | None:
     sharpest = 0.0 if required is None else required.si
     if isinstance(follower, Flat | InclinedFlat | ConstantBreadth):
         plates = discs(follower, law)
-        nearest = least_clearance(plates[0].element, law).value
+        nearest = min_clearance(plates[0].element, law).value
         return max(
             0.0, base_radius + sharpest - _min_convex_radius(plates, law), base_radius - nearest
         )
 
     def margin(base: float) -> float:
-        plates = plates_on(follower, law, base)
+        plates = discs_on(follower, law, base)
         value = _min_convex_radius(plates, law) - sharpest if plates else -base_radius
         return min(max(value, -base_radius), base_radius)  # brentq needs finite values
 
-    least = least_base(margin, base_radius)
+    least = search_base_radius(margin, base_radius)
     if not least:
         return least
     # the larger the base radius, the sooner the cam cuts the pivot
-    plates = plates_on(follower, law, least * (1.0 + BASE_RTOL))
+    plates = discs_on(follower, law, least * (1.0 + BASE_RTOL))
     checks = (check for disc in plates for check in pivot_checks(Scan(law, disc.element)))
     return least if all(check.passed for check in checks) else None
 
 
-def least_base(margin: Callable[[float], float], base_radius: float) -> float | None:
+def search_base_radius(margin: Callable[[float], float], base_radius: float) -> float | None:
     """Find the base radius (m) next to `base_radius` at which a margin is 0.
 
     The margin is finite and increases with the base radius.
@@ -334,7 +334,7 @@ def _min_convex_radius(plates: tuple[Disc, ...], law: Law) -> float:
     return min(sharpest_convex(Scan(law, disc.element)).value for disc in plates)
 
 
-def plates_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
+def discs_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
     """Return the discs with another base radius (m).
 
     The result is empty if the follower does not reach the base circle, or crosses the axis.
@@ -343,5 +343,5 @@ def plates_on(follower: Follower, law: Law, base: float) -> tuple[Disc, ...]:
         plates = discs(follower, law, base)
     except ReachError:
         return ()
-    clear = all(least_clearance(disc.element, law).value > 0.0 for disc in plates)
+    clear = all(min_clearance(disc.element, law).value > 0.0 for disc in plates)
     return plates if clear else ()

@@ -17,8 +17,10 @@ from cam_rig.units import TURN, FloatArray
 
 #: Bytes of a file that is read: 80 000 points as `drawing_files.write_contour` writes them.
 MAX_BYTES = 8 * MIB
-#: Largest distance of a contour from the cam's axis that is read, and smallest, m.
-MAX_SIZE, MIN_SIZE = 10.0, 1e-5
+#: Largest distance of a contour from the cam's axis, m: far above that of any cam.
+MAX_SIZE = 10.0
+#: Smallest distance, m: a smaller contour is in another unit.
+MIN_SIZE = 1e-5
 #: Largest range of the angles of a polar table, rad: a turn and its rounding.
 MAX_TURN = TURN * (1.0 + 1e-6)
 #: Largest difference of z of a plane contour, m: above the rounding of other programs.
@@ -75,7 +77,7 @@ class Placement:
 
 
 #: Placement without options.
-AS_IT_IS = Placement()
+UNPLACED = Placement()
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def require_size(path: Path, curve: FloatArray) -> None:
         )
 
 
-def read_contour_table(path: Path, placement: Placement = AS_IT_IS) -> ContourFile:
+def read_contour_table(path: Path, placement: Placement = UNPLACED) -> ContourFile:
     """Read the contours of a table with columns x and y, or angle and radius.
 
     A column `disc` separates several contours. The angle of polar points is clockwise from +y of
@@ -239,8 +241,8 @@ class _ContourTable(CellTable):
                     f"the angle {math.degrees(angle[row]):.6g} deg has several radii, and the rows "
                     "are not in order; allowed: one turn of the cam"
                 )
-            for place, row in zip(members.tolist(), placed.tolist(), strict=True):
-                rows[place] = row
+            for index, row in zip(members.tolist(), placed.tolist(), strict=True):
+                rows[index] = row
         return rows
 
     def require_plane(self, headings: list[Heading], factor: float) -> None:

@@ -71,7 +71,7 @@ def closed_curve(points: FloatArray) -> Curve:
     return curve
 
 
-def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
+def rest_on_contour(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
     """Return the displacement s (m) of a follower that rests on a contour.
 
     Parameters
@@ -98,9 +98,9 @@ def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
     for start in range(0, angle.size, BLOCK):
         turn = np.exp(1j * angle[start : start + BLOCK])[:, None]
         if isinstance(element, GuidedCentre | SwungCentre) and element.roller == 0.0:
-            block = _crossing(element, curve, outline, turn)
+            block = _find_crossing(element, curve, outline, turn)
         else:
-            block = _highest(element, curve, outline, turn)
+            block = _find_highest(element, curve, outline, turn)
         position[start : start + BLOCK] = block
     if not np.isfinite(position).all():
         failed_deg = np.degrees(angle[np.argmin(np.isfinite(position))])
@@ -111,7 +111,7 @@ def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
     return element.lift_at(position)
 
 
-def _highest(
+def _find_highest(
     element: Element, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
     """Return the position on the point that lifts the follower farthest, ``(k,)``."""
@@ -126,7 +126,7 @@ def _highest(
     return np.asarray(positions[rows, best])
 
 
-def _crossing(
+def _find_crossing(
     element: GuidedCentre | SwungCentre, curve: Curve, outline: ComplexArray, turn: ComplexArray
 ) -> FloatArray:
     """Return the position at the farthest crossing of path and contour, ``(k,)``."""
@@ -160,13 +160,13 @@ def find_rotation(element: Element, curve: Curve, law: Law) -> tuple[float, floa
     residual is the r.m.s. error in m.
     """
     angle = turn_angles(ALIGN_ANGLES)
-    lift, expected, slope = rest(element, curve, angle), law(angle), law(angle, 1)
+    lift, expected, slope = rest_on_contour(element, curve, angle), law(angle), law(angle, 1)
     products = np.fft.irfft(np.fft.rfft(lift) * np.conj(np.fft.rfft(expected)), angle.size)
     rotation = float(angle[int(np.argmax(products))])
-    error = rest(element, curve, angle + rotation) - expected
+    error = rest_on_contour(element, curve, angle + rotation) - expected
     for _ in range(ALIGN_STEPS):
         step = -float(np.sum(error * slope) / np.sum(slope**2))
-        next_error = rest(element, curve, angle + rotation + step) - expected
+        next_error = rest_on_contour(element, curve, angle + rotation + step) - expected
         if rms(next_error) >= rms(error):
             break
         rotation, error = rotation + step, next_error
@@ -250,7 +250,7 @@ def backlash(
 
     It is negative if the follower does not fit between them.
     """
-    low, high = (rest(*pair, angle) for pair in zip(elements, curves, strict=True))
+    low, high = (rest_on_contour(*pair, angle) for pair in zip(elements, curves, strict=True))
     return high - low
 
 

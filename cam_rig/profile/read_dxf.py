@@ -34,10 +34,10 @@ from shapely import LineString, segmentize
 from cam_rig.errors import ProfileError
 from cam_rig.files import read_bytes
 from cam_rig.profile.contour_files import (
-    AS_IT_IS,
     MAX_BYTES,
     MAX_HEIGHT,
     MAX_SIZE,
+    UNPLACED,
     ContourFile,
     Placement,
     encloses_axis,
@@ -52,9 +52,11 @@ UNIT_NAMES = {units.MM: "mm", units.CM: "cm", units.M: "m", units.IN: "in"}
 CURVES = (Line, Arc, Circle, Ellipse, Spline, LWPolyline, Polyline)
 #: Entities of a drawing that are read, those of its blocks included.
 MAX_ENTITIES = 100_000
-#: Arcs are read as chords with this error, m, and a curve with arcs at this number of points at
-#: least, because straight parts of it are meant as such: a spline through their ends would bulge.
-ARC_ERROR, ARC_POINTS = 1e-9, 20_000
+#: Largest distance of the chords of an arc or a spline from it, m: below the errors of a machine.
+ARC_ERROR = 1e-9
+#: Smallest number of points of a curve with arcs. A spline through the ends of its straight parts
+#: alone would bulge.
+ARC_POINTS = 20_000
 #: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
 ARC_SEGMENTS = 96
 #: Points of a curve before its last refinement.
@@ -96,7 +98,7 @@ class _Curve:
 
 def read_dxf(
     path: Path,
-    placement: Placement = AS_IT_IS,
+    placement: Placement = UNPLACED,
     layer: str | None = None,
     count: int | None = None,
 ) -> ContourFile:
@@ -122,9 +124,11 @@ def read_dxf(
     ProfileError
         The file is not a DXF drawing, has no known unit, or no closed curve.
     """
-    document, every = _read(path)
-    unit = _unit(path, document, placement)
-    entities = _visible(document, every) if layer is None else _of_layer(path, every, layer)
+    document, every = _read_drawing(path)
+    unit = _find_unit(path, document, placement)
+    entities = (
+        _select_visible(document, every) if layer is None else _select_layer(path, every, layer)
+    )
     curves, loose, notes = list[_Curve](), list[_Curve](), list[str]()
     if hidden := len(every) - len(entities) if layer is None else 0:
         notes.append(
@@ -134,19 +138,21 @@ def read_dxf(
     for entity in entities:
         if isinstance(entity, CURVES):
             try:
-                curve = _curve(path, entity, UNITS["length"][unit])
+                curve = _read_curve(path, entity, UNITS["length"][unit])
             except ProfileError:
                 raise
-            except DAMAGE as error:
+            except DAMAGE_ERRORS as error:
                 text = str(error) or type(error).__name__
                 raise ProfileError(f"{path}: {_name(entity)} cannot be read ({text})") from None
             (curves if curve.is_closed else loose).append(curve)
-    chains, ends = _chained(loose)
+    chains, ends = _join_chains(loose)
     curves += chains
     if not curves:
         more = "".join(f" {note}" for note in notes)
-        raise ProfileError(f"{path}: has no closed curve: {_contents(document, layer)}{ends}{more}")
-    outer = curves if count is None or len(curves) <= count else _outer(curves)
+        raise ProfileError(
+            f"{path}: has no closed curve: {_describe_contents(document, layer)}{ends}{more}"
+        )
+    outer = curves if count is None or len(curves) <= count else _select_outer(curves)
     if tilted := next((curve.tilted for curve in outer if curve.tilted), ""):
         raise ProfileError(f"{path}: {tilted}; allowed: a drawing in the xy plane")
     if len(outer) < len(curves):
@@ -183,7 +189,7 @@ def _is_cam_inside(points: FloatArray, circle: FloatArray) -> bool:
 
 
 #: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.
-DAMAGE = (
+DAMAGE_ERRORS = (
     *(OSError, DXFError, ValueError, ArithmeticError, LookupError),
     *(AttributeError, AssertionError, StopIteration),
 )
@@ -191,16 +197,16 @@ DAMAGE = (
 logging.getLogger("ezdxf").addHandler(logging.NullHandler())
 
 
-def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
+def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
     """Return a drawing and the entities of its model space, those of blocks among them."""
     try:
         read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
-        count = _count(document, drawn, {})
+        count = _count_entities(document, drawn, {})
         every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
         entities = list(islice(every, MAX_ENTITIES + 1 if count <= MAX_ENTITIES else 0))
-    except DAMAGE as error:
+    except DAMAGE_ERRORS as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise ProfileError(f"{path}: cannot be read as DXF ({text})") from None
     except RecursionError:
@@ -210,7 +216,9 @@ def _read(path: Path) -> tuple[Drawing, list[DXFEntity]]:
     return document, entities
 
 
-def _count(document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str, int]) -> int:
+def _count_entities(
+    document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str, int]
+) -> int:
     """Return the number of entities, those of blocks among them, without drawing the blocks.
 
     An empty block counts as an entity. `of_blocks` has the numbers of the blocks that were counted.
@@ -221,13 +229,15 @@ def _count(document: Drawing, entities: Iterable[DXFEntity], of_blocks: dict[str
         if isinstance(entity, Insert):
             name = entity.dxf.name
             if name not in of_blocks:
-                of_blocks[name] = _count(document, document.blocks.get(name) or (), of_blocks)
+                of_blocks[name] = _count_entities(
+                    document, document.blocks.get(name) or (), of_blocks
+                )
             number = entity.mcount * max(1, of_blocks[name])
         total += number
     return total
 
 
-def _unit(path: Path, document: Drawing, placement: Placement) -> str:
+def _find_unit(path: Path, document: Drawing, placement: Placement) -> str:
     unit = UNIT_NAMES.get(document.units)
     if unit is not None and placement.unit not in (None, unit):
         raise ProfileError(
@@ -244,7 +254,7 @@ def _unit(path: Path, document: Drawing, placement: Placement) -> str:
     return name
 
 
-def _visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
+def _select_visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
     """Return the entities that a CAD program shows."""
     off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
     frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
@@ -263,34 +273,34 @@ def _visible(document: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
     return [entity for entity in entities if is_visible(entity)]
 
 
-def _of_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXFEntity]:
+def _select_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXFEntity]:
     layers = sorted({entity.dxf.get("layer", "0") for entity in entities})
     if layer not in layers:
         raise ProfileError(f"{path}: has no layer {layer!r}; allowed: {', '.join(layers[:20])}")
     return [entity for entity in entities if entity.dxf.get("layer", "0") == layer]
 
 
-def _curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
+def _read_curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
     """Return an entity as a curve; `factor` is the drawing's unit in m."""
     if isinstance(entity, Spline):
-        points = _flattened(path, entity, factor)
+        points = _flatten(path, entity, factor)
         require_size(path, points)
         z = factor * np.array([p.z for p in entity.construction_tool().control_points])
-        return _Curve(points, True, _tilted(entity, z))
+        return _Curve(points, True, _describe_tilt(entity, z))
     outline = make_path(entity, segments=ARC_SEGMENTS)
     control = factor * np.array([(p.x, p.y) for p in outline.control_vertices()]).reshape(-1, 2)
     if not control.size or not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
-        raise _no_finite_points(path, entity)
+        raise _no_points_error(path, entity)
     vertices = islice(outline.flattening(ARC_ERROR / factor), MAX_POINTS)
     points = factor * np.array([(p.x, p.y) for p in vertices]).reshape(-1, 2)
     is_closed = isinstance(entity, LWPolyline | Polyline) and entity.is_closed
     if is_closed and not np.array_equal(points[0], points[-1]):
         points = np.append(points, points[:1], axis=0)
     z = factor * np.array([p.z for p in outline.control_vertices()])
-    return _Curve(points, outline.has_curves, _tilted(entity, z))
+    return _Curve(points, outline.has_curves, _describe_tilt(entity, z))
 
 
-def _flattened(path: Path, entity: Spline, factor: float) -> FloatArray:
+def _flatten(path: Path, entity: Spline, factor: float) -> FloatArray:
     """Return points `(n, 2)` of a spline (m) whose chords are within `ARC_ERROR` of it.
 
     Each chord is divided into thirds until the spline at both thirds is that near. A cubic curve
@@ -299,19 +309,22 @@ def _flattened(path: Path, entity: Spline, factor: float) -> FloatArray:
     tool = entity.construction_tool()
     control = factor * np.array([(p.x, p.y) for p in tool.control_points])
     if not np.isfinite(control).all() or np.abs(control).max() > MAX_SIZE:
-        raise _no_finite_points(path, entity)
+        raise _no_points_error(path, entity)
     weight = np.array(tool.weights() or np.ones(len(control)))[:, None]
     if not (weight > 0.0).all():
         raise ValueError("a weight is not positive")
     knots, degree = np.array(tool.knots()), tool.degree
     spline = BSpline(knots, np.hstack([control * weight, weight]), degree)
     # the outer knots of an unclamped spline lie beyond its range
-    at = np.unique(knots[degree : len(knots) - degree])
-    points = _on_spline(spline, at)
-    divided = np.arange(len(at) - 1)  # chords that are not known to be short enough
-    while divided.size and len(at) < MAX_POINTS:
-        thirds = at[divided, None] + np.diff(at)[divided, None] * np.array([1.0, 2.0]) / 3.0
-        inner = _on_spline(spline, thirds.ravel()).reshape(-1, 2, 2)
+    parameters = np.unique(knots[degree : len(knots) - degree])
+    points = _evaluate(spline, parameters)
+    divided = np.arange(len(parameters) - 1)  # chords that are not known to be short enough
+    while divided.size and len(parameters) < MAX_POINTS:
+        thirds = (
+            parameters[divided, None]
+            + np.diff(parameters)[divided, None] * np.array([1.0, 2.0]) / 3.0
+        )
+        inner = _evaluate(spline, thirds.ravel()).reshape(-1, 2, 2)
         start, chord = points[divided, None], np.diff(points, axis=0)[divided, None]
         foot = start + chord * np.array([1.0, 2.0])[:, None] / 3.0
         (x, y), (u, v) = np.moveaxis(inner - foot, -1, 0), np.moveaxis(chord, -1, 0)
@@ -320,27 +333,27 @@ def _flattened(path: Path, entity: Spline, factor: float) -> FloatArray:
         distance = np.where(length > ARC_ERROR, across, np.hypot(x, y))
         far = (distance > ARC_ERROR).any(axis=1)
         where = np.repeat(divided[far] + 1, 2)
-        at = np.insert(at, where, thirds[far].ravel())
+        parameters = np.insert(parameters, where, thirds[far].ravel())
         points = np.insert(points, where, inner[far].reshape(-1, 2), axis=0)
         first = divided[far] + 2 * np.arange(np.count_nonzero(far))
         divided = (first[:, None] + np.arange(3)).ravel()
     return points
 
 
-def _on_spline(spline: BSpline, at: FloatArray) -> FloatArray:
+def _evaluate(spline: BSpline, parameters: FloatArray) -> FloatArray:
     """Return points `(n, 2)` of a spline with homogeneous coordinates."""
-    x, y, weight = spline(at).T
+    x, y, weight = spline(parameters).T
     return np.column_stack([x / weight, y / weight])
 
 
-def _no_finite_points(path: Path, entity: DXFEntity) -> ProfileError:
+def _no_points_error(path: Path, entity: DXFEntity) -> ProfileError:
     return ProfileError(
         f"{path}: {_name(entity)} has no finite points within {MAX_SIZE:g} m; allowed: a "
         "contour of a cam, so check unit and bulges"
     )
 
 
-def _tilted(entity: DXFEntity, z: FloatArray) -> str:
+def _describe_tilt(entity: DXFEntity, z: FloatArray) -> str:
     """Return the name of an entity whose z (m) varies, and by how much, or an empty text."""
     height = float(np.ptp(z))
     if height <= MAX_HEIGHT:
@@ -352,7 +365,7 @@ def _name(entity: DXFEntity) -> str:
     return f"{entity.dxftype()} of layer {entity.dxf.get('layer', '0')!r}"
 
 
-def _chained(loose: list[_Curve]) -> tuple[list[_Curve], str]:
+def _join_chains(loose: list[_Curve]) -> tuple[list[_Curve], str]:
     """Return closed chains of curves whose ends meet, and words on the ends that do not."""
     if not loose:
         return [], ""
@@ -392,7 +405,7 @@ def _walk(tip: int, meeting: Sequence[list[int]], free: set[int]) -> list[int]:
     return entered
 
 
-def _outer(every: list[_Curve]) -> list[_Curve]:
+def _select_outer(every: list[_Curve]) -> list[_Curve]:
     """Return the curves that are not inside of another, and are not frames."""
     shaped = [curve for curve in every if curve.is_exact or len(curve.points) > MIN_LINES]
     curves = shaped or every
@@ -404,7 +417,7 @@ def _outer(every: list[_Curve]) -> list[_Curve]:
     ]
 
 
-def _contents(document: Drawing, layer: str | None) -> str:
+def _describe_contents(document: Drawing, layer: str | None) -> str:
     """Return the number of entities of each kind, and what is needed."""
     counts = Counter(entity.dxftype() for entity in document.modelspace())
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8)) or "nothing"

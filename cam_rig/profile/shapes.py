@@ -15,7 +15,7 @@ def circle(radius: float, points: int = 96) -> FloatArray:
     return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def closed(points: FloatArray) -> FloatArray:
+def close_outline(points: FloatArray) -> FloatArray:
     """Return an outline ``(n + 1, 2)`` with its first point repeated at the end."""
     return np.vstack([points, points[:1]])
 
@@ -37,7 +37,7 @@ def bearing(centre: float, inner: float, outer: float, low: float, high: float) 
     return [middle + right, middle + right * (-1.0, 1.0)]
 
 
-def turned(points: FloatArray, angle: float) -> FloatArray:
+def rotate(points: FloatArray, angle: float) -> FloatArray:
     """Return points ``(n, 2)`` of the cam frame in the rig's frame.
 
     The cam angle is in rad, and the follower is on +y.
@@ -65,15 +65,15 @@ SHORT_TICK = 1.03
 #: Radius of the end of a long tick, as a multiple of the ring's radius.
 LONG_TICK = 1.07
 #: Radius of the middle of a number, as a multiple of the ring's radius.
-NUMBER = 1.17
+NUMBER_RADIUS = 1.17
 #: Polylines that fill a cam. They are few, because browsers without a graphics card are slow.
 SHELLS = 6
 #: Points of each of them.
 SHELL_POINTS = 60
 #: Start and end of the arc that shows the cam's direction of rotation, degrees.
-ARC = (150.0, 390.0)
+ARROW_ARC_DEG = (150.0, 390.0)
 #: Size of the arrow's head, as a fraction of the arc's radius.
-BARB = 0.28
+BARB_RATIO = 0.28
 
 
 def ring(radius: float) -> list[FloatArray]:
@@ -91,20 +91,20 @@ def ring_numbers(radius: float) -> tuple[FloatArray, list[str]]:
     The number 0 is left out, because the follower is there.
     """
     degrees = range(NUMBER_STEP, 360, NUMBER_STEP)
-    centres = np.array([_direction(number) for number in degrees]) * NUMBER * radius
+    centres = np.array([_direction(number) for number in degrees]) * NUMBER_RADIUS * radius
     return centres, [f"{number}" for number in degrees]
 
 
-def rotation(radius: float) -> list[FloatArray]:
+def rotation_arrow(radius: float) -> list[FloatArray]:
     """Return the polylines of an arrow along an arc.
 
     The arrow is counterclockwise, as the cam turns.
     """
-    angle = np.radians(np.linspace(*ARC, 49))
+    angle = np.radians(np.linspace(*ARROW_ARC_DEG, 49))
     arc = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     back, out = arc[-1] - arc[-4], arc[-1] / radius
     back = -back / math.hypot(*back)
-    barbs = [arc[-1] + BARB * radius * (back + side * 0.6 * out) for side in (1.0, -1.0)]
+    barbs = [arc[-1] + BARB_RATIO * radius * (back + side * 0.6 * out) for side in (1.0, -1.0)]
     return [arc, np.array([barbs[0], arc[-1], barbs[1]])]
 
 

@@ -12,7 +12,7 @@ from functools import cache, partial
 from types import MappingProxyType
 
 from cam_rig.dynamics.jump.any_follower import follower_of
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.quantities import values
 from cam_rig.quantities.terms import ANGLE_UNITS, SPEED_UNITS, LawQuantity, Sense
 from cam_rig.units import TURN
@@ -41,7 +41,8 @@ _of_run = partial(_at_speed, campaign=True, of_run=True)
 #: Goals and limits of designs. A campaign measures some of them, too.
 _DESIGN = (
     _jump("jump_speed", "jump speed from rest",
-          value=lambda subject, *_: values.jump(subject, follower_of(subject.rig), FROM_REST)),
+          value=lambda subject, *_: values.jump(
+              subject, follower_of(subject.rig), REST_DURATION_S)),
     _jump("jump_speed_steady", "jump speed in steady state",
           value=lambda subject, *_: values.jump(subject, follower_of(subject.rig), None)),
     _jump("jump_speed_rigid", "jump speed of one rigid mass", rigid=True,

@@ -163,13 +163,13 @@ class Limit:
         return f"{self.term.words} {'≤' if self.sense == '<=' else '≥'} {value}"
 
 
-def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
+def parse_term(text: str, allowed: Mapping[str, LawQuantity]) -> Term:
     """Parse a quantity with its domain, such as ``residual_vibration@200-400rpm``.
 
     Parameters
     ----------
     text : text of the term
-    known : allowed quantities by name
+    allowed : quantities by name
 
     Raises
     ------
@@ -177,11 +177,12 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
     """
     match, text = _TERM.fullmatch(text.strip()), text.strip()
     name = match["name"] if match else text
-    if match is None or name not in known:
+    if match is None or name not in allowed:
         raise ConfigError(
-            f"{text!r} is not a quantity{did_you_mean(name, known)}; known: {', '.join(known)}"
+            f"{text!r} is not a quantity{did_you_mean(name, allowed)}; "
+            f"allowed: {', '.join(allowed)}"
         )
-    quantity, low = known[name], match["low"]
+    quantity, low = allowed[name], match["low"]
     where = quantity.where
     if not where:
         if low is not None:
@@ -209,13 +210,13 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
     return Term(quantity, first, last)
 
 
-def parse_limit(text: str, known: Mapping[str, LawQuantity]) -> Limit:
+def parse_limit(text: str, allowed: Mapping[str, LawQuantity]) -> Limit:
     """Parse a limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``.
 
     Parameters
     ----------
     text : text of the limit
-    known : allowed quantities by name
+    allowed : quantities by name
 
     Raises
     ------
@@ -227,7 +228,7 @@ def parse_limit(text: str, known: Mapping[str, LawQuantity]) -> Limit:
             f"limit {text!r}: allowed: quantity<=value or quantity>=value, such as "
             "peak_acceleration<=start"
         )
-    term = parse_term(match["term"], known)
+    term = parse_term(match["term"], allowed)
     sense: Sense = "<=" if match["sense"] in ("<=", "≤") else ">="
     quantity = term.quantity
     if sense not in quantity.senses:

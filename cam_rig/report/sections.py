@@ -15,7 +15,7 @@ from cam_rig.bag.completeness import require_complete
 from cam_rig.errors import BagError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
-from cam_rig.laws.law import continuity_in_words, extremes
+from cam_rig.laws.law import extremes, format_continuity
 from cam_rig.report.document import Content
 from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.schema.segment_base import iterate_quantities
@@ -149,7 +149,7 @@ def laws_table(
     fields = [(Header("law" if over_lift else "cam"), lambda row: cam_set.titles[row[0]])]
     if not over_lift:
         fields.append((Header("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift))
-    fields.append((Header("continuity"), lambda row: continuity_in_words(row[1])))
+    fields.append((Header("continuity"), lambda row: format_continuity(row[1])))
     for order, number_format in formats.items():
         symbol, divisor = DERIVATIVES[order]
         fields += [

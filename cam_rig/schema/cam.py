@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from cam_rig.schema.explain import error_in_python, validate_in_python
+from cam_rig.schema.named import NamedConfig
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase, Table, iterate_quantities
 from cam_rig.schema.segments import Segment
@@ -233,7 +232,7 @@ Follower = Annotated[Translating | Oscillating | Desmodromic, Field(discriminato
 FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follower_arc")
 
 
-class CamConfig(Strict):
+class CamConfig(NamedConfig):
     """Cam: a law as segments of one turn, and a follower.
 
     A file of ``config/cams/`` contains one cam.
@@ -282,8 +281,8 @@ class CamConfig(Strict):
     0.025
     """
 
-    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
-    title: str
+    kind = "cam"
+
     identified_from: str | None = None
     cannot_be_made: str | None = Field(default=None, min_length=1)
     lift: Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
@@ -303,12 +302,9 @@ class CamConfig(Strict):
         identified_from: str | None = None,
         cannot_be_made: str | None = None,
     ) -> None:
-        data = {"lift": lift, "segments": segments, "follower": follower, "contact": contact}
+        sections = {"lift": lift, "segments": segments, "follower": follower, "contact": contact}
         notes = {"identified_from": identified_from, "cannot_be_made": cannot_be_made}
-        try:
-            super().__init__(name=name, title=name if title is None else title, **data, **notes)
-        except ValidationError as error:
-            raise error_in_python("cam", name, error, CamConfig) from None
+        super().__init__(name, title, **sections, **notes)
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 
@@ -317,8 +313,6 @@ class CamConfig(Strict):
         lift = str(self.lift).partition(" (")[0]
         kind, count = self.follower.type, len(self.segments)
         return f"Cam({self.name!r}: lift {lift}, {kind}, {count} segment{'s' * (count > 1)})"
-
-    __str__ = __repr__
 
     def replace(self, **changes: object) -> CamConfig:
         """Return the cam with other values.
@@ -344,39 +338,7 @@ class CamConfig(Strict):
         sizes = type(self.follower).model_fields.keys() & changes.keys()
         if sizes:
             data["follower"] = dict(self.follower) | {key: changes.pop(key) for key in sizes}
-        return validate_in_python(CamConfig, data | changes, "cam")
-
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the cam to a file atomically.
-
-        The written cam has the name of the file. The points of a measured law are written to a
-        .csv file of the same name.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file, which ends in .yaml.
-        overwrite : bool
-            True if existing files are replaced (default: False).
-
-        Raises
-        ------
-        ConfigError
-            If the name of the file is not valid for a cam.
-        OutputError
-            If the file cannot be written, or exists and `overwrite` is False.
-
-        Examples
-        --------
-        >>> import tempfile, cam_rig
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     cam_rig.load_cam("poly345").replace(lift="30 mm").save(f"{folder}/mine.yaml")
-        ...     print(cam_rig.load_cam(f"{folder}/mine.yaml"))
-        Cam('mine': lift 30 mm, roller, 5 segments)
-        """
-        from cam_rig.schema.load import save_model
-
-        save_model(self, path, overwrite)
+        return self._replaced(data | changes)
 
     @model_validator(mode="after")
     def _check_name_and_spans(self) -> CamConfig:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -39,18 +40,24 @@ def validate_in_python(kind: type[Config], data: Mapping[str, Any], label: str) 
     try:
         return kind.model_validate(dict(data), context=PYTHON_CONTEXT)
     except ValidationError as error:
-        raise error_in_python(label, data.get("name"), error, kind) from None
+        raise python_error(label, data.get("name"), error, kind) from None
 
 
-def validate_data(kind: type[Config], data: object) -> Config:
-    """Validate data in the form of a file. Raise ConfigError if they are wrong."""
+def validate_data(
+    kind: type[Config], data: object, label: object = "", folder: Path | None = None
+) -> Config:
+    """Validate data in the form of a file. Raise ConfigError if they are wrong.
+
+    `label` names the data in the message. `folder` contains the files that the data refer to.
+    """
     try:
-        return kind.model_validate(data)
+        return kind.model_validate(data, context={"folder": folder or Path()})
     except ValidationError as error:
-        raise ConfigError(explain(error, kind)) from None
+        prefix = f"{label}: " if label else ""
+        raise ConfigError(f"{prefix}{explain(error, kind)}") from None
 
 
-def error_in_python(
+def python_error(
     label: str, name: object, error: ValidationError, kind: type[BaseModel]
 ) -> ConfigError:
     """Return the error for a wrong cam or rig that was made in Python."""

@@ -175,8 +175,9 @@ QUANTITIES: dict[str, QuantityWords] = {
 #: Quantity of a heading that has a unit but no word of a quantity.
 BY_UNIT = {"angle": "angle", "length": "lift", "speed": "speed", "level": "level"}
 #: Words of an angle of the crankshaft, which turns twice as fast as the cam.
-CRANK_STEMS = ("crank", "kurbel", "vilebrequin", "manovell", "ciguenal", "virabrequim")
-CRANK_WORDS = frozenset(("kw", "cad", "ca", "alberomotore"))
+CRANK = QuantityWords(
+    "angle", "crank kurbel vilebrequin manovell ciguenal virabrequim", "kw cad ca alberomotore"
+)
 _NEUTRAL = (
     "a b c d the of de del della des du la le el il dem den der die das von for fur am an at "
     "from to by y e et und i ii iii iv no nr in en em zu cam cams camshaft came camma camme leva "
@@ -207,6 +208,8 @@ _TOKEN = re.compile(
 )
 #: Largest number of tokens of the name of a unit, such as ``rad / s``.
 _MAX_UNIT_TOKENS = 3
+#: Tokens before the factor of a unit, as in ``mm x 10``.
+_FACTOR_MARKS = (["x"], ["×"], ["*"], ["^"])
 _JOINING = ("of", "an", "a", "de", "di", "von", "d", "x", "×", "*", "·", "=")
 
 
@@ -255,7 +258,7 @@ def parse_heading(text: str) -> Heading:
     >>> heading.quantity, heading.factor
     ('lift', 2.54e-05)
     """
-    plain = plain_text(text)
+    plain = _plain_text(text)
     units, words_in_brackets = list[_Unit](), list[str]()
     try:
         for inner in _BRACKETS.findall(plain):
@@ -269,15 +272,20 @@ def parse_heading(text: str) -> Heading:
     words += words_in_brackets
     quantity = _quantity(words, units)
     if quantity in ("", "other"):
-        return Heading(text, "other", None, unclear=_not_neutral(plain))
+        return Heading(text, "other", None, unclear=_explain_other(plain))
     dimension = QUANTITIES[quantity].dimension
     factors = {unit.factor for unit in units if unit.dimension == dimension}
-    unclear = _leftover(quantity, words, bool(units)) or _wrong_unit(quantity, units, factors)
+    unclear = _explain_words(quantity, words, bool(units))
+    if not unclear and len(factors) > 1:
+        unclear = f"it has several units: {', '.join(unit.name for unit in units)}"
+    elif not unclear and units and not factors:
+        unclear = f"{units[0].name!r} is not a unit of {dimension} ({_unit_names(dimension)})"
     factor = factors.pop() if len(factors) == 1 else None
-    return Heading(text, quantity, factor, quantity == "angle" and _has_crank(words), unclear)
+    is_crank = quantity == "angle" and any(map(CRANK.matches, words))
+    return Heading(text, quantity, factor, is_crank, unclear)
 
 
-def _not_neutral(plain: str) -> str:
+def _explain_other(plain: str) -> str:
     """Return the reason why a heading without a quantity is not neutral, or an empty text."""
     if re.fullmatch(r"column \d+", plain):  # of a table without headings
         return ""
@@ -286,7 +294,7 @@ def _not_neutral(plain: str) -> str:
     return f"{words[0]!r} is neither a word of a known quantity nor neutral" if words else ""
 
 
-def plain_text(text: str) -> str:
+def _plain_text(text: str) -> str:
     """Return a text in small letters without accents."""
     spaced = re.sub(r"([^\W\d_A-Z]{3,})([A-Z])", r"\1 \2", text.replace("″", '"'))  # CamAngle
     powers = re.sub(r"(?<=[\da-z])([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", r"^\1", spaced).replace("−", "-")
@@ -390,29 +398,12 @@ def _quantity(words: list[str], units: list[_Unit]) -> str:
         if any(quantity.matches(word) for word in words):
             is_other = name == "count" and "angle" in dimensions
             return "angle" if is_other else name
-    if any(_is_crank(word) for word in words):
+    if any(map(CRANK.matches, words)):
         return "angle"
     return next((BY_UNIT[dimension] for dimension in dimensions if dimension in BY_UNIT), "")
 
 
-def _is_crank(word: str) -> bool:
-    return word in CRANK_WORDS or any(stem in word for stem in CRANK_STEMS)
-
-
-def _has_crank(words: list[str]) -> bool:
-    return any(map(_is_crank, words))
-
-
-def _wrong_unit(quantity: str, units: list[_Unit], factors: set[float]) -> str:
-    dimension = QUANTITIES[quantity].dimension
-    if len(factors) > 1:
-        return f"it has several units: {', '.join(unit.name for unit in units)}"
-    if units and not factors:
-        return f"{units[0].name!r} is not a unit of {dimension} ({_first_names(dimension)})"
-    return ""
-
-
-def _first_names(dimension: str) -> str:
+def _unit_names(dimension: str) -> str:
     """Return a name of each unit of a dimension, that of the rig's files if possible."""
     by_factor = {factor: name for name, factor in RIG_UNITS[dimension].items()}
     for name, factor in UNITS[dimension].items():
@@ -420,27 +411,24 @@ def _first_names(dimension: str) -> str:
     return ", ".join(by_factor.values())
 
 
-def _leftover(quantity: str, words: list[str], has_unit: bool) -> str:
+def _explain_words(quantity: str, words: list[str], has_unit: bool) -> str:
     """Return the reason why words or numbers are not understood, or an empty text."""
-    known = QUANTITIES[quantity]
+    meaning = QUANTITIES[quantity]
     for i, word in enumerate(words):
         value = _number(word)
-        if word in "/^-×*·" or known.matches(word) or word in known.neutral.split():
-            continue
-        if word in NEUTRAL and not (quantity == "level" and word in LETTERS):
-            continue
-        if quantity == "angle" and _is_crank(word):
-            continue
-        if word in DIVISIONS and has_unit:
-            continue
         is_index = value is not None and value == int(value) and 0 <= value <= MAX_INDEX
-        if is_index and words[i - 1 : i] not in (["x"], ["×"], ["*"], ["^"]) and "." not in word:
+        if (
+            word in "/^-×*·"
+            or meaning.matches(word)
+            or word in meaning.neutral.split()
+            or (word in NEUTRAL and not (quantity == "level" and word in LETTERS))
+            or (quantity == "angle" and CRANK.matches(word))
+            or (word in DIVISIONS and has_unit)
+            or (is_index and "." not in word and words[i - 1 : i] not in _FACTOR_MARKS)
+        ):
             continue
-        if not known.dimension:
+        if not meaning.dimension:
             return f"{word!r} is not a known word"
-        units = _first_names(known.dimension)
-        weighting = ", unweighted" if quantity == "level" else ""
-        return (
-            f"{word!r} is neither a known word nor a unit of {known.dimension} ({units}{weighting})"
-        )
+        units = _unit_names(meaning.dimension) + ", unweighted" * (quantity == "level")
+        return f"{word!r} is neither a known word nor a unit of {meaning.dimension} ({units})"
     return ""

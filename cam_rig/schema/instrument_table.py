@@ -12,9 +12,8 @@ import re
 from pathlib import Path
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import read_bytes, shorten
+from cam_rig.files import MIB, read_bytes, shorten
 from cam_rig.schema.headings import Heading, parse_heading
-from cam_rig.schema.segment_base import MAX_BYTES
 
 #: Separators of cells, and their names in messages.
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
@@ -25,6 +24,8 @@ GROUPED = re.compile(r"[-+−]?[1-9]\d{0,2}[.,]\d{3}")
 LARGE_INTEGER = re.compile(r"[-+−]?[1-9]\d+")
 #: Text of the number of an empty cell.
 NOTHING = "nan"
+#: Largest size of a file in bytes, more than a million characters of numbers.
+MAX_BYTES = 2 * MIB
 #: Largest number of lines of a heading: names, and units under them.
 HEADING_LINES = 2
 #: Largest number of lines of a file.
@@ -90,12 +91,12 @@ class CellTable:
         Index in `rows` of the first row of numbers, or None.
     """
 
-    def __init__(self, file: str, lines: list[tuple[int, str]]) -> None:
+    def __init__(self, file: str, lines: list[tuple[int, str]], separator: str = "") -> None:
         self.file = file
         declared = re.fullmatch(r"sep=(.)", lines[0][1].strip(), re.I)  # as Excel writes it
         if declared:
             lines = lines[1:]
-        self.separator = declared[1] if declared else _separator([line for _, line in lines])
+        self.separator = separator or (declared[1] if declared else _separator(lines))
         self.separator_name = SEPARATORS.get(self.separator, repr(self.separator))
         self.rows = [(i, self._cells(i, line)) for i, line in lines]
         self.first = self._find_first()
@@ -225,16 +226,16 @@ class CellTable:
         )
 
 
-def _separator(lines: list[str]) -> str:
+def _separator(lines: list[tuple[int, str]]) -> str:
     """Return the separator of the lines.
 
     It is a semicolon or tab if most lines contain it, a space if it divides each line of numbers
     into numbers, and otherwise a comma. The comma is last, because it may be a decimal mark.
     """
     for mark in (";", "\t"):
-        if 2 * sum(mark in line for line in lines) > len(lines):
+        if 2 * sum(mark in line for _, line in lines) > len(lines):
             return mark
-    numbers = [line.split() for line in lines if line.lstrip()[:1] in "+-−.0123456789"]
+    numbers = [line.split() for _, line in lines if line.lstrip()[:1] in "+-−.0123456789"]
     if numbers and all(len(cells) > 1 and all(map(plain_number, cells)) for cells in numbers):
         return " "
     return ","

@@ -12,13 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, OutputError, did_you_mean
 from cam_rig.files import MIB, atomic_write, check_writable, read_bytes
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.explain import describe_type, explain, validate_in_python
+from cam_rig.schema.explain import describe_type, validate_data, validate_in_python
 from cam_rig.schema.published import PublishedNoise, PublishedTables
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
@@ -120,10 +120,7 @@ def load(path: Path, kind: type[Config]) -> Config:
             f"{path}: contains {describe_type(data)}; allowed: a mapping with the keys "
             f"{', '.join(kind.model_fields)}"
         )
-    try:
-        return kind.model_validate(data, context={"folder": path.parent})
-    except ValidationError as error:
-        raise ConfigError(f"{path}: {explain(error, kind)}") from None
+    return validate_data(kind, data, path, path.parent)
 
 
 @dataclass(frozen=True)
@@ -320,7 +317,4 @@ def _flow(value: Any) -> str:
 
 def validate_cam(data: dict[str, Any]) -> CamConfig:
     """Return the cam of the content of a file. Raise ConfigError if it is wrong."""
-    try:
-        return CamConfig.model_validate(data)
-    except ValidationError as error:
-        raise ConfigError(f"{data['name']}: {explain(error, CamConfig)}") from None
+    return validate_data(CamConfig, data, data["name"])

@@ -15,11 +15,11 @@ from cam_rig.schema.quantity import Strict
 Cubic = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 
 
-def _require_known(key: str, cams: Iterable[str], known: Collection[str]) -> None:
-    """Raise ValueError with `key` if a cam is not a known cam."""
+def _require_known(key: str, cams: Iterable[str], allowed: Collection[str]) -> None:
+    """Raise ValueError with `key` if a cam is not an allowed cam."""
     for cam in cams:
-        if cam not in known:
-            raise ValueError(f"{key}: has {cam!r}; allowed: {', '.join(known)}")
+        if cam not in allowed:
+            raise ValueError(f"{key}: has {cam!r}; allowed: {', '.join(allowed)}")
 
 
 class Crossover(Strict):

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 import operator
 import re
+import sys
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -64,6 +65,8 @@ UNITS: dict[str, dict[str, float]] = {
 }
 #: Unit -> factor to SI. Each unit has one dimension.
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
+#: Largest number of items of a list that only the size of its file limits.
+MANY = sys.maxsize
 #: Largest number of list items in a ``repr``.
 MAX_SHOWN_NUMBERS = 6
 #: Number of YAML. Texts and booleans are errors.
@@ -99,6 +102,9 @@ class Strict(BaseModel):
 
     # Without this, pydantic would call __init__ for files as well, and accept plain numbers.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def __str__(self) -> str:
+        return repr(self)
 
 
 class Quantity(Strict):
@@ -148,8 +154,6 @@ class Quantity(Strict):
         more = f", … {count}" if count > MAX_SHOWN_NUMBERS else ""
         return f"{numbers}{more}{unit} ({self.origin})"
 
-    __str__ = __repr__
-
     @property
     def origin(self) -> Origin:
         """Origin of the number: given, assumed or identified."""
@@ -192,7 +196,7 @@ class Quantity(Strict):
 def must_be(
     dimension: str,
     *,
-    is_list: bool = False,
+    counts: tuple[int, int] | None = None,
     gt: float | None = None,
     ge: float | None = None,
     le: float | None = None,
@@ -203,8 +207,9 @@ def must_be(
     ----------
     dimension : str
         A dimension of `UNITS`.
-    is_list : bool
-        True if the quantity must be a list of at least one number, each within the limits.
+    counts : tuple of int or None
+        Smallest and largest number of items of a list, each within the limits (default: the
+        quantity is one number).
     gt, ge, le : float or None
         Limits in SI units: greater than, at least, at most.
     """
@@ -225,11 +230,12 @@ def must_be(
             raise ValueError(
                 f"has unit {quantity.unit!r}, not {article} {dimension}; allowed: {allowed}"
             )
-        if isinstance(quantity.raw, list) != is_list:
-            form = "a list of numbers" if is_list else "one number"
+        if isinstance(quantity.raw, list) != (counts is not None):
+            form = "one number" if counts is None else "a list of numbers"
             raise ValueError(f"is {quantity.raw}; allowed: {form}")
-        if is_list and not quantity.numbers:
-            raise ValueError("is an empty list; allowed: at least one number")
+        if counts is not None and not counts[0] <= len(quantity.numbers) <= counts[1]:
+            form = f"{counts[0]} to {counts[1]}" if counts[1] < MANY else f"at least {counts[0]}"
+            raise ValueError(f"has {len(quantity.numbers)} numbers; allowed: {form}")
         factor, unit = quantity.factor, "" if quantity.unit == "1" else f" {quantity.unit}"
         for value in quantity.numbers:
             for limit, compare, text in limits:
@@ -246,8 +252,9 @@ def _to_file_form(value: Any, units: Mapping[str, float]) -> Any:
 
     Quantities and mappings are returned unchanged.
     """
-    value = value.item() if hasattr(value, "item") and not getattr(value, "ndim", 0) else value
-    value = value.tolist() if hasattr(value, "tolist") else value
+    value = value.tolist() if hasattr(value, "tolist") else value  # a scalar or array of NumPy
+    if isinstance(value, Quantity | dict):
+        return value
     unit = next(name for name, factor in units.items() if factor == 1.0)
     if isinstance(value, str):
         match = NUMBER_WITH_UNIT.fullmatch(value)
@@ -257,12 +264,9 @@ def _to_file_form(value: Any, units: Mapping[str, float]) -> Any:
                 f"unit: {', '.join(units)}"
             )
         value, unit = float(match[1]), match[2].translate(UNIT_SPELLINGS) or "1"
-    is_plain = isinstance(value, int | float) and not isinstance(value, bool)
-    if is_plain or (
-        isinstance(value, list | tuple) and not any(isinstance(x, dict) for x in value)
-    ):
-        number = list(value) if isinstance(value, list | tuple) else value
-        return {"assumed": number, "unit": unit, "source": "in Python"}
-    if not isinstance(value, Quantity | dict):
+    if isinstance(value, tuple):
+        value = list(value)
+    has_mappings = isinstance(value, list) and any(isinstance(item, dict) for item in value)
+    if has_mappings or isinstance(value, bool) or not isinstance(value, int | float | list):
         raise ValueError(f"is a {type(value).__name__}; allowed: a number, or a text with its unit")
-    return value
+    return {"assumed": value, "unit": unit, "source": "in Python"}

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, ValidationError
-
 from cam_rig.errors import ConfigError
-from cam_rig.schema.explain import error_in_python, validate_in_python
+from cam_rig.schema.named import NamedConfig
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 
 if TYPE_CHECKING:
@@ -133,7 +130,7 @@ class Shaft(Strict):
 NumberLike = float | str | Quantity
 
 
-class RigConfig(Strict):
+class RigConfig(NamedConfig):
     """Rig: a follower on its spring, its shaft and its sound.
 
     A file of ``config/rigs/`` contains one rig. In Python, numbers in SI units and texts with
@@ -170,8 +167,8 @@ class RigConfig(Strict):
     cam_rig.errors.ConfigError: rig 'bench': follower.preload: has unit 'kN', not a force; ...
     """
 
-    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
-    title: str
+    kind = "rig"
+
     follower: FollowerMechanics
     shaft: Shaft | None = None
     radiation: Radiation | None = None
@@ -199,11 +196,7 @@ class RigConfig(Strict):
                 f"rig {name!r}: follower and {', '.join(numbers)}; allowed: numbers alone, or the "
                 "section follower"
             )
-        data = {"name": name, "title": name if title is None else title, "follower": follower}
-        try:
-            super().__init__(**data, shaft=shaft, radiation=radiation)
-        except ValidationError as error:
-            raise error_in_python("rig", name, error, RigConfig) from None
+        super().__init__(name, title, follower=follower, shaft=shaft, radiation=radiation)
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 
@@ -212,8 +205,6 @@ class RigConfig(Strict):
         numbers = ((key, number) for key, number in self.follower if number is not None)
         texts = (f"{key} {str(number).partition(' (')[0]}" for key, number in numbers)
         return f"Rig({self.name!r}: {', '.join(texts)})"
-
-    __str__ = __repr__
 
     @property
     def calibrated_on(self) -> str:
@@ -298,7 +289,7 @@ class RigConfig(Strict):
             key: {"assumed": value, "unit": SI_UNITS.get(key, "1"), "source": "with_follower"}
             for key, value in numbers.items()
         }
-        return validate_in_python(RigConfig, self._data_with(changes), "rig")
+        return self._replaced(self._data_with(changes))
 
     def _data_with(self, numbers: Mapping[str, object]) -> dict[str, Any]:
         """Return the rig as data, with other numbers of its follower.
@@ -339,7 +330,7 @@ class RigConfig(Strict):
         if "spring" in changes:
             changes["spring_stiffness"] = changes.pop("spring")
         fields = {key: changes.pop(key) for key in tuple(changes) if key in RigConfig.model_fields}
-        return validate_in_python(RigConfig, self._data_with(changes) | fields, "rig")
+        return self._replaced(self._data_with(changes) | fields)
 
     def state_space(self, model: str | None = None) -> StateSpace:
         """Return the linear model of the follower in contact, for scipy.signal.
@@ -408,32 +399,3 @@ class RigConfig(Strict):
         """
         response: ComplexArray = import_module(LINEAR).frequency_response(self, w, model)
         return response
-
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the rig to a file atomically. The written rig has the name of the file.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file, which ends in .yaml.
-        overwrite : bool
-            True if an existing file is replaced (default: False).
-
-        Raises
-        ------
-        ConfigError
-            If the name of the file is not valid for a rig.
-        OutputError
-            If the file cannot be written, or exists and `overwrite` is False.
-
-        Examples
-        --------
-        >>> import tempfile, cam_rig
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     cam_rig.Rig(mass=1.3, spring=3200.0, preload=30.0).save(f"{folder}/bench.yaml")
-        ...     print(cam_rig.load_rig(f"{folder}/bench.yaml").name)
-        bench
-        """
-        from cam_rig.schema.load import save_model
-
-        save_model(self, path, overwrite)

@@ -7,7 +7,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from cam_rig.schema.quantity import Quantity, Strict, must_be
+from cam_rig.schema.named import Name
+from cam_rig.schema.quantity import MANY, Quantity, Strict, must_be
 from cam_rig.units import RPM, TURN
 
 #: Smallest cam speed of a scene, rad/s.
@@ -18,8 +19,6 @@ MAX_SPEED = 1e5 * RPM
 MAX_SAMPLES_PER_TURN = 3600
 #: Smallest number of samples of a ramp, and of a tick at the highest speed.
 MIN_SAMPLES = 2
-#: Name of a file, without its suffix.
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 #: Old names of models -> present names. Old scenes and bags may contain them.
 OLD_MODELS = {"separation": "two_mass", "residual": "elastic_stem"}
 
@@ -55,7 +54,7 @@ class SpeedSchedule(Strict):
 
     earlier_keys: ClassVar = {"settle_turns": "transient_turns"}
 
-    speeds: Annotated[Quantity, must_be("speed", is_list=True, ge=MIN_SPEED, le=MAX_SPEED)]
+    speeds: Annotated[Quantity, must_be("speed", counts=(1, MANY), ge=MIN_SPEED, le=MAX_SPEED)]
     turns: Annotated[Quantity, must_be("turns", ge=1.0, le=1e5)]
     transient_turns: Annotated[Quantity, must_be("turns", ge=0.0)]
     ticks_per_turn: int = Field(default=1, ge=1, le=1000, strict=True)

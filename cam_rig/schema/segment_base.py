@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator
 from itertools import pairwise
@@ -11,15 +10,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, ValidationInfo, model_validator
 
-from cam_rig.errors import ConfigError
-from cam_rig.files import MIB, read_bytes, shorten
-from cam_rig.schema.quantity import UNITS, Quantity, Strict, must_be
+from cam_rig.files import shorten
+from cam_rig.schema.instrument_table import CellTable, read_lines
+from cam_rig.schema.quantity import MANY, UNITS, Quantity, Strict, must_be
 from cam_rig.units import TURN
 
 #: Cam angle of a segment, up to one turn.
 Span = Annotated[Quantity, must_be("angle", gt=0.0, le=TURN * (1.0 + 1e-12))]
 #: Ordinates or coefficients, as fractions of the lift.
-Ratios = Annotated[Quantity, must_be("ratio", is_list=True, ge=-100.0, le=100.0)]
+Ratios = Annotated[Quantity, must_be("ratio", counts=(1, MANY), ge=-100.0, le=100.0)]
 #: Length of the shape of the cam.
 Length = Annotated[Quantity, must_be("length", gt=0.0, le=100.0)]
 
@@ -62,8 +61,6 @@ def iterate_quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quan
                 yield from iterate_quantities(item, f"{prefix}{key}{suffix}.")
 
 
-#: Largest size of a file in bytes. It leaves 290 bytes for each of `MAX_POINTS` points.
-MAX_BYTES = 2 * MIB
 #: Columns of a file of points -> dimension.
 COLUMNS = {"angle": "angle", "lift": "length"}
 
@@ -74,38 +71,14 @@ def read_points(path: Path) -> tuple[list[float], list[float]]:
     Its first line names columns and units, such as ``angle_deg,lift_mm``. Further columns are
     ignored. Raise ValueError if the file or a number is wrong.
     """
-    lines = _lines(path)
-    if not lines:
-        raise ValueError(f"{path.name}: is empty; allowed: a header line, then points")
-    header = [cell.strip() for cell in lines[0][1]]
+    lines, _ = read_lines(path, "points")
+    (_, header), *rows = CellTable(path.name, lines, separator=",").rows
     columns = [_column(path.name, header, kind) for kind in COLUMNS]
     numbers: list[list[float]] = [[], []]
-    for line, cells in lines[1:]:
+    for line, cells in rows:
         for (index, factor), column in zip(columns, numbers, strict=True):
             column.append(_number(path.name, line, cells, header, index) * factor)
     return numbers[0], numbers[1]
-
-
-def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Return line number and cells of each line, without empty lines and comments (#)."""
-    try:
-        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
-    except FileNotFoundError:
-        names = ", ".join(sorted(other.name for other in path.parent.glob("*.csv")))
-        listing = f"; there are: {names}" if names else ""
-        raise ValueError(f"{path.name}: no such file next to the cam's file{listing}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path.name}: cannot be read ({error})") from None
-    except ConfigError as error:
-        raise ValueError(f"{path.name}: {error}") from None
-    lines = []
-    for line, row in enumerate(text.splitlines(), start=1):
-        if row.strip() and not row.lstrip().startswith("#"):
-            try:
-                lines.append((line, next(csv.reader([row]))))
-            except csv.Error as error:  # such as a cell that is too long
-                raise ValueError(f"{path.name}: line {line}: cannot be read ({error})") from None
-    return lines
 
 
 def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
@@ -124,7 +97,7 @@ def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
 
 def _number(name: str, line: int, cells: list[str], header: list[str], index: int) -> float:
     """Return the number of a cell. Raise ValueError if it is not a finite number."""
-    cell = cells[index].strip() if index < len(cells) else ""
+    cell = cells[index] if index < len(cells) else ""
     try:
         number = float(cell)
     except ValueError:

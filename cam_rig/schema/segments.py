@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cam_rig.schema.quantity import Quantity, Strict, must_be
+from cam_rig.schema.quantity import MANY, Quantity, Strict, must_be
 from cam_rig.schema.segment_base import Length, Ratios, SegmentBase, Span, Table, WholeTurn
 from cam_rig.units import TURN
 
@@ -24,7 +24,9 @@ MAX_B_SPLINE_DEGREE = 15
 #: Largest number of ordinates of a B-spline.
 MAX_B_SPLINE_ORDINATES = 500
 #: Cam angles of conditions, up to one turn.
-Angles = Annotated[Quantity, must_be("angle", is_list=True, ge=0.0, le=TURN + 1e-12)]
+Angles = Annotated[Quantity, must_be("angle", counts=(1, MANY), ge=0.0, le=TURN + 1e-12)]
+#: Amplitudes of the harmonics of a trigonometric law, as fractions of the lift.
+Harmonics = Annotated[Quantity, must_be("ratio", counts=(1, MAX_HARMONICS), ge=-100.0, le=100.0)]
 #: Order of a derivative.
 Order = Annotated[int, Field(ge=0, lt=MAX_CONDITIONS, strict=True)]
 
@@ -36,14 +38,7 @@ class Bezier(SegmentBase):
     """
 
     law: Literal["bezier"]
-    ordinates: Ratios
-
-    @model_validator(mode="after")
-    def _check_count(self) -> Bezier:
-        count = len(self.ordinates.numbers)
-        if not 2 <= count <= MAX_ORDINATES:
-            raise ValueError(f"ordinates: are {count}; allowed: 2 to {MAX_ORDINATES}")
-        return self
+    ordinates: Annotated[Quantity, must_be("ratio", counts=(2, MAX_ORDINATES), ge=-100.0, le=100.0)]
 
 
 class BSpline(SegmentBase):
@@ -56,7 +51,7 @@ class BSpline(SegmentBase):
 
     law: Literal["b_spline"]
     degree: int = Field(ge=1, le=MAX_B_SPLINE_DEGREE, strict=True)
-    knots: Annotated[Quantity, must_be("ratio", is_list=True)]
+    knots: Annotated[Quantity, must_be("ratio", counts=(1, MANY))]
     ordinates: Ratios
 
     @model_validator(mode="after")
@@ -92,16 +87,8 @@ class Trigonometric(WholeTurn):
 
     law: Literal["trigonometric"]
     mean: Annotated[Quantity, must_be("ratio", ge=-100.0, le=100.0)]
-    cosine: Ratios | None = None
-    sine: Ratios | None = None
-
-    @model_validator(mode="after")
-    def _check_harmonics(self) -> Trigonometric:
-        for key, amplitudes in (("cosine", self.cosine), ("sine", self.sine)):
-            count = 0 if amplitudes is None else len(amplitudes.numbers)
-            if count > MAX_HARMONICS:
-                raise ValueError(f"{key}: are {count}; allowed: at most {MAX_HARMONICS}")
-        return self
+    cosine: Harmonics | None = None
+    sine: Harmonics | None = None
 
 
 class Polynomial(SegmentBase):
@@ -120,7 +107,7 @@ class Polynomial(SegmentBase):
     law: Literal["polynomial"]
     at: Angles
     order: list[Order]
-    value: Annotated[Quantity, must_be("ratio", is_list=True, ge=-1e6, le=1e6)]
+    value: Annotated[Quantity, must_be("ratio", counts=(1, MANY), ge=-1e6, le=1e6)]
 
     @model_validator(mode="after")
     def _check_conditions(self) -> Polynomial:

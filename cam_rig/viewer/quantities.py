@@ -13,7 +13,7 @@ from rerun.components import AggregationPolicy, InterpolationMode
 
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.interval import NamedRows
-from cam_rig.dynamics.torsional.model import begin, inner_of
+from cam_rig.dynamics.torsional.model import inner_state, start_state
 from cam_rig.dynamics.torsional.motion import solve
 from cam_rig.laws import Law
 from cam_rig.schema import SceneConfig
@@ -177,9 +177,9 @@ class ShaftTwist:
         is_same_cam = self._end is not None and self._end[0] == cam
         inner, speed = self._end[1:] if self._end is not None and is_same_cam else ((), None)
         law, start_time = self._loaded.laws[cam], interval.start_ns / NS
-        driven, state = begin(law, self._parameters, inner, speed, interval)
+        driven, state = start_state(law, self._parameters, inner, speed, interval)
         motion = solve(law, driven, state, start_time, interval.duration, interval.acceleration)
-        self._end = cam, inner_of(motion), interval.speed_at(interval.duration)
+        self._end = cam, inner_state(motion), interval.speed_at(interval.duration)
         return motion.at(time.clip(start_time, motion.stop_time))[0]
 
 

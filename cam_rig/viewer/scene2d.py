@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cam_rig.profile import contours, shapes
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.outlines import FollowerShape, follower_shape
-from cam_rig.profile.shapes import NUMBER
+from cam_rig.profile.shapes import NUMBER_RADIUS
 from cam_rig.show import looks
 from cam_rig.show.looks import MM
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
@@ -80,7 +80,7 @@ class Framing:
         for lift in np.linspace(0.0, self.shape.max_lift, LIFTS)[:, None]:
             tilt, origin = float(self.shape.turn(lift)[0]), self.shape.origin(lift)[0] * MM
             for strip in self.follower():
-                distance = shapes.distances(positions, shapes.turned(strip, tilt) + origin)
+                distance = shapes.distances(positions, shapes.rotate(strip, tilt) + origin)
                 covered |= distance < CLEARANCE * self.ring
         visible = [number for number, hidden in zip(numbers, covered, strict=True) if not hidden]
         return positions[~covered], visible
@@ -124,11 +124,11 @@ def _framing(loaded: LoadedScene, name: str) -> Framing:
     shape = follower_shape(cam, law)
     ring = RING * float(np.hypot(*contours(cam.follower, law, 360)[0].points).max()) * MM
     draft = Framing(shape, ring, np.zeros(2), np.zeros(2))
-    points = [np.array([[-1.0, -1.0], [1.0, 1.0]]) * NUMBER * AROUND * ring]
+    points = [np.array([[-1.0, -1.0], [1.0, 1.0]]) * NUMBER_RADIUS * AROUND * ring]
     points += [strip * MM for strip in shape.support()]
     for lift in (np.zeros(1), np.array([draft.max_lift])):
         tilt, origin = float(shape.turn(lift)[0]), shape.origin(lift)[0] * MM
-        points += [shapes.turned(strip, tilt) + origin for strip in draft.follower()]
+        points += [shapes.rotate(strip, tilt) + origin for strip in draft.follower()]
     all_points = np.concatenate(points)
     low = all_points.min(axis=0) - np.array([0.0, TEXT_SPACE * ring])
     return Framing(shape, ring, low, all_points.max(axis=0))
@@ -272,7 +272,7 @@ class Scene2D:
         # In a plane of Rerun y points down. Widths scale with the third root of the determinant.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._canvas.rows(self._root, self._canvas.times_of(state), flip)
-        outline = shapes.closed(profile) * MM
+        outline = shapes.close_outline(profile) * MM
         base = self._loaded.cams[state.cam].follower.base_radius.si
         colour, mark = looks.of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
         filled, half = shapes.body(outline)
@@ -284,7 +284,7 @@ class Scene2D:
         self._strips(state, "guide", support, looks.GREY, THIN)
         self._strips(state, "follower/outline", framing.follower(), looks.FOLLOWER, LINE)
         self._strips(state, "ring", shapes.ring(framing.ring), looks.GREY, THIN)
-        self._strips(state, "rotation", shapes.rotation(0.4 * base * MM), looks.GREY, LINE)
+        self._strips(state, "rotation", shapes.rotation_arrow(0.4 * base * MM), looks.GREY, LINE)
         self._texts(state, "numbers", *framing.numbers(), looks.GREY)
 
     def _framing_of(self, cam: str) -> Framing:

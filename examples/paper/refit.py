@@ -19,7 +19,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.two_masses import FROM_REST, find_jump_speed
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S, find_jump_speed
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.schema import CamConfig, load_tables
@@ -291,7 +291,7 @@ def summary(result: Refit) -> list[str]:
     ]
 
 
-def study(duration: float = FROM_REST, describe: Callable[[str], object] = print) -> Refit:
+def study(duration: float = REST_DURATION_S, describe: Callable[[str], object] = print) -> Refit:
     """Fit the four numbers of the shipped rig to the laws of Table 2 that the paper defines."""
     published = load_tables(tables_path())
     speeds = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
@@ -333,7 +333,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the experiment, which takes a minute."""
     arguments = parser(__doc__)
     arguments.add_argument(
-        "--from-rest", type=float, default=FROM_REST, help="length of a run, s (%(default)s)"
+        "--from-rest", type=float, default=REST_DURATION_S, help="length of a run, s (%(default)s)"
     )
     given = arguments.parse_args(argv)
     result = study(given.from_rest)

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.two_masses import FROM_REST
-from cam_rig.dynamics.vibration import STAND_IN
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
+from cam_rig.dynamics.vibration import DEFAULT_WINDOW_RAD
 from cam_rig.laws.cam import law_of
-from cam_rig.laws.catalogue import families
-from cam_rig.profile.cam_checks import GUIDED, check_cam
+from cam_rig.laws.catalogue import rise_families
+from cam_rig.profile.cam_checks import MAX_GUIDED_ANGLE, check_cam
 from cam_rig.profile.measure import closure
 from cam_rig.report.document import Content, Section
 from cam_rig.report.sections import laws_table, origins
@@ -100,7 +100,7 @@ def _cams(paper: Paper) -> Content:
         over_lift=True,
     )
     figures = {
-        "rises": partial(law_figures.rises_figure, families().values()),
+        "rises": partial(law_figures.rises_figure, rise_families().values()),
         "cams": partial(law_figures.cams_figure, cam_set.pairs),
         "fig1": partial(law_figures.figure, scene.cams[arcs], scene.laws[arcs]),
         "fig2": partial(law_figures.figure, cam, law),
@@ -113,7 +113,7 @@ def _vibration(paper: Paper) -> Content:
     own, stiff, cam_set = paper.vibration, paper.stiff_vibration, paper.cam_set
     claims = [*own.claims, *jump_claims(paper.jumps.rpm, cam_set.rig.name), *stiff.claims]
     speed = [one.tables()[0].select(STEADY_RPM) for one in (own, stiff)]
-    moved = float(cam_set.laws[PROPOSED](0.5 * STAND_IN)) / cam_set.cams[PROPOSED].lift.si
+    moved = float(cam_set.laws[PROPOSED](0.5 * DEFAULT_WINDOW_RAD)) / cam_set.cams[PROPOSED].lift.si
     tables = [*speed, claims_table(claims, own.rpm)]
     return Content(
         [part for table in tables for part in table.to_display(paper.titles)],
@@ -144,7 +144,7 @@ def _jump(paper: Paper) -> Content:
     follower = TwoMassParameters.from_rig(cam_set.rig)
     values = {
         "jump": found.comparison,
-        "degrees": refit.jump_by_degree(cam_set.cams[refit.BY_SEGMENTS], follower, FROM_REST),
+        "degrees": refit.jump_by_degree(cam_set.cams[refit.BY_SEGMENTS], follower, REST_DURATION_S),
         "rounded_to": readings.GRID_RPM,
         "rounding": readings.GRID_RPM / math.sqrt(12.0) * mean,
         "angles": (min(angles), max(angles)),
@@ -217,7 +217,9 @@ def _timing(_: Paper) -> Content:
 
 
 def _contact(paper: Paper) -> Content:
-    found = cam_rig.contact_stress([*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=GUIDED)
+    found = cam_rig.contact_stress(
+        [*CAMS, *CONTACT_CAMS], RIG, CONTACT_RPM, pressure_angle=MAX_GUIDED_ANGLE
+    )
     rows = []
     for path, cam in read_cams(FORM_CLOSED):
         play = 1e9 * closure(cam.follower, law_of(path, cam))
@@ -230,7 +232,10 @@ def _contact(paper: Paper) -> Content:
     )
     return Content(
         [*found.to_display(paper.titles), table.for_report],
-        {"contact": found.plot, "events": partial(contact_plot.events_figure, GUIDED, SHARPEST)},
+        {
+            "contact": found.plot,
+            "events": partial(contact_plot.events_figure, MAX_GUIDED_ANGLE, SHARPEST),
+        },
         {"contact": found},
     )
 

@@ -215,7 +215,7 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
     for elements in ELEMENTS:
         stem = Stem(follower, elements)
         turn, frequency = stem_turn(law, stem, SPEED_RPM * RPM), float(stem.frequencies(1)[0])
-        vibration = float(np.ptp(turn.head[low_dwell(law).holds(turn.angle)]))
+        vibration = float(np.ptp(turn.head[low_dwell(law).contains(turn.angle)]))
         masses = f"{elements + 1.0:g}".replace("inf", "bar")
         numbers = frequency / TURN, 100.0 * (frequency / first - 1.0), stem_jump(law, stem, rig)
         by_elements.append((masses, *numbers, 1e6 * vibration, level(turn, radiation)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.laws.catalogue import free_laws
+from cam_rig.laws.catalogue import list_parametric_laws
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.load import find_scene
 from cam_rig.simulation.inputs import resolve_cams, resolve_scene, scene_speeds
@@ -22,9 +22,9 @@ def test_laws_as_json():
     """All laws are listed. Laws with free parameters have no peaks and no continuity class."""
     data = data_of("laws")
     laws = {row.pop("law"): row for row in data["laws"]}
-    assert set(laws) == {*NAMED_RISES, *free_laws()}
+    assert set(laws) == {*NAMED_RISES, *list_parametric_laws()}
     keys = ("peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
-    assert all(laws[name][key] is None for name in free_laws() for key in keys)
+    assert all(laws[name][key] is None for name in list_parametric_laws() for key in keys)
     figures = (1.7596, 5.5280, 69.466, 2)
     assert [laws["modified_sine"][key] for key in keys] == pytest.approx(figures, rel=2e-5)
 

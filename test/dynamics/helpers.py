@@ -93,12 +93,12 @@ def land(
     ``noise`` is the rounding error of the acceleration (m/s²), as in `FlightOverCam`.
     """
     lift_off = start_free_motion(free_table(flight.system), flight.start)
-    gap, gap_rate = flight.known or (0.0, 0.0)
+    gap, gap_rate = flight.gap_state or (0.0, 0.0)
     cam = Cam(law_table(law), float(speed), float(angle))
     over_cam = FlightOverCam(
         lift_off=lift_off,
         cam=cam,
-        gap_known=bool(flight.known),
+        gap_known=bool(flight.gap_state),
         gap=float(gap),
         gap_rate=float(gap_rate),
         acceleration_rounding=noise,

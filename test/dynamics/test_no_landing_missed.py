@@ -250,7 +250,7 @@ def test_index_after():
     """`index_after` returns the first sample at or after a time, at least sample 0."""
     grid = Interval(0, NS, 0.0, 1.0).grid(1000)
     assert [grid.index_after(t) for t in (-1.0, 0.0, 0.25, 0.2501)] == [0, 0, 250, 251]
-    np.testing.assert_allclose(grid.since_start()[[0, 999]], [0.0, 0.999], rtol=1e-15)
+    np.testing.assert_allclose(grid.sample_times()[[0, 999]], [0.0, 0.999], rtol=1e-15)
 
 
 # Samples of a block, and rows by their names.

@@ -14,7 +14,7 @@ from cam_rig.dynamics.free_masses import contact_response, force_output, free_ma
 from cam_rig.dynamics.linear.exponential import Flight, free_motion
 from cam_rig.dynamics.one_mass import OneMassTrajectory, free_mass
 from cam_rig.dynamics.two_mass import Separation
-from cam_rig.dynamics.velocity_jumps import SAME_PLACE
+from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
 from cam_rig.units import NS, RPM, TURN
@@ -80,7 +80,7 @@ def test_the_gap_is_zero_at_every_event(kind, model):
             gap = displacement - law(speed * times)
             size = np.abs(displacement).max() + lift + speed * phase.end * slope
             max_rate = slope + np.abs(velocity).max() / speed
-            rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_PLACE * max_rate
+            rounding = ROUNDING_ERRORS * EPS * size + 2.0 * SAME_ANGLE_RAD * max_rate
             assert gap.min() >= -rounding, (seed, phase.begin)
             if phase.end in landings:
                 assert abs(gap[-1]) <= rounding, (seed, phase.end)

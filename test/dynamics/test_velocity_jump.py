@@ -14,8 +14,8 @@ from cam_rig.dynamics import Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.trajectory import jumps_table
 from cam_rig.dynamics.velocity_jumps import (
-    JOINT_SLACK,
-    short_of_velocity_jump,
+    JOINT_ATOL_RAD,
+    step_before_velocity_jump,
     velocity_jumps_ahead,
 )
 from cam_rig.errors import DynamicsError
@@ -194,11 +194,11 @@ def test_the_end_of_an_interval_is_before_a_velocity_jump(edge):
     """The end of an interval at a joint is moved to before it, despite rounding."""
     for shift in (-1e-12, 0.0, 1e-12):
         for joint in (60.0, 420.0):
-            angle = short_of_velocity_jump(edge, math.radians(joint) + shift)
+            angle = step_before_velocity_jump(edge, math.radians(joint) + shift)
             assert edge.at(angle)[1] == 0.0
             assert abs(angle - math.radians(joint)) < 1e-14
-    assert short_of_velocity_jump(edge, 1.0) == 1.0
-    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * JOINT_SLACK)
+    assert step_before_velocity_jump(edge, 1.0) == 1.0
+    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * JOINT_ATOL_RAD)
     assert len(jumps.ahead) == 0
     assert jumps.contact_limit == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
 

@@ -9,8 +9,8 @@ import pytest
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.arc_law import ArcFollower, arc_follower, arc_pieces
-from cam_rig.laws.arcs import Blend, Circle, ConcaveFlankCam, StraightLine, close
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws.arcs import Blend, Circle, ConcaveFlankCam, StraightLine, close_chain
+from cam_rig.laws.bernstein import join_pieces
 from cam_rig.laws.law import continuity
 from cam_rig.units import TURN
 
@@ -28,12 +28,12 @@ CASES = [(flank, kind) for flank in FLANKS for kind in ("roller", "point")] + [(
 
 
 def chain_of(flank):
-    return close([BASE_CIRCLE, flank, NOSE_CIRCLE, flank])
+    return close_chain([BASE_CIRCLE, flank, NOSE_CIRCLE, flank])
 
 
 def law_of(chain, follower):
     breaks, columns = arc_pieces(chain, BASE, follower)
-    return Law("arcs", np.array(breaks), joined(columns))
+    return Law("arcs", np.array(breaks), join_pieces(columns))
 
 
 # Contours: every part touches the next, and blends fit between their neighbours.
@@ -44,7 +44,7 @@ def test_blends_touch_their_neighbours():
 
     The sign of the radius turns the normal, and equal blends are mirror images.
     """
-    chain = close([BASE_CIRCLE, Blend(0.08), NOSE_CIRCLE, Blend(-0.06)])
+    chain = close_chain([BASE_CIRCLE, Blend(0.08), NOSE_CIRCLE, Blend(-0.06)])
     assert [part.radius for part in chain.parts] == pytest.approx([BASE, 0.08, NOSE, -0.06])
     turns = [chain.normals[i] / chain.normals[i - 1] for i in range(1, 4)]
     assert [turn.imag > 0 for turn in turns] == [True, True, False]
@@ -52,7 +52,7 @@ def test_blends_touch_their_neighbours():
     n = chain.normals
     assert n[0] == pytest.approx(n[3].conjugate(), abs=1e-14)
     assert n[1] == pytest.approx(n[2].conjugate(), abs=1e-14)
-    again = close([BASE_CIRCLE, chain.parts[1], NOSE_CIRCLE, chain.parts[3]])
+    again = close_chain([BASE_CIRCLE, chain.parts[1], NOSE_CIRCLE, chain.parts[3]])
     assert again.parts == chain.parts
 
 
@@ -72,7 +72,7 @@ def test_impossible_contours_are_refused():
         ([BASE_CIRCLE, NOSE_CIRCLE], r"arcs\[0\] and the next do not touch: .* 23 mm .* 13 mm"),
     ):
         with pytest.raises(LawError, match=message) as refused:
-            close(specs)
+            close_chain(specs)
         assert "allowed: " in str(refused.value)
 
 
@@ -132,9 +132,9 @@ def test_contours_that_a_follower_cannot_follow_are_refused():
             arc_pieces(chain_of(FLANKS[flank]), BASE, FOLLOWERS["flat"])
     with pytest.raises(LawError, match=r"concave radius 60 mm, the roller's is 60 mm"):
         arc_pieces(chain_of(FLANKS["concave"]), BASE, ArcFollower(False, 0.06))
-    over = close([Circle(0j, 0.01), Blend(-0.002), Circle(-0.025 + 0j, 0.012), Blend(-0.002)])
+    over = close_chain([Circle(0j, 0.01), Blend(-0.002), Circle(-0.025 + 0j, 0.012), Blend(-0.002)])
     parts = chain_of(FLANKS["convex"]).parts
-    for chain in (over, close([parts[i] for i in (0, 3, 2, 1)])):
+    for chain in (over, close_chain([parts[i] for i in (0, 3, 2, 1)])):
         with pytest.raises(LawError, match="folds back on itself"):
             arc_pieces(chain, BASE, FOLLOWERS["point"])
 
@@ -222,9 +222,9 @@ def test_tangent_arcs_have_the_law_of_their_circles(geometry, arc_law):
         for arc in geometry.arcs()
     )
     mirrored = Circle(flank.centre.conjugate(), flank.radius)
-    chain = close([Circle(0j, PITCH), flank, nose, mirrored])
+    chain = close_chain([Circle(0j, PITCH), flank, nose, mirrored])
     breaks, columns = arc_pieces(chain, PITCH, ArcFollower(False, 0.0))
-    law, angle = Law("arcs", np.array(breaks), joined(columns)), np.linspace(0.01, TURN, 721)
+    law, angle = Law("arcs", np.array(breaks), join_pieces(columns)), np.linspace(0.01, TURN, 721)
     for order, tolerance in enumerate((1e-13, 1e-12, 1e-11)):
         limit = tolerance * np.abs(law.derivative_ordinates(order)).max()
         np.testing.assert_allclose(arc_law(angle, order), law(angle, order), rtol=0, atol=limit)

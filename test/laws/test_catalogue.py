@@ -23,11 +23,11 @@ from ..conftest import dwell, rise
 def test_the_catalogue_lists_every_law_of_a_cam_file():
     models = get_args(get_args(Segment)[0])
     tags = {tag for model in models for tag in get_args(model.model_fields["law"].annotation)}
-    assert tags == {*catalogue.free_laws(), *NAMED_RISES}
+    assert tags == {*catalogue.list_parametric_laws(), *NAMED_RISES}
 
 
 def test_every_rise_is_in_one_family():
-    families = catalogue.families()
+    families = catalogue.rise_families()
     rises = {key: family.rises for key, family in families.items()}
     assert sorted(name for names in rises.values() for name in names) == sorted(NAMED_RISES)
     slopes = {key: {NAMED_RISES[n].slopes for n in names} for key, names in rises.items()}
@@ -47,7 +47,7 @@ def test_curves_of_a_rise_have_its_slopes_and_peaks():
     """
     u = np.linspace(0.0, 1.0, 4001)
     for name, named_rise in NAMED_RISES.items():
-        curves, expected = catalogue.rise_curves(name), catalogue.figures(name)
+        curves, expected = catalogue.rise_curves(name), catalogue.rise_figures(name)
         assert curves.x[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-15)
         assert curves.motion[0, [0, -1]] == pytest.approx((0.0, 1.0), abs=1e-14)
         if expected.continuity >= 1:
@@ -99,8 +99,8 @@ def test_cams_of_several_units_are_drawn_in_mm(cams):
 
 def test_a_figure_of_all_families_has_every_rise_once():
     """Equal rises are one curve: 3-4-5 and Bézier 5, 4-5-6-7 and Bézier 7."""
-    figure = rises_figure(catalogue.families().values())
-    assert len(figure.axes) == len(catalogue.ORDERS) * len(catalogue.families())
+    figure = rises_figure(catalogue.rise_families().values())
+    assert len(figure.axes) == len(catalogue.ORDERS) * len(catalogue.rise_families())
     legends = filter(None, (axes.get_legend() for axes in figure.axes))
     texts = [text.get_text() for legend in legends for text in legend.get_texts()]
     named = [name for text in texts for name in text.split("\n= ")]

@@ -8,7 +8,7 @@ from scipy.interpolate import BPoly, PPoly
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, bernstein, build_law
-from cam_rig.laws.law import SMOOTHEST, continuity, extremes, joints, peak
+from cam_rig.laws.law import MAX_CONTINUITY, continuity, extremes, joints, peak
 from cam_rig.units import TURN
 
 from ..conftest import dwell, rise
@@ -155,7 +155,7 @@ def test_a_jump_of_one_derivative_is_found(laws):
         assert joint.jump == pytest.approx(1.0, rel=1e-9)
     left, right = bernstein.split(laws["bezier15"].ordinates[:, 0], 0.3)
     cut = Law("cut", np.array([0.0, 0.3 * TURN, TURN]), np.stack([left, right], axis=1))
-    assert joints(cut)[1].continuity == SMOOTHEST
+    assert joints(cut)[1].continuity == MAX_CONTINUITY
 
 
 def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
@@ -169,10 +169,10 @@ def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
         classes = {round(np.degrees(joint.angle), 6): joint.continuity for joint in all_joints}
         ends = (0.0, 60.0, 180.0, 210.0, 211.0, 240.0)
         assert [classes.pop(angle) for angle in ends] == 6 * [order]
-        assert set(classes.values()) <= {SMOOTHEST}
+        assert set(classes.values()) <= {MAX_CONTINUITY}
     segments = (rise(120, 1), dwell(30), dwell(0.5), rise(120, 0), dwell(89.5))
     all_joints = joints(build_law(make_cam(*segments)))
-    assert [joint.continuity for joint in all_joints] == [2, 2, SMOOTHEST, 2, 2]
+    assert [joint.continuity for joint in all_joints] == [2, 2, MAX_CONTINUITY, 2, 2]
 
 
 def test_the_turns_end_joins_its_start(make_cam):

@@ -11,8 +11,8 @@ from scipy.interpolate import BSpline
 
 from cam_rig.errors import LawError
 from cam_rig.laws import bernstein, build_law
-from cam_rig.laws.catalogue import figures
-from cam_rig.laws.law import SMOOTHEST, joints, peak
+from cam_rig.laws.catalogue import rise_figures
+from cam_rig.laws.law import MAX_CONTINUITY, joints, peak
 from cam_rig.laws.segments import NAMED_RISES, polynomial_through, unit_rise
 from cam_rig.laws.spline import greville, pieces
 from cam_rig.schema.segments import RiseName
@@ -63,7 +63,7 @@ def test_peaks_and_classes_are_the_closed_forms():
     """Peaks per unit lift and span are the closed forms, the class is the family's."""
     assert set(get_args(RiseName)) == set(NAMED_RISES) == set(KNOWN)
     for name, expected in KNOWN.items():
-        result = figures(name)
+        result = rise_figures(name)
         peaks = (result.peak_velocity, result.peak_acceleration, result.peak_jerk)
         np.testing.assert_allclose(peaks, expected[:3], rtol=5e-13, atol=1e-13)
         assert result.continuity == expected[3]
@@ -158,7 +158,7 @@ def test_a_trigonometric_law_agrees_with_fifty_digits(make_cam):
     """
     segment = {"law": "trigonometric", "span": 360, "mean": MEAN, "cosine": COSINE, "sine": SINE}
     wavy, angles = build_law(make_cam(segment, lift=LIFT)), np.linspace(0.0, TURN, 49)
-    assert {joint.continuity for joint in joints(wavy)} == {SMOOTHEST}
+    assert {joint.continuity for joint in joints(wavy)} == {MAX_CONTINUITY}
 
     def exact(theta, order):
         total = mp.mpf(MEAN) if order == 0 else mp.mpf(0)

@@ -13,7 +13,7 @@ from benchmark.speed import study as rig
 from benchmark.speed.exact import polynomial, powers
 from benchmark.speed.models import Case, Oscillator, output_times
 from cam_rig.laws import Law
-from cam_rig.laws.sampling import AT_SAMPLE, SampleRun, repeated, sample
+from cam_rig.laws.sampling import AT_SAMPLE, SampleRun, group_repeated_runs, sample
 from cam_rig.units import TURN
 
 EPS = float(np.finfo(float).eps)
@@ -108,11 +108,11 @@ def test_equal_turns_are_grouped():
     def runs(spacing, shift):
         return [SampleRun.of(i * spacing, i * spacing + 1000, i * shift, 1e-3) for i in range(4)]
 
-    assert [len(group) for group in repeated(runs(4096, 0.0))] == [4]
-    assert [len(group) for group in repeated(runs(4096, 1e-15))] == [4]
-    assert [len(group) for group in repeated(runs(4096, 1e-13))] == [1] * 4
+    assert [len(group) for group in group_repeated_runs(runs(4096, 0.0))] == [4]
+    assert [len(group) for group in group_repeated_runs(runs(4096, 1e-15))] == [4]
+    assert [len(group) for group in group_repeated_runs(runs(4096, 1e-13))] == [1] * 4
     uneven = [*runs(4096, 0.0), SampleRun.of(20_000, 21_000, 0.0, 1e-3)]
-    assert [len(group) for group in repeated(uneven)] == [4, 1]
+    assert [len(group) for group in group_repeated_runs(uneven)] == [4, 1]
 
 
 def test_samples_are_written_into_the_given_rows(laws):

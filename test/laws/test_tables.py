@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law, spline
-from cam_rig.laws.bernstein import joined, rotate_to_zero
-from cam_rig.laws.law import SMOOTHEST, continuity
+from cam_rig.laws.bernstein import join_pieces, rotate_to_zero
+from cam_rig.laws.law import MAX_CONTINUITY, continuity
 from cam_rig.laws.segments import smooth_table
 from cam_rig.units import TURN, rms
 
@@ -26,7 +26,7 @@ def noise(count, scale=1.0, seed=0):
 
 def law_of(smoothed):
     breaks, columns = smoothed.pieces
-    return Law("table", np.array(breaks), joined(columns))
+    return Law("table", np.array(breaks), join_pieces(columns))
 
 
 def wave(angle):
@@ -45,7 +45,7 @@ def test_zero_tolerance_goes_through_every_point():
         assert smoothed.largest < 1e-16
         law = law_of(smoothed)
         assert np.abs(law(FINE) - wave(FINE)).max() < 3.0**6 * (TURN / 72) ** 6 * 0.0004
-        assert continuity(law) == SMOOTHEST
+        assert continuity(law) == MAX_CONTINUITY
     angles = np.linspace(0.0, TURN, 73)
     lifts = wave(angles)
     lifts[-1] += 2e-7
@@ -57,7 +57,7 @@ def test_smoothing_stays_within_the_tolerance():
     for tolerance in (2e-6, 2e-5, 2e-4):
         smoothed = spline.smooth(turn(120), wave(turn(120)) + noise(120, tolerance, 3), tolerance)
         assert 0.99 * tolerance <= smoothed.rms <= 1.001 * tolerance
-        assert continuity(law_of(smoothed)) == SMOOTHEST
+        assert continuity(law_of(smoothed)) == MAX_CONTINUITY
 
 
 def test_shipped_table_follows_its_points(cams, laws):
@@ -85,7 +85,7 @@ def test_pieces_are_rotated_to_zero():
     column = np.array([0.0, 1.0, 4.0, 9.0])
     breaks, columns = rotate_to_zero(([-1.0, 2.0, TURN - 1.0], [column, column[::-1]]), TURN)
     assert breaks == pytest.approx([0.0, 2.0, TURN - 1.0, TURN])
-    cut = joined(columns)
+    cut = join_pieces(columns)
     assert cut[-1, -1] == pytest.approx(cut[0, 0], rel=1e-15)
     column = np.array([0.0, 1.0])
     breaks, columns = rotate_to_zero(([-2.0, 0.0, TURN - 2.0], [column, column[::-1]]), TURN)
@@ -252,10 +252,10 @@ def test_a_tolerance_below_the_scatter_is_refused(cams, laws):
     with pytest.raises(LawError, match=message):
         spline.require_above_scatter(angles, lifts, 0.5e-6)
     spline.require_above_scatter(angles, lifts, 0.0)
-    min_tolerance = spline.least_tolerance(spline.scatter(angles, lifts), 360)
+    min_tolerance = spline.min_tolerance(spline.scatter(angles, lifts), 360)
     spline.require_above_scatter(angles, lifts, min_tolerance)
-    assert spline.least_tolerance(1.0, 27) == 0.4
-    assert spline.least_tolerance(1.0, 10**8) == pytest.approx(
+    assert spline.min_tolerance(1.0, 27) == 0.4
+    assert spline.min_tolerance(1.0, 10**8) == pytest.approx(
         1.0, abs=spline.MAX_ERRORS_BELOW * 2e-4
     )
     table = cams["measured"].segments[0]

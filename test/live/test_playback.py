@@ -24,7 +24,7 @@ def ticks(speeds, ticks_per_turn):
         turned = now * RPM * (time_ns - start.time_ns) / NS
         states.append(CamState(time_ns, start.angle + turned, then * RPM, "tm21", start.turns))
         grid = start.until(states[-1]).grid(RATE)
-        rows = grid.open_rows()
+        rows = grid.new_rows()
         rows[1:5] = grid.first + np.arange(grid.count, dtype=float)
         result.append(Tick(start, states[-1], rows))
     return result

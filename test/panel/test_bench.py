@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
+from cam_rig.dynamics.jump.any_follower import TWO_MASSES, follower_of
 from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.panel.bench import drawing, live_state, runner
@@ -54,7 +54,7 @@ def test_the_bench_starts_with_the_follower_of_the_board():
         rig = cam_rig.load_rig(path)
         model = Setup.of(rig, "poly345").model
         assert model in runner.available_models(rig)
-        assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
+        assert (model == "two_mass") == (describe_follower(follower_of(rig)) == TWO_MASSES)
     assert set(runner.available_models(RIG)) == set(runner.MODELS)
     assert not {"two_mass", "torsional"} & set(runner.available_models(cam_rig.load_rig("tm21")))
 

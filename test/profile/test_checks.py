@@ -11,7 +11,7 @@ from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.profile import contours, discs
 from cam_rig.profile.cam_checks import check_cam, require_profile
-from cam_rig.profile.checks import least_base_radius, sharpest_concave, sharpest_convex
+from cam_rig.profile.checks import find_min_base_radius, sharpest_concave, sharpest_convex
 from cam_rig.profile.contact import Scan, greatest_between
 
 from ..conftest import dwell
@@ -139,7 +139,7 @@ def test_cam_surrounds_its_shaft():
         text = r"axis is -[\d.]+ mm at 180°; allowed: more than 0 mm"
         with pytest.raises(ProfileError, match=text):
             require_profile(sample.cam, sample.law)
-        least = least_base_radius(sample.cam.follower, sample.law)
+        least = find_min_base_radius(sample.cam.follower, sample.law)
         assert least is not None
         above = make(kind, down, lift=depth, **numbers | {"base_radius": 1001 * least})
         assert named(above, "distance from the axis")[0].passed
@@ -190,7 +190,7 @@ def test_no_base_radius_if_the_cam_cuts_the_pivot():
     (check,) = named(sample, "convex radius of curvature")
     assert not check.passed
     assert check.remedy.startswith("no base_radius would do: let the spans be longer")
-    assert least_base_radius(sample.cam.follower, sample.law) is None
+    assert find_min_base_radius(sample.cam.follower, sample.law) is None
 
 
 def test_limit_of_the_pressure_angle():
@@ -215,7 +215,9 @@ def test_least_base_radius_of_a_face_is_eq_2_42():
     sample = make("flat", least_curvature_radius=4)
     angle = np.linspace(0.0, 2.0 * np.pi, 400_001)
     expected = 0.004 - (sample.law(angle) + sample.law(angle, 2)).min()
-    assert least_base_radius(sample.cam.follower, sample.law) == pytest.approx(expected, rel=1e-9)
+    assert find_min_base_radius(sample.cam.follower, sample.law) == pytest.approx(
+        expected, rel=1e-9
+    )
     sample = make("flat", base_radius=5)
     with pytest.raises(ProfileError, match=r"let base_radius be more than 8\.0371 mm"):
         require_profile(sample.cam, sample.law)
@@ -228,7 +230,7 @@ def test_least_base_radius_is_at_the_cusp(sample):
     At 0.999 of it a part is undercut, or the follower does not reach.
     """
     kind = sample.cam.follower.type
-    least = least_base_radius(sample.cam.follower, sample.law)
+    least = find_min_base_radius(sample.cam.follower, sample.law)
     assert least is not None
     assert (least == 0.0) == (kind in BREADTH)
     if least == 0.0:

@@ -14,7 +14,12 @@ from cam_rig.errors import CamRigError, ConfigError, ProfileError
 from cam_rig.profile import turn_angles
 from cam_rig.profile.contour_files import MAX_BYTES, Placement, read_contour_table
 from cam_rig.profile.faces import GuidedCentre, GuidedFace
-from cam_rig.profile.measure import closed_curve, find_rotation, require_axis_inside, rest
+from cam_rig.profile.measure import (
+    closed_curve,
+    find_rotation,
+    require_axis_inside,
+    rest_on_contour,
+)
 from cam_rig.profile.read_dxf import MAX_ENTITIES, read_dxf
 
 ANGLES = turn_angles(90)
@@ -43,7 +48,7 @@ def in_space(method, *args, **kwargs):
 
 def height(curve):
     """Lift (m) of a flat face on a contour."""
-    return rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(curve), ANGLES)
+    return rest_on_contour(GuidedFace(0.0, 0.0, 0.0), closed_curve(curve), ANGLES)
 
 
 # Drawings.

@@ -13,7 +13,7 @@ from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.profile import contours, discs, turn_angles
 from cam_rig.profile import drawing_files as files
 from cam_rig.profile.contour_files import read_contour_table
-from cam_rig.profile.measure import closed_curve, rest
+from cam_rig.profile.measure import closed_curve, rest_on_contour
 from cam_rig.profile.polyline import contour_paths, pitch_paths, polyline
 from cam_rig.profile.read_dxf import read_dxf
 
@@ -134,7 +134,7 @@ def law_comes_back(cam, outlines, tolerance):
     """Assert that the follower measures the law on outlines."""
     plates = discs(cam[0].follower, cam[1])
     for disc, outline in zip(plates, outlines, strict=True):
-        lift = rest(disc.element, closed_curve(outline), ANGLES)
+        lift = rest_on_contour(disc.element, closed_curve(outline), ANGLES)
         np.testing.assert_allclose(lift, cam[1](ANGLES), rtol=0, atol=tolerance)
 
 

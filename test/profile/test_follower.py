@@ -9,7 +9,14 @@ from cam_rig.profile import contours, contours_at, turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.faces import GuidedFace, SwungFace
 from cam_rig.profile.outlines import follower_shape
-from cam_rig.profile.shapes import NUMBER, body, closed, ring_numbers, rotation, turned
+from cam_rig.profile.shapes import (
+    NUMBER_RADIUS,
+    body,
+    close_outline,
+    ring_numbers,
+    rotate,
+    rotation_arrow,
+)
 
 #: Cam angles in rad that are not at a joint.
 ANGLES = turn_angles(720) + 1e-3
@@ -77,7 +84,7 @@ def test_outline_agrees_with_the_reference_point(drawn):
             strip = strip[-1:]
         elif not isinstance(shape.element, GuidedFace):
             strip = strip[:-1] if shape.element.roller else strip[1:2]  # the tip
-        moved = turned(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
+        moved = rotate(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
         np.testing.assert_allclose(moved.mean(axis=0), shape.place(lift)[0], rtol=0, atol=1e-15)
         strips = [*shape.outline(), *shape.support()]
         assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
@@ -109,9 +116,9 @@ def test_dial():
     The arrow is counterclockwise.
     """
     for centre, number in zip(*ring_numbers(10.0), strict=True):
-        up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(number)))
+        up = rotate(np.array([[0.0, 10.0 * NUMBER_RADIUS]]), np.radians(float(number)))
         np.testing.assert_allclose(up[0], centre, atol=1e-12)
-    arc, head = rotation(1.0)
+    arc, head = rotation_arrow(1.0)
     x, y = arc.T
     assert np.all(x[:-1] * y[1:] - y[:-1] * x[1:] > 0.0)
     np.testing.assert_array_equal(head[1], arc[-1])
@@ -125,7 +132,7 @@ def test_body_fills_its_outline(cams, laws):
     fraction = np.linspace(0.0, 1.0, 30)[:, None]
     for name in ("tm21", "flat", "oscillating_roller"):
         contour = contours(cams[name].follower, laws[name], 360)[0].points.T
-        outline = closed(contour)
+        outline = close_outline(contour)
         strips, half = body(outline)
         lines = np.concatenate([a + fraction * (b - a) for s in strips for a, b in pairwise(s)])
         for scale in np.linspace(0.02, 0.96, 20):

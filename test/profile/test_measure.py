@@ -22,7 +22,9 @@ BACKLASH_ATOL = 1e-9
 
 def is_at(element, expected, rtol=1e-14):
     """Assert the lift of an element on the circular cam."""
-    lift = measure.rest(element, lambda parameter: CENTRE + RADIUS * np.exp(1j * parameter), ANGLES)
+    lift = measure.rest_on_contour(
+        element, lambda parameter: CENTRE + RADIUS * np.exp(1j * parameter), ANGLES
+    )
     np.testing.assert_allclose(lift, expected, rtol=rtol)
 
 
@@ -55,7 +57,7 @@ def test_direction_and_first_point_do_not_matter(every_kind):
         for disc, contour in zip(sample.discs, cam_contours, strict=True):
             other = np.roll(contour.points[:, ::-1], 321, axis=1)
             other = np.append(other, other[:, :1], axis=1)  # closed twice
-            lift = measure.rest(disc.element, measure.closed_curve(other), ANGLES)
+            lift = measure.rest_on_contour(disc.element, measure.closed_curve(other), ANGLES)
             np.testing.assert_allclose(
                 lift, sample.law(ANGLES), rtol=0, atol=1e-9 * sample.law.lift
             )
@@ -72,7 +74,7 @@ def test_contours_that_cannot_be_measured():
 
     for element in (GuidedCentre(0.005, 0.0, 0.0), GuidedCentre(0.0, 0.0, 0.0)):
         with pytest.raises(ProfileError, match=r"misses the contour at \d+(\.\d+)?°; allowed: "):
-            measure.rest(element, hole, ANGLES)
+            measure.rest_on_contour(element, hole, ANGLES)
     text = "contour has 3 different points; allowed: at least 8"
     with pytest.raises(ProfileError, match=re.escape(text)):
         measure.closed_curve(np.array([[0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]))
@@ -91,7 +93,7 @@ def assert_rests_on_the_law(sample, angles):
             return (x + 1j * y).reshape(parameter.shape)
 
         for element in filter(None, (disc.element, disc.opposite)):
-            lift = measure.rest(element, curve, angles)
+            lift = measure.rest_on_contour(element, curve, angles)
             np.testing.assert_allclose(
                 lift, sample.law(angles), rtol=0, atol=1e-9 * sample.law.lift
             )

@@ -68,7 +68,7 @@ def test_limits_in_si_are_reported_in_the_unit_of_the_number():
         check.validate_python({"given": inside, "unit": "mm"})
         with pytest.raises(ValidationError, match=message):
             check.validate_python({"given": outside, "unit": "mm"})
-    check = TypeAdapter(Annotated[Quantity, must_be("speed", is_list=True, gt=0.0)])
+    check = TypeAdapter(Annotated[Quantity, must_be("speed", counts=(1, 9), gt=0.0)])
     with pytest.raises(ValidationError, match="is -3 rpm; allowed: greater than 0 rpm"):
         check.validate_python({"given": [1, 2, -3], "unit": "rpm"})
 

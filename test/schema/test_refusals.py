@@ -229,7 +229,7 @@ SEGMENTS = (
     (f"trigonometric, mean: {ratio(0)[:-1]}}}", "mean: is [0.0]; allowed: one number"),
     (
         f"trigonometric, mean: {{assumed: 0, unit: '1'}}, sine: {ratio(*[0] * 51)}",
-        "sine: are 51; allowed: at most 50",
+        "sine: has 51 numbers; allowed: 1 to 50",
     ),
     (radii("convex"), "flank: convex needs flank_radius"),
     (radii("straight", ", flank_radius: {assumed: 9, unit: mm}"), "straight has no flank_radius"),

@@ -66,9 +66,9 @@ def test_forms_of_files_of_points(load, tmp_path):
 def test_wrong_points_raise_an_error_of_one_line(load, tmp_path):
     """It names the files of the cam and of the points, and the allowed values."""
     for text, expected in (
-        (None, "measured.csv: no such file next to the cam's file"),
-        ("", "measured.csv: is empty; allowed: a header line, then points"),
-        (b"\xff\xfe\x00", "measured.csv: cannot be read"),
+        (None, "measured.csv: no such file"),
+        ("", "measured.csv: is empty; allowed: a heading and up to 100000 lines of points"),
+        (b"\xff\xfe\x00", "measured.csv: columns are \ufffd; allowed: one of angle_rad"),
         (table(header="angle,lift"), "columns are angle, lift; allowed: one of angle_rad, angle_d"),
         (table(header="angle_deg,lift_kg"), "allowed: one of lift_m, lift_cm, lift_mm, lift_um, l"),
         (table(header="a" * 100_000), "aaa...; allowed: one of angle_rad"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cam_rig.profile.shapes import distances, turned
+from cam_rig.profile.shapes import distances, rotate
 from cam_rig.schema.load import config_root
 from cam_rig.show.looks import of_cam
 from cam_rig.simulation.scene import max_contact_force, open_scene
@@ -52,7 +52,7 @@ def test_the_roller_touches_the_turned_contour(bag, picture):
     force = bag.samples[4, sample]
     angle = 2.0 * np.arctan2(z, w)
     gaps = np.array(
-        [gap(p, turned(strips[m], a)) for p, m, a in zip(place, mounted, angle, strict=True)]
+        [gap(p, rotate(strips[m], a)) for p, m, a in zip(place, mounted, angle, strict=True)]
     )
     assert (force > 0.0).sum() > 200 and (force == 0.0).any()
     np.testing.assert_allclose(gaps[force > 0.0], 10.0, atol=0.02)
@@ -160,7 +160,7 @@ def test_the_follower_covers_no_number_of_the_ring(make_loaded_scene, cam):
     for lift in np.linspace(0.0, framing.shape.max_lift, 50)[:, None]:
         place, tilt = framing.shape.origin(lift)[0] * 1e3, float(framing.shape.turn(lift)[0])
         for strip in framing.follower():
-            assert distances(places, turned(strip, tilt) + place).min() > 0.1 * framing.ring
+            assert distances(places, rotate(strip, tilt) + place).min() > 0.1 * framing.ring
 
 
 def test_a_follower_outside_its_view_is_drawn_at_the_edge():

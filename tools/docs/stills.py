@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.outlines import follower_shape
-from cam_rig.profile.shapes import circle, closed, turned
+from cam_rig.profile.shapes import circle, close_outline, rotate
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, shade, turn_axis
 from cam_rig.show.looks import MM, of_cam, web
@@ -35,7 +35,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     def line(points: FloatArray, colour: int, width: float = 1.4) -> None:
         drawn.extend(axes.plot(*(points * MM).T, color=web(colour), lw=width))
 
-    outline = turned(closed(archive.profiles[turn.cam]), float(angle[0]))
+    outline = rotate(close_outline(archive.profiles[turn.cam]), float(angle[0]))
     line(outline, of_cam(turn.cam), 2.0)
     line(np.stack([np.zeros(2), outline[0]]), of_cam(turn.cam), 0.8)
     line(circle(cam.follower.base_radius.si), colours.GREY, 0.6)
@@ -43,7 +43,7 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
         line(strip, colours.GREY, 0.8)
     for strip in shape.outline():
         tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0]
-        line(turned(strip, tilt) + place, colours.FOLLOWER, 1.6)
+        line(rotate(strip, tilt) + place, colours.FOLLOWER, 1.6)
     force = float(turn.force[sample])
     if force == 0.0:
         line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)

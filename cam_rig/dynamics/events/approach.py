@@ -33,7 +33,7 @@ from cam_rig.dynamics.events.law_table import (
     lift_within,
     piece_from,
 )
-from cam_rig.dynamics.velocity_jumps import SAME_PLACE
+from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.polynomials import elevate, find_fall, integrate, restrict, value_at
 from cam_rig.laws.vectors import Vector, max_abs
 
@@ -79,7 +79,7 @@ def find_landing(flight: FlightOverCam, limit: float) -> Gap:
     """
     cam, rounding = flight.cam, 0.0
     if cam.law.has_velocity_jumps:  # r of (13): a jump may be up to this time before the limit
-        rounding = max(SAME_PLACE / cam.speed, 4.0 * angle_rounding_time(cam))
+        rounding = max(SAME_ANGLE_RAD / cam.speed, 4.0 * angle_rounding_time(cam))
         rounding = min(rounding, MAX_JUMP_ROUNDING_S)
     point, last = _initial_gap(flight), limit - rounding
     while point.time < limit:
@@ -163,7 +163,7 @@ def _step_while_open(flight: FlightOverCam, point: Gap, last: float, limit: floa
     initial = contact_component(lift_off, lift_off.start)
     min_step = MIN_STEP_FRACTION * lift_off.free[0]["window"]
     max_acceleration = advance_contact_mass(lift_off, time).max_acceleration
-    speed_squared, joint_rounding = cam.speed * cam.speed, SAME_PLACE / cam.speed
+    speed_squared, joint_rounding = cam.speed * cam.speed, SAME_ANGLE_RAD / cam.speed
     piece, _, high = piece_from(cam, time)
     proven_piece = -1
     while time < last:

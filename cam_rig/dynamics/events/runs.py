@@ -47,7 +47,7 @@ from cam_rig.dynamics.events.run_table import (
     RunTable,
     StemStretch,
 )
-from cam_rig.dynamics.velocity_jumps import SAME_PLACE
+from cam_rig.dynamics.velocity_jumps import SAME_ANGLE_RAD
 from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
@@ -287,7 +287,7 @@ def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
     An event within rounding of a velocity jump is moved to the jump.
     """
     has_jump = state["jumps_done"] < len(run.jumps.ahead)
-    limit, rounding = _next_limit(run.jumps, state), SAME_PLACE / run.cam.speed
+    limit, rounding = _next_limit(run.jumps, state), SAME_ANGLE_RAD / run.cam.speed
     return time if time < limit - (rounding if has_jump else 0.0) else limit
 
 

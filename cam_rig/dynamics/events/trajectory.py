@@ -31,11 +31,11 @@ from cam_rig.dynamics.interval import (
     Event,
     FollowerState,
     SampleGrid,
-    show_impulses,
+    add_impulses,
 )
 from cam_rig.dynamics.linear.exponential import REACH, Flight, FreeSystem, window_series
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, Part, polynomial_part
-from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
+from cam_rig.dynamics.velocity_jumps import step_before_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
@@ -49,9 +49,9 @@ TURN_ROUNDING = 1e-6
 #: Step of the cam's velocity, relative to (cam speed × lift), up to which it counts as rounding.
 MIN_VELOCITY_STEP = 1e-12
 #: Height of a bounce, as a fraction of the lift, below which it counts as contact.
-MIN_OF_LIFT = 1e-12
+MIN_BOUNCE_RATIO = 1e-12
 #: Height of a bounce in m below which it counts as contact: 1e-5 of the size of an atom.
-MIN_HEIGHT = 1e-15
+MIN_BOUNCE_HEIGHT = 1e-15
 #: Rounding errors that a contact force may contain.
 ROUNDING_ERRORS = 64.0
 
@@ -118,26 +118,26 @@ class Trajectory:
                 states.append(Flight(self.system, start, *known_gap))
         return states
 
-    def _begin(self, state: FloatArray | Flight, step: float) -> NDArray[np.void]:
+    def _start_record(self, state: FloatArray | Flight, step: float) -> NDArray[np.void]:
         """Return the first state of a run as one record, after a step of ṡ in m/s."""
         records = np.zeros(1, RUN_STATE)
         record, vector = records[0], records[0]["vector"]
         record["initial_step"] = step
         if isinstance(state, Flight):
             vector[: state.start.size] = state.start
-            gap, gap_rate = state.known or (0.0, 0.0)
-            start_flight(record, bool(state.known), gap, gap_rate)
+            gap, gap_rate = state.gap_state or (0.0, 0.0)
+            start_flight(record, bool(state.gap_state), gap, gap_rate)
         else:
             vector[: state.size] = state
         return records
 
-    def _find(self, table: RunTable, state: NDArray[np.void], duration: float) -> None:
+    def _search(self, table: RunTable, state: NDArray[np.void], duration: float) -> None:
         """Append the phases and events from ``state`` up to ``duration`` s."""
         room = FIRST_ROOM
         turns = max(1, math.ceil(self.speed * duration / TURN - TURN_ROUNDING))
         max_events = self.max_events * turns
         while room == FIRST_ROOM or state[0]["time"] < duration:
-            record = record_of(state, room)
+            record = new_record(state, room)
             dispatch(run_events, table, record)
             phase_count, event_count = record.counts[0].tolist()
             self._recorded.append(record.phases[:phase_count])
@@ -168,7 +168,7 @@ class Trajectory:
             cam=Cam(law=law_table(law), speed=speed, angle=self.angle),
             free=free_table(self.system),
             jumps=jumps_table(law, self.angle, speed, duration),
-            min_bounce_height=float(max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)),
+            min_bounce_height=float(max(MIN_BOUNCE_RATIO * law.lift, MIN_BOUNCE_HEIGHT)),
             min_velocity_step=float(MIN_VELOCITY_STEP * speed * law.lift),
             **follower,
         )
@@ -182,18 +182,18 @@ class Trajectory:
         in rig time.
         """
         for phase in self.phases:
-            if phase.flight is not None and (within := grid.within(phase.begin, phase.end)):
+            if phase.flight is not None and (within := grid.find_samples(phase.begin, phase.end)):
                 samples, times = within
                 block.motion[:, samples] = phase.flight.motion(times - phase.begin)
                 block.force[samples] = 0.0
         pending = 0.0 if before is None else before.pending_impulse
-        pending = show_impulses(block.rows, grid, self.events, pending)
+        pending = add_impulses(block.rows, grid, self.events, pending)
         start = block.interval.start_ns / NS
         events = tuple(event._replace(time=start + event.time) for event in self.events)
         return replace(end, pending_impulse=pending), replace(block, events=events)
 
 
-def record_of(state: NDArray[np.void], room: int) -> RunRecord:
+def new_record(state: NDArray[np.void], room: int) -> RunRecord:
     """Return an empty record of a run from a state, with room for ``room`` phases."""
     return RunRecord(
         state=state,
@@ -315,6 +315,6 @@ def jumps_table(law: Law, angle: float, speed: float, duration: float) -> Jumps:
     jumps = velocity_jumps_ahead(law, angle, speed, duration)
     ahead = np.array([(jump.time, speed * jump.step) for jump in jumps], dtype=JUMP)
     end = angle + speed * duration
-    before = short_of_velocity_jump(law, end)
+    before = step_before_velocity_jump(law, end)
     limit = duration if before == end else min(duration, (before - angle) / speed)
     return Jumps(ahead=ahead, duration=float(duration), contact_limit=float(limit))

@@ -12,15 +12,15 @@ import math
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed, rigid_min_force
 from cam_rig.dynamics.jump.two_masses import (
-    FASTEST,
-    FROM_REST,
-    SLOWEST,
+    MAX_RPM,
+    MIN_RPM,
+    REST_DURATION_S,
     Jump,
     find_jump_speed,
     find_two_mass_jump,
     force_run,
-    keeps_contact,
-    loses_contact,
+    kept_contact_error,
+    lost_contact_error,
     require_run,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -33,7 +33,7 @@ from cam_rig.units import RPM, FloatArray
 #: Parameters of a follower that has a jump speed.
 AnyFollower = TwoMassParameters | FollowerParameters
 
-#: Text of `described` for a follower with two masses.
+#: Text of `describe_follower` for a follower with two masses.
 TWO_MASSES = "two masses"
 
 
@@ -53,23 +53,23 @@ def follower_of(rig: RigConfig) -> AnyFollower:
     return TwoMassParameters.from_rig(rig)
 
 
-def described(parameters: AnyFollower) -> str:
+def describe_follower(parameters: AnyFollower) -> str:
     """Return the kind of the follower as text."""
     return TWO_MASSES if isinstance(parameters, TwoMassParameters) else "one rigid mass"
 
 
-def described_run(parameters: AnyFollower, duration: float | None) -> str:
+def describe_run(parameters: AnyFollower, duration: float | None) -> str:
     """Return the kind of the follower and of the run as text.
 
     The run takes ``duration`` s from rest, or is in steady state for None.
     """
-    name = described(parameters)
+    name = describe_follower(parameters)
     if name != TWO_MASSES:
         return f"{name}, from rest as in steady state"
     return f"{name}, in steady state" if duration is None else f"{name}, {duration:g} s from rest"
 
 
-def find_jump(law: Law, parameters: AnyFollower, duration: float | None = FROM_REST) -> Jump:
+def find_jump(law: Law, parameters: AnyFollower, duration: float | None = REST_DURATION_S) -> Jump:
     """Return the jump speed of a follower on a law, and the first loss of contact.
 
     Parameters
@@ -100,14 +100,14 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None = FROM_R
     if isinstance(parameters, TwoMassParameters):
         return find_two_mass_jump(law, parameters, duration)
     speed, angle = rigid_jump(law, parameters)
-    if speed < SLOWEST * RPM:
-        raise loses_contact(law)
-    if speed > FASTEST * RPM:
-        raise keeps_contact(law)
+    if speed < MIN_RPM * RPM:
+        raise lost_contact_error(law)
+    if speed > MAX_RPM * RPM:
+        raise kept_contact_error(law)
     return Jump(speed, angle, angle / speed)
 
 
-def contact_lost_speed(law: Law, rig: RigConfig) -> float:
+def find_contact_loss_speed(law: Law, rig: RigConfig) -> float:
     """Return the jump speed (rad/s) of a rig, from rest.
 
     It is 0 if contact is lost at every speed, and infinite if contact is kept at every speed.
@@ -119,9 +119,9 @@ def contact_lost_speed(law: Law, rig: RigConfig) -> float:
         return rigid_jump_speed(law, FollowerParameters.from_rig(rig))
     parameters = TwoMassParameters.from_rig(rig)
     try:
-        return find_jump_speed(law, parameters, FROM_REST)
+        return find_jump_speed(law, parameters, REST_DURATION_S)
     except DynamicsError:  # the jump speed is outside the range of the search
-        force = force_run(law, parameters, FROM_REST).min_output(SLOWEST * RPM)
+        force = force_run(law, parameters, REST_DURATION_S).min_output(MIN_RPM * RPM)
         return 0.0 if force <= 0.0 else math.inf
 
 

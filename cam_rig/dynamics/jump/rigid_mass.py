@@ -10,7 +10,7 @@ from cam_rig.dynamics.modal.law_series import law_series
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.law import TIE, extremes
+from cam_rig.laws.law import TIE_RTOL, extremes
 from cam_rig.units import TURN, FloatArray
 
 #: Number of points per piece at which the force is evaluated for its minimum.
@@ -31,7 +31,7 @@ def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
     """
     require_smooth(law, "")
     lift, stiffness = law.motion[0], follower.spring_stiffness
-    rounding = TIE * stiffness * float(abs(lift).max())
+    rounding = TIE_RTOL * stiffness * float(abs(lift).max())
     # An ordinate may be lower than the law itself, so the exact minimum decides.
     if follower.preload + stiffness * lift.min() < -rounding:
         low, _ = extremes(law, 0)

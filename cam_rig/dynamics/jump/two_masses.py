@@ -18,25 +18,25 @@ from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN, to_rpm
 
 #: Speed at which the search starts, rpm.
-SLOWEST = 1.0
+MIN_RPM = 1.0
 #: Speed at which the search ends, rpm.
-FASTEST = 1e5
+MAX_RPM = 1e5
 #: Damping ratio below which a follower counts as undamped. Its search in steady state is endless.
 MIN_DAMPING_RATIO = 1e-7
 #: Largest number of evaluations of a search. They take about half a minute.
 MAX_EVALUATIONS = 3e8
 #: Duration of a run from rest, s, as in Table 2 of the paper.
-FROM_REST = 1.7
+REST_DURATION_S = 1.7
 #: Longest run from rest, s. After a minute the motion is close to the steady state.
-MAX_DURATION = 60.0
+MAX_REST_DURATION_S = 60.0
 
 
 def require_run(duration: float) -> None:
     """Raise `ConfigError` unless a run from rest lasts more than 0 and at most 60 s."""
-    if not 0.0 < duration <= MAX_DURATION:
+    if not 0.0 < duration <= MAX_REST_DURATION_S:
         raise ConfigError(
-            f"the run from rest lasts {duration:g} s; allowed: above 0, to {MAX_DURATION:g} s, or "
-            "the steady state"
+            f"the run from rest lasts {duration:g} s; allowed: above 0, to {MAX_REST_DURATION_S:g} "
+            "s, or the steady state"
         )
 
 
@@ -65,7 +65,7 @@ class NoJumpSpeedError(DynamicsError):
         self.speed = speed
 
 
-def loses_contact(law: Law, slowest: float = SLOWEST) -> NoJumpSpeedError:
+def lost_contact_error(law: Law, slowest: float = MIN_RPM) -> NoJumpSpeedError:
     """Return the error for a follower that loses contact at the slowest speed (rpm)."""
     return NoJumpSpeedError(
         f"cam {law.name!r}: the follower loses contact at {slowest:g} rpm already; allowed for a "
@@ -74,10 +74,10 @@ def loses_contact(law: Law, slowest: float = SLOWEST) -> NoJumpSpeedError:
     )
 
 
-def keeps_contact(law: Law) -> NoJumpSpeedError:
+def kept_contact_error(law: Law) -> NoJumpSpeedError:
     """Return the error for a follower that keeps contact at every speed."""
     return NoJumpSpeedError(
-        f"cam {law.name!r}: the follower keeps contact up to {FASTEST:g} rpm; allowed for a "
+        f"cam {law.name!r}: the follower keeps contact up to {MAX_RPM:g} rpm; allowed for a "
         "jump speed: a cam on which contact is lost",
         math.inf,
     )
@@ -92,14 +92,14 @@ def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -
 
 
 def find_jump_speed(
-    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> float:
     """Return the jump speed (rad/s), see `find_two_mass_jump`."""
     return find_two_mass_jump(law, parameters, duration, slowest).speed
 
 
 def find_two_mass_jump(
-    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> Jump:
     """Return the jump speed of two masses, and the first loss of contact.
 
@@ -114,14 +114,14 @@ def find_two_mass_jump(
 
 
 def solve_threshold(
-    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = MIN_RPM
 ) -> Climb:
     """Return the lowest speed at which the least contact force is zero, and its angle.
 
     Raises
     ------
     NoJumpSpeedError
-        If the force is negative at ``slowest`` (rpm), or positive up to `FASTEST`.
+        If the force is negative at ``slowest`` (rpm), or positive up to `MAX_RPM`.
     DynamicsError
         If there is no steady state, the rounding error is too large, or the search takes more than
         `MAX_EVALUATIONS`.
@@ -134,19 +134,19 @@ def solve_threshold(
             "in each turn if a harmonic of the speed is at its frequency; allowed: damping, or a "
             "run from rest"
         )
-    result = run.climb(RPM * slowest, RPM * FASTEST, MAX_EVALUATIONS)
+    result = run.climb(RPM * slowest, RPM * MAX_RPM, MAX_EVALUATIONS)
     if result.status == ClimbStatus.NEGATIVE:
-        raise loses_contact(law, slowest)
+        raise lost_contact_error(law, slowest)
     if result.status == ClimbStatus.POSITIVE:
-        raise keeps_contact(law)
+        raise kept_contact_error(law)
     if result.status == ClimbStatus.UNRESOLVED:
-        raise _unresolved(law, parameters, result.low)
+        raise _unresolved_error(law, parameters, result.low)
     if result.status == ClimbStatus.PAUSED:
-        raise _too_many_evaluations(law, parameters, result.low)
+        raise _evaluations_error(law, parameters, result.low)
     return result
 
 
-def _unresolved(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
+def _unresolved_error(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
     """Return the error for a rounding error that is too large above a speed (rad/s)."""
     ratio = parameters.damping_ratio
     predicate = f"is damped {ratio:.3g} times critical, with" if ratio > 1.0 else "has"
@@ -159,7 +159,7 @@ def _unresolved(law: Law, parameters: TwoMassParameters, speed: float) -> Dynami
     )
 
 
-def _too_many_evaluations(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
+def _evaluations_error(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
     """Return the error for a search with too many evaluations above a speed (rad/s)."""
     ratio, rate = parameters.damping_ratio, math.sqrt(parameters.stiffness / parameters.end_mass)
     predicate, remedy = f"vibrates at {rate / TURN:.3g} Hz", "more damping"

@@ -43,16 +43,16 @@ def response(damping: float, stiffness: float, time: FloatArray) -> Response:
     time = np.asarray(time, dtype=np.float64)
     short = max(math.sqrt(stiffness), damping) * time <= MAX_SERIES_REACH
     if short.all():
-        return _series(damping, stiffness, time)
+        return _respond_short(damping, stiffness, time)
     if not short.any():
-        return _long(damping, stiffness, time)
+        return _respond_long(damping, stiffness, time)
     out = np.empty((3, time.size))
-    out[:, short] = _series(damping, stiffness, time[short])
-    out[:, ~short] = _long(damping, stiffness, time[~short])
+    out[:, short] = _respond_short(damping, stiffness, time[short])
+    out[:, ~short] = _respond_long(damping, stiffness, time[~short])
     return out[0], out[1], out[2]
 
 
-def _long(damping: float, stiffness: float, time: FloatArray) -> Response:
+def _respond_long(damping: float, stiffness: float, time: FloatArray) -> Response:
     """Return the response by exponentials."""
     decay = 0.5 * damping
     square = stiffness - decay**2
@@ -61,17 +61,17 @@ def _long(damping: float, stiffness: float, time: FloatArray) -> Response:
     return _overdamped(decay, math.sqrt(-square), stiffness, time)
 
 
-def _series(damping: float, stiffness: float, time: FloatArray) -> Response:
+def _respond_short(damping: float, stiffness: float, time: FloatArray) -> Response:
     """Return the response by a Taylor series, for short times.
 
     Times are up to `MAX_SERIES_REACH` divided by the fastest rate.
     """
-    columns = np.vander(time, SERIES_TERMS + 1, increasing=True) @ _terms(damping, stiffness)
+    columns = np.vander(time, SERIES_TERMS + 1, increasing=True) @ _series_terms(damping, stiffness)
     return columns[:, 0], columns[:, 1], columns[:, 2]
 
 
 @lru_cache(maxsize=256)
-def _terms(damping: float, stiffness: float) -> FloatArray:
+def _series_terms(damping: float, stiffness: float) -> FloatArray:
     """Return the coefficients of S, Ṡ and C, ``(SERIES_TERMS + 1, 3)``.
 
     They follow from the equation of motion.
@@ -227,7 +227,7 @@ class Flight:
     gap_rate: float | None = None  #: rate of the gap at t = 0, m/s, if known
 
     @property
-    def known(self) -> tuple[float, ...]:
+    def gap_state(self) -> tuple[float, ...]:
         """Gap (m) and its rate (m/s) at t = 0, or an empty tuple if they are not known."""
         return () if self.gap is None or self.gap_rate is None else (self.gap, self.gap_rate)
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from cam_rig.dynamics.linear.exponential import free_motion
 from cam_rig.dynamics.linear.propagator import exponential, exponentials, pieces
 from cam_rig.dynamics.parameters import (
+    check_state,
+    check_times,
     require_angle,
     require_number,
     require_turning,
-    state_of,
-    times_of,
 )
-from cam_rig.dynamics.velocity_jumps import JOINT_SLACK
+from cam_rig.dynamics.velocity_jumps import JOINT_ATOL_RAD
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import (
@@ -33,14 +33,14 @@ from cam_rig.laws.sampling import (
     SampleRun,
     chunk_powers,
     fill_in_chunks,
-    repeated,
+    group_repeated_runs,
     samples_before,
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: Smallest |eigenvalue| of I − Φ at which a steady state exists. Below it one turn hardly changes
 #: a mode in phase or size: the mode is in resonance.
-RESONANT = 1e-11
+MIN_EIGENVALUE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class TurnMap:
     def fixed_point(self) -> FloatArray | None:
         """Return the state that returns after one turn, ``(n,)``, or None at resonance."""
         matrix = np.eye(self.offset.size) - self.flow
-        if np.abs(np.linalg.eigvals(matrix)).min() < RESONANT:
+        if np.abs(np.linalg.eigvals(matrix)).min() < MIN_EIGENVALUE:
             return None
         return np.asarray(np.linalg.solve(matrix, self.offset))
 
@@ -142,9 +142,9 @@ class LinearResponse:
         The walk starts in the state ``start`` at ``angle`` (rad) and takes ``duration`` s. A state
         jump at its start acts, and a state jump at its end does not.
         """
-        start = state_of(start, self.constant.size)
+        start = check_state(start, self.constant.size)
         require_angle(angle)
-        slack = JOINT_SLACK / self.speed if self.law.repeats else 0.0
+        slack = JOINT_ATOL_RAD / self.speed if self.law.repeats else 0.0
         inside = angle - math.floor(angle / TURN) * TURN
         i = bisect_right(self.parts, inside, key=lambda part: part.low) - 1
         time, state, local = 0.0, start, (inside - self.parts[i].low) / self.speed
@@ -189,7 +189,7 @@ class LinearResponse:
         The results are the states less X, ``(n, m)``, the times since the start of the part (s),
         ``(m,)``, and the indices of the parts, ``(m,)``.
         """
-        times = times_of(times)
+        times = check_times(times)
         last = float(times[-1]) if times.size else 0.0
         require_angle(angle)
         require_angle(angle + self.speed * last, "angle at the last time")
@@ -221,7 +221,7 @@ class LinearResponse:
         require_number("duration", duration, "≥ 0")
         first = math.ceil(angle / TURN)
         # Stop before a state jump at the end, which belongs to the next interval.
-        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * JOINT_SLACK
+        spare = 0.0 if self.parts[0].state_jump is None else 2.0 * JOINT_ATOL_RAD
         whole = math.floor((angle + self.speed * duration - spare) / TURN) - first
         if whole <= 1:
             return start, angle, duration
@@ -301,7 +301,7 @@ class Outputs:
     constant: FloatArray  #: d, ``(k,)``
 
 
-def end_of(
+def compute_end(
     model: LinearResponse, start: FloatArray, angle: float, duration: float, outputs: Outputs
 ) -> tuple[FloatArray, FloatArray]:
     """Return the state ``(n,)`` and the outputs ``(k,)`` after ``duration`` s."""
@@ -407,7 +407,7 @@ def _fill_in_chunks(
     over = _chunk_matrix(model, outputs, series.powers.shape[0], step, chunk)
     states = np.stack([passage.free for passage in passages], axis=1)
     states = free_motion(model.matrix, states, np.array([passage.offset for passage in passages]))
-    trains = repeated([passage.samples for passage in passages])
+    trains = group_repeated_runs([passage.samples for passage in passages])
     polynomial = series.at([train[0] for train in trains])
     rows, _, powers = polynomial.shape
     chunks = passages[0].samples.chunks  # chunks per passage

@@ -15,7 +15,7 @@ from scipy.signal import StateSpace
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import elastic_stem
 from cam_rig.dynamics.free_masses import (
-    NEEDED,
+    TWO_MASS_KEYS,
     TwoMassParameters,
     contact_response,
     force_output,
@@ -108,6 +108,6 @@ def _matrices(rig: RigConfig, model: str | None) -> tuple[FloatArray, FloatArray
 
 def _fullest_model(rig: RigConfig) -> str:
     """Return the most detailed model for which the rig has all numbers."""
-    if all(getattr(rig.follower, key) is not None for key in NEEDED):
+    if all(getattr(rig.follower, key) is not None for key in TWO_MASS_KEYS):
         return TWO
     return RIGID if rig.follower.stem_stiffness is None else ELASTIC

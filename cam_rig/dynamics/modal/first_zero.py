@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cam_rig.dynamics.modal.group_error import GROUP_ERROR, TINY, bound_groups
+from cam_rig.dynamics.modal.group_error import GROUP_ERROR, MIN_DIVISOR, bound_groups
 from cam_rig.dynamics.modal.harmonic_error import (
     ChordError,
     bound_output,
@@ -197,7 +197,7 @@ def _plan_step(
         max_error = bound_output(run, motion, error, motion.steady_start, high).max_error
         if max_error <= allowed:
             return Step(StepKind.HARMONICS, width, error)
-        fraction = HARMONIC_SAFETY * math.sqrt(allowed / max(max_error, TINY))
+        fraction = HARMONIC_SAFETY * math.sqrt(allowed / max(max_error, MIN_DIVISOR))
     if fraction > SHRINK:
         return Step(StepKind.RETRY, fraction * width, error)
     bound_groups(run, norm, motion.speed, high, errors)
@@ -215,8 +215,8 @@ def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bo
     ``start`` and ``end`` are lower bounds of the output at the ends of the step.
     """
     start_root, end_root = math.sqrt(max(0.0, start)), math.sqrt(max(0.0, end))
-    root_sum, parabola = start_root + end_root, 4.0 * max(error.parabola, TINY)
-    smaller = min(parabola, 4.0 * max(error.max_error, TINY))
+    root_sum, parabola = start_root + end_root, 4.0 * max(error.parabola, MIN_DIVISOR)
+    smaller = min(parabola, 4.0 * max(error.max_error, MIN_DIVISOR))
     is_positive = start > 0.0 and end > 0.0
     if error.max_error <= min(start, end) or (
         parabola <= root_sum * root_sum and is_positive
@@ -224,7 +224,7 @@ def _prove_by_harmonics(error: ChordError, start: float, end: float) -> tuple[bo
         predicted_root = math.sqrt(max(0.0, min(end, 2.0 * end - start)))
         factor = (end_root + predicted_root) * math.sqrt(HARMONIC_FRACTION / smaller)
         return True, min(MAX_GROWTH, max(SHRINK, factor))
-    fall_ratio = 0.5 * start_root / math.sqrt(max(error.curvature, TINY))
+    fall_ratio = 0.5 * start_root / math.sqrt(max(error.curvature, MIN_DIVISOR))
     factor = HARMONIC_SAFETY * max(fall_ratio, root_sum / math.sqrt(smaller))
     factor = min(HARMONIC_SAFETY, max(SHRINK * SHRINK, factor))
     return fall_ratio >= 1.0 and end <= 0.0, factor  # (35)
@@ -265,8 +265,8 @@ def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
     for i in range(len(floors)):
         if floors[i] < math.inf:
             vibration = errors[i]["vibration"]
-            forced_eighth = 0.125 * max(errors[i]["forced_curvature"], TINY)
-            square = GROUP_FRACTION * floors[i] / (0.125 * max(errors[i]["curvature"], TINY))
+            forced_eighth = 0.125 * max(errors[i]["forced_curvature"], MIN_DIVISOR)
+            square = GROUP_FRACTION * floors[i] / (0.125 * max(errors[i]["curvature"], MIN_DIVISOR))
             square = max(square, (GROUP_FRACTION * floors[i] - 2.0 * vibration) / forced_eighth)
             square = max(square, (GROUP_FRACTION * forced[i] - vibration) / forced_eighth)
             width = min(width, math.sqrt(max(0.0, square)))

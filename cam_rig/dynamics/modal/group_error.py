@@ -28,7 +28,7 @@ from cam_rig.laws.vectors import Matrix, Records, Vector
 from cam_rig.units import TURN
 
 #: Replacement of a smaller divisor, which keeps a bound finite.
-TINY = 1e-100
+MIN_DIVISOR = 1e-100
 
 #: Bounds of one group between two speeds (27).
 GROUP_ERROR = np.dtype(
@@ -163,7 +163,7 @@ def _add_vibrations(
                 sums = _add(sums, _column(at_start, i), 0.0)
             sums = _add(_fade(sums, remainders[i], time), _column(inside, i), time)
         sums = _repeat_turn(_add(sums, _column(at_start, 0), 0.0), norm, step)
-    max_age = min(step.duration, 1.0 / max(norm.decay, TINY))
+    max_age = min(step.duration, 1.0 / max(norm.decay, MIN_DIVISOR))
     sums = _add(sums, from_rest, max_age)
     for i in range(count):
         if law.breaks[law.first_pieces[i]] >= end:
@@ -213,7 +213,7 @@ def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> Fadi
     """Return the sums over all previous turns from those of one turn (25)."""
     period, turns = TURN / step.low, step.high * step.duration / TURN
     remainder = math.exp(-norm.decay * TURN / step.high)
-    endless = 1.0 / max(-math.expm1(-norm.decay * TURN / step.high), TINY)
+    endless = 1.0 / max(-math.expm1(-norm.decay * TURN / step.high), MIN_DIVISOR)
     number = min(turns, endless)
     linear = period * min(0.5 * turns * turns, remainder * endless * endless)
     square = remainder * (1.0 + remainder) * endless * endless * endless

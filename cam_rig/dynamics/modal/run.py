@@ -11,7 +11,7 @@ import numpy as np
 from cam_rig.dynamics.events.backend import dispatch
 from cam_rig.dynamics.events.run_table import CamWeights
 from cam_rig.dynamics.linear.response import (
-    RESONANT,
+    MIN_EIGENVALUE,
     LinearResponse,
     Outputs,
     no_steady_state,
@@ -96,7 +96,7 @@ class ModalRun:
         mode, law = self.mode, law_series(self.law)
         half, period = 0.5 * mode.damping, TURN / speed
         root = cmath.sqrt(half**2 - mode.stiffness)
-        if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < RESONANT:
+        if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < MIN_EIGENVALUE:
             raise no_steady_state(speed)
         motion = motion_at(mode_on_law(law, mode), speed)
         piece = min(index_at(law.breaks, angle), len(law.span_index) - 1)

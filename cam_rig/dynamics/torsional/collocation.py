@@ -40,7 +40,7 @@ class CollocationTable:
 
 
 @lru_cache(maxsize=32)
-def table(degree: int) -> CollocationTable:
+def collocation_table(degree: int) -> CollocationTable:
     """Return the nodes and matrices of degree N."""
     k = np.arange(degree + 1)
     angles = np.pi * (degree - k) / degree
@@ -147,7 +147,7 @@ MAX_ITERATIONS = 15
 #: Largest ratio of two successive corrections at which the factorised matrix is used again.
 MAX_REUSE_RATIO = 0.01
 #: Chebyshev coefficients of u²/2, u and 1, which a ramp adds to angle, speed and acceleration.
-RAMP = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
+RAMP_SERIES = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +211,7 @@ class CollocationWindow:
         if ramp != 0.0:
             self.flywheel_line += 0.5 * ramp * self.times**2
             self.flywheel_speed = start.flywheel_speed + ramp * self.times
-        self.free, self.free_rate, self.free_acceleration = self._free()
+        self.free, self.free_rate, self.free_acceleration = self._free_vibration()
         self.has_inertia = parameters.flywheel_inertia is not None
         if self.has_inertia:
             self.flywheel_line += start.lead + start.lead_rate * self.times
@@ -220,7 +220,7 @@ class CollocationWindow:
         self.scale = 0.0
         self._set(np.zeros_like(self.times))
 
-    def _free(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _free_vibration(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return ψ, ψ̇ and ψ̈ of the free vibration at the nodes, ``(N + 1,)`` each.
 
         With z = ψ + (constant flywheel acceleration)/k it is z̈ = −k z − c ż.
@@ -354,7 +354,7 @@ class CollocationWindow:
         twist, rate, value = (self.table.series[0] @ free).T + np.stack([twist, rate, value])
         rows = np.stack([twist, rate, twist, rate, value])
         if self.ramp != 0.0:
-            rows[2:, :3] += self.ramp * np.array([[h**2], [h], [1.0]]) * RAMP
+            rows[2:, :3] += self.ramp * np.array([[h**2], [h], [1.0]]) * RAMP_SERIES
         rows[2, 0] += start.flywheel_angle + 0.5 * start.flywheel_speed * h
         rows[2, 1] += 0.5 * start.flywheel_speed * h
         rows[3, 0] += start.flywheel_speed

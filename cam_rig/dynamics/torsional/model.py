@@ -13,13 +13,13 @@ from cam_rig.dynamics.interval import (
     Interval,
     add_cam_state,
     is_same_speed,
-    require_joined,
+    require_continuation,
 )
 from cam_rig.dynamics.parameters import (
     MAX_DAMPING_RATIO,
     MIN_POSITIVE,
     FollowerParameters,
-    floats_of,
+    check_numbers,
     require_turning,
 )
 from cam_rig.errors import DynamicsError
@@ -74,7 +74,7 @@ class TorsionalParameters:
 
     def __post_init__(self) -> None:
         numbers = {name: value for name, value in vars(self).items() if name != "follower"}
-        vars(self).update(floats_of(numbers, "flywheel_inertia"))
+        vars(self).update(check_numbers(numbers, "flywheel_inertia"))
         if self.flywheel_inertia is None and self.motor_torque != 0.0:
             raise DynamicsError(
                 f"motor_torque is {self.motor_torque!r}; allowed: 0 where the flywheel holds its "
@@ -173,27 +173,27 @@ def advance(
     needs no substitute law, because the law is evaluated at the twisted angle.
 
     A flywheel with an inertia has the mean speed of the interval, and a motor with the mean torque
-    of the load drives it, see `begin`. ``inner`` then also contains the lead and its rate.
+    of the load drives it, see `start_state`. ``inner`` then also contains the lead and its rate.
     """
     # Imported here, because it imports scipy.linalg, which few scenes need.
     from cam_rig.dynamics.torsional.motion import solve
 
     require_turning(interval.mean_speed)
-    require_joined(state, interval)
+    require_continuation(state, interval)
     inner = () if state is None else state.inner
     last = state.cam_speed if state is not None else None
-    driven, start = begin(law, parameters, inner, last, interval)
+    driven, start = start_state(law, parameters, inner, last, interval)
     # The motion starts at time 0, so that the sample times of a late interval keep their digits.
     motion = solve(law, driven, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
-    rows = grid.open_rows()
-    rows[1:5] = follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time))
+    rows = grid.new_rows()
+    rows[1:5] = follower_rows(motion, np.minimum(grid.sample_times(), motion.stop_time))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
-    end = FollowerState(x, v, force, in_contact=True, inner=inner_of(motion))
+    end = FollowerState(x, v, force, in_contact=True, inner=inner_state(motion))
     return add_cam_state(end, interval), Block(interval, rows)
 
 
-def begin(
+def start_state(
     law: Law,
     parameters: TorsionalParameters,
     inner: tuple[float, ...],
@@ -213,7 +213,7 @@ def begin(
     parameters : TorsionalParameters
         The shaft.
     inner : tuple of float
-        Inner state at the end of the previous interval (`inner_of`), empty at the start of a run.
+        `inner_state` at the end of the previous interval, empty at the start of a run.
     last_speed : float, optional
         Cam speed at the end of the previous interval, rad/s, or None if unknown.
     interval : Interval
@@ -237,7 +237,7 @@ def begin(
     return driven, start
 
 
-def inner_of(motion: TorsionalMotion) -> tuple[float, ...]:
+def inner_state(motion: TorsionalMotion) -> tuple[float, ...]:
     """Return the inner state at the end of a motion.
 
     It is the twist (rad) and its rate (rad/s). A flywheel with an inertia adds its lead (rad) and

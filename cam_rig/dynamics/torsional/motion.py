@@ -178,7 +178,7 @@ MAX_TURNS = 25
 SLOPE_STEP = 0.03
 #: Smallest norm of the slope of (turn map − identity). At a smaller one a turn hardly changes the
 #: state, and the shaft is in resonance with the cam.
-RESONANT = 1e-8
+MIN_SLOPE_NORM = 1e-8
 
 
 @lru_cache(maxsize=64)
@@ -260,7 +260,7 @@ def _fixed_point(
         [(change_of(step) - change) / length for step in length * np.eye(size)], axis=1
     )
     for _ in range(MAX_TURNS):
-        if np.linalg.norm(slopes, -2) < RESONANT:
+        if np.linalg.norm(slopes, -2) < MIN_SLOPE_NORM:
             break
         step = np.linalg.solve(slopes, -change)
         x, last = x + step, change

@@ -19,8 +19,8 @@ from cam_rig.dynamics.torsional.collocation import (
     TwistPiece,
     basis,
     basis_at,
+    collocation_table,
     largest,
-    table,
 )
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.velocity_jumps import require_smooth
@@ -155,7 +155,12 @@ class TwistSolver:
             order = bisect.bisect_left(PHASES, length * self.rate) + control.extra_degrees
             degree = DEGREES[min(order, len(DEGREES) - 1)]
             window = CollocationWindow(
-                self.parameters, self.pieces[piece], state, length, table(degree), self.ramp
+                self.parameters,
+                self.pieces[piece],
+                state,
+                length,
+                collocation_table(degree),
+                self.ramp,
             )
             solved = window.solve()
             tail = window.tail() if solved else None

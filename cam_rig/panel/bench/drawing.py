@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cam_rig.dynamics import FollowerParameters, Samples, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law, build_law
 from cam_rig.panel.bench.runner import Setup
@@ -174,6 +174,6 @@ def jump_speeds(law: Law, rig: RigConfig, model: str) -> list[dict[str, Any]]:
     with suppress(CamRigError):  # a desmodromic follower has no jump speed
         speeds["one_mass"] = rigid_jump_speed(law, FollowerParameters.from_rig(rig)) / RPM
         if isinstance(follower := follower_of(rig), TwoMassParameters):
-            speeds["two_mass"] = find_jump(law, follower, FROM_REST).rpm
+            speeds["two_mass"] = find_jump(law, follower, REST_DURATION_S).rpm
     entries = [{"model": m, "rpm": v if math.isfinite(v) else None} for m, v in speeds.items()]
     return sorted(entries, key=lambda entry: entry["model"] != model)

@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.any_follower import TWO_MASSES, describe_follower, follower_of
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.errors import ConfigError, ProfileError, RefusedError
 from cam_rig.extras import require
 from cam_rig.files import write_new
@@ -132,8 +132,8 @@ class Board:
                 "damping": follower.damping,
                 "spring_stiffness": follower.spring_stiffness,
                 "preload": follower.preload,
-                "two_masses": described(follower_of(self.rig)) == TWO_MASSES,
-                "from_rest_s": FROM_REST,
+                "two_masses": describe_follower(follower_of(self.rig)) == TWO_MASSES,
+                "from_rest_s": REST_DURATION_S,
                 # empty if the level of one mass is only relative
                 "calibrated_on": self.rig.calibrated_on if calibrated else "",
             },

@@ -21,13 +21,13 @@ from cam_rig.acoustics.pressure import steady_power
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
-from cam_rig.laws.law import SMOOTHEST, joints
+from cam_rig.laws.law import MAX_CONTINUITY, joints
 from cam_rig.profile import Contour, contours
-from cam_rig.profile.cam_checks import check_cam, greatest_allowed
+from cam_rig.profile.cam_checks import check_cam, max_pressure_angle
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import quantity_data, validate_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES, Bezier, BSpline
@@ -159,7 +159,7 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
     ends = [np.argmin(np.abs(law.breaks - event.start - u * event.span)) for u in (0, 1)]
     edges = law.breaks[ends[0] : ends[1] + 1].tolist()
     if law.degree > MAX_B_SPLINE_DEGREE:  # smooth seams come from a fit and are not joints
-        inner = [angle for angle in edges[1:-1] if continuity[angle] < SMOOTHEST]
+        inner = [angle for angle in edges[1:-1] if continuity[angle] < MAX_CONTINUITY]
         edges = [edges[0], *inner, edges[-1]]
     knots, max_span = [0.0] * (degree + 1), min(MAX_PIECE_SPAN, event.span / MIN_PIECES)
     for left, right in pairwise(edges):
@@ -213,7 +213,7 @@ def evaluate_fast(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
         return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump, "pressure": None}
     discs_data, faults, warnings, pressure = [], [], [], list[dict[str, float]]()
     for disc in discs:
-        allowed = greatest_allowed(cam.follower, disc.disc.element)
+        allowed = max_pressure_angle(cam.follower, disc.disc.element)
         undercut, steep = disc.rate <= 0.0, np.abs(disc.pressure) > allowed
         discs_data.append(
             {
@@ -250,7 +250,7 @@ def evaluate_full(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[
 
     fatal, failed = failed_checks(cam, law)
     return {
-        "jump": _page_value(lambda: find_jump(law, follower_of(rig), FROM_REST).rpm),
+        "jump": _page_value(lambda: find_jump(law, follower_of(rig), REST_DURATION_S).rpm),
         "residual_um": _page_value(residual),
         "level_db": _page_value(lambda: level(law, rig, rpm)),
         "checks": failed,

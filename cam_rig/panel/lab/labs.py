@@ -16,13 +16,13 @@ from cam_rig.dynamics import MODELS, Block, FollowerParameters, Interval, TwoMas
 from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.any_follower import (
     AnyFollower,
-    contact_lost_speed,
+    find_contact_loss_speed,
     find_jump,
     follower_of,
 )
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.dynamics.steady_rules import LAB_TURNS
-from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
+from cam_rig.dynamics.vibration import find_max_rpm, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import shorten
 from cam_rig.laws import Law
@@ -62,7 +62,7 @@ def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm
     blocks = _turns(law, follower, speed)
     block = blocks[-1]
     grid = block.interval.grid(RATE_HZ)
-    angles = block.interval.angle + speed * grid.since_start()
+    angles = block.interval.angle + speed * grid.sample_times()
     source = SoundSource(radiation, RATE_HZ, MIN_RATE_HZ)
     # The second pass starts with the structure in motion, so that the sound is periodic.
     for _ in range(2):
@@ -253,7 +253,7 @@ class VibrationSheet(LabSheet):
 
     def _contact_limits(self, seed: str | None) -> dict[LabSetup, float]:
         return {
-            setup: contact_lost_speed(self.law, self.true_rig(setup, seed)) / RPM
+            setup: find_contact_loss_speed(self.law, self.true_rig(setup, seed)) / RPM
             for setup in self.setups
         }
 
@@ -262,7 +262,7 @@ class VibrationSheet(LabSheet):
         """Speeds (rpm) of the knob, with contact by the numbers on the sheet."""
         followers = [self._follower(setup, None) for setup in self.setups]
         # the stem of the hidden rig may be softer, and its periods must fit in a turn too
-        limit = 0.8 * min(map(fastest, followers))
+        limit = 0.8 * min(map(find_max_rpm, followers))
         speeds = [min(rpm, limit) for rpm in self._contact_limits(None).values()]
         low, high = _knob_range(self, speeds, 1.0)
         periods = _stem_frequency(followers[0]) * 60.0 / high

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from cam_rig.schema.load import NAME, is_path
+from cam_rig.schema.named import Name
 from cam_rig.schema.quantity import UNITS, Strict
-from cam_rig.schema.scene import Model, Name
+from cam_rig.schema.scene import Model
 
 #: The unit of a variation that is relative to the base's number.
 PERCENT = "%"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
-from cam_rig.dynamics.jump.two_masses import FROM_REST, solve_threshold
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S, solve_threshold
 from cam_rig.dynamics.modal.first_zero import Climb
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
@@ -232,7 +232,7 @@ def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
 
 
 #: Measures with derivatives, and the duration of their run from rest in s.
-RUNS = {"jump_speed": FROM_REST, "jump_speed_steady": None}
+RUNS = {"jump_speed": REST_DURATION_S, "jump_speed_steady": None}
 
 
 @dataclass(frozen=True)

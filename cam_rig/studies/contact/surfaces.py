@@ -17,11 +17,11 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law, bernstein
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws.bernstein import join_pieces
 from cam_rig.laws.segments import NAMED_RISES, unit_rise
 from cam_rig.profile import discs
-from cam_rig.profile.cam_checks import greatest_allowed, require_profile
-from cam_rig.profile.checks import least_base, least_base_radius, plates_on
+from cam_rig.profile.cam_checks import max_pressure_angle, require_profile
+from cam_rig.profile.checks import discs_on, find_min_base_radius, search_base_radius
 from cam_rig.profile.contact import Element, Motion, Scan, Touch
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import ContactParts, OscillatingPoint, Point
@@ -223,11 +223,11 @@ def base_bounds(case: ContactCase) -> BaseBounds:
         return scan.greatest(lambda touch: np.abs(touch.pressure)).value
 
     def least(measure: Measure, limit: float) -> float | None:
-        return least_base(lambda base: -_excess(case, measure, limit, base, np.inf), radius)
+        return search_base_radius(lambda base: -_excess(case, measure, limit, base, np.inf), radius)
 
     return BaseBounds(
-        curvature=least_base_radius(follower, case.law),
-        pressure_angle=least(steepest, greatest_allowed(follower, case.surfaces.element)),
+        curvature=find_min_base_radius(follower, case.law),
+        pressure_angle=least(steepest, max_pressure_angle(follower, case.surfaces.element)),
         pressure=least(peak_pressure, limits.most_pressure.si),
         sliding=_greatest(case, radius, limits.most_sliding_speed.si),
     )
@@ -248,7 +248,7 @@ def measured(case: ContactCase, measure: Measure, base: float) -> float | None:
 
     Returns None if the follower does not reach the cam.
     """
-    plates = plates_on(case.cam.follower, case.law, base)
+    plates = discs_on(case.cam.follower, case.law, base)
     if not plates:
         return None
     surfaces = replace(case.surfaces, element=plates[0].element)
@@ -273,7 +273,7 @@ def _greatest(case: ContactCase, radius: float, limit: float) -> float | None:
     """
     if case.surfaces.rolls:
         return np.inf
-    bound = least_base(
+    bound = search_base_radius(
         lambda base: _excess(case, peak_sliding, limit, base, np.inf if base > radius else 0.0),
         radius,
     )
@@ -321,7 +321,7 @@ def _unit(name: str) -> FloatArray:
     A joint has the values of both sides.
     """
     breaks, columns = unit_rise(name)
-    ordinates, spans = joined(columns), np.diff(breaks)
+    ordinates, spans = join_pieces(columns), np.diff(breaks)
     u = np.linspace(0.0, 1.0, SAMPLES)
     rows = []
     for _ in range(3):

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
-from cam_rig.dynamics.jump.two_masses import FASTEST, Jump
+from cam_rig.dynamics.jump.two_masses import MAX_RPM, Jump
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
 from cam_rig.quantities.terms import sign_of
 from cam_rig.studies.design.convex_program import (
@@ -260,7 +260,7 @@ class Solver:
             return solutions[speed].level if sufficient else solutions[speed].bound
 
         start_speed = rigid_jump_speed(self.problem.start, self.problem.rigid)
-        highest = self._root(lambda speed: level(speed, True), min(start_speed, FASTEST * RPM))
+        highest = self._root(lambda speed: level(speed, True), min(start_speed, MAX_RPM * RPM))
         kept_speed = max(speed for speed, best in solutions.items() if best.level >= 0.0)
         best = solutions[kept_speed]
         bound = self._root(lambda speed: level(speed, False), highest)
@@ -281,9 +281,9 @@ class Solver:
         if level(start) > 0.0:
             while level(high := high * ratio) > 0.0:
                 low, ratio = high, ratio**1.7
-                if high > FASTEST * RPM:
+                if high > MAX_RPM * RPM:
                     raise DynamicsError(
-                        f"the class has laws that keep contact beyond {FASTEST:g} rpm; allowed: "
+                        f"the class has laws that keep contact beyond {MAX_RPM:g} rpm; allowed: "
                         "a limit such as peak_acceleration<=start"
                     )
         else:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ConfigError
 from cam_rig.laws import bernstein
@@ -284,7 +284,7 @@ _PEAK = QuantityRows(_peak, scale=_peak_of_start)
 _FORCE = QuantityRows(_forces, scale=lambda problem, *_: problem.force_scale)
 
 ROWS = {
-    "jump_speed": QuantityRows(run=JumpRun(False, FROM_REST)),
+    "jump_speed": QuantityRows(run=JumpRun(False, REST_DURATION_S)),
     "jump_speed_steady": QuantityRows(run=JumpRun(False, None)),
     "jump_speed_rigid": QuantityRows(run=JumpRun(True, None)),
     "residual_vibration": QuantityRows(in_rounds=True),

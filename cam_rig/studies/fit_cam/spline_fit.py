@@ -12,11 +12,11 @@ import numpy as np
 
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws.bernstein import join_pieces
 from cam_rig.laws.law import extremes, peak
-from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
-from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
-from cam_rig.profile.cam_checks import unusual_lift
+from cam_rig.laws.segments import LIFT_RTOL, MAX_LIFT_TOLERANCES
+from cam_rig.laws.spline import Rest, Smoothed, differences, min_tolerance, smooth
+from cam_rig.profile.cam_checks import warn_of_unusual_lift
 from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_TOLERANCE
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.studies.fit_cam.dwells import FoundDwell, find_dwells, likely_range
@@ -197,7 +197,7 @@ class SplineFit(Result):
             f"The law is {smoothed.rms * 1e3:.3g} mm r.m.s. and {smoothed.largest * 1e3:.3g} mm at "
             f"most from {angles.size} readings, with {smoothed.knots} knots."
         )
-        yield from unusual_lift(self.law.lift)
+        yield from warn_of_unusual_lift(self.law.lift)
         yield from explain_missing_events(self.law, self.valve_train)
         yield from self._explain_tolerance()
         step = math.degrees(float(np.median(np.diff(angles))))
@@ -217,7 +217,7 @@ class SplineFit(Result):
                 "readings. Read the cam finer, or check the readings farthest from the law."
             )
         elif self.requested_tolerance is not None and not self.followed:
-            lowest = least_tolerance(self.scatter, self.readings.angles.size)
+            lowest = min_tolerance(self.scatter, self.readings.angles.size)
             yield (
                 f"Not followed: the requested tolerance is {self.requested_tolerance * 1e3:.3g} "
                 f"mm, the readings scatter by {self.scatter * 1e3:.3g} mm. A closer spline would "
@@ -301,7 +301,7 @@ def _choose_tolerance(readings: Readings, scatter: float, requested: float | Non
             f"--tolerance: is {requested * 1e3:g} mm; allowed: above 0, at most "
             f"{limit * 1e3:.4g} mm, {MAX_TOLERANCE:g} of the lift"
         )
-    if requested is not None and requested >= least_tolerance(scatter, readings.angles.size):
+    if requested is not None and requested >= min_tolerance(scatter, readings.angles.size):
         return requested
     tolerance = scatter * (1.0 + SCATTER_MARGIN_ERRORS * readings.scatter_error)
     if tolerance > limit:
@@ -344,10 +344,10 @@ def _require_dwell_in_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) ->
 def _require_same_lift(readings: Readings, law: Law, tolerance: float) -> None:
     """Raise LawError if the lift of the spline is far from the lift of its readings."""
     height = float(np.ptp(readings.lifts))
-    if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * tolerance:
+    if abs(law.lift - height) > LIFT_RTOL * height + MAX_LIFT_TOLERANCES * tolerance:
         raise LawError(
             f"{readings.name}: the spline rises by {law.lift * 1e3:.4g} mm, the readings by "
-            f"{height * 1e3:.4g} mm; allowed: the same within {SAME_LIFT:g} of it, so read finer "
+            f"{height * 1e3:.4g} mm; allowed: the same within {LIFT_RTOL:g} of it, so read finer "
             "where the cam is steep"
         )
 
@@ -355,4 +355,4 @@ def _require_same_lift(readings: Readings, law: Law, tolerance: float) -> None:
 def _build_law(smoothed: Smoothed) -> Law:
     """Return the law of the pieces of a spline."""
     breaks, columns = smoothed.pieces
-    return Law("fitted", np.array(breaks), joined(columns))
+    return Law("fitted", np.array(breaks), join_pieces(columns))

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.stats import t as student
 
 from cam_rig.dynamics.jump.any_follower import find_jump
-from cam_rig.dynamics.jump.two_masses import FASTEST, SLOWEST
+from cam_rig.dynamics.jump.two_masses import MAX_RPM, MIN_RPM
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -96,7 +96,7 @@ class JumpModel:
         Equal set-ups are computed once.
         """
         setups, indices = self._setups
-        speeds = np.full(len(setups), FASTEST)
+        speeds = np.full(len(setups), MAX_RPM)
         self.progress.start(len(setups), "set-ups of a step of the search")
         for i, known in enumerate(setups):
             self.progress.advance()
@@ -392,10 +392,10 @@ def _check_readings(table: JumpTable) -> None:
                     f"{table.file}: line {reading.line}: {name} is {value:g} {limits.unit}; "
                     f"allowed: up to {limits.high:g} {limits.unit}"
                 )
-        if not SLOWEST <= (rpm := reading.speed / RPM) <= FASTEST:
+        if not MIN_RPM <= (rpm := reading.speed / RPM) <= MAX_RPM:
             raise ConfigError(
                 f"{table.file}: line {reading.line}: the jump speed is {rpm:g} rpm; allowed: "
-                f"from {SLOWEST:g} to {FASTEST:g} rpm"
+                f"from {MIN_RPM:g} to {MAX_RPM:g} rpm"
             )
 
 
@@ -405,7 +405,7 @@ def _deviation(
     """Return the standard deviation of a reading (rpm), and True if it is given."""
     left = speeds - trial.table.rpm
     scatter = rms(left) * math.sqrt(left.size / surplus) if surplus else 0.0
-    if (speeds >= FASTEST).any() or scatter > MAX_SCATTER * float(speeds.mean()):
+    if (speeds >= MAX_RPM).any() or scatter > MAX_SCATTER * float(speeds.mean()):
         worst = int(np.abs(left).argmax())
         raise ConfigError(
             f"{trial.table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower "

@@ -11,17 +11,17 @@ from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParame
 from cam_rig.dynamics.interval import FollowerState
 from cam_rig.dynamics.jump.any_follower import (
     AnyFollower,
-    described,
-    described_run,
+    describe_follower,
+    describe_run,
     find_jump,
     follower_of,
 )
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.dynamics.jump.two_masses import (
-    FASTEST,
-    FROM_REST,
+    MAX_RPM,
+    REST_DURATION_S,
     Jump,
-    keeps_contact,
+    kept_contact_error,
     require_run,
 )
 from cam_rig.errors import ConfigError
@@ -189,7 +189,7 @@ class JumpResult(Result):
 
     cam_set: CamSet
     rows: tuple[JumpRow, ...]
-    duration: float | None = FROM_REST
+    duration: float | None = REST_DURATION_S
 
     @property
     def rpm(self) -> dict[str, float]:
@@ -199,7 +199,7 @@ class JumpResult(Result):
     @property
     def follower(self) -> str:
         """Description of the follower: two masses or one."""
-        return described(follower_of(self.cam_set.rig))
+        return describe_follower(follower_of(self.cam_set.rig))
 
     @property
     def ramp(self) -> float | None:
@@ -211,7 +211,7 @@ class JumpResult(Result):
         """Description of the follower and of its run."""
         if self.ramp is not None:
             return f"{self.follower}, along a ramp of {self.ramp:g} rpm/s"
-        return described_run(follower_of(self.cam_set.rig), self.duration)
+        return describe_run(follower_of(self.cam_set.rig), self.duration)
 
     @property
     def comparison(self) -> Comparison | None:
@@ -266,7 +266,7 @@ def rms_difference(rows: Iterable[JumpRow]) -> float:
 def find_jumps(
     cam_set: CamSet,
     published: dict[str, Reference],
-    duration: float | None = FROM_REST,
+    duration: float | None = REST_DURATION_S,
     ramp: float | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> JumpResult:
@@ -338,8 +338,8 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     state: FollowerState | None = None
     start = 0
     if law.lift == 0.0:  # a disc never jumps: skip the run to the highest speed
-        raise keeps_contact(law)
-    for turn in range(1, math.ceil((FASTEST * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
+        raise kept_contact_error(law)
+    for turn in range(1, math.ceil((MAX_RPM * RPM) ** 2 / (2.0 * rate) / TURN) + 1):
         stop, start_time = round(math.sqrt(2.0 * TURN * turn / rate) * NS), start / NS
         tick = Interval(start, stop, 0.5 * rate * start_time**2, rate * start_time, rate)
         state, block = advance(law, parameters, state, tick, SAMPLE_RATE_HZ)
@@ -347,4 +347,4 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
             first = block.events[0]
             return Jump(rate * first.time, first.angle % TURN, first.time)
         start = stop
-    raise keeps_contact(law)
+    raise kept_contact_error(law)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.any_follower import described_run, follower_of, min_force
+from cam_rig.dynamics.jump.any_follower import describe_run, follower_of, min_force
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import peak
@@ -149,6 +149,6 @@ def jump_speed_figure(result: JumpSpeed) -> Figure:
     label = f"jump speed {result.rpm:.2f} rpm"
     axes.plot(result.rpm, 0.0, "o", color=colour(law.name), label=label)
     force_axes(axes, rpm)
-    axes.set(title=wrapped(f"{in_words(law.name)}: {described_run(parameters, result.duration)}"))
+    axes.set(title=wrapped(f"{in_words(law.name)}: {describe_run(parameters, result.duration)}"))
     axes.legend(loc="lower left")
     return out

@@ -10,9 +10,9 @@ from typing import Any, ClassVar, overload
 import numpy as np
 
 from cam_rig.arguments import check_arguments, to_vector
-from cam_rig.dynamics.free_masses import BY, ONE_MASS, TwoMassParameters
-from cam_rig.dynamics.jump.any_follower import described_run, find_jump, follower_of
-from cam_rig.dynamics.jump.two_masses import FROM_REST, Jump
+from cam_rig.dynamics.free_masses import NEEDED_BY, ONE_MASS, TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import describe_run, find_jump, follower_of
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S, Jump
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws.law import Law
 from cam_rig.schema.rig import RigConfig
@@ -47,7 +47,7 @@ class JumpSpeed(Jump, Result):
 
     def tables(self) -> list[Records]:
         """Return the table with its only row."""
-        caption = f"On rig {self.rig.name}: {described_run(follower_of(self.rig), self.duration)}"
+        caption = f"On rig {self.rig.name}: {describe_run(follower_of(self.rig), self.duration)}"
         return [self.table("jump_speed", caption, [self], single=True)]
 
     def __repr__(self) -> str:
@@ -100,7 +100,7 @@ class JumpSpeeds(Result):
 
     def tables(self) -> list[Records]:
         """Return the table with one row per rig."""
-        run = described_run(follower_of(self.rig), self.duration)
+        run = describe_run(follower_of(self.rig), self.duration)
         caption = f"{self.law.name} on rigs as {self.rig.name}: {run}"
         return [self.table("jump_speeds", caption, self.rows)]
 
@@ -137,7 +137,7 @@ def jump_speed(
     law: LawOrCam,
     rig: RequiredRig,
     *,
-    duration: float | None = FROM_REST,
+    duration: float | None = REST_DURATION_S,
     mass: Numbers = None,
     spring_stiffness: Numbers = None,
     damping: Numbers = None,
@@ -223,7 +223,7 @@ def _rig_jump(
     displayed = {"mass": rig.follower.mass.si, **defaults, **changed}
     numbers = dict[str, Any](changed)
     if "mass" in numbers and isinstance(base, TwoMassParameters):
-        roller = numbers.pop("mass") * rig.need("roller_share", BY, ONE_MASS).si
+        roller = numbers.pop("mass") * rig.need("roller_share", NEEDED_BY, ONE_MASS).si
         numbers |= {"roller_mass": roller, "end_mass": changed["mass"] - roller}
     try:
         jump = find_jump(law, replace(base, **numbers), duration)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cam_rig.arguments import check_arguments
-from cam_rig.dynamics.jump.two_masses import FROM_REST
+from cam_rig.dynamics.jump.two_masses import REST_DURATION_S
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_tables
 from cam_rig.schema.load import tables_path
@@ -67,5 +67,5 @@ def jump_speeds(
     if sum((steady, ramp is not None, from_rest is not None)) > 1:
         raise ConfigError("steady, ramp and from rest are three kinds of run; allowed: one of them")
     published, cam_set = load_tables(tables_path()), resolve_cams(cams, rig)
-    duration = None if steady else FROM_REST if from_rest is None else from_rest
+    duration = None if steady else REST_DURATION_S if from_rest is None else from_rest
     return find_jumps(cam_set, references(cam_set, published), duration, ramp, progress)

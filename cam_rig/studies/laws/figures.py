@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cam_rig.arguments import check_arguments
 from cam_rig.laws import catalogue
 from cam_rig.laws.cam import control_polygons, segment_angles
-from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
+from cam_rig.laws.law import MAX_CONTINUITY, Joint, Law, extremes, joints
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
 from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
@@ -75,7 +75,7 @@ def plot_law(law: LawOrCam) -> Figure:
     4
     """
     law = law if isinstance(law, Law) else build_law(law)
-    rough = [joint for joint in joints(law) if joint.continuity < SMOOTHEST]
+    rough = [joint for joint in joints(law) if joint.continuity < MAX_CONTINUITY]
     return enable_notebook_display(_draw_panels(law, rough, law.name))
 
 
@@ -102,7 +102,7 @@ def _marked_joints(cam: CamConfig, law: Law) -> list[Joint]:
     return [
         joint
         for joint in joints(law)
-        if joint.continuity < SMOOTHEST
+        if joint.continuity < MAX_CONTINUITY
         or np.abs(starts - np.degrees(joint.angle)).min() < JOINT_ATOL_DEG
     ]
 
@@ -110,7 +110,7 @@ def _marked_joints(cam: CamConfig, law: Law) -> list[Joint]:
 def _curve(axes: Axes, law: Law, order: int) -> None:
     """Draw one derivative piece by piece, with a dotted line at a jump."""
     ordinates, colour = law.derivative_ordinates(order) * MM, COLOURS[order]
-    angles, values = catalogue.sampled_pieces(law, order)
+    angles, values = catalogue.sample_pieces(law, order)
     values = values * MM
     gap = np.full((1, law.spans.size), np.nan)  # interrupts the line between pieces
     line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))

@@ -12,7 +12,7 @@ import numpy as np
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import catalogue
-from cam_rig.laws.catalogue import families
+from cam_rig.laws.catalogue import rise_families
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray
@@ -22,7 +22,7 @@ from cam_rig.units import FloatArray
 class RiseRow:
     """A law by name with its source and its peaks.
 
-    `figures` is None for a law whose peaks depend on the cam file.
+    `rise_figures` is None for a law whose peaks depend on the cam file.
     """
 
     law: str
@@ -52,7 +52,7 @@ CAPTION = "Peaks for unit rise and unit span"
 
 def _rise_rows(names: Iterable[str]) -> list[RiseRow]:
     """Return the rows of named rises."""
-    return [RiseRow(name, NAMED_RISES[name].source, catalogue.figures(name)) for name in names]
+    return [RiseRow(name, NAMED_RISES[name].source, catalogue.rise_figures(name)) for name in names]
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +85,7 @@ class LawsResult(Result):
         named = {name for family in self.families for name in family.rises}
         rows = _rise_rows(name for name in NAMED_RISES if name in named)
         if self.free:
-            free = catalogue.free_laws().items()
+            free = catalogue.list_parametric_laws().items()
             rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
         return [self.table("laws", CAPTION, rows)]
 
@@ -181,7 +181,7 @@ def list_laws(family: str | None = None) -> LawsResult:
     >>> table.law.tolist()[:2]
     ['poly345', 'poly4567']
     """
-    by_name = families()
+    by_name = rise_families()
     if family is None:
         return LawsResult(tuple(by_name.values()), free=True)
     if family not in by_name:

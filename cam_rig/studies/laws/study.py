@@ -15,7 +15,7 @@ from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law, catalogue
 from cam_rig.laws.cam import law_of
-from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, joints
+from cam_rig.laws.law import MAX_CONTINUITY, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.passages import LEVELS, passages
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import CamConfig, load_cam
@@ -183,7 +183,7 @@ class CamLawsResult(Result):
     def rough_joints(self) -> list[JointRow]:
         """Joints that are not smooth."""
         rows = (JointRow(cam.name, joint) for cam, law in self.cams for joint in joints(law))
-        return [row for row in rows if row.joint.continuity < SMOOTHEST]
+        return [row for row in rows if row.joint.continuity < MAX_CONTINUITY]
 
     def tables(self) -> list[Records]:
         """Return `curves`, `extremes`, rough `joints` and `heights`."""
@@ -234,12 +234,12 @@ class CamLawsResult(Result):
         if len(self.cams) > 1:
             return []
         if not self.rough_joints:
-            return [f"joins C{SMOOTHEST} or smoother everywhere"]
+            return [f"joins C{MAX_CONTINUITY} or smoother everywhere"]
         angles = ", ".join(
             f"{math.degrees(row.joint.angle):.5g}° C{row.joint.continuity}"
             for row in self.rough_joints
         )
-        return [f"joints (others C{SMOOTHEST}): {angles}"]
+        return [f"joints (others C{MAX_CONTINUITY}): {angles}"]
 
 
 # Functions of the Python API.

@@ -11,7 +11,7 @@ import numpy as np
 
 from cam_rig.errors import ConfigError, OutputError, ProfileError
 from cam_rig.files import atomic_write
-from cam_rig.profile.contour_files import AS_IT_IS, Placement
+from cam_rig.profile.contour_files import UNPLACED, Placement
 from cam_rig.show.command import check_outputs
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.show.tables import pluralize
@@ -75,7 +75,7 @@ class Request:
     tolerance: float | None
     points: int | None
     source: Path | None
-    placement: Placement = AS_IT_IS
+    placement: Placement = UNPLACED
     layer: str | None = None
     align: bool = False
 
@@ -103,7 +103,7 @@ class Request:
                 f"--tolerance is {self.tolerance:g} µm; allowed: at least {MIN_TOLERANCE_UM:g} µm"
             )
         if self.source is None and (
-            self.placement != AS_IT_IS or self.layer is not None or self.align
+            self.placement != UNPLACED or self.layer is not None or self.align
         ):
             raise ConfigError(
                 "--unit, --axis, --zero, --mirrored, --layer and --align require --from FILE"
@@ -293,7 +293,12 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     from cam_rig.profile.contact import turn_angles
     from cam_rig.profile.contour_files import read_contour_table
     from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, contour_warnings, require_axis_inside, rest
+    from cam_rig.profile.measure import (
+        closed_curve,
+        contour_warnings,
+        require_axis_inside,
+        rest_on_contour,
+    )
     from cam_rig.profile.read_dxf import read_dxf
 
     assert request.source is not None
@@ -323,7 +328,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         curves, rotation = _align(request, plates[0].element, curves, law)
     names, measured = (cam.name, str(request.source)), []
     for disc, curve, points in zip(plates, curves, file.curves, strict=True):
-        lift = rest(disc.element, curve, angle + rotation)
+        lift = rest_on_contour(disc.element, curve, angle + rotation)
         measured.append(
             MeasuredContour(*names, disc.name, points.shape[1], angle, lift, lift - law(angle))
         )

@@ -157,7 +157,7 @@ def figure(
     title = [f"{cam.title} (follower: {kind}, lift {law.lift * MM:.4g} mm)"]
     for check in (check for check in checks if not check.passed):
         position = "" if check.degrees is None else f" at {check.degrees:.4g}°"
-        value = check.shown(check.value).replace("-", "−")
+        value = check.format_value(check.value).replace("-", "−")
         title.append(f"not met: {check.title} {value}{position}")
     page.suptitle(wrapped("\n".join(title)))
     return page

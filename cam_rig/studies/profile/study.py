@@ -10,7 +10,7 @@ from typing import ClassVar
 from cam_rig.arguments import check_arguments
 from cam_rig.errors import ConfigError, LawError, ProfileError
 from cam_rig.laws import build_law
-from cam_rig.profile.cam_checks import CheckedCam, unusual_lift
+from cam_rig.profile.cam_checks import CheckedCam, warn_of_unusual_lift
 from cam_rig.profile.checks import Check
 from cam_rig.schema import load, load_cam
 from cam_rig.schema.cam import CamConfig
@@ -69,7 +69,9 @@ class ProfileResult(Result):
         "checks": (
             Column("cam", hidden=True),
             Column("check", of="check.title"),
-            Column("value", of="check.value", cell=lambda row: row.check.shown(row.check.value)),
+            Column(
+                "value", of="check.value", cell=lambda row: row.check.format_value(row.check.value)
+            ),
             Column("angle", "°", ".1f", "at", "check.angle_in_turn"),
             Column(
                 "relation", of="check.relation", doc="required relation to the limit", hidden=True
@@ -148,7 +150,7 @@ class ProfileResult(Result):
         for checked_cam in self.cams:
             cam = checked_cam.cam
             lines += [f"{prefix}{cam.name}: {check}" for check in checked_cam.failed]
-            lines += [f"{cam.name}: {text}" for text in unusual_lift(checked_cam.law.lift)]
+            lines += [f"{cam.name}: {text}" for text in warn_of_unusual_lift(checked_cam.law.lift)]
             if cam.cannot_be_made is not None:
                 lines.append(
                     f"{cam.name}: its file states that it cannot be made: {cam.cannot_be_made}"

@@ -81,7 +81,7 @@ class FollowerMotion(NamedRows, Result):
         """Cam angle with all its turns, rad, shape `(n,)`."""
         rate = int(self.scene.sample_rate.si)
         intervals = [block.interval for block in self.blocks]
-        angle = np.concatenate([i.unwrapped_at(i.grid(rate).since_start()) for i in intervals])
+        angle = np.concatenate([i.unwrapped_at(i.grid(rate).sample_times()) for i in intervals])
         angle.setflags(write=False)
         return angle
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 from cam_rig.arguments import check_arguments
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics import vibration as steady
-from cam_rig.dynamics.jump.any_follower import contact_lost_speed
+from cam_rig.dynamics.jump.any_follower import find_contact_loss_speed
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet
@@ -235,7 +235,7 @@ def measure(
     rows: list[Row] = []
     for cam in progress.track(cam_set.laws):
         law = cam_set.laws[cam]
-        lost = contact_lost_speed(law, cam_set.rig) / RPM
+        lost = find_contact_loss_speed(law, cam_set.rig) / RPM
         for speed in rpm:
             measured = steady.vibration(law, follower, shaft, speed * RPM)
             rows.append(Row(cam, speed, measured, lost))

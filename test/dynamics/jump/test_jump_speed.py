@@ -8,7 +8,7 @@ import pytest
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response
-from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
+from cam_rig.dynamics.jump.any_follower import describe_follower, find_jump, follower_of
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed, rigid_min_force
 from cam_rig.dynamics.jump.two_masses import find_jump_speed
 from cam_rig.errors import ConfigError, DynamicsError
@@ -145,8 +145,8 @@ def test_eccentric(make_cam, follower):
 def test_the_follower_of_a_rig():
     """A rig with a divided mass has two masses, and a rig without has one."""
     split, whole = cam_rig.load_rig("paper_table2"), cam_rig.load_rig("tm21")
-    assert described(follower_of(split)) == "two masses"
-    assert described(follower_of(whole)) == "one rigid mass"
+    assert describe_follower(follower_of(split)) == "two masses"
+    assert describe_follower(follower_of(whole)) == "one rigid mass"
     half = whole.with_follower(roller_share=0.4)
     with pytest.raises(ConfigError, match=r"follower\.stem_damping: is missing"):
         follower_of(half)

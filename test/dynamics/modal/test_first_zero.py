@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.events.backend import VARIABLE
 from cam_rig.dynamics.free_masses import contact_response, force_output
-from cam_rig.dynamics.jump.two_masses import SLOWEST, find_two_mass_jump, force_run
+from cam_rig.dynamics.jump.two_masses import MIN_RPM, find_two_mass_jump, force_run
 from cam_rig.dynamics.modal.group_error import GROUP_ERROR, bound_groups
 from cam_rig.dynamics.modal.harmonic_error import (
     bound_output,
@@ -108,7 +108,7 @@ def require_first(seed):
         assert "allowed" in str(error)
         return
     run, small = force_run(law, rig, duration), noise(law, rig, jump.speed)
-    speeds = np.geomspace(SLOWEST * RPM, jump.speed * (1.0 - 1e-9), SPEEDS)
+    speeds = np.geomspace(MIN_RPM * RPM, jump.speed * (1.0 - 1e-9), SPEEDS)
     least = run.min_outputs(speeds)
     assert (least > -small).all()
     for i in 1 + np.argsort(least[1:-1])[:DIPS]:
@@ -193,5 +193,5 @@ def test_plain_and_compiled_find_the_same_bits(seed, monkeypatch):
     run, climbs = force_run(law, rig, duration), []
     for value in ("plain", "compiled"):
         monkeypatch.setenv(VARIABLE, value)
-        climbs.append(run.climb(SLOWEST * RPM, 1e5 * RPM, 2e4))
+        climbs.append(run.climb(MIN_RPM * RPM, 1e5 * RPM, 2e4))
     assert climbs[0] == climbs[1]

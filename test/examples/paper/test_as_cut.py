@@ -11,7 +11,7 @@ from cam_rig.laws import Law
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import Contour, Disc
 from cam_rig.profile.faces import GuidedCentre
-from cam_rig.profile.measure import closed_curve, rest
+from cam_rig.profile.measure import closed_curve, rest_on_contour
 from cam_rig.units import RPM
 from examples.paper import as_cut as script
 from examples.paper.as_cut import cut_at, followed_law, study, table
@@ -39,7 +39,9 @@ def test_a_roller_put_on_the_contour_has_the_lift(followed_by):
     point, at = GuidedCentre.on_base(BASE, 0.0, 0.0), ANGLES[::4]
     for law, found in followed_by:
         outline = Contour.of(Disc("", point), Motion.uniform(law, 7200)).points
-        measured = rest(GuidedCentre.on_base(BASE, ROLLER, 0.0), closed_curve(outline), at)
+        measured = rest_on_contour(
+            GuidedCentre.on_base(BASE, ROLLER, 0.0), closed_curve(outline), at
+        )
         assert np.abs(found(at) - measured).max() < 1e-11
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.laws import Law
-from cam_rig.laws.segments import fit, trigonometric
+from cam_rig.laws.sampling import fit_curve
+from cam_rig.laws.segments import trigonometric
 from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import TURN
 
@@ -28,7 +29,7 @@ NO_SPRING = 1e-15
 
 def table_law() -> Law:
     """Return the law s = A (1 − cos θ) of the table."""
-    breaks, ordinates = fit(trigonometric(AMPLITUDE, [-AMPLITUDE], [0.0]), 0.0, TURN)
+    breaks, ordinates = fit_curve(trigonometric(AMPLITUDE, [-AMPLITUDE], [0.0]), 0.0, TURN)
     return Law("table", breaks, np.stack(ordinates, axis=1))
 
 

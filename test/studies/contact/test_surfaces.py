@@ -12,8 +12,8 @@ from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
 from cam_rig.laws.segments import up_and_down
-from cam_rig.profile.cam_checks import greatest_allowed
-from cam_rig.profile.checks import least_base_radius, plates_on
+from cam_rig.profile.cam_checks import max_pressure_angle
+from cam_rig.profile.checks import discs_on, find_min_base_radius
 from cam_rig.profile.contact import Motion, Scan
 from cam_rig.profile.faces import SwungCentre, SwungFace
 from cam_rig.schema import CamConfig, load_cam
@@ -232,9 +232,9 @@ def test_the_least_base_radius_satisfies_all_limits(seed):
         return
     base = max(1.001 * bounds.least, 0.01 * case.cam.follower.base_radius.si)
     assert measured(case, peak_pressure, base) <= limit * (1 + 1e-9)
-    scan = Scan(case.law, plates_on(case.cam.follower, case.law, base)[0].element)
+    scan = Scan(case.law, discs_on(case.cam.follower, case.law, base)[0].element)
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure)).value
-    limit_angle = greatest_allowed(case.cam.follower, scan.element)
+    limit_angle = max_pressure_angle(case.cam.follower, scan.element)
     assert steepest <= limit_angle * (1 + 1e-9)
     assert scan.greatest(lambda touch: -touch.rate).value < 0.0  # not undercut
 
@@ -256,10 +256,10 @@ def test_the_nomogram_agrees_with_the_checks_of_cams(rise, cams, make_cam):
     """The least base radii of cams are those of the checks of contours."""
     beta, law = np.radians([52.0]), up_and_down(rise, np.radians(52.0), 0.01)
     flat = cams["flat"].follower
-    least = least_base_radius(flat, law) - flat.least_curvature_radius.si
+    least = find_min_base_radius(flat, law) - flat.least_curvature_radius.si
     assert by_face(rise, beta)[0] * 0.01 == pytest.approx(least, rel=1e-5)
     roller = make_cam({"law": "dwell", "span": 360.0}, roller_radius=0.02).follower
-    least = least_base_radius(roller, law)
+    least = find_min_base_radius(roller, law)
     assert by_curvature(rise, beta, 2.0)[0] * 0.01 - 0.02 == pytest.approx(least, rel=1e-5)
 
 

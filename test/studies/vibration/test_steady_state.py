@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.any_follower import contact_lost_speed, find_jump
+from cam_rig.dynamics.jump.any_follower import find_contact_loss_speed, find_jump
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
@@ -44,7 +44,7 @@ def test_the_low_dwell_may_contain_angle_zero(laws):
     for window in (found, other):
         assert np.degrees([window.start, window.span]) == pytest.approx([328.75, 62.5])
     inside = np.radians([330.0, 0.0, 31.0, 32.0, 180.0])
-    assert found.holds(inside).tolist() == [True, True, True, False, False]
+    assert found.contains(inside).tolist() == [True, True, True, False, False]
 
 
 @pytest.mark.parametrize(
@@ -139,10 +139,10 @@ def test_speeds_above_the_jump_speed_are_marked_and_not_tested(cam_set):
 
 def test_the_speed_of_lost_contact(rig, laws, cam_set):
     """It is 0 with a velocity jump or without preload, else the jump speed."""
-    assert contact_lost_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
-    assert contact_lost_speed(laws["poly345"], cam_set.rig.with_follower(preload=0.0)) == 0.0
+    assert find_contact_loss_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
+    assert find_contact_loss_speed(laws["poly345"], cam_set.rig.with_follower(preload=0.0)) == 0.0
     expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rig))
-    assert contact_lost_speed(laws["poly345"], rig) == expected
+    assert find_contact_loss_speed(laws["poly345"], rig) == expected
 
 
 def test_a_rig_without_a_shaft(rig, cam_set):
@@ -176,7 +176,7 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
     found = vibration(laws[cam], soft, None, rpm * RPM)
     assert found.residual_amplitude <= 1.1 * np.abs(turn.vibration).max()
     if found.window.dwell:  # all vibration there is residual
-        inside = np.abs(turn.vibration[found.window.holds(turn.angle)]).max()
+        inside = np.abs(turn.vibration[found.window.contains(turn.angle)]).max()
         assert found.residual_amplitude == pytest.approx(inside, rel=0.05)
 
 

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from cam_rig.laws.arc_law import ArcFollower, arc_lift
-from cam_rig.laws.arcs import Blend, Circle, close
+from cam_rig.laws.arcs import Blend, Circle, close_chain
 from cam_rig.studies.fit_cam.gauge import Readings
 from cam_rig.units import FloatArray, rms
 
@@ -58,7 +58,7 @@ class Arcs:
         flank = Blend(self.flank_radius)
         centre = -(self.base_radius + self.lift - self.nose_radius)
         top = Circle(complex(centre, 0.0), self.nose_radius)
-        chain = close([Circle(0j, self.base_radius), flank, top, flank])
+        chain = close_chain([Circle(0j, self.base_radius), flank, top, flank])
         turned = angles - self.nose_angle + math.pi  # the nose's top is at 180° of the contour
         if follower.flat and self.flank != "convex":
             above = centre * np.cos(turned) + self.nose_radius - self.base_radius
