@@ -215,14 +215,6 @@ def test_a_flat_follower_alone_tells_differences():
     assert "less the base radius" in one.cannot_tell[0]
 
 
-def test_a_point_tells_all():
-    """Without a roller, all numbers are identifiable, because no sum of radii is involved."""
-    arcs = random_arcs(1)
-    fit = fit_arcs(readings_of(arcs, ArcFollower(False, 0.0)), (False,), 0.0, 0.03)
-    assert fit.arcs.base_radius == pytest.approx(arcs.base_radius, rel=1e-4)
-    assert fit.cannot_tell == ()
-
-
 def test_a_tangent_cam_under_both_followers():
     """A flat follower bridges a straight flank. Both columns identify its shape and the radii."""
     arcs = Arcs(0.03, 0.01, None, 0.012, 0.5)

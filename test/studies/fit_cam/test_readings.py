@@ -124,15 +124,6 @@ def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
         mirror(max(3.0, 1.5 * step), 90.0)
 
 
-@pytest.mark.parametrize("width", [2, 3, 5, 9])
-def test_outliers_next_to_each_other_are_found(measured, width):
-    """Specks of 50 µm on several readings are found, and no other reading is left out."""
-    places = [100, 700, 1500]
-    specks = {place + i: 5e-5 for place in places for i in range(width)}
-    found = without_outliers(measured("cycloidal", 1800, outliers=specks))
-    assert [outlier.line - 2 for outlier in found.outliers] == sorted(specks)
-
-
 @pytest.mark.parametrize("width", [2, 3, 5, 8, 12])
 @pytest.mark.parametrize("name", ["cycloidal", "poly345", "modified_trapezoid"])
 def test_specks_of_a_coarse_table_are_found(measured, name, width):
