@@ -218,36 +218,6 @@ def test_a_killed_panel_leaves_no_process_and_a_closed_bag(shared):
 
 
 @pytest.mark.long
-def test_a_page_and_another_program_control_the_rig(running_panel, ros_domain):
-    """Set the nodes' parameters from a page and from another program.
-
-    The page displays a value that was set outside. The cam keeps turning after a reload.
-    """
-    with running_panel.page() as page:
-        live = page.running()
-        assert (live["drive"], live["domain"], live["holds"]) == ("stopped", ros_domain, True)
-        page.do("call", value="start")
-        page.do("set", name="rpm", value=320)
-        page.turning(320.0)
-        with RigClient(ros_domain) as outside:
-            outside.set_parameter("cam_drive", "rpm", 410.0)
-            page.until(lambda live: live["values"]["cam_drive"]["rpm"] == 410.0)
-            outside.set_parameter("microphone", "frequency_weighting", "A")
-            page.until(lambda live: live["values"]["microphone"]["frequency_weighting"] == "A")
-    with running_panel.page() as page:
-        live = page.until(lambda live: live["state"])
-        assert (live["drive"], live["holds"]) == ("turning", True)
-        assert live["values"]["cam_drive"]["rpm"] == 410.0
-        page.do("set", name="pacing", value="2x")
-        page.do("set", name="cam", value="cycloidal")
-        page.until(lambda live: live["state"]["cam"] == "cycloidal" and live["level"])
-        page.do("call", value="stop")
-        page.until(lambda live: live["drive"] == "stopped")
-        answer = page.request("set", name="cam", value="no_such")
-        assert not answer["success"] and "no_such" in answer["words"]
-
-
-@pytest.mark.long
 def test_a_noted_level_is_that_of_the_exact_model(running_panel):
     """Note the level of the exact model within 0.2 dB.
 
