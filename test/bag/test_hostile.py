@@ -3,7 +3,6 @@
 import io
 import os
 import struct
-import zlib
 from pathlib import Path
 
 import lz4.frame
@@ -306,16 +305,3 @@ def test_an_unusable_bag_name_is_refused_before_recording(tmp_path):
     for name in ("a\nb", "a\x1bb", "a\udcffb"):
         with pytest.raises(BagError, match="allowed: a name of letters"):
             require_new_bag(tmp_path / name)
-
-
-def test_a_wrong_checksum_is_reported(tmp_path):
-    """Readers refuse the chunk, and a recovery reads it."""
-    body = struct.pack("<BQHIQQ", 5, 30, 1, 1, 5, 5) + bytes(8)
-    wrong = Chunk("", body, 5, 5, zlib.crc32(body) ^ 1, len(body))
-    records = [Schema(1, b"x", "ros2msg", "a/msg/B"), Channel(1, "/x", "cdr", {}, 1)]
-    file = file_of(tmp_path / "a.mcap", *records, wrong)
-    with pytest.raises(BagError, match="checksum"):
-        list(raw_messages(file, {"/x"}))
-    saved = recover(file, tmp_path / "recovered")
-    assert saved.counts == {"/x": 1}
-    assert "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in saved.words

@@ -62,15 +62,6 @@ def test_a_field_may_be_omitted_or_named_by_joint_or_use_the_bag_clock(tmp_path)
         np.testing.assert_array_equal(run.angle.time, run.lift.time)
 
 
-def test_counts_of_an_encoder_are_an_angle(tmp_path):
-    """The integer counts 4096 per turn over all turns."""
-    bag = bench(tmp_path, encoder=(number, TIME, np.floor(ANGLE * 4096 / TURN)))
-    line = "angle=/encoder.data:turn/4096 lift=/lvdt.data:mm"
-    run = read_measured(bag, parse_topics(line))
-    off = ANGLE - run.angle.value
-    assert off.min() > -1e-9 and off.max() < TURN / 4096 + 1e-9 and not run.angle.gaps().size
-
-
 @pytest.mark.parametrize("whole", [True, False], ids=["all turns", "within a turn"])
 def test_a_falling_angle_is_reversed_and_reported(tmp_path, whole):
     """The angle rises by the same amount."""

@@ -13,7 +13,6 @@ from benchmark.speed import study as stored
 from benchmark.speed.campaign import (
     BATCH,
     STUDY,
-    CampaignRate,
     bisected,
     campaign_rate,
     campaign_records,
@@ -54,13 +53,6 @@ def test_without_joblib_the_campaign_is_alone(monkeypatch):
     assert found.points_per_s > 0.0
     (note,) = campaign_records(found).notes
     assert "joblib" in note and "pip install" in note
-
-
-def test_the_table_has_the_ratio():
-    """The ratio of 25 points per second to 0.25 is 100."""
-    (table,) = campaign_records(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)).to_display()
-    assert [row[-1] for row in table.text_rows] == ["1", "100"]
-    assert "0.016 rpm" in table.notes[0]
 
 
 # -- convergence of the peers to the reference, which verifies both and the right-hand sides

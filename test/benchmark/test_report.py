@@ -4,10 +4,7 @@ import json
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from benchmark.speed import report as bench
 from benchmark.speed import study as rig
 from benchmark.speed import study as stored
 from benchmark.speed.campaign import CampaignRate
@@ -127,30 +124,3 @@ def test_a_short_case_is_the_beginning_of_the_long_one(cases):
     short, whole = rig.solve(case.first_turns(1)), rig.solve(case)
     count = case.first_turns(1).times.size
     np.testing.assert_allclose(short.displacement, whole.displacement[:, :count], atol=1e-15)
-
-
-# -- python -m benchmark.speed: an invalid output path is an error before any measurement
-
-
-app = typer.Typer()
-app.command()(bench.bench)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (["--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
-        (["--plot", "{tmp}/a.png/"], 1, "is a folder; allowed: a file"),
-        (["--json", "{tmp}/file/x.json"], 1, "is not a writable folder"),
-    ],
-)
-def test_a_place_is_refused_before_the_study(tmp_path, monkeypatch, arguments, code, words):
-    """An invalid output path is a one-line usage error before the study."""
-    monkeypatch.setattr(bench, "measure", lambda *_: pytest.fail("the study ran"))
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    (tmp_path / "a.png").mkdir()
-    result = CliRunner().invoke(app, [a.format(tmp=tmp_path) for a in arguments])
-    assert result.exit_code == code
-    assert result.stderr.count("\n") == 1
-    assert words in result.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"a.png", "file"}

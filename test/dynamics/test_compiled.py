@@ -120,15 +120,6 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
     assert len(backend._ready[run_events].signatures) == 1
 
 
-def test_first_lift_off_in_both_backends(laws, monkeypatch):
-    """The first lift-off has the same bits in both backends."""
-    times = []
-    for value in (PLAIN, COMPILED):
-        monkeypatch.setenv(VARIABLE, value)
-        times.append(first_lift_off(laws["poly345"], TWO, 450.0 * RPM, np.zeros(2), 1.0))
-    assert times[0] == times[1] is not None
-
-
 def test_binomials_beyond_the_table():
     """Binomials of a degree beyond the table are computed by a recurrence."""
     for degree in (3, len(vectors.PASCAL) - 1, len(vectors.PASCAL), len(vectors.PASCAL) + 9):

@@ -1,6 +1,5 @@
 """Catalogue of laws: curves and figures, joined segments, and conversion to scipy."""
 
-import math
 from typing import get_args
 
 import numpy as np
@@ -9,7 +8,7 @@ from scipy.interpolate import BPoly
 
 import cam_rig
 from cam_rig.errors import LawError
-from cam_rig.laws import bernstein, build_law, catalogue
+from cam_rig.laws import build_law, catalogue
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.segments import Segment
 from cam_rig.show.figure import line as look
@@ -201,20 +200,6 @@ def test_a_step_is_refused(make_cam):
     ):
         with pytest.raises(LawError, match=rf"'steppy'.*{message}.*allowed: no step"):
             build_law(make_cam(*segments, name="steppy"))
-
-
-def test_bezier15_has_a_ripple_in_its_high_dwell(cams, laws):
-    """The high dwell of Bézier 15 is a ripple between two maxima.
-
-    At its middle it is Σ C(15,i) bᵢ / 2¹⁵ = 1.0059766 of the lift.
-    """
-    numbers, law = cams["bezier15"].segments[0].ordinates.numbers, laws["bezier15"]
-    exact = sum(math.comb(15, i) * b for i, b in enumerate(numbers)) / 2**15
-    assert exact == pytest.approx(1.0059766, abs=5e-8)
-    assert float(law(math.pi)) / cams["bezier15"].lift.si == pytest.approx(exact, rel=1e-14)
-    extrema = bernstein.crossings(bernstein.derivative(law.ordinates[:, 0]))
-    first = 0.43092834426506570  # root of the derivative in 40 digits
-    assert extrema == pytest.approx([first, 0.5, 1.0 - first], abs=1e-12)
 
 
 def test_lift_is_the_largest_displacement(cams, laws):

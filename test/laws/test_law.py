@@ -8,7 +8,7 @@ from scipy.interpolate import BPoly, PPoly
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, bernstein, build_law
-from cam_rig.laws.law import MAX_CONTINUITY, continuity, extremes, joints, peak
+from cam_rig.laws.law import MAX_CONTINUITY, continuity, extremes, joints
 from cam_rig.units import TURN
 
 from ..conftest import dwell, rise
@@ -82,23 +82,6 @@ def test_extremes_bound_all_samples_and_are_reached(followed):
                 assert error <= 1e-6 * size(law, order)
             if order < 3:
                 np.testing.assert_array_equal(law.motion[order], law.derivative_ordinates(order))
-
-
-def test_extremes_of_simple_harmonic_and_of_jumps(make_cam):
-    """Simple harmonic over 180° twice has s' = h/2·sin θ and s'' = h/2·cos θ.
-
-    At a jump both limits count.
-    """
-    law = build_law(make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic")))
-    low, high = extremes(law, 1)
-    assert (low.value, high.value) == pytest.approx((-0.025, 0.025), rel=1e-13)
-    assert (low.angle, high.angle) == pytest.approx((1.5 * np.pi, 0.5 * np.pi), abs=1e-6)
-    assert abs(peak(law, 2).value) == pytest.approx(0.025, rel=1e-12)
-    law = build_law(make_cam(rise(90, 1, "constant_velocity"), rise(270, 0, "constant_velocity")))
-    low, high = extremes(law, 1)
-    assert high.value == pytest.approx(0.05 / (np.pi / 2), rel=1e-15)
-    assert low.value == pytest.approx(-0.05 / (1.5 * np.pi), rel=1e-15)
-    assert peak(law, 1) == high
 
 
 def test_arrays_are_frozen_copies():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.dynamics.jump.any_follower import TWO_MASSES, follower_of
+from cam_rig.dynamics.jump.any_follower import TWO_MASSES, describe_follower, follower_of
 from cam_rig.errors import RefusedError
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.panel.bench import drawing, live_state, runner

@@ -13,7 +13,7 @@ import cam_rig
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.panel.command import ClassRoom, mark_sheets
 from cam_rig.panel.lab.labs import LABS, SCATTER_DB
-from cam_rig.panel.lab.recorded import Notebook, parse_number, read_sheet
+from cam_rig.panel.lab.recorded import Notebook, read_sheet
 from cam_rig.panel.lab.sheet import CURVE_POINTS
 from cam_rig.panel.server import serve
 
@@ -147,15 +147,6 @@ def test_readings_scatter_normally_and_reproducibly():
 
 
 # -- refused values, and the data that a page receives ----------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "number"),
-    [("157,3", 157.3), ("157.3", 157.3), (" 1e2 ", 100.0), ("1.234,5", None), ("nan", None)],
-)
-def test_a_number_may_have_a_decimal_comma(text, number):
-    """Read a number from a Spanish keyboard, and refuse an ambiguous number."""
-    assert parse_number(text) == number
 
 
 @pytest.mark.parametrize("lab", ["vibration", "noise"])

@@ -87,14 +87,3 @@ def test_straight_flank_is_marked(cams, laws):
     drawn = [line.get_xdata() for line in lines if line.get_linewidth() == 2.0]
     straight = np.degrees(contour.angle[np.isinf(contour.radius)])
     assert np.min(drawn) == straight.min() and np.max(drawn) == straight.max()
-
-
-def test_rise_and_dwell_are_shaded(draw, cams):
-    """The shaded widths are the spans of the cam's dwells and of its rise."""
-    spans = {}
-    for patch in draw("poly345").axes[2].patches:
-        key = f"{patch.get_facecolor()[0]:.2f}"
-        spans[key] = spans.get(key, 0.0) + patch.get_width()
-    dwells = sum(np.degrees(s.span.si) for s in cams["poly345"].segments if s.law == "dwell")
-    expected = sorted([dwells, 0.5 * (360.0 - dwells)])
-    assert sorted(spans.values()) == pytest.approx(expected, abs=0.5)

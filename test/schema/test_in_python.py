@@ -67,20 +67,6 @@ def test_a_wrong_number_raises_an_error_of_one_line(wrong, message):
     assert message in catch_error(lambda: spring_of(spring=wrong))
 
 
-def test_a_rig_made_in_python_computes_the_same_bits_as_one_from_a_file():
-    rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
-    numbers = rig.follower
-    made = cam_rig.Rig(
-        mass=numbers.mass.si,
-        spring=numbers.spring_stiffness.si,
-        preload=numbers.preload.si,
-        damping=numbers.damping.si,
-        restitution=numbers.restitution.si,
-    )
-    expected, actual = (cam_rig.simulate(law, r, rpm=450, turns=1) for r in (rig, made))
-    assert np.array_equal(actual.force, expected.force)
-
-
 @pytest.mark.parametrize("path", [*CAMS, *RIGS], ids=lambda path: path.stem)
 def test_a_shipped_file_is_unchanged_by_saving_and_loading(path, tmp_path):
     """The points of a table are saved in a second file."""

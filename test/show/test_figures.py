@@ -185,16 +185,6 @@ def test_series_do_not_have_colours_of_cams() -> None:
     assert not {s["color"] for s in styles} & set(map(web, COLOURS))
 
 
-def test_conjugate_discs_have_two_colours(cams, laws):
-    """The contour and the curvature of a disc have the same colour."""
-    cam, curve = cams["conjugate"], laws["conjugate"]
-    figure = profile.figure(cam, curve, check_cam(cam, curve))
-    plan, curvature, _ = figure.axes
-    for axes in (plan, curvature):
-        colours = {line.get_color() for line in axes.lines}
-        assert set(map(web, looks.DISCS)) <= colours
-
-
 def test_the_package_does_not_import_pyplot() -> None:
     """Pyplot would need a screen, and change the global state of matplotlib."""
     code = (

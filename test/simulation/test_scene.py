@@ -252,18 +252,6 @@ def test_a_long_scene_starts_without_computing_all_states(make_scene):
     assert run_length(long)[0] == pytest.approx(2 * 100_000 * 60 / 333 * NS, rel=1e-12)
 
 
-def test_each_step_has_whole_turns(scene):
-    """Every cam turns three times at every speed, to 1e-8 turns."""
-    states = list(cam_states(scene))
-    steps = [states[0]]
-    for previous, state in pairwise(states):
-        if (state.cam, state.speed) != (previous.cam, previous.speed):
-            steps.append(state)
-    assert len(steps) == 2 * 4 + 1
-    turned = np.diff([state.unwrapped for state in steps]) / TURN
-    np.testing.assert_allclose(turned, 3.0, rtol=0, atol=1e-8)
-
-
 def test_the_angle_is_exact_after_many_turns(make_scene):
     """Angle and turns of each state are ω t within 2e-15 rad over a thousand turns.
 

@@ -251,23 +251,6 @@ def test_the_rate_follows_a_page_that_is_slow_for_a_while():
     assert rates[239.0] == timeline.MAX_RATE
 
 
-def test_the_rate_of_a_late_page_falls_once_per_settling_time():
-    """A lower rate needs time to take effect, because of the queued pictures."""
-    page = Page(60.0)
-    while page.pace.rate < timeline.MAX_RATE:
-        page.advance()
-    page.waiting = 60.0 * (timeline.LATE_S + 0.5)
-    page.speed, changes = 60.0, list[tuple[float, float]]()
-    for _ in range(int(timeline.SETTLE_S / STEP_S)):
-        before = page.pace.rate
-        page.advance()
-        page.waiting = 60.0 * (timeline.LATE_S + 0.5)
-        if page.pace.rate != before:
-            changes.append((before, page.pace.rate))
-    assert len(changes) == 1
-    assert changes[0][1] <= 0.5 * changes[0][0]
-
-
 def test_the_rate_is_constant_if_the_delay_is_unknown():
     """It is also constant if a page is neither late nor in time, and for a window."""
     now, between = [0.0], 0.5 * (timeline.LATE_S + timeline.IN_TIME_S) + 1.0 / timeline.MIN_RATE

@@ -15,11 +15,11 @@ from cam_rig.units import NS, RPM, TURN
 from cam_rig.viewer.bounce_chart import GAPS, LANDINGS, bounce_axes, rebounds
 from cam_rig.viewer.quantities import GAP_LINE as GAP
 from cam_rig.viewer.quantities import LANDING, LIFT_OFF, gap_of, plot_rows, scene_ranges
-from cam_rig.viewer.recording import LiveView, save_recording
+from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.turn_chart import HEAD, MAX_OVERLAID, ROW, WIDTH, TurnAxes, curve
 
 from ..conftest import scene_data
-from .conftest import Picture, make_bag, play
+from .conftest import Picture, make_bag
 
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
@@ -224,19 +224,6 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
     wanted = np.degrees(bouncing_bag.angle[landed] % TURN)
     np.testing.assert_allclose(degrees, wanted, atol=1e-3)
     assert landed.sum() > 3 * TURNS
-
-
-def test_a_live_view_gets_the_same_points(bouncing_bag, replayed, tmp_path):
-    """A live view sends the same rows, tick by tick."""
-    view = LiveView(bouncing_bag.loaded, str(tmp_path))
-    for _ in play(view, bouncing_bag):
-        view.flush()
-    view.close()
-    (part,) = tmp_path.glob("*.rrd")
-    live = Picture(part)
-    for entity in (f"{GAPS}/tm21", f"{LANDINGS}/tm21"):
-        assert live.column(entity, POSITIONS) == replayed.column(entity, POSITIONS)
-        np.testing.assert_array_equal(live.time(entity), replayed.time(entity))
 
 
 def test_only_a_follower_that_rebounds_has_the_chart(picture):

@@ -9,15 +9,14 @@ import cam_rig
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.any_follower import describe_follower, find_jump, follower_of
-from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed, rigid_min_force
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_min_force
 from cam_rig.dynamics.jump.two_masses import find_jump_speed
 from cam_rig.errors import ConfigError, DynamicsError
-from cam_rig.laws import Law, build_law
+from cam_rig.laws import Law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN
 from examples.paper.refit import Numbers, refitted
 
-from ...conftest import rise
 from ..helpers import lift_off, with_joints
 
 
@@ -132,14 +131,6 @@ def test_arrays_must_have_one_length(laws, shipped):
 
 
 # Rigid jump speed against a closed form, and the kind of follower of a rig.
-
-
-def test_eccentric(make_cam, follower):
-    """s = h/2 (1 − cos θ) without damping jumps at Ω² = (k h + preload)/(m h/2)."""
-    cam = make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic"))
-    free = replace(follower, damping=0.0)
-    expected = np.sqrt((free.spring_stiffness * 0.05 + free.preload) / (free.mass * 0.025))
-    assert rigid_jump_speed(build_law(cam), free) == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_follower_of_a_rig():

@@ -14,7 +14,7 @@ from cam_rig.profile.faces import GuidedCentre
 from cam_rig.profile.measure import closed_curve, rest_on_contour
 from cam_rig.units import RPM
 from examples.paper import as_cut as script
-from examples.paper.as_cut import cut_at, followed_law, study, table
+from examples.paper.as_cut import followed_law, study, table
 
 BASE, ROLLER = 0.065, 0.010
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -114,13 +114,6 @@ def bezier():
     return found
 
 
-def test_a_point_changes_nothing(bezier):
-    """A roller of radius 0 follows s on any base circle."""
-    found = cut_at("bezier15", bezier.drawn, 0.04, 0.0)
-    assert found.cut.jump == pytest.approx(bezier.drawn.jump, rel=1e-5)
-    assert np.abs(found.change).max() < 1e-9 and found.above[0] < 1e-15
-
-
 def test_the_jump_speed_by_the_exact_model(bezier, two_mass):
     """Contact is lost just above the jump speed, and not just below."""
     for factor, leaves in ((1.0 + 1e-5, True), (1.0 - 1e-5, False)):
@@ -145,17 +138,6 @@ def test_jump_speeds_and_landings_of_the_other_cams():
         ["412.10", "416.61", "–", "–"],
         ["397.88", "410.88", "390", "400"],
     ]
-
-
-def test_it_grows_with_the_roller_and_falls_with_the_base(bezier, monkeypatch):
-    """The difference follows the first order, R_r s'²/(2 ρ (ρ + R_r))."""
-    monkeypatch.setattr(script, "BASES", (0.05, 0.08))
-    monkeypatch.setattr(script, "ROLLERS", (0.005, 0.015))
-    rows = script.over_sizes(bezier)
-    sizes = [(0.05, 0.005), (0.05, 0.015), (0.08, 0.005), (0.08, 0.015)]
-    assert [(row.base, row.roller) for row in rows] == sizes
-    above = [row.above[0] for row in rows]
-    assert above[0] < above[1] > above[3] > above[2] < above[0]
 
 
 def test_the_script(bezier, printed_by, monkeypatch):

@@ -59,15 +59,6 @@ def test_no_dwell_is_left_at_180():
     assert all(joint.continuity >= 4 for joint in joints(law))
 
 
-@pytest.mark.parametrize("rise", RISES)
-def test_as_gentle(rise):
-    """Each law has the peak acceleration of the reference over its angle."""
-    event = math.radians(120.0)
-    reference = up_and_down("poly345", event, 0.05)
-    law = up_and_down(rise, script.as_gentle(rise, event), 0.05)
-    assert abs(peak(law, 2).value) == pytest.approx(abs(peak(reference, 2).value), rel=1e-9)
-
-
 def test_squeezed(laws):
     """The turn is compressed into 240° with slopes in proportion, then at rest."""
     law = script.squeezed(laws["bezier15"], math.radians(240.0))
@@ -77,43 +68,6 @@ def test_squeezed(laws):
     ratio = peak(law, 2).value / peak(laws["bezier15"], 2).value
     assert ratio == pytest.approx(1.5**2, rel=1e-9)
     assert script.squeezed(laws["bezier15"], TURN) is laws["bezier15"]
-
-
-def test_sharper_is_worse(found):
-    """Shorter events lower the jump speed, and raise acceleration and noise.
-
-    This is true for every law.
-    """
-    for key, sign in (("jump", -1), ("acceleration", 1), ("noise", 1)):
-        values = found.same_angles.values(key)
-        assert (sign * (values[:, 0] - values[:, 1]) > 0.0).all()
-
-
-def test_ringing_falls_with_continuity(found):
-    """At equal acceleration each higher class vibrates less at every angle."""
-    design = found.same_acceleration
-    values = design.values("residual")
-    order = np.argsort(design.classes, kind="stable")
-    assert (np.diff(values[order], axis=0) < 0.0).all()
-    assert design.shares("residual").classes > 0.6
-    assert design.shares("noise").angle > 0.6
-
-
-def test_advantage_adds_up(found):
-    """The shares of slopes and vibration add up to the whole advantage."""
-    for row in script.advantages(found):
-        best, other = found.cams["bezier15"], found.cams[row.cam]
-        gained, others = (math.log(cam.jump / cam.rigid_jump) for cam in (best, other))
-        ringing = gained - others
-        assert math.log(row.jump) * (1.0 - row.jump_share) == pytest.approx(ringing)
-        assert 0.5 < row.jump_share < 1.1
-
-
-def test_cells_are_the_measures_of_law_and_angle(found):
-    """A cell of a design has the results of its law and angle."""
-    law = up_and_down("cycloidal", math.radians(135.0), 0.05)
-    assert found.same_angles.cells[2][1].jump == script.measure(law).jump
-    assert found.squeezed[360.0] == found.cams["bezier15"]
 
 
 def test_cells_that_leave(found):

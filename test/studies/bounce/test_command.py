@@ -22,14 +22,6 @@ def rows_of(*words):
     return list(csv.DictReader(io.StringIO(done(*words, *SHORT, "--csv", "-").stdout)))
 
 
-def test_rows_by_speed():
-    """The CSV file contains the rows of the table."""
-    rows = rows_of("tm21", "--rpm", "310,390,450", "--jobs", "1")
-    assert [row["motion"] for row in rows] == ["in contact", "periodic", "periodic"]
-    assert [row["lyapunov_exponent"] == "" for row in rows] == [True, True, False]
-    assert float(rows[2]["lyapunov_exponent"]) == pytest.approx(-0.32, abs=0.01)
-
-
 def test_rows_from_above_with_branches():
     """--from above with --continuation reports rows, branches and bifurcations."""
     found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--continuation", *SHORT)

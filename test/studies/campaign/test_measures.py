@@ -18,20 +18,6 @@ PRELOAD = "rig.follower.preload"
 BASE = {"cam": "poly345", "rig": "paper_table2"}
 CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
-WAVE = {
-    "profile.waviness.amplitude": {"values": [2], "unit": "um"},
-    "profile.waviness.wavelength": {"values": [10], "unit": "deg"},
-}
-
-
-def test_a_wave_at_the_stems_resonance_takes_a_fifth_of_the_jump_speed(measured):
-    """A waviness of 2 µm and 10° lowers the jump speed from 413 to 320 rpm."""
-    _, rows = measured("jump_speed", vary=WAVE)
-    assert rows.measures[0, 0] == pytest.approx(320.0, abs=1.0)
-    tiny = WAVE | {"profile.waviness.amplitude": {"values": [0.0, 1e-12], "unit": "m"}}
-    without_wave, smallest_wave = measured("jump_speed", vary=tiny)[1].measures[:, 0]
-    assert without_wave == pytest.approx(413.44, abs=0.005)
-    assert smallest_wave == pytest.approx(without_wave, rel=1e-6)
 
 
 def test_measures_are_those_of_the_commands(measured):

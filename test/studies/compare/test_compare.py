@@ -1,7 +1,5 @@
 """cam-rig compare for bags of the rig and of a bench: tables, files, errors."""
 
-import csv
-import re
 from functools import partial
 from itertools import product
 
@@ -13,7 +11,7 @@ from cam_rig.show.chart import SPEED
 from cam_rig.studies.compare.chart import real_run_entity, save_real_run
 from cam_rig.studies.compare.study import RunComparison
 
-from ...cli.conftest import GOLDEN, data_of, done
+from ...cli.conftest import GOLDEN, data_of
 from ...cli.conftest import call as run
 from ...foreign_bags import joint, number, wrench, write_bag, write_rigs
 from ...viewer.conftest import Picture
@@ -72,18 +70,6 @@ def test_a_figure_has_at_most_three_speeds_per_cam(golden):
     assert {axes.get_title(loc="left") for axes in differences} <= {"equal to rounding", ""}
 
 
-def test_a_scene_with_another_rig_differs(tmp_path):
-    """The scene has the same cams. The table shows the differences."""
-    scene = tmp_path / "scenes" / "mine.yaml"
-    scene.parent.mkdir()
-    text = (GOLDEN.parents[1] / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
-    text = text.replace("rig: tm21", "rig: paper_table2").replace("name: quick", "name: mine")
-    scene.write_text(text, encoding="utf-8")
-    result = done("compare", GOLDEN, scene, "--cam", "tm21")
-    assert "Largest deviations" in result.stderr
-    assert "lift and force agree at 0 of 4 speeds" in result.stderr
-
-
 def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
     """The golden bag has two cams, and the scene has the first only."""
     settings = {"model": "one_mass", "transient_turns": 1, "sample_rate": 1000}
@@ -93,30 +79,6 @@ def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
     rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)
-
-
-@pytest.mark.long
-def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
-    """It agrees within the noise. CSV, figure and recording are written."""
-    bag, loaded = bench
-    plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
-    files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
-    result = done("compare", bag, loaded.scene_file, "--topics", LINE, *files)
-    said = " ".join(result.stderr.split())
-    assert re.search(r"cam angle offset 3\.1\d+ ° from the lift", said)
-    assert re.search(r"sensor clock drift (19|20)\d(\.\d)? ppm from the lift", said)
-    assert "lift and force agree at 2 of 2 speeds" in said
-    assert "level: /mic, 24 readings, the time is that of the bag." in said
-    rows, events = (
-        list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
-        for name in ("a.csv", "a.events.csv")
-    )
-    assert [float(row["rpm"]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
-    assert all(row["lift_within_noise"] == row["force_within_noise"] == "True" for row in rows)
-    lost = [float(row["lift_offs_model"]) for row in events]
-    assert lost == pytest.approx([0.0, 1.0], abs=0.01)
-    assert plot.read_text(encoding="utf-8").count("rpm") >= 1
-    assert recording.stat().st_size > 10_000
 
 
 def test_the_recording_has_run_and_model(bench, tmp_path):
@@ -159,8 +121,3 @@ def test_readings_and_skipped_messages_are_counted_for_each_quantity(bench):
         assert row["skipped"] == row["messages"] - row["readings"] == 0
         note = f"{name}: {row['source']}, {row['readings']} readings, the time is that of"
         assert any(line.startswith(note) for line in found["run"]["notes"])
-
-
-def test_a_bag_of_the_rig_has_no_reading_counts(golden):
-    """Its samples are paired with those of the model."""
-    assert golden.data()["readings"] == []

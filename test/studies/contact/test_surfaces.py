@@ -192,12 +192,6 @@ def test_at_a_bound_the_measure_equals_its_limit(name):
         assert low is None or low > limits["most_pressure"][0]
 
 
-def test_sliding_of_a_face_in_closed_form():
-    """R_b = v / ω − s_max."""
-    bounds = base_bounds(case_of("flat", most_sliding_speed=(1.3, "m/s")))
-    assert bounds.sliding == pytest.approx(1.3 / SPEED - 0.012, rel=1e-9)
-
-
 def test_pressure_of_a_still_face_in_closed_form():
     """With a preload only the least radius of curvature is F' E* / (π p²)."""
     case = case_of("flat", most_pressure=(60.0, "MPa"))

@@ -259,14 +259,6 @@ def test_a_flat_follower_alone_identifies_the_flank():
     assert fit.rms < 1.2e-5
 
 
-def test_a_point_identifies_all_radii():
-    """Without a roller, all numbers are identifiable, because no sum of radii is involved."""
-    arcs = random_arcs(1)
-    fit = fit_arcs(readings_of(arcs, ArcFollower(False, 0.0)), (False,), 0.0, 0.03)
-    assert fit.arcs.base_radius == pytest.approx(arcs.base_radius, rel=1e-4)
-    assert fit.not_identifiable == ()
-
-
 def test_a_tangent_cam_under_both_followers():
     """A flat follower bridges a straight flank. Both columns identify its shape and the radii."""
     arcs = Arcs(0.03, 0.01, None, 0.012, 0.5)

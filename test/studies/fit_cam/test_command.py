@@ -85,14 +85,6 @@ def test_one_column_under_a_named_follower():
     assert data["residuals"][0]["follower"] == "flat"
 
 
-def test_a_known_base_radius_gives_the_rollers(tmp_path):
-    """Only the sum is identifiable, 44.52 mm: a base radius of 32 mm gives a roller of 12.52 mm."""
-    data = data_of("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32")["arcs"]
-    assert data["base_radius"] == pytest.approx(0.032, abs=1e-6)
-    assert data["roller_radius"] == pytest.approx(0.012523, abs=2e-6)
-    assert data["rms"] == pytest.approx(5.322e-5, rel=1e-3)
-
-
 @pytest.mark.long
 def test_new_reads_every_file(tmp_path, monkeypatch):
     """Two files of one column each give the same cam as a file with both columns."""

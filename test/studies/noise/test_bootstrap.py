@@ -175,20 +175,6 @@ def test_sensitivity_is_the_derivative(problem):
         np.testing.assert_allclose(slope[:3, axis], (up - down)[:3] / 0.1, rtol=0.25, atol=0.7)
 
 
-def test_a_shape_is_simulated_once(make_loaded_scene):
-    """The turns of a shape are cached."""
-    loaded, runs = make_loaded_scene(cams=["tm21"], speeds=[200]), []
-
-    def turn(law):
-        runs.append(law)
-        return simulate_steady_turns(law, "one_mass", loaded.follower, SPEEDS[:1])
-
-    problem = ShapeProblem(loaded.cams["tm21"], np.zeros(1), turn)
-    shape = ArcShape.of(loaded.cams["tm21"])
-    assert problem.cam_of(shape) is problem.cam_of(shape)
-    assert len(runs) == 1
-
-
 def test_with_geometry(cams):
     """The spans add up to a turn, and the numbers keep their origins."""
     trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
