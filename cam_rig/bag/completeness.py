@@ -33,14 +33,14 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
     if len(states) <= tick_count(scene):
         raise BagError(
-            f"{bag}: has {len(states)} states of the cam; the scene has {tick_count(scene) + 1}"
+            f"{bag}: must have {tick_count(scene) + 1} cam states, as its scene, got {len(states)}"
         )
     expected = expected_counts(states)
     for topic in RECEIVED:
         if topic.per in expected and counts.get(topic.name, 0) != expected[topic.per]:
             raise BagError(
-                f"{bag}: {topic.name} has {counts.get(topic.name, 0)} messages; expected: "
-                f"{expected[topic.per]}, one for each {topic.per}"
+                f"{bag}: {topic.name} must have {expected[topic.per]} messages, one per "
+                f"{topic.per}, got {counts.get(topic.name, 0)}"
             )
     return counts
 
@@ -122,9 +122,9 @@ class Loss:
     ends: str = ""
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """Gaps as text, or empty without a gap."""
-        more = [f"{len(self.gaps) - MAX_NAMED} gaps more"] if len(self.gaps) > MAX_NAMED else []
+        more = [f"{len(self.gaps) - MAX_NAMED} further gaps"] if len(self.gaps) > MAX_NAMED else []
         named = "; ".join([*self.gaps[:MAX_NAMED], *more])
         return f"{named} ({self.messages} messages)" if named else ""
 
@@ -154,13 +154,13 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
         open_end, has_uncounted = False, not whole and last < states[-1][1].time_ns
     else:
         states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
-        known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
+        moves = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
         # Sequence numbers show the other gaps.
-        missing = _missing_messages(holdings, known, only_last=True)
+        missing = _missing_messages(holdings, moves, only_last=True)
         ends, open_end, has_uncounted, numbered, total = "", not whole, False, list(RECORDING), 0
     gaps = [_gap_words(run, total) for run in _runs(missing)]
     if has_uncounted:  # their number is not known
-        gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
+        gaps.append(f"{topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s (not counted)")
     count = sum(len(names) for _, names in missing)
     if ours:
         for topic in numbered:

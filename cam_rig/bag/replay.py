@@ -90,7 +90,7 @@ class ReplayResult(Result):
         worst = self.worst
         text = (
             f"{self.bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
-            f"{worst.relative:.3g} of its largest value; allowed: {self.tolerance:g}"
+            f"{worst.relative:.3g} of its largest value, more than {self.tolerance:g}"
         )
         return [text] if self.exit_code else []
 
@@ -107,7 +107,9 @@ def compare(first: Path, second: Path) -> list[Difference]:
         for number, (values, other_values) in enumerate(pairs):
             if values is None or other_values is None:
                 shorter = first if values is None else second
-                raise BagError(f"{shorter}: {topic.name} has {number} messages, the other bag more")
+                raise BagError(
+                    f"{shorter}: {topic.name} has {number} messages, fewer than the other bag"
+                )
             for name, value in values.items():
                 entry = differences.setdefault((topic.name, name), Difference(topic.name, name))
                 _add_values(
@@ -118,7 +120,7 @@ def compare(first: Path, second: Path) -> list[Difference]:
 
 def _add_values(entry: Difference, values: FloatArray, others: FloatArray, label: str) -> None:
     if values.shape != others.shape:
-        raise BagError(f"{label}: has {values.size} numbers, in the other bag {others.size}")
+        raise BagError(f"{label}: has {values.size} values, in the other bag {others.size}")
     entry.count += values.size
     difference = float(np.abs(values - others).max(initial=0.0))
     entry.difference = (

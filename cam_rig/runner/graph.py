@@ -102,7 +102,7 @@ class Graph:
     def _end(self) -> None:
         """End all nodes, the recorder last, and clean up the shared memory after a failure."""
         from cam_rig.bag.files import is_unclosed
-        from cam_rig.bag.recover import state_words
+        from cam_rig.bag.recover import recording_state
 
         started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in started if process.name == RECORDER]
@@ -110,7 +110,7 @@ class Graph:
         stop_all([process for process in started if process not in recorder])
         stop_all(recorder)  # last, so that it receives all messages of the others
         self._is_bag_unclosed = self._bag.is_dir() and is_unclosed(self._bag)
-        self._bag_text = state_words(self._bag)
+        self._bag_text = recording_state(self._bag)
         # a killed node leaves segments in the shared memory, as does one that found it full
         if any(node.process.poll() for node in started):
             time.sleep(LOCK_GRACE_S)  # afterwards segments of a new run are locked

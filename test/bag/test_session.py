@@ -117,7 +117,9 @@ def test_a_clock_that_jumps_back_is_refused(golden, kept, states, session):
     whole = by_topic(kept)
     first = next(cdr for topic, _, cdr in golden if topic is topics.CAM_STATE)
     again = first[:4] + struct.pack("<iI", 0, 1) + first[12:]
-    with pytest.raises(RefusedError, match=rf"rig time went back from {states[-1]} ns; allowed"):
+    with pytest.raises(
+        RefusedError, match=rf"rig time must increase within a bag, the last was at {states[-1]} ns"
+    ):
         session.take(topics.CAM_STATE, again, LIVE, len(states) + 1)
     session.close()
     assert by_topic(kept) == whole
@@ -133,7 +135,7 @@ def test_a_different_second_message_of_a_stamp_is_refused(golden, kept):
         session.take(topic, cdr, LIVE, number)
     other = bytearray(pressure[2])
     other[-10] ^= 1
-    with pytest.raises(RefusedError, match="two messages that differ"):
+    with pytest.raises(RefusedError, match="got two different messages"):
         session.take(topics.PRESSURE, bytes(other), LIVE, 1)
 
 
@@ -227,7 +229,7 @@ def test_a_law_that_differs_from_the_file_is_refused(golden, kept):
 def test_messages_without_a_known_state_are_bounded(golden, session):
     """A flood of unknown stamps does not fill the memory."""
     pressure = next(cdr for topic, _, cdr in golden if topic is topics.PRESSURE)
-    with pytest.raises(RefusedError, match="of no known state"):
+    with pytest.raises(RefusedError, match="messages without a state"):
         for second in range(1000):
             session.take(topics.PRESSURE, stamped(pressure, second * 10**9), AGAIN, second)
 
@@ -277,14 +279,14 @@ def test_only_diagnostics_of_the_rig_in_rig_time_are_written(golden, kept):
         except RefusedError as error:
             refused.append(str(error))
     session.close()
-    assert len(refused) == 1 and "of 'laser'; recorded: cam_drive, law_server" in refused[0]
+    assert len(refused) == 1 and "one of cam_drive, law_server" in refused[0]
     assert by_topic(kept) == straight
 
 
 def test_derived_messages_are_refused(session):
     """The derived messages of a bag follow from its samples."""
     for topic in set(topics.RECORDING) - set(topics.RECEIVED):
-        with pytest.raises(RefusedError, match=f"{topic.name}: a recorder makes these"):
+        with pytest.raises(RefusedError, match=f"{topic.name}: is computed by the recorder"):
             session.take(topic, b"", LIVE, 1)
 
 

@@ -18,9 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
 from cam_rig.bag.listing import mcap_files
-from cam_rig.bag.recorder import recorded
+from cam_rig.bag.partial_reader import RecordedMessage, read_partial
 from cam_rig.errors import RunError
-from cam_rig.messages.topics import FOLLOWER_SAMPLES
+from cam_rig.messages.topics import FOLLOWER_SAMPLES, recorded_topic
 from cam_rig.nodes import process
 from cam_rig.nodes.__main__ import NODES
 from cam_rig.runner.node_process import live
@@ -165,8 +165,11 @@ wait_until = partial(until, step=lambda: time.sleep(0.02), wait=WAIT)
 
 def has_ticks(bag):
     """Return True if a bag, which may be incomplete, contains a tick."""
-    topics = (topic for file in bag.glob("*.mcap") for topic, _ in recorded(file))
-    return any(topic is FOLLOWER_SAMPLES for topic in topics)
+    records = []
+    for file in bag.glob("*.mcap"):
+        read_partial(file, records.append)
+    topics = {record.channel.topic for record in records if isinstance(record, RecordedMessage)}
+    return any(recorded_topic(topic) is FOLLOWER_SAMPLES for topic in topics)
 
 
 def patient(scene, bag, screen=None, **drive):

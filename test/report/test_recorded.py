@@ -60,7 +60,7 @@ def test_truncated_bag_is_refused(quick, golden, tmp_path):
     bag = shutil.copytree(golden, tmp_path / "golden")
     (file,) = bag.glob("*.mcap")
     file.write_bytes(file.read_bytes()[:60_000])
-    with pytest.raises(BagError, match=r"was not closed: .*cam-rig recover"):
+    with pytest.raises(BagError, match=r"was not closed; .*cam-rig recover"):
         read_recorded(bag, quick)
 
 
