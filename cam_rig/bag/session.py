@@ -279,7 +279,7 @@ class RecordingSession:
             if topic.per in current and (message := self._waiting.get(topic, stamp)):
                 write(topic, stamp, message)
         if self._motion is not None and "cam" in current:
-            for derived in self._motion.mounted(state.cam, stamp):
+            for derived in self._motion.of_cam(state.cam, stamp):
                 write(*derived)
         self._before, self.written = state, stamp
         self._awaited.discard(stamp)
@@ -296,6 +296,6 @@ class RecordingSession:
             return []
         message, _ = read_message(topics.FOLLOWER_SAMPLES, samples)
         try:
-            return self._motion.moved(before, state, block_of(message))
+            return self._motion.of_tick(before, state, block_of(message))
         except RefusedError:  # the microphone refuses it too and reports it
             return []

@@ -99,8 +99,8 @@ def instants_of(
     grid = interval.grid(sample_rate)
     if grid.count != rows.shape[1]:
         raise RefusedError(
-            f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that starts "
-            f"at {start.time_ns / NS:.6f} s"
+            f"follower samples: the tick that starts at {start.time_ns / NS:.6f} s has "
+            f"{grid.count}, got {rows.shape[1]}"
         )
     index = selection
     if isinstance(index, int):
@@ -301,7 +301,7 @@ class MotionMessages:
         self._robot = cache(lambda cam: Robot.of(loaded, cam))
         self._maker = cache(lambda topic, cam: EACH_INSTANT[topic](self._robot(cam)))
 
-    def mounted(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
+    def of_cam(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
         """Return the messages of a cam that is mounted from a rig time (ns) on."""
         if cam not in self._loaded.laws:
             return []
@@ -311,7 +311,7 @@ class MotionMessages:
             if topic in EACH_CAM
         ]
 
-    def moved(
+    def of_tick(
         self,
         start: CamState,
         end: CamState,

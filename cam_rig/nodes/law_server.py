@@ -59,11 +59,11 @@ class LawServer(RigNode):
             self._publish_law()
 
     def _publish_law(self) -> None:
-        self.get_logger().info(f"{self._mounting.cam} is mounted")
+        self.get_logger().info(f"cam {self._mounting.cam} is mounted")
         law = self._mounting.law
         self._coefficients_publisher.publish(to_array(*encode_law(law)))
         self._profile_publisher.publish(to_polygon(self._loaded.cams[law.name], law))
-        for topic, _, cdr in self._markers.mounted(law.name):
+        for topic, _, cdr in self._markers.of_cam(law.name):
             self._marker_publishers[topic].publish(cdr)
 
     def _on_state(self, message: JointState) -> None:

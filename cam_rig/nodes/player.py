@@ -12,7 +12,7 @@ from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.clock_source import ClockSource
 from cam_rig.nodes.parameters import ESSENTIAL, WEIGHTING_PARAMETERS
-from cam_rig.runner.node_table import held_by
+from cam_rig.runner.node_table import blocking_text
 
 
 class Player(ClockSource):
@@ -80,4 +80,4 @@ class Player(ClockSource):
 
     def pending_text(self) -> str:
         """Return the progress and the nodes waited for, as text for an error message."""
-        return f"{self._sent} states from: {held_by(self._flow.behind())}"
+        return f"{self._sent} states from: {blocking_text(self._flow.behind())}"

@@ -95,9 +95,8 @@ class Graph:
         from cam_rig.bag.recover import NOTHING_RECORDED
 
         if error is not None or self._is_bag_unclosed:
-            prefix = f"what was recorded so far is in {self._bag}: "
             is_empty = self._bag_text == NOTHING_RECORDED
-            self._log(self._bag_text if is_empty else prefix + self._bag_text)
+            self._log(self._bag_text if is_empty else f"bag {self._bag}: {self._bag_text}")
 
     def _end(self) -> None:
         """End all nodes, the recorder last, and clean up the shared memory after a failure."""
@@ -133,7 +132,7 @@ class Graph:
         ended = [n for n, process in self.processes.items() if process.has_ended]
         if self._drive in ended:
             self.processes[self._drive].wait_for_output()
-        reports = self._reports()
+        reports = self._take_reports()
         self._check_suspended()
         is_drive_finished = self._drive in ended and self.processes[self._drive].code == 0
         if is_drive_finished and not self._is_done:
@@ -168,7 +167,7 @@ class Graph:
             if ENTRIES[name].essential and now - since > self._progress_timeout:
                 raise RunError(f"node {name} is suspended (SIGSTOP) {self._progress_text}")
 
-    def _reports(self) -> list[dict[str, float | str]]:
+    def _take_reports(self) -> list[dict[str, float | str]]:
         """Return all reports received, waiting up to `REPORT_WAIT_S` for the first."""
         lines = list[str]()
         with suppress(Empty):

@@ -59,7 +59,7 @@ def in_chain(names: Sequence[str]) -> list[str]:
     return sorted(names, key=order.index, reverse=True)
 
 
-def held_by(names: Sequence[str]) -> str:
-    """Return a text on several nodes without an answer, with the one that blocks the others."""
-    first, *rest = in_chain(names)
-    return f"{first}, and behind it {', '.join(rest)}" if rest else first
+def blocking_text(names: Sequence[str]) -> str:
+    """Return a text on nodes without an answer: the node that blocks the others, then these."""
+    first, *others = in_chain(names)
+    return f"{first}, which blocks {', '.join(others)}" if others else first

@@ -159,7 +159,7 @@ def test_a_second_publisher_of_a_node_is_refused(golden, kept, topic, forged_fir
             session.take(other, cdr, LIVE, number)
     with pytest.raises(RunError) as refused:
         session.take(topic, example, b"forger" if forger is LIVE else LIVE, 1)
-    words = f"{topic.name}: has a second publisher, /rogue; allowed: one, this rig's {topic.owner}"
+    words = f"{topic.name}: has a second publisher, /rogue; only this rig's {topic.owner}"
     assert str(refused.value).startswith(words)
 
 

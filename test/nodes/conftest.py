@@ -23,7 +23,7 @@ from cam_rig.errors import RunError
 from cam_rig.messages.topics import FOLLOWER_SAMPLES, recorded_topic
 from cam_rig.nodes import process
 from cam_rig.nodes.__main__ import NODES
-from cam_rig.runner.node_process import live
+from cam_rig.runner.node_process import live_nodes
 from cam_rig.runner.node_table import RECORDER
 from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
@@ -174,7 +174,7 @@ def has_ticks(bag):
 
 def patient(scene, bag, screen=None, **drive):
     """Return the parameters of the nodes of a run, with a progress_timeout for a busy machine."""
-    return live(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
+    return live_nodes(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
 
 
 def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
