@@ -14,7 +14,7 @@ import pytest
 from cam_rig.cli.main import COMMANDS, command
 from tools.docs.commands import PAGE, page
 from tools.docs.drawings import DRAWINGS
-from tools.docs.equations import CODE, EQUATION, drawn, line
+from tools.docs.equations import CODE, EQUATION, convert_equations, line
 
 from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
@@ -184,7 +184,7 @@ WITH_EQUATIONS = [page for page in sorted(DOCS.rglob("*.md")) if equations(page)
 @pytest.mark.parametrize("page", WITH_EQUATIONS, ids=lambda page: str(page.relative_to(DOCS)))
 def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
     """Each word of TeX is known, each element of MathML is closed, code stays as it is."""
-    shown = drawn(text(page))
+    shown = convert_equations(text(page))
     assert shown.count("<math") >= len(equations(page)) > 0
     assert CODE.findall(shown) == CODE.findall(text(page))
     for part in shown.split("<math")[1:]:

@@ -26,9 +26,10 @@ SHOWN = re.compile(r"!\[[^\]]+\]\((?:\.\./)?(\w+)\.png\)")
 FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```', re.M | re.S)
 #: Command of a lesson, and the picture that it writes.
 DRAWN = re.compile(r"^\$ (cam-rig .*--(?:plot|out) out/(\w+)\.png.*)$", re.M)
-#: Number of colours and width of a picture. A plot has few colours, and is then a fifth of the
-#: size.
-COLOURS, WIDTH = 32, 1000
+#: Number of colours of a picture. A plot has few colours, and is then a fifth of the size.
+COLOURS = 32
+#: Width of a picture, px.
+WIDTH = 1000
 
 
 def lessons() -> list[Path]:

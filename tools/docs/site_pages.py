@@ -9,7 +9,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 import cam_rig
-from tools.docs.equations import drawn
+from tools.docs.equations import convert_equations
 
 ROOT = Path(__file__).parents[2]
 #: Rooms whose public names are documented, in the order of the menu. The public interface comes
@@ -54,4 +54,4 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Convert the equations, so that no page of the site loads an external library."""
-    return drawn(markdown)
+    return convert_equations(markdown)
