@@ -197,13 +197,13 @@ DAMAGE = (*_FORMATS, *_CONTENTS, OSError)
 UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, AttributeError)
 
 
-def reason(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Return the message of an error in one line, or its type if it has no message."""
     text = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
     return text or type(error).__name__
 
 
-def damaged(bag: Path, error: Exception) -> BagError:
+def read_error(bag: Path, error: Exception) -> BagError:
     """Return the error for a bag that cannot be read.
 
     The error contains the reason why the path is not a bag, or the command that recovers it.
@@ -214,12 +214,12 @@ def damaged(bag: Path, error: Exception) -> BagError:
         return BagError(f"{bag}: {problem}; {BAG}")
     if isinstance(error, sqlite3.Error) and (files := sqlite_files(bag)):
         return BagError(
-            f"{bag}: an SQLite file is damaged or truncated ({reason(error)}); "
+            f"{bag}: an SQLite file is damaged or truncated ({error_text(error)}); "
             f"{sqlite_remedy(bag, files[0])}"
         )
     return BagError(
-        f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, recover "
-        f"it with: cam-rig recover {bag}"
+        f"{bag}: cannot be read as a rosbag2 bag ({error_text(error)}); if it was not closed, "
+        f"recover it with: cam-rig recover {bag}"
     )
 
 

@@ -70,7 +70,7 @@ def list_files(bag: Path) -> Listing:
     if missing == names:  # no metadata.yaml, or all files were renamed
         note = f"{METADATA} lists none of the files; they are read in the order of their numbers."
         notes = (note,) if (bag / METADATA).exists() else ()
-        return Listing(tuple(in_order(existing)), {}, _total(information), notes)
+        return Listing(tuple(sort_by_number(existing)), {}, _total(information), notes)
     if missing:
         raise BagError(
             f"{bag}: files of {METADATA} are missing: {', '.join(missing)}; restore them, or name "
@@ -135,7 +135,7 @@ def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
     ]
 
 
-def in_order(files: Iterable[Path]) -> list[Path]:
+def sort_by_number(files: Iterable[Path]) -> list[Path]:
     """Return the files of a bag in the order of the numbers at the end of their names.
 
     Raises BagError if a number is missing.

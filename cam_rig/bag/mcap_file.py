@@ -29,8 +29,8 @@ from cam_rig.bag.records import (
     Record,
     chunk_head,
     chunk_records,
-    content,
     fields,
+    read_content,
     records_of,
     unpack_whole,
 )
@@ -76,7 +76,7 @@ def read_summary(stream: BinaryIO) -> Summary:
     if not len(MCAP0_MAGIC) <= start < size:
         raise ValueError(f"the summary starts at byte {start}, the file has {size} bytes")
     for record in records_of(stream, start):
-        summary.add(record.opcode, content(stream, record))
+        summary.add(record.opcode, read_content(stream, record))
     return summary
 
 
@@ -137,7 +137,7 @@ class McapFile:
         for record in records_of(self._stream):
             if record.opcode != Opcode.MESSAGE:
                 continue
-            data = content(self._stream, record)
+            data = read_content(self._stream, record)
             channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data)
             if channel not in wanted:
                 continue
@@ -170,7 +170,7 @@ class McapFile:
         """Count the messages per channel, and add the schemas and channels to a summary."""
         counts = Counter[int]()
         for record in records_of(self._stream):
-            entries = iter([(record.opcode, content(self._stream, record))])
+            entries = iter([(record.opcode, read_content(self._stream, record))])
             if record.opcode == Opcode.CHUNK:
                 head = chunk_head(self._stream, record)
                 entries = chunk_records(unpack_whole(self._stream, record, head))

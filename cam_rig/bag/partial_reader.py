@@ -14,7 +14,7 @@ from typing import BinaryIO, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Schema
 
-from cam_rig.bag.files import DAMAGE, UNREADABLE, damaged, reason, require_a_bag
+from cam_rig.bag.files import DAMAGE, UNREADABLE, error_text, read_error, require_a_bag
 from cam_rig.bag.listing import list_files
 from cam_rig.bag.records import (
     CONTENT_READERS,
@@ -22,8 +22,8 @@ from cam_rig.bag.records import (
     Record,
     chunk_head,
     chunk_records,
-    content,
     fields,
+    read_content,
     records_of,
     require_data_crc,
 )
@@ -61,7 +61,7 @@ def unpack(bag: Path, folder: Path) -> Path:
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
     if scene is None:
         raise BagError(
             f"{bag}: has no scene attached, because it was not recorded by cam_rig; name a scene "
@@ -84,7 +84,7 @@ def recovery_notes(bag: Path) -> list[str]:
             if attachment.name == RECOVERED
         ]
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
 
 
 def attachments(file: Path) -> Iterator[Attachment]:
@@ -103,7 +103,7 @@ def attachments(file: Path) -> Iterator[Attachment]:
                     f"{file}: must have at most {MAX_ATTACHED} attachments of together "
                     f"{MAX_ATTACHED_BYTES} bytes, got {number} of {size} bytes"
                 )
-            yield attachment_of(content(stream, record))
+            yield parse_attachment(read_content(stream, record))
 
 
 def _safe_path(bag: Path, name: str) -> Path:
@@ -131,7 +131,7 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
         raise no_room(path.parent, error) from None
 
 
-def attachment_of(data: bytes) -> Attachment:
+def parse_attachment(data: bytes) -> Attachment:
     """Return the attachment of a record's bytes.
 
     Raises ValueError if its checksum is wrong.
@@ -233,7 +233,7 @@ class _PartialReader:
             for record in records_of(stream):  # the summary repeats channels of a damaged chunk
                 if record.whole and record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     with suppress(*DAMAGE):
-                        list(self._resolve(record.opcode, content(stream, record)))
+                        list(self._resolve(record.opcode, read_content(stream, record)))
             for record in records_of(stream):
                 if record.opcode == Opcode.CHUNK:
                     yield from self._read_chunk(stream, record)
@@ -250,16 +250,16 @@ class _PartialReader:
     ) -> Iterator[RecordedMessage | Attachment]:
         try:
             if record.opcode == Opcode.ATTACHMENT:
-                yield attachment_of(content(stream, record))
+                yield parse_attachment(read_content(stream, record))
             elif record.opcode == Opcode.HEADER:
-                if Header.read(fields(content(stream, record))).library == LIBRARY:
+                if Header.read(fields(read_content(stream, record))).library == LIBRARY:
                     self.report.condition &= ~Condition.FOREIGN
             elif record.opcode == Opcode.DATA_END:
                 self.report.condition &= ~Condition.TRUNCATED
                 if not self._is(Condition.DAMAGED):  # else the checksum is known to be wrong
                     require_data_crc(stream, record)
             elif record.opcode in CONTENT_READERS:
-                yield from self._resolve(record.opcode, content(stream, record))
+                yield from self._resolve(record.opcode, read_content(stream, record))
         except DAMAGE as error:
             self._add_damage(error)
 
@@ -288,7 +288,7 @@ class _PartialReader:
     def _add_damage(self, error: Exception) -> None:
         self.report.condition |= Condition.DAMAGED
         self.report.damaged_records += 1
-        self.report.first_error = self.report.first_error or reason(error)
+        self.report.first_error = self.report.first_error or error_text(error)
 
     def _resolve(self, opcode: int, data: bytes) -> Iterator[RecordedMessage]:
         """Yield a message with its schema and channel, if both are known.

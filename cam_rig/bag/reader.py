@@ -11,7 +11,7 @@ from typing import Any
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag.connection import CDR, Connection
-from cam_rig.bag.files import SQLITE, UNREADABLE, damaged, is_closed, require_a_bag
+from cam_rig.bag.files import SQLITE, UNREADABLE, is_closed, read_error, require_a_bag
 from cam_rig.bag.foreign.topic_line import EXAMPLE
 from cam_rig.bag.listing import STORAGE, list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
@@ -52,7 +52,7 @@ def messages(
         try:
             message = types.deserialize_cdr(data, topic.type)
         except UNREADABLE as error:
-            raise damaged(bag, error) from None
+            raise read_error(bag, error) from None
         yield topic, log_time, message
 
 
@@ -93,7 +93,7 @@ def raw_messages(
             for connection, time_ns, data in reader.messages(connections) if connections else ():
                 yield connection._replace(topic=topic_names[connection.topic]), time_ns, data
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
 
 
 def readers(bag: Path) -> Iterator[BagReader]:
@@ -107,7 +107,7 @@ def readers(bag: Path) -> Iterator[BagReader]:
             with SqliteFile(file) if file.suffix == SQLITE else McapFile(file) as reader:
                 yield reader
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
 
 
 def _sources(bag: Path) -> tuple[Path, ...]:

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from cam_rig.bag.files import METADATA, reason
+from cam_rig.bag.files import METADATA, error_text
 from cam_rig.errors import BagError
 from cam_rig.files import MIB
 
@@ -105,7 +105,7 @@ def _next_chunk(descriptor: int, position: int, size: int) -> int:
     return size
 
 
-def content(stream: BinaryIO, record: Record) -> bytes:
+def read_content(stream: BinaryIO, record: Record) -> bytes:
     """Return the bytes of a record that the file contains."""
     return os.pread(stream.fileno(), record.available, record.start)
 
@@ -118,7 +118,7 @@ def fields(data: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(data))
 
 
-def message(data: bytes) -> Message:
+def parse_message(data: bytes) -> Message:
     """Return the message of a record's bytes."""
     channel, number, logged, published = MESSAGE_HEAD.unpack_from(data)
     return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
@@ -129,7 +129,7 @@ def message(data: bytes) -> Message:
 CONTENT_READERS: dict[int, Callable[[bytes], Any]] = {
     Opcode.SCHEMA: lambda data: Schema.read(fields(data)),
     Opcode.CHANNEL: lambda data: Channel.read(fields(data)),
-    Opcode.MESSAGE: message,
+    Opcode.MESSAGE: parse_message,
 }
 
 
@@ -282,7 +282,7 @@ def require_bounded(file: Path) -> None:
                 elif record.opcode == Opcode.DATA_END:
                     require_data_crc(stream, record)
         except (ValueError, EOFError, struct.error, McapError) as error:
-            raise BagError(f"{file}: {reason(error)}") from None
+            raise BagError(f"{file}: {error_text(error)}") from None
     size, total = file.stat().st_size, sum(head.unpacked for head in packed)
     limit = FREE_UNPACKED + MAX_RATIO * size
     if total > limit:
@@ -320,7 +320,7 @@ def require_data_crc(stream: BinaryIO, data_end: Record) -> None:
 
     The checksum is in the DataEnd record. It covers all bytes before that record.
     """
-    expected = int.from_bytes(content(stream, data_end)[:4], "little")
+    expected = int.from_bytes(read_content(stream, data_end)[:4], "little")
     if not expected:  # the writer computed no checksum
         return
     crc, position, end = 0, 0, data_end.start - HEAD.size

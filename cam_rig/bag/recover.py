@@ -11,7 +11,7 @@ from pathlib import Path
 from mcap.records import Attachment
 
 from cam_rig.bag.completeness import Holdings, Loss, loss_of
-from cam_rig.bag.file_writer import NEVER, FileContent, together
+from cam_rig.bag.file_writer import NEVER, FileContent, sum_contents
 from cam_rig.bag.files import (
     METADATA,
     bag_file,
@@ -250,7 +250,7 @@ class _BagFiles:
         scene = None
         with suppress(CamRigError):
             scene = read_scene(self._bag).scene
-        total = together(contents.values())
+        total = sum_contents(contents.values())
         listed = {name: extent.messages for name, extent in self._listing.extents.items()}
         fewer = {
             file.name: listed[file.name] - contents[file].total

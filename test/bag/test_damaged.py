@@ -18,7 +18,7 @@ from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.records import records_of
 from cam_rig.bag.recover import examine, recording_state, recover
-from cam_rig.bag.replay import compare, played
+from cam_rig.bag.replay import compare, replay_steps
 from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import CamRigError, DynamicsError, RefusedError
 from cam_rig.live.queues import FollowerQueue
@@ -140,7 +140,7 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
         read_recording,
         examine,
         lambda one: require_complete(one, LOADED.scene),
-        lambda one: list(played(one)),
+        lambda one: list(replay_steps(one)),
         lambda one: compare(one, GOLDEN),
         lambda one: recover(one, tmp_path / "recovered"),
         recording_state,

@@ -54,7 +54,7 @@ def instants_until(time_ns):
 def test_no_tick_of_the_golden_bag_is_missing():
     """The scene shows it, and so do its states and sequence numbers alone."""
     for scene in (SCENE, None):
-        loss = loss_of(held(), scene, whole=True, ours=True)
+        loss = loss_of(held(), scene, closed=True, own=True)
         assert loss.gaps == () and loss.messages == 0 and not loss.open_end and not loss.ends
     assert loss_of(Holdings(), SCENE, False, True).open_end
 
@@ -109,7 +109,7 @@ def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
         topic for topic in all_gone if topic.per == "cam"
     ]  # their last message has no successor
     assert loss.messages == len(all_gone) - len(last_of_theirs)
-    of_others = loss_of(kept, None, True, ours=False)
+    of_others = loss_of(kept, None, True, own=False)
     assert of_others.gaps == () and not of_others.open_end
 
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import pytest
 
-from cam_rig.bag.replay import played, quantity_of
+from cam_rig.bag.replay import quantity_of, replay_steps
 from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.state_validation import StateValidator
@@ -320,7 +320,7 @@ def test_padding_bytes_are_zero(golden):
 
 def test_a_recording_contains_the_quantity_of_its_microphone():
     """It is known at each second of rig time."""
-    assert {one.quantity for one in played(GOLDEN)} == {"", "LZF"}
+    assert {one.quantity for one in replay_steps(GOLDEN)} == {"", "LZF"}
 
 
 def test_a_quantity_is_a_value_of_the_microphone():

@@ -16,7 +16,7 @@ from cam_rig.bag.listing import mcap_files
 from cam_rig.bag.partial_reader import Condition, attachments
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.recover import recover
-from cam_rig.bag.replay import compare, played
+from cam_rig.bag.replay import compare, replay_steps
 from cam_rig.bag.split import Split
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.messages.topics import CAM_STATE, DIAGNOSTICS
@@ -42,7 +42,7 @@ def test_a_split_bag_reads_like_one_file(whole, split):
     one, other = read_recording(whole), read_recording(split)
     assert other.ticks == one.ticks and len(one.ticks) == 16
     assert all(entry.difference == 0.0 for entry in compare(whole, split))
-    assert list(played(split)) == list(played(whole))
+    assert list(replay_steps(split)) == list(replay_steps(whole))
 
 
 def listed(bag):

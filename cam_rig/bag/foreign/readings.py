@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 
 from cam_rig.acoustics import level_db
 from cam_rig.bag.connection import CDR, Connection
-from cam_rig.bag.files import UNREADABLE, damaged
+from cam_rig.bag.files import UNREADABLE, read_error
 from cam_rig.bag.foreign.fields import number_at, only_field
 from cam_rig.bag.foreign.topic_line import MappedField
 from cam_rig.bag.foreign.turns import Counter, count_turns
@@ -203,7 +203,7 @@ def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
                 for readings in by_topic[connection.topic]:
                     readings.take(message, log_time, types[key])
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
     return [readings for group in by_topic.values() for readings in group]
 
 
