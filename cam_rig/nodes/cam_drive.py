@@ -22,7 +22,7 @@ from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.clock_source import ClockSource
-from cam_rig.runner.node_table import blocking_text, in_chain
+from cam_rig.runner.node_table import blocking_text, order_by_chain
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
@@ -218,7 +218,7 @@ class CamDrive(ClockSource):
         if self._not_ready:
             self._lost_time = LostTime(time.monotonic())
         elif not flow.may_send() and self.time_until_due() == 0.0:
-            self._lost_time.count_wait(in_chain(flow.behind())[0])
+            self._lost_time.count_wait(order_by_chain(flow.behind())[0])
         self._warn_if_slow(PACE_WINDOW_S)
 
     def _warn_if_slow(self, window: float) -> None:

@@ -21,7 +21,7 @@ from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity
 from cam_rig.nodes.base.rig_node import RigNode, progress_text, scene_identity
 from cam_rig.nodes.base.run_end import POLL_S, FinishedRun, find_endpoints, have_left
 from cam_rig.nodes.convert import to_header, to_joint_state, to_time
-from cam_rig.runner.node_table import OPTIONAL, WAIT, blocking_text, in_chain
+from cam_rig.runner.node_table import OPTIONAL, WAIT, blocking_text, order_by_chain
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
 
@@ -196,7 +196,7 @@ class ClockSource(RigNode):
         behind = self._flow.behind() if is_waiting else []
         if not behind:
             return Activity("turning", (), "turning")
-        return Activity("waiting", in_chain(behind), f"waiting for {blocking_text(behind)}")
+        return Activity("waiting", order_by_chain(behind), f"waiting for {blocking_text(behind)}")
 
     # Published messages.
 

@@ -36,6 +36,9 @@ class Graph:
 
     If an essential node ends for any reason, `poll` and `progress` raise a RunError that names it.
 
+    Threads: one thread calls all methods. The threads that read the output of the nodes only call
+    `log` and put lines into the queue `_progress`.
+
     Parameters
     ----------
     nodes : dict

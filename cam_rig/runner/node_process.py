@@ -44,6 +44,10 @@ Process = subprocess.Popen[str] | ForkedProcess
 class NodeProcess:
     """Running node, forked from a server or started in a new interpreter.
 
+    Threads: one thread per stream reads lines and calls `log`, `report` or `_keep_stderr`. The
+    thread of the graph calls all other methods. `stderr_lines` needs no lock: one thread appends to
+    it, and it is complete after `wait_for_output`.
+
     Parameters
     ----------
     name : str

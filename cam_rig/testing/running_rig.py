@@ -169,6 +169,10 @@ class RunningRig(RigClient):
     class is for tests without the fixture `start_rig`. Each method that waits raises `RunError` as
     soon as a node has ended early, with the last line that the node wrote.
 
+    Threads: `_watch` runs in the thread `_watcher`, appends to `ticks`, and
+    sets `_done_at`, then `_done`, or `_failure`. The thread of the test calls all other methods. It
+    only reads these attributes until the watcher has ended, so they need no lock.
+
     Parameters
     ----------
     scene : str or Path

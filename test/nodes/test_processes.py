@@ -162,7 +162,7 @@ FAILURES = (
     ("law_server", "-p scene:=5", 2, "scene must be a text, got 5"),
     ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
     ("cam_drive", "-p progress_timeout:=1.0", 1,
-     "not ready after 1 s: follower, law_server, microphone, recorder; is it"),
+     "not ready after 1 s: follower, law_server, microphone, recorder; check if"),
     ("law_server", f"-r __ns:=/{'a' * 254}", 2, "200 characters"),
     ("follower", "--params-file none.yaml", 2, "Couldn't parse params file"),
     ("follower", "-r __node:=mine", 2, "the node's name must be follower, got mine"),
