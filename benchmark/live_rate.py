@@ -16,8 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import live
-from cam_rig.runner.resources import own_domain
+from cam_rig.runner.node_process import live_nodes
+from cam_rig.runner.resources import reserve_domain
 from cam_rig.show.tables import DataTable, Header, tabulate, to_markdown
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
@@ -44,8 +44,8 @@ def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
     stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
     with ExitStack() as stack:
         screen = str(stack.enter_context(serve()).folder) if shown else None
-        stack.enter_context(own_domain(""))
-        nodes = live(path, folder / f"{scene}_{shown}", screen, pacing="free")
+        stack.enter_context(reserve_domain(""))
+        nodes = live_nodes(path, folder / f"{scene}_{shown}", screen, pacing="free")
         with Graph(nodes) as graph:
             first = None
             for report in graph.progress():

@@ -21,7 +21,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
 from cam_rig.nodes.convert import message_class, qos
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import environment, live
+from cam_rig.runner.node_process import environment, live_nodes
 from cam_rig.schema.load import config_root
 
 ANSWERS = {
@@ -53,7 +53,7 @@ def main(pacing: str = "5x", scene: str = "tm21_sweep_48khz") -> None:
     spinning.start()
     path = config_root() / "scenes" / f"{scene}.yaml"
     folder = tempfile.TemporaryDirectory()
-    with folder, Graph(live(path, Path(folder.name) / "bag", pacing=pacing)) as graph:
+    with folder, Graph(live_nodes(path, Path(folder.name) / "bag", pacing=pacing)) as graph:
         for _ in graph.progress():
             pass
     executor.shutdown()

@@ -18,8 +18,8 @@ from pathlib import Path
 import yaml
 
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import live
-from cam_rig.runner.resources import own_domain
+from cam_rig.runner.node_process import live_nodes
+from cam_rig.runner.resources import reserve_domain
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.schedule import tick_count
@@ -50,13 +50,13 @@ def own_memory(pid: int) -> float:
 
 def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> int:
     """Run the prolonged scene and measure its nodes at intervals."""
-    with tempfile.TemporaryDirectory() as folder, own_domain():
+    with tempfile.TemporaryDirectory() as folder, reserve_domain():
         path = prolonged(Path(folder), scene, int(ticks))
         total = tick_count(load_scene(path))
         early: dict[str, float] = {}
         used: dict[str, float] = {}
         start_time, shown = time.monotonic(), -EVERY
-        with Graph(live(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
+        with Graph(live_nodes(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
             print("wall s", "tick", *graph.processes, sep="\t")
             for report in graph.progress():
                 if int(report["tick"]) == total:

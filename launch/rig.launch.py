@@ -58,12 +58,7 @@ def share(*path: str) -> PathJoinSubstitution:
     return PathJoinSubstitution([FindPackageShare("cam_rig"), *path])
 
 
-def config(*path: str) -> PathJoinSubstitution:
-    """Return the path of a file in share/cam_rig/config."""
-    return share("config", *path)
-
-
-def value(name: str, context: LaunchContext) -> str:
+def argument_text(name: str, context: LaunchContext) -> str:
     """Return the text of a launch argument, or an empty string if it is not given."""
     return LaunchConfiguration(name).perform(context)
 
@@ -92,7 +87,7 @@ def report_exit(event: ProcessExited, _context: LaunchContext) -> LogInfo:
     return LogInfo(msg=f"node {name} ended with code {code}; the run continues without it")
 
 
-def node(entry: NodeEntry, context: LaunchContext) -> Node:
+def make_node(entry: NodeEntry, context: LaunchContext) -> Node:
     """Return the action that starts a node, with its parameters among the launch arguments."""
     types = {spec.name: type(spec.default) for spec in PARAMETERS[entry.name]}
     accepted = {name: types[name] for name in ARGUMENTS if name in types} | {"use_sim_time": bool}
@@ -101,9 +96,9 @@ def node(entry: NodeEntry, context: LaunchContext) -> Node:
     parameters = {
         name: ParameterValue(LaunchConfiguration(name), value_type=value_type)
         for name, value_type in accepted.items()
-        if value(name, context)
+        if argument_text(name, context)
     }
-    file = value("params_file", context)
+    file = argument_text("params_file", context)
     if entry.name == DRIVE and not file:
         parameters.setdefault("progress_timeout", PROGRESS_TIMEOUT_S)
     optional = {
@@ -121,7 +116,7 @@ def node(entry: NodeEntry, context: LaunchContext) -> Node:
     )
 
 
-def nodes(context: LaunchContext) -> list[Node]:
+def make_nodes(context: LaunchContext) -> list[Node]:
     """Return the actions that start the nodes, in the order of the runner's table.
 
     Raises
@@ -129,10 +124,10 @@ def nodes(context: LaunchContext) -> list[Node]:
     RuntimeError
         If the parameter file does not exist.
     """
-    file = value("params_file", context)
+    file = argument_text("params_file", context)
     if file and not Path(file).is_file():  # launch_ros only warns, and starts with the defaults
         raise RuntimeError(f"params_file must be an existing file, got {file!r}")
-    return [node(entry, context) for entry in NODES]
+    return [make_node(entry, context) for entry in NODES]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -151,15 +146,19 @@ def generate_launch_description() -> LaunchDescription:
                 )
                 for name, (default, description) in ARGUMENTS.items()
             ),
-            SetEnvironmentVariable(profile, config("fastdds_loopback.xml"), condition=local),
+            SetEnvironmentVariable(
+                profile, share("config", "fastdds_loopback.xml"), condition=local
+            ),
             # any other range, LOCALHOST included, would replace the transports of the profile
             SetEnvironmentVariable(
                 "ROS_AUTOMATIC_DISCOVERY_RANGE", "SYSTEM_DEFAULT", condition=local
             ),
             # a default profile in the working directory would open the subnet
             SetEnvironmentVariable("SKIP_DEFAULT_XML_FILE", "1", condition=local),
-            SetEnvironmentVariable(profile, config("fastdds_subnet.xml"), condition=subnet),
-            OpaqueFunction(function=nodes),
+            SetEnvironmentVariable(
+                profile, share("config", "fastdds_subnet.xml"), condition=subnet
+            ),
+            OpaqueFunction(function=make_nodes),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(share("launch", "robot.launch.py")),
                 launch_arguments={

@@ -25,7 +25,7 @@ REMAPPED = (topics.CLOCK, topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS, topics.F
 PUBLISH_FREQUENCY = 1000.0
 
 
-def nodes(context: LaunchContext) -> list[Node]:
+def make_nodes(context: LaunchContext) -> list[Node]:
     """Return the actions that start both nodes for the rig of a namespace."""
     arguments = {n: LaunchConfiguration(n).perform(context) for n in ("scene", "namespace")}
     robot = Robot.of(open_scene(resolve_path("scenes", arguments["scene"] or DEFAULT_SCENE)))
@@ -79,6 +79,6 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "rviz", default_value="true", description="false: robot_state_publisher alone"
             ),
-            OpaqueFunction(function=nodes),
+            OpaqueFunction(function=make_nodes),
         ]
     )

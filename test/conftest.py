@@ -22,7 +22,7 @@ from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import environment
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig, load_cam, load_rig
 from cam_rig.simulation.scene import LoadedScene, open_scene
-from cam_rig.testing.running_rig import hold_domain, isolated_domain
+from cam_rig.testing import running_rig
 
 from .references import many_digits
 
@@ -103,7 +103,7 @@ settings.load_profile("ordinary")
 
 
 @pytest.fixture
-def heard_hangup() -> Iterator[None]:
+def hangup_enabled() -> Iterator[None]:
     """Make commands stop at a hang-up, even if the tests were started by nohup."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
@@ -150,7 +150,7 @@ def laws(cams: dict[str, CamConfig]) -> dict[str, Law]:
 
 
 @pytest.fixture(scope="session")
-def followed(laws: dict[str, Law]) -> dict[str, Law]:
+def followable_laws(laws: dict[str, Law]) -> dict[str, Law]:
     """Laws that a follower can follow, by name."""
     return {name: law for name, law in laws.items() if name not in VELOCITY_JUMPS}
 
@@ -297,17 +297,17 @@ def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
         assert node is not None
         return node
 
-    monkeypatch.setattr("cam_rig.runner.node_process._started", started)
+    monkeypatch.setattr("cam_rig.runner.node_process._launch", started)
     monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # use the same server
 
 
 @pytest.fixture(scope="session", autouse=True)
-def own_domain_of_the_process() -> Iterator[None]:
+def isolated_domain() -> Iterator[None]:
     """Use a domain other than that of a rig that may run on this machine.
 
     Otherwise a tested command would be an error.
     """
-    with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
+    with running_rig.hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         yield
 
@@ -320,5 +320,5 @@ def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
     """
     if request.node.get_closest_marker("starts") is None:
         request.getfixturevalue("forked")
-    with isolated_domain() as domain:
+    with running_rig.isolated_domain() as domain:
         yield domain

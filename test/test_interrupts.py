@@ -12,7 +12,7 @@ from cam_rig.interrupts import STOPPING
 
 from .processes import ended
 
-pytestmark = pytest.mark.usefixtures("heard_hangup")
+pytestmark = pytest.mark.usefixtures("hangup_enabled")
 #: Start of every script. `send_signal` sends a signal to the script itself.
 PRELUDE = """
 import signal, sys, threading, time

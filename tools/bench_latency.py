@@ -25,8 +25,10 @@ from tools.docs.browser import TIMEOUT_S, new_page, open_browser, until
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-#: Speed (rpm), and time (s) over which frames and processor time are counted.
-RPM, WATCHED_S = 450, 10.0
+#: Speed of the cam, rpm.
+RPM = 450
+#: Time (s) over which frames and processor time are counted.
+WATCHED_S = 10.0
 #: Speeds (rpm) to which the knob is turned for its delay.
 TURNED = (300, 350, 280, 420, 310, 390, 260)
 
@@ -93,9 +95,9 @@ def cpu_seconds(pids: set[int]) -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def processes(words: str) -> set[int]:
-    """Return descendant processes whose command line contains these words."""
-    parents, found = {}, set()
+def processes(text: str) -> set[int]:
+    """Return descendant processes whose command line contains a text."""
+    parents, matching = {}, set()
     for path in Path("/proc").glob("[0-9]*"):
         try:
             line = (path / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
@@ -103,12 +105,12 @@ def processes(words: str) -> set[int]:
         except OSError:
             continue
         parents[int(path.name)] = int(fields.rpartition(")")[2].split()[1])
-        if words in line:
-            found.add(int(path.name))
+        if text in line:
+            matching.add(int(path.name))
     own = {os.getpid()}
     while more := {pid for pid, parent in parents.items() if parent in own} - own:
         own |= more
-    return found & own
+    return matching & own
 
 
 def first_picture(page: Page, address: str) -> float:
@@ -147,7 +149,7 @@ def main() -> None:
         page.keyboard.press("ArrowUp")
         until(page, "window.sounds")
         given = [[rpm, rpm / 60 * TICKS_PER_TURN] for rpm in 2 * TURNED]
-        tell("typed speed to sound", [page.evaluate(HEARD, one) for one in given])
+        tell("typed speed to sound", [page.evaluate(HEARD, rpm) for rpm in given])
 
 
 if __name__ == "__main__":

@@ -32,8 +32,8 @@ from cam_rig.errors import CamRigError
 from cam_rig.runner import graph as graph_module
 from cam_rig.runner import node_process as node_process_module
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import NodeProcess, live
-from cam_rig.runner.resources import own_domain
+from cam_rig.runner.node_process import NodeProcess, live_nodes
+from cam_rig.runner.resources import reserve_domain
 
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 MOMENTS = ("start", "first", "middle", "last", "closing")
@@ -52,8 +52,10 @@ schedule:
   transient_turns: {assumed: 1, unit: turns, source: "a case"}
   ticks_per_turn: 2
 """
-#: Wall time (s) that a run waits for a stopped node, and that a case may take in addition.
-PATIENCE, LONGEST = 20.0, 180.0
+#: Wall time (s) that a run waits for a stopped node.
+PATIENCE_S = 20.0
+#: Longest wall time (s) of a case.
+MAX_CASE_S = 180.0
 
 
 @dataclass
@@ -64,7 +66,7 @@ class Case:
     moment: str
     signal: str
     impact: bool = False
-    said: list[str] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
     error: str = ""
     seconds: float = 0.0
 
@@ -78,22 +80,22 @@ class Case:
     def run(self, scene: Path, bag: Path) -> None:
         """Run the scene and send the signal at the moment."""
         start_time, stop_all = time.monotonic(), node_process_module.stop_all
-        nodes = live(scene, bag, progress_timeout=PATIENCE)
-        made = Graph(nodes, log=self.said.append)
+        nodes = live_nodes(scene, bag, progress_timeout=PATIENCE_S)
+        made = Graph(nodes, log=self.log.append)
 
         def closing(processes: list[NodeProcess]) -> None:
             if self.moment == "closing":
                 self.strike(made.processes)
             stop_all(processes)
 
-        at = {"first": 0, "middle": TICKS // 2, "last": TICKS}.get(self.moment)
+        tick = {"first": 0, "middle": TICKS // 2, "last": TICKS}.get(self.moment)
         with mock.patch.object(graph_module, "stop_all", closing):
             try:
                 with made:
                     if self.moment == "start":
                         self.strike(made.processes)
                     for report in made.progress():
-                        if at is not None and int(report["tick"]) >= at:
+                        if tick is not None and int(report["tick"]) >= tick:
                             self.strike(made.processes)
                 made.require_closed()
             except CamRigError as error:
@@ -102,30 +104,31 @@ class Case:
 
     def faults(self, bag: Path, before: set[str]) -> list[str]:
         """Return the violated promises of the run, empty if there are none."""
-        found = [] if self.impact else ["the signal was never sent"]
-        if self.seconds > LONGEST:
-            found.append(f"took {self.seconds:.0f} s")
+        faults = [] if self.impact else ["the signal was never sent"]
+        if self.seconds > MAX_CASE_S:
+            faults.append(f"took {self.seconds:.0f} s")
         if self.error and self.node not in self.error:
-            found.append(f"does not name {self.node}: {self.error}")
-        words = next((line for line in self.said if "was recorded" in line), "")
+            faults.append(f"does not name {self.node}: {self.error}")
+        lines = (line for line in self.log if line.startswith(("bag ", "nothing was recorded")))
+        text = next(lines, "")
         try:
             counts = read_counts(bag) if bag.exists() else {}
         except CamRigError as error:
             counts = {}
-            found.append(f"bag: {error}")
+            faults.append(f"bag: {error}")
         ticks = counts.get("/follower/samples", 0)
         if not self.error and ticks != TICKS:
-            found.append(f"{ticks} of {TICKS} ticks, and no error")
-        if self.error and not sum(counts.values()) and "nothing was recorded" not in words:
-            found.append(f"an empty bag is called {words!r}")
-        if self.error and sum(counts.values()) and not any(c.isdigit() for c in words):
-            found.append(f"loss without numbers: {words!r}")
+            faults.append(f"{ticks} of {TICKS} ticks, and no error")
+        if self.error and not sum(counts.values()) and "nothing was recorded" not in text:
+            faults.append(f"an empty bag is called {text!r}")
+        if self.error and sum(counts.values()) and not any(c.isdigit() for c in text):
+            faults.append(f"loss without numbers: {text!r}")
         left = subprocess.run(["pgrep", "-f", str(bag)], capture_output=True, check=False).stdout
         if left:
-            found.append(f"processes left: {left.split()}")
+            faults.append(f"processes left: {left.split()}")
         if more := segments() - before:
-            found.append(f"shared memory left: {sorted(more)[:3]}")
-        return found
+            faults.append(f"shared memory left: {sorted(more)[:3]}")
+        return faults
 
 
 def segments() -> set[str]:
@@ -171,7 +174,7 @@ def main() -> int:
     arguments, wrong = options(), 0
     signals = arguments.signal or SIGNALS
     cases = itertools.product(arguments.node or NODES, arguments.moment or MOMENTS, signals)
-    with tempfile.TemporaryDirectory() as folder, own_domain(), ExitStack() as stack:
+    with tempfile.TemporaryDirectory() as folder, reserve_domain(), ExitStack() as stack:
         if arguments.busy:
             stack.enter_context(busy(os.cpu_count() or 1))
         scene = Path(folder) / "scenes" / "matrix.yaml"
@@ -186,7 +189,7 @@ def main() -> int:
             verdict = "; ".join(faults) or case.error or "complete"
             print("FAIL" if faults else "ok  ", f"{node:10} {moment:8} {number:8}", end=" ")
             print(f"{case.seconds:5.1f} s  {verdict}", flush=True)
-            for line in case.said:
+            for line in case.log:
                 print(f"       {line}")
     print(f"{wrong} of the cases are not as promised")
     return int(wrong > 0)

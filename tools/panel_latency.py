@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 
 HANDLES = (7, 22)
 
-#: Amplitude of the motion (px), and its period (s).
-WAY, PERIOD = 12.0, 2.0
-
+#: Amplitude of the motion, px.
+AMPLITUDE_PX = 12.0
+#: Period of the motion, s.
+PERIOD_S = 2.0
 #: Time between two readings of the memory, s.
-EVERY = 30.0
-
+READING_PERIOD_S = 30.0
+#: Bytes per MiB.
 MIB = 2**20
 
 LISTEN = """() => {
@@ -96,7 +97,7 @@ def drag(page: Page, address: str, handle: int) -> None:
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
-    page.evaluate(MOVE, [handle, y, WAY, PERIOD])
+    page.evaluate(MOVE, [handle, y, AMPLITUDE_PX, PERIOD_S])
 
 
 def print_delays(pages: list[Page], seconds: float) -> None:
@@ -119,13 +120,13 @@ def main() -> None:
         pages[0].wait_for_timeout(5e3)  # code is compiled, axes have their range
         for page in pages:
             page.evaluate("() => window.delays.splice(0)")
-        began, at = time.monotonic(), 0.0
-        while at < 60.0 * minutes:
+        start, elapsed = time.monotonic(), 0.0
+        while elapsed < 60.0 * minutes:
             heaps = " and ".join(f"{heap(session):.1f}" for session in sessions)
-            print(f"{at:.0f} s: pages {heaps} MiB, server {resident(process.pid):.1f} MiB")
-            pages[0].wait_for_timeout(1e3 * EVERY)
-            before, at = at, time.monotonic() - began
-            print_delays(pages, at - before)
+            print(f"{elapsed:.0f} s: pages {heaps} MiB, server {resident(process.pid):.1f} MiB")
+            pages[0].wait_for_timeout(1e3 * READING_PERIOD_S)
+            before, elapsed = elapsed, time.monotonic() - start
+            print_delays(pages, elapsed - before)
             sys.stdout.flush()
 
 

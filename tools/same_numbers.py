@@ -141,9 +141,9 @@ def reason(path: str, old: Any, new: Any) -> str:
     return ADDITION if old == "nothing" and keys & ADDED else ""
 
 
-def differences(name: str, kept: Any, now: Any) -> int:
+def differences(name: str, reference: Any, present: Any) -> int:
     """Print differences and return their number, without reworded sentences."""
-    before, after = dict(leaves(kept)), dict(leaves(now))
+    before, after = dict(leaves(reference)), dict(leaves(present))
     count = 0
     for path in before | after:
         old, new = before.get(path, "nothing"), after.get(path, "nothing")
@@ -157,12 +157,12 @@ def differences(name: str, kept: Any, now: Any) -> int:
 
 def main() -> None:
     """Store the numbers, or compare them with the stored ones."""
-    words = argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    words.add_argument("what", choices=["keep", "compare"])
-    words.add_argument("--only", action="append", choices=[*COMMANDS, "bag"])
-    arguments = words.parse_args()
+    parser.add_argument("what", choices=["keep", "compare"])
+    parser.add_argument("--only", action="append", choices=[*COMMANDS, "bag"])
+    arguments = parser.parse_args()
     names = arguments.only or [*COMMANDS, "bag"]
     read = {name: bag() if name == "bag" else outputs(name) for name in names}
     if arguments.what == "keep":
@@ -170,8 +170,10 @@ def main() -> None:
         KEPT.write_text(json.dumps(read), encoding="utf-8")
         print(f"{sum(1 for _ in leaves(read))} values kept in {KEPT}")
         return
-    kept = json.loads(KEPT.read_text(encoding="utf-8"))
-    count = sum(differences(name, kept[name], json.loads(json.dumps(read[name]))) for name in names)
+    reference = json.loads(KEPT.read_text(encoding="utf-8"))
+    count = sum(
+        differences(name, reference[name], json.loads(json.dumps(read[name]))) for name in names
+    )
     print(f"{sum(1 for _ in leaves(read))} values, {count} differ")
     sys.exit(count > 0)
 

@@ -38,7 +38,7 @@ def recover(
     target = output or source.parent / (
         f"{source.stem if source.is_file() else source.name}_recovered"
     )
-    say(f"{target}: {recover_bag(bag, target).words}")
+    say(f"{target}: {recover_bag(bag, target).text}")
 
 
 def newest_bag() -> Path:
@@ -53,5 +53,5 @@ def newest_bag() -> Path:
     for bag in (file.parent for file in reversed(metadata_files)):
         if not is_unclosed(bag):
             return bag
-        say(f"{bag}: was not closed, an older one is taken; see: cam-rig recover")
-    raise BagError("no bag in bags/; make one with: cam-rig run")
+        say(f"{bag}: was not closed and is skipped; recover it with: cam-rig recover {bag}")
+    raise BagError("no closed bag in bags/; record one with: cam-rig run")

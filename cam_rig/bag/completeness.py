@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise, takewhile
 from pathlib import Path
 
@@ -33,14 +33,14 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
     if len(states) <= tick_count(scene):
         raise BagError(
-            f"{bag}: has {len(states)} states of the cam; the scene has {tick_count(scene) + 1}"
+            f"{bag}: must have {tick_count(scene) + 1} cam states, as its scene, got {len(states)}"
         )
     expected = expected_counts(states)
     for topic in RECEIVED:
         if topic.per in expected and counts.get(topic.name, 0) != expected[topic.per]:
             raise BagError(
-                f"{bag}: {topic.name} has {counts.get(topic.name, 0)} messages; expected: "
-                f"{expected[topic.per]}, one for each {topic.per}"
+                f"{bag}: {topic.name} must have {expected[topic.per]} messages, one per "
+                f"{topic.per}, got {counts.get(topic.name, 0)}"
             )
     return counts
 
@@ -122,53 +122,68 @@ class Loss:
     ends: str = ""
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """Gaps as text, or empty without a gap."""
-        more = [f"{len(self.gaps) - MAX_NAMED} gaps more"] if len(self.gaps) > MAX_NAMED else []
+        more = [f"{len(self.gaps) - MAX_NAMED} further gaps"] if len(self.gaps) > MAX_NAMED else []
         named = "; ".join([*self.gaps[:MAX_NAMED], *more])
         return f"{named} ({self.messages} messages)" if named else ""
 
 
-def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bool) -> Loss:
+def loss_of(holdings: Holdings, scene: SceneConfig | None, closed: bool, own: bool) -> Loss:
     """Return the missing messages of a recording.
 
-    `scene` is None if it is not known. `whole` is True if the recording was closed, so that nothing
-    is missing after its end. `ours` is True if this package wrote the file, with the messages of
-    each topic numbered from 1.
+    `scene` is None if it is not known. `closed` is True if the recording was closed, so that
+    nothing is missing after its end. `own` is True if this package wrote the file, with the
+    messages of each topic numbered from 1.
     """
-    total = 0 if scene is None else tick_count(scene)
     # The missing end is counted tick by tick, which takes too long for the hundred thousand turns
     # of a long scene.
-    countable = whole or total <= MAX_COUNTED
-    if scene is not None and countable and holdings.follows(scene):
-        newest = max(state.time_ns for _, state in holdings.states)
-        planned = cam_states(scene)
-        if whole:
-            planned = takewhile(lambda state: state.time_ns <= newest, planned)
-        states = list(enumerate(planned))
-        ends, numbered = "", [topic for topic in RECORDING if topic.per in ("instant", "any")]
-        if whole and states[-1][0] < total:  # ticks that were never recorded are not lost
-            ends = f"it was closed after tick {states[-1][0]} of {total}"
-        missing = _missing_messages(holdings, list(_moves(states)))
-        last = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
-        open_end, has_uncounted = False, not whole and last < states[-1][1].time_ns
+    is_countable = scene is not None and (closed or tick_count(scene) <= MAX_COUNTED)
+    if scene is not None and is_countable and holdings.follows(scene):
+        loss = _loss_by_scene(holdings, scene, closed)
+        numbered = [topic for topic in RECORDING if topic.per in ("instant", "any")]
     else:
-        states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
-        known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
-        # Sequence numbers show the other gaps.
-        missing = _missing_messages(holdings, known, only_last=True)
-        ends, open_end, has_uncounted, numbered, total = "", not whole, False, list(RECORDING), 0
+        loss = _loss_by_states(holdings, closed, own)
+        numbered = list(RECORDING)
+    gaps, count = list(loss.gaps), loss.messages
+    for topic in numbered if own else ():
+        present = sorted({0, *(n for n in holdings.numbers.get(topic.name, ()) if n > 0)})
+        absent = [range(a + 1, b) for a, b in pairwise(present) if b > a + 1]
+        count += sum(len(run) for run in absent)
+        gaps += [f"{_range_words('message', run)} of {topic.name}" for run in absent]
+    return replace(loss, gaps=tuple(gaps), messages=count)
+
+
+def _loss_by_scene(holdings: Holdings, scene: SceneConfig, closed: bool) -> Loss:
+    """Return the messages that the states of the scene require and that are missing.
+
+    Ticks that were not recorded before the recording was closed are not lost.
+    """
+    newest, total = max(state.time_ns for _, state in holdings.states), tick_count(scene)
+    planned = cam_states(scene)
+    if closed:
+        planned = takewhile(lambda state: state.time_ns <= newest, planned)
+    states = list(enumerate(planned))
+    last_tick, last_state = states[-1]
+    missing = _missing_messages(holdings, list(_moves(states)))
     gaps = [_gap_words(run, total) for run in _runs(missing)]
-    if has_uncounted:  # their number is not known
-        gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
-    count = sum(len(names) for _, names in missing)
-    if ours:
-        for topic in numbered:
-            present = sorted({0, *(n for n in holdings.numbers.get(topic.name, ()) if n > 0)})
-            absent = [range(a + 1, b) for a, b in pairwise(present) if b > a + 1]
-            count += sum(len(run) for run in absent)
-            gaps += [f"{_range_words('message', run)} of {topic.name}" for run in absent]
-    return Loss(tuple(gaps), count, open_end, ends)
+    last_ns = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
+    if not closed and last_ns < last_state.time_ns:  # their number is not known
+        gaps.append(f"{topics.DIAGNOSTICS.name} after {last_ns / 1e9:.6g} s (not counted)")
+    ends = f"it was closed after tick {last_tick} of {total}" if last_tick < total else ""
+    return Loss(tuple(gaps), sum(len(names) for _, names in missing), ends=ends)
+
+
+def _loss_by_states(holdings: Holdings, closed: bool, own: bool) -> Loss:
+    """Return the messages that the recorded states require and that are missing at the end.
+
+    The sequence numbers show all other gaps.
+    """
+    states = sorted((number - 1, state) for number, state in holdings.states) if own else []
+    moves = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
+    missing = _missing_messages(holdings, moves, only_last=True)
+    gaps = tuple(_gap_words(run, 0) for run in _runs(missing))
+    return Loss(gaps, sum(len(names) for _, names in missing), open_end=not closed)
 
 
 def _moves(states: list[tuple[int, CamState]]) -> Iterator[Move]:

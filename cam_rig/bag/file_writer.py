@@ -109,7 +109,7 @@ def _yaml(data: dict[str, Any]) -> str:
     return str(yaml.dump(data, Dumper=dumper, sort_keys=False))
 
 
-def together(files: Iterable[FileContent]) -> FileContent:
+def sum_contents(files: Iterable[FileContent]) -> FileContent:
     """Return the total content of the files of a bag."""
     whole = FileContent("")
     for file in files:
@@ -125,7 +125,7 @@ def information(
 ) -> dict[str, Any]:
     """Return the description of a bag for rosbag2, in version 9 of its metadata."""
     files = list(files)
-    whole = together(files)
+    whole = sum_contents(files)
     all_topics = {topic.name: topic for topic in topics} | whole.topics
     return {
         "version": 9,

@@ -41,7 +41,7 @@ PART = ".part"
 #: Opcode and length of a footer. 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
 #: Definition of a bag, for the error message about another path.
-ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
+BAG = "a bag is a folder with metadata.yaml and .mcap files, or an .mcap file"
 
 
 def bag_file(directory: Path, number: int = 0) -> Path:
@@ -89,7 +89,7 @@ def is_unclosed(bag: Path) -> bool:
 def require_a_bag(path: Path) -> None:
     """Raise BagError if a path is not a bag and never was a bag."""
     if problem := why_not_a_bag(path):
-        raise BagError(f"{path}: {problem}; {ALLOWED}")
+        raise BagError(f"{path}: {problem}; {BAG}")
 
 
 def why_not_a_bag(path: Path) -> str | None:
@@ -116,14 +116,14 @@ def _why_not_a_bag_file(path: Path) -> str | None:
     if path.suffix == SQLITE:
         with path.open("rb") as stream:
             is_sqlite = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
-        return None if is_sqlite else "is not a bag: it does not begin as an SQLite file does"
+        return None if is_sqlite else "is not a bag: its first bytes are not those of SQLite"
     return _why_not_mcap(path) if path.suffix == ".mcap" else "is not a bag: not an .mcap file"
 
 
 def _why_not_mcap(file: Path) -> str | None:
     with suppress(OSError), file.open("rb") as stream:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            return f"is not a bag: {file.name} does not begin as an MCAP file does"
+            return f"is not a bag: the first bytes of {file.name} are not those of MCAP"
     return None
 
 
@@ -197,13 +197,13 @@ DAMAGE = (*_FORMATS, *_CONTENTS, OSError)
 UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, AttributeError)
 
 
-def reason(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Return the message of an error in one line, or its type if it has no message."""
     text = re.sub(r"\[?PosixPath\('([^']*)'\)\]?", r"\1", " ".join(str(error).split()))
     return text or type(error).__name__
 
 
-def damaged(bag: Path, error: Exception) -> BagError:
+def read_error(bag: Path, error: Exception) -> BagError:
     """Return the error for a bag that cannot be read.
 
     The error contains the reason why the path is not a bag, or the command that recovers it.
@@ -211,15 +211,15 @@ def damaged(bag: Path, error: Exception) -> BagError:
     if isinstance(error, BagError):  # the reader has reported the reason
         return error
     if problem := why_not_a_bag(bag):
-        return BagError(f"{bag}: {problem}; {ALLOWED}")
+        return BagError(f"{bag}: {problem}; {BAG}")
     if isinstance(error, sqlite3.Error) and (files := sqlite_files(bag)):
         return BagError(
-            f"{bag}: an SQLite file is damaged or was cut off ({reason(error)}); "
+            f"{bag}: an SQLite file is damaged or truncated ({error_text(error)}); "
             f"{sqlite_remedy(bag, files[0])}"
         )
     return BagError(
-        f"{bag}: cannot be read as a rosbag2 bag ({reason(error)}); if it was not closed, recover "
-        f"it with: cam-rig recover {bag}"
+        f"{bag}: cannot be read as a rosbag2 bag ({error_text(error)}); if it was not closed, "
+        f"recover it with: cam-rig recover {bag}"
     )
 
 
@@ -237,8 +237,8 @@ def sqlite_remedy(bag: Path, file: Path) -> str:
     old, copy = shlex.quote(str(file)), shlex.quote(str(new))
     # A dump of a damaged file ends with ROLLBACK, which would undo the copy.
     return (
-        f"copy what is left into a file by: sqlite3 {old} .dump | sed s/^ROLLBACK/COMMIT/ | "
-        f"sqlite3 {copy}"
+        f"copy its readable rows into a new file with: sqlite3 {old} .dump | "
+        f"sed s/^ROLLBACK/COMMIT/ | sqlite3 {copy}"
     )
 
 
@@ -255,17 +255,17 @@ def require_new_bag(directory: Path, number: int = 0) -> None:
         parent = next(path for path in directory.absolute().parents if path.exists())
         limits = os.pathconf(parent, "PC_NAME_MAX"), os.pathconf(parent, "PC_PATH_MAX") - 1
     except OSError as error:
-        raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
+        raise BagError(f"{directory}: cannot be created ({error.strerror})") from None
     if is_existing:
         raise BagError(f"{directory}: exists already, not overwriting; name another bag")
     if not (parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)):
-        raise BagError(f"{directory}: cannot be made, {parent} cannot be written")
+        raise BagError(f"{directory}: cannot be created, {parent} is not writable")
     file = part_of(bag_file(directory, number))
     for label, text, size in zip(("name", "path"), (file.name, str(file)), limits, strict=True):
         if (excess := len(os.fsencode(text)) - size) > 0:
             raise BagError(
-                f"{str(directory)[:80]}...: its {label} is {excess} bytes too long; "
-                f"allowed: {size} bytes with {file.name.removeprefix(directory.name)} at its end"
+                f"{str(directory)[:80]}...: its {label} is {excess} bytes too long; with "
+                f"{file.name.removeprefix(directory.name)} it may have {size} bytes"
             )
     if not file.name.isprintable():
-        raise BagError(f"{str(directory)!r}: allowed: a name of letters that can be written")
+        raise BagError(f"{str(directory)!r}: the name must consist of printable characters")

@@ -68,13 +68,13 @@ def list_files(bag: Path) -> Listing:
     names = [Path(name).name for name in information.get("relative_file_paths", [])]
     missing = [name for name in names if not (bag / name).exists()]
     if missing == names:  # no metadata.yaml, or all files were renamed
-        note = f"{METADATA} lists none of the files: they are read by their numbers."
+        note = f"{METADATA} lists none of the files; they are read in the order of their numbers."
         notes = (note,) if (bag / METADATA).exists() else ()
-        return Listing(tuple(in_order(existing)), {}, _total(information), notes)
+        return Listing(tuple(sort_by_number(existing)), {}, _total(information), notes)
     if missing:
         raise BagError(
-            f"{bag}: {METADATA} lists {', '.join(missing)}, missing here; put {_pronoun(missing)} "
-            "back, or name one file instead of the folder"
+            f"{bag}: files of {METADATA} are missing: {', '.join(missing)}; restore them, or name "
+            "one file instead of the folder"
         )
     extents = dict(_extents(information.get("files")))
     others = sorted(file for file in existing if file.name not in names)
@@ -96,10 +96,6 @@ def _total(information: dict[str, Any]) -> int | None:
     total = information.get("message_count")
     counts = [extent.messages for _, extent in _extents(information.get("files"))]
     return total if isinstance(total, int) and total > 0 and 0 not in counts else None
-
-
-def _pronoun(names: list[str]) -> str:
-    return "it" if len(names) == 1 else "them"
 
 
 def _read_metadata(file: Path) -> dict[str, Any]:
@@ -139,7 +135,7 @@ def _later(others: Iterable[Path], names: list[str]) -> list[Path]:
     ]
 
 
-def in_order(files: Iterable[Path]) -> list[Path]:
+def sort_by_number(files: Iterable[Path]) -> list[Path]:
     """Return the files of a bag in the order of the numbers at the end of their names.
 
     Raises BagError if a number is missing.
@@ -153,7 +149,7 @@ def in_order(files: Iterable[Path]) -> list[Path]:
         if missing:
             raise BagError(
                 f"{ordered[0].parent}: {names.pop()}_{missing[0]}{ordered[0].suffix} is missing, "
-                f"with later files there; put it back, or name one file instead of the folder"
+                "but later files exist; restore it, or name one file instead of the folder"
             )
     return ordered
 
@@ -173,11 +169,11 @@ def mcap_files(bag: Path) -> list[Path]:
     files = [file for file in list_files(bag).files if file.suffix == ".mcap"]
     if not files and (sqlite := sqlite_files(bag)):
         raise BagError(
-            f"{bag}: has SQLite files only, allowed here: MCAP; of a damaged file, "
-            f"{sqlite_remedy(bag, sqlite[0])}"
+            f"{bag}: has SQLite files only, which cannot be recovered by cam-rig; if a file is "
+            f"damaged, {sqlite_remedy(bag, sqlite[0])}"
         )
     if not files:
-        raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
+        raise BagError(f"{bag}: must have at least one .mcap file, got none")
     return files
 
 
@@ -194,19 +190,19 @@ def require_agreement(bag: Path, listing: Listing) -> None:
     _require_no_copies(bag, actual)
     counts = {name: extent.messages for name, extent in actual.items() if extent is not None}
     problems = [
-        f"{name} has {counts[name]} messages, listed are {extent.messages}"
+        f"{name} must have {extent.messages} messages, got {counts[name]}"
         for name, extent in listing.extents.items()
         if name in counts and counts[name] != extent.messages
     ]
     total = sum(counts.values())
     if not problems and listing.total is not None and len(counts) == len(listing.files):
         names = ", ".join(counts)
-        problems = [f"{names} have {total} messages, listed are {listing.total}"]
+        problems = [f"{names} must have {listing.total} messages, got {total}"]
         problems = problems if total != listing.total else []
     if problems:
         raise BagError(
-            f"{bag}: the files are not those of {METADATA}: {'; '.join(problems)}; put the right "
-            "files there, or name one file instead of the folder"
+            f"{bag}: the files differ from {METADATA}: {'; '.join(problems)}; restore the original "
+            "files, or name one file instead of the folder"
         )
 
 
@@ -231,8 +227,8 @@ def _require_order(bag: Path, listing: Listing, actual: dict[str, Extent | None]
     ]
     if moved:
         raise BagError(
-            f"{bag}: files have other names than in {METADATA}: {', '.join(moved)}; give "
-            "each file the name that is listed, or name one file instead of the folder"
+            f"{bag}: files are not named as in {METADATA}: {', '.join(moved)}; rename them, or "
+            "name one file instead of the folder"
         )
 
 

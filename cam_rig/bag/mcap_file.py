@@ -8,62 +8,66 @@ from __future__ import annotations
 
 import heapq
 import os
-import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-    MessageDefinitionFormat,
-)
 
+from cam_rig.bag.connection import NO_DEFINITION, Connection, message_definition
 from cam_rig.bag.files import FOOTER
 from cam_rig.bag.records import (
-    CONTENT_READERS,
     HEAD,
     MESSAGE_HEAD,
     ChunkHead,
     Record,
     chunk_head,
-    content,
+    chunk_records,
     fields,
+    read_content,
     records_of,
-    unpack,
+    unpack_whole,
 )
 
-#: Encodings of schemas whose text rosbags can parse.
-SCHEMA_FORMATS = {
-    "ros2msg": MessageDefinitionFormat.MSG,
-    "ros2idl": MessageDefinitionFormat.IDL,
-    "omgidl": MessageDefinitionFormat.IDL,
-}
 #: Log time (ns), position of the chunk in the file, connection (None at the start of a chunk),
 #: data.
 Entry = tuple[int, int, Connection | None, bytes]
 
 
-class Summary(NamedTuple):
+@dataclass
+class Summary:
     """Records of the summary at the end of an MCAP file."""
 
-    schemas: dict[int, Schema]
-    channels: dict[int, Channel]
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
     #: Channels of each chunk. The key is the position of the chunk's content in the file.
-    indexed: dict[int, set[int]]
-    statistics: Statistics | None
+    indexed: dict[int, set[int]] = field(default_factory=dict)
+    statistics: Statistics | None = None
+
+    def add(self, opcode: int, data: bytes) -> None:
+        """Store a schema, a channel, a chunk index or the statistics, and ignore other records."""
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(fields(data))
+            self.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(fields(data))
+            self.channels[channel.id] = channel
+        elif opcode == Opcode.CHUNK_INDEX:
+            index = ChunkIndex.read(fields(data))
+            self.indexed[index.chunk_start_offset + HEAD.size] = set(index.message_index_offsets)
+        elif opcode == Opcode.STATISTICS:
+            self.statistics = Statistics.read(fields(data))
 
 
 def read_summary(stream: BinaryIO) -> Summary:
     """Read the summary of a closed file, or return an empty summary without one."""
-    summary = Summary({}, {}, {}, None)
+    summary = Summary()
     descriptor, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     footer = os.pread(descriptor, len(FOOTER) + 8, size - len(MCAP0_MAGIC) - 20 - len(FOOTER))
     start = int.from_bytes(footer[len(FOOTER) :], "little")
@@ -72,29 +76,8 @@ def read_summary(stream: BinaryIO) -> Summary:
     if not len(MCAP0_MAGIC) <= start < size:
         raise ValueError(f"the summary starts at byte {start}, the file has {size} bytes")
     for record in records_of(stream, start):
-        if record.opcode == Opcode.STATISTICS:
-            statistics = Statistics.read(fields(content(stream, record)))
-            summary = summary._replace(statistics=statistics)
-        elif record.opcode == Opcode.CHUNK_INDEX:
-            index = ChunkIndex.read(fields(content(stream, record)))
-            channels = set(index.message_index_offsets)
-            summary.indexed[index.chunk_start_offset + HEAD.size] = channels
-        elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            _store(
-                CONTENT_READERS[record.opcode](content(stream, record)),
-                summary.schemas,
-                summary.channels,
-            )
+        summary.add(record.opcode, read_content(stream, record))
     return summary
-
-
-def _store(
-    record: Schema | Channel, schemas: dict[int, Schema], channels: dict[int, Channel]
-) -> None:
-    if isinstance(record, Schema):
-        schemas[record.id] = record
-    else:
-        channels[record.id] = record
 
 
 class McapFile:
@@ -111,15 +94,16 @@ class McapFile:
                 if record.opcode == Opcode.CHUNK
             ]
             summary = read_summary(self._stream)
-            self._indexed = summary.indexed
-            schemas, channels = summary.schemas, summary.channels
-            if summary.statistics is None or (summary.statistics.message_count and not channels):
-                counts: dict[int, int] = self._scan(schemas, channels)
+            self._indexed, statistics = summary.indexed, summary.statistics
+            if statistics is None or (statistics.message_count and not summary.channels):
+                counts: dict[int, int] = self._scan(summary)
             else:
-                counts = summary.statistics.channel_message_counts
+                counts = statistics.channel_message_counts
             self.connections = [
-                self._connection(channel, schemas.get(channel.schema_id), counts)
-                for channel in channels.values()
+                _connection(
+                    channel, summary.schemas.get(channel.schema_id), counts.get(channel.id, 0)
+                )
+                for channel in summary.channels.values()
             ]
             on_error.pop_all()
 
@@ -153,7 +137,7 @@ class McapFile:
         for record in records_of(self._stream):
             if record.opcode != Opcode.MESSAGE:
                 continue
-            data = content(self._stream, record)
+            data = read_content(self._stream, record)
             channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data)
             if channel not in wanted:
                 continue
@@ -174,7 +158,7 @@ class McapFile:
         """
         yield head.start, 0, None, b""
         entries = list[Entry]()
-        for opcode, data in _records(self._unpack_checked(record, head)):
+        for opcode, data in chunk_records(unpack_whole(self._stream, record, head)):
             if opcode == Opcode.MESSAGE:
                 channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data)
                 if channel in wanted:
@@ -182,63 +166,27 @@ class McapFile:
                     entries.append((time_ns, record.start, wanted[channel], cdr))
         yield from sorted(entries, key=itemgetter(0))
 
-    def _unpack_checked(self, record: Record, head: ChunkHead) -> bytes:
-        data = unpack(self._stream, record, head)
-        if len(data) != head.unpacked:
-            raise ValueError(f"a chunk of {head.unpacked} bytes has {len(data)}")
-        if head.crc and zlib.crc32(data) != head.crc:
-            raise ValueError("a chunk's checksum is wrong")
-        return data
-
-    def _scan(self, schemas: dict[int, Schema], channels: dict[int, Channel]) -> Counter[int]:
-        """Count the messages per channel of a file without statistics.
-
-        The schemas and channels of the file are added to `schemas` and `channels`.
-        """
+    def _scan(self, summary: Summary) -> Counter[int]:
+        """Count the messages per channel, and add the schemas and channels to a summary."""
         counts = Counter[int]()
         for record in records_of(self._stream):
-            if record.opcode in CONTENT_READERS:
-                entries = iter([(record.opcode, content(self._stream, record))])
-            elif record.opcode == Opcode.CHUNK:
-                entries = _records(self._unpack_checked(record, chunk_head(self._stream, record)))
-            else:
-                continue
+            entries = iter([(record.opcode, read_content(self._stream, record))])
+            if record.opcode == Opcode.CHUNK:
+                head = chunk_head(self._stream, record)
+                entries = chunk_records(unpack_whole(self._stream, record, head))
             for opcode, data in entries:
                 if opcode == Opcode.MESSAGE:
                     counts[MESSAGE_HEAD.unpack_from(data)[0]] += 1
-                elif opcode in CONTENT_READERS:
-                    _store(CONTENT_READERS[opcode](data), schemas, channels)
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    summary.add(opcode, data)
         return counts
 
-    def _connection(
-        self, channel: Channel, schema: Schema | None, counts: dict[int, int]
-    ) -> Connection:
-        kind, definition = "", MessageDefinition(MessageDefinitionFormat.NONE, "")
-        if schema is not None:
-            package, _, name = schema.name.rpartition("/")
-            kind = f"{package}/msg/{name}" if package and "/" not in package else schema.name
-            if schema.encoding in SCHEMA_FORMATS:
-                text = schema.data.decode(errors="replace")
-                definition = MessageDefinition(SCHEMA_FORMATS[schema.encoding], text)
-        return Connection(
-            id=channel.id,
-            topic=channel.topic,
-            msgtype=kind,
-            msgdef=definition,
-            digest="",
-            msgcount=counts.get(channel.id, 0),
-            ext=ConnectionExtRosbag2(channel.message_encoding, []),
-            owner=self,
-        )
 
-
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of the records in a chunk."""
-    position = 0
-    while position < len(data):
-        opcode, length = HEAD.unpack_from(data, position)
-        start = position + HEAD.size
-        position = start + length
-        if position > len(data):
-            raise ValueError(f"a record of {length} bytes where {len(data) - start} are left")
-        yield opcode, data[start:position]
+def _connection(channel: Channel, schema: Schema | None, count: int) -> Connection:
+    """Return the topic of a channel. Types without ``msg`` in their names are also accepted."""
+    kind, definition = "", NO_DEFINITION
+    if schema is not None:
+        package, _, name = schema.name.rpartition("/")
+        kind = f"{package}/msg/{name}" if package and "/" not in package else schema.name
+        definition = message_definition(schema.encoding, schema.data.decode(errors="replace"))
+    return Connection(channel.id, channel.topic, kind, channel.message_encoding, definition, count)

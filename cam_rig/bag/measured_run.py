@@ -10,7 +10,7 @@ import numpy as np
 from cam_rig.acoustics import level_db
 from cam_rig.bag.foreign.readings import read_signals
 from cam_rig.bag.foreign.topic_line import EXAMPLE, MappedField
-from cam_rig.bag.partial_reader import recovered_words
+from cam_rig.bag.partial_reader import recovery_notes
 from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of, topic_list
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics
@@ -51,7 +51,7 @@ def read_measured(
         return _read_rig(bag, cam, own_namespace(bag, namespace))
     measured = read_signals(bag, mapping)
     signals, begin_ns = measured.signals, measured.begin_ns
-    notes = [*recovered_words(bag), *measured.notes]
+    notes = [*recovery_notes(bag), *measured.notes]
     for name, signal in signals.items():
         _require_overlap(bag, name, signal, signals["angle"], begin_ns)
         notes += _gap_words(name, signal)
@@ -69,19 +69,19 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
     rigs = rigs_of(bag)
     if not rigs:
         raise BagError(
-            f"{bag}: is not a recording of cam_rig; name what was measured with --topics "
-            f"'{EXAMPLE}'; it holds {topic_list(bag)}"
+            f"{bag}: is not a recording of cam_rig; name the measured fields with --topics "
+            f"'{EXAMPLE}'; its topics are {topic_list(bag)}"
         )
     names = [name or "/" for name in rigs]
     if namespace is None and len(rigs) > 1:
         raise BagError(
-            f"{bag}: holds several rigs, {', '.join(names)}; choose one with --namespace "
+            f"{bag}: contains several rigs, {', '.join(names)}; choose one with --namespace "
             f"{names[-1]}"
         )
     chosen = rigs[0] if namespace is None else f"/{namespace.strip('/')}".rstrip("/")
     if chosen not in rigs:
         raise BagError(
-            f"{bag}: holds no rig {chosen or '/'}; allowed: {', '.join(names)}"
+            f"{bag}: contains no rig {chosen or '/'}; allowed: {', '.join(names)}"
             f"{did_you_mean(chosen, names)}"
         )
     return chosen
@@ -106,13 +106,13 @@ def _read_rig(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
 
 def _choose_cam(bag: Path, cams: list[str], cam: str | None) -> str:
     if not cams:
-        raise BagError(f"{bag}: holds no samples of a cam that turns; run at least one turn")
+        raise BagError(f"{bag}: contains no samples of a turning cam; record at least one turn")
     if cam is None and len(cams) > 1:
-        raise BagError(f"{bag}: holds cams {', '.join(cams)}; choose one with --cam {cams[0]}")
+        raise BagError(f"{bag}: contains cams {', '.join(cams)}; choose one with --cam {cams[0]}")
     chosen = cams[0] if cam is None else cam
     if chosen not in cams:
         raise BagError(
-            f"{bag}: holds no samples of cam {cam!r}; allowed: {', '.join(cams)}"
+            f"{bag}: contains no samples of cam {cam!r}; allowed: {', '.join(cams)}"
             f"{did_you_mean(chosen, cams)}"
         )
     return chosen
@@ -140,9 +140,9 @@ def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal, begin_
         format_time(float(each.time[end]), begin_ns) for each in (signal, angle) for end in (0, -1)
     ]
     raise BagError(
-        f"{bag}: {name} of {signal.source} is from {ends[0]} to {ends[1]}, the angle from "
-        f"{ends[2]} to {ends[3]}; allowed: of one time (if the stamps are of two clocks, put @bag "
-        "behind an item: the time of the bag)"
+        f"{bag}: {name} and angle must overlap in time, got {signal.source} from {ends[0]} to "
+        f"{ends[1]} and the angle from {ends[2]} to {ends[3]}; if their stamps are of two clocks, "
+        "append @bag to each item to use the time of the bag"
     )
 
 
@@ -152,7 +152,7 @@ def _gap_words(name: str, signal: Signal) -> list[str]:
         return []
     longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
     length = float(longest[1] - longest[0])
-    text = f"{format_duration(length)} from {longest[0]:.6g} s on; nothing is put in their place."
+    text = f"{format_duration(length)} from {longest[0]:.6g} s on, not filled."
     if len(gaps) == 1 and length >= MIN_PAUSE_S:
         return [f"{name}: the readings pause for {text}"]
     count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from enum import Flag, auto
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Schema
 
-from cam_rig.bag.files import DAMAGE, UNREADABLE, damaged, reason, require_a_bag
+from cam_rig.bag.files import DAMAGE, UNREADABLE, error_text, read_error, require_a_bag
 from cam_rig.bag.listing import list_files
 from cam_rig.bag.records import (
     CONTENT_READERS,
+    ChunkHead,
     Record,
     chunk_head,
-    content,
+    chunk_records,
     fields,
-    read_chunk,
+    read_content,
     records_of,
     require_data_crc,
 )
@@ -59,16 +61,16 @@ def unpack(bag: Path, folder: Path) -> Path:
             _write(bag, path, attachment.data)
             scene = path if path.parent.name == "scenes" else scene
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
     if scene is None:
         raise BagError(
-            f"{bag}: has no scene attached, it was not recorded by cam_rig; name the scene with "
-            "--scene"
+            f"{bag}: has no scene attached, because it was not recorded by cam_rig; name a scene "
+            "with --scene"
         )
     return scene
 
 
-def recovered_words(bag: Path) -> list[str]:
+def recovery_notes(bag: Path) -> list[str]:
     """Return the notes on a bag: ignored files, and the reports of its recoveries."""
     if bag.is_file() and bag.suffix != ".mcap":
         return []
@@ -82,7 +84,7 @@ def recovered_words(bag: Path) -> list[str]:
             if attachment.name == RECOVERED
         ]
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
 
 
 def attachments(file: Path) -> Iterator[Attachment]:
@@ -98,21 +100,21 @@ def attachments(file: Path) -> Iterator[Attachment]:
             number, size = number + 1, size + record.length
             if number > MAX_ATTACHED or size > MAX_ATTACHED_BYTES:
                 raise BagError(
-                    f"{file}: {number} attachments of {size} bytes; allowed: {MAX_ATTACHED} of "
-                    f"{MAX_ATTACHED_BYTES}"
+                    f"{file}: must have at most {MAX_ATTACHED} attachments of together "
+                    f"{MAX_ATTACHED_BYTES} bytes, got {number} of {size} bytes"
                 )
-            yield attachment_of(content(stream, record))
+            yield parse_attachment(read_content(stream, record))
 
 
 def _safe_path(bag: Path, name: str) -> Path:
     parts = name.split("/")
     if name.startswith("/") or ".." in parts or "\0" in name:
-        raise BagError(f"{bag}: attachment {name[:80]!r} points elsewhere")
+        raise BagError(f"{bag}: attachment {name[:80]!r} must be a relative path without '..'")
     longest = max(len(part.encode()) for part in parts)
     if longest > MAX_NAME or len(name.encode()) > MAX_PATH or not Path(name).name:
         raise BagError(
-            f"{bag}: attachment {name[:80]!r} has a name of {longest} bytes; allowed: 1 to "
-            f"{MAX_NAME}, and {MAX_PATH} with its folders"
+            f"{bag}: attachment {name[:80]!r} must have names of 1 to {MAX_NAME} bytes and a path "
+            f"of at most {MAX_PATH} bytes, got {longest} and {len(name.encode())}"
         )
     return Path(name)
 
@@ -123,13 +125,13 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
         path.write_bytes(data)
     except (FileExistsError, IsADirectoryError, NotADirectoryError):
         raise BagError(
-            f"{bag}: attachment {path.name[:80]!r} is a file here and a folder there"
+            f"{bag}: attachment {path.name[:80]!r} is the name of a file and of a folder"
         ) from None
     except OSError as error:
         raise no_space_error(path.parent, error) from None
 
 
-def attachment_of(data: bytes) -> Attachment:
+def parse_attachment(data: bytes) -> Attachment:
     """Return the attachment of a record's bytes.
 
     Raises ValueError if its checksum is wrong.
@@ -153,111 +155,150 @@ INDEXES = {
     Opcode.SUMMARY_OFFSET,
 }
 #: Occasions (`Topic.per`) at which the log time of a topic is its stamp.
-OF_ITS_STAMP = ("state", "tick", "instant", "speed")
+STAMP_LOGGED = ("state", "tick", "instant", "speed")
 #: Largest number of channels of a file. Rigs have fewer topics.
 MAX_CHANNELS = 1000
-#: Message with its schema and channel, or attachment.
-Found = tuple[Schema, Channel, Message] | Attachment
+
+
+class Condition(Flag):
+    """Properties of a file that limit what can be read from it."""
+
+    #: The file was not closed, or its end is missing.
+    TRUNCATED = auto()
+    #: Records are unreadable, or a checksum is wrong.
+    DAMAGED = auto()
+    #: The file was written by another program, so its messages have no reliable numbers.
+    FOREIGN = auto()
+
+
+class RecordedMessage(NamedTuple):
+    """Message of a file with its topic.
+
+    `number` counts the messages of the topic from 1. It is 0 in a file of another program.
+    """
+
+    schema: Schema
+    channel: Channel
+    message: Message
+    number: int
 
 
 @dataclass
-class PartialReader:
-    """Reader of the attachments and messages of a file, in the order of the file.
+class FileReport:
+    """Result of reading a file as far as possible.
 
-    The other fields are valid after all records were read. `whole` is True if the file was closed,
-    and `ours` if this package wrote it. `damaged` is the number of records that were unreadable or
-    had a wrong checksum, and `why` the reason of the first. `doubtful` is the number of messages
-    that were read from them all the same, and `doubt` their first and last log time (ns). `cut` is
-    the number of messages that were read from truncated chunks. `unread` is the number of bytes
-    that could not be read.
+    `damaged_records` were unreadable or had a wrong checksum, and `first_error` is the reason of
+    the first. `doubtful_messages` were read from them all the same, and `doubtful_times` are their
+    first and last log times (ns). `truncated_messages` were read from truncated chunks.
+    `unread_bytes` could not be read.
     """
 
     file: Path
-    whole: bool = False
-    ours: bool = False
-    damaged: int = 0
-    why: str = ""
-    doubtful: int = 0
-    doubt: tuple[int, int] | None = None
-    cut: int = 0
-    unread: int = 0
+    condition: Condition = Condition.TRUNCATED | Condition.FOREIGN
+    damaged_records: int = 0
+    first_error: str = ""
+    doubtful_messages: int = 0
+    doubtful_times: tuple[int, int] | None = None
+    truncated_messages: int = 0
+    unread_bytes: int = 0
 
-    def records(self) -> Iterator[Found]:
-        """Yield messages with their schema and channel, and attachments."""
+
+def read_partial(
+    file: Path, receive: Callable[[RecordedMessage | Attachment], object]
+) -> FileReport:
+    """Pass the messages and attachments of a file to a function, in the order of the file.
+
+    The file may be truncated or damaged. The records that cannot be read are reported.
+    """
+    reader = _PartialReader(file)
+    for record in reader.records():
+        receive(record)
+    return reader.report
+
+
+class _PartialReader:
+    """Reader of one file that notes in its report what cannot be read."""
+
+    def __init__(self, file: Path) -> None:
+        self.report = FileReport(file)
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
+
+    def records(self) -> Iterator[RecordedMessage | Attachment]:
         try:
-            stream = self.file.open("rb")
+            stream = self.report.file.open("rb")
         except OSError as error:
-            raise BagError(f"{self.file}: cannot be read ({error.strerror})") from None
+            raise BagError(f"{self.report.file}: cannot be read ({error.strerror})") from None
         with stream:
             for record in records_of(stream):  # the summary repeats channels of a damaged chunk
                 if record.whole and record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     with suppress(*DAMAGE):
-                        list(self._resolve(CONTENT_READERS[record.opcode](content(stream, record))))
+                        list(self._resolve(record.opcode, read_content(stream, record)))
             for record in records_of(stream):
                 if record.opcode == Opcode.CHUNK:
                     yield from self._read_chunk(stream, record)
-                elif not record.whole:
-                    if not self.whole and record.opcode not in INDEXES:
-                        self.unread += record.available
-                elif record.opcode == Opcode.DATA_END:
-                    self.whole = True
-                    self._check_data(stream, record)
-                else:
+                elif record.whole:
                     yield from self._read_top_level(stream, record)
+                elif self._is(Condition.TRUNCATED) and record.opcode not in INDEXES:
+                    self.report.unread_bytes += record.available
 
-    def _check_data(self, stream: BinaryIO, data_end: Record) -> None:
-        """Note a wrong checksum of the data section if no damage was found before."""
-        try:
-            require_data_crc(stream, data_end)
-        except ValueError as error:
-            if not self.damaged:
-                self._add_damage(error)
+    def _is(self, condition: Condition) -> bool:
+        return condition in self.report.condition
 
-    def _read_top_level(self, stream: BinaryIO, record: Record) -> Iterator[Found]:
+    def _read_top_level(
+        self, stream: BinaryIO, record: Record
+    ) -> Iterator[RecordedMessage | Attachment]:
         try:
             if record.opcode == Opcode.ATTACHMENT:
-                yield attachment_of(content(stream, record))
+                yield parse_attachment(read_content(stream, record))
             elif record.opcode == Opcode.HEADER:
-                self.ours = Header.read(fields(content(stream, record))).library == LIBRARY
+                if Header.read(fields(read_content(stream, record))).library == LIBRARY:
+                    self.report.condition &= ~Condition.FOREIGN
+            elif record.opcode == Opcode.DATA_END:
+                self.report.condition &= ~Condition.TRUNCATED
+                if not self._is(Condition.DAMAGED):  # else the checksum is known to be wrong
+                    require_data_crc(stream, record)
             elif record.opcode in CONTENT_READERS:
-                yield from self._resolve(CONTENT_READERS[record.opcode](content(stream, record)))
+                yield from self._resolve(record.opcode, read_content(stream, record))
         except DAMAGE as error:
             self._add_damage(error)
 
-    def _read_chunk(self, stream: BinaryIO, chunk: Record) -> Iterator[Found]:
-        count, sound, read, problem = 0, False, 0, None
+    def _read_chunk(self, stream: BinaryIO, chunk: Record) -> Iterator[RecordedMessage]:
+        count, number, problem = 0, 0, None
         try:
             head = chunk_head(stream, chunk)
             data = unpack_chunk(stream, chunk, head)
             sound = len(data) == head.unpacked and head.crc in (0, zlib.crc32(data))
-            for record in read_chunk(data):
-                read += 1
-                for entry in self._resolve(record):
-                    if sound or not chunk.whole or self._is_plausible(entry, head.start, head.end):
+            for number, (opcode, record) in enumerate(chunk_records(data), 1):  # noqa: B007
+                for entry in self._resolve(opcode, record):
+                    if sound or not chunk.whole or self._is_plausible(entry, head):
                         count += 1
                         yield entry
             if not sound:
-                raise ValueError("a chunk's checksum is wrong")
+                raise ValueError("the checksum of a chunk is wrong")
         except DAMAGE as error:
-            sound, problem = False, error
+            problem = error
         if not chunk.whole:
-            self.cut += count
-            self.unread += 0 if read else chunk.available
-        elif not sound:
+            self.report.truncated_messages += count
+            self.report.unread_bytes += 0 if number else chunk.available
+        elif problem is not None:
             self._add_damage(problem)
-            self.doubtful += count
+            self.report.doubtful_messages += count
 
-    def _add_damage(self, error: Exception | None) -> None:
-        self.damaged += 1
-        self.why = self.why or ("" if error is None else reason(error))
+    def _add_damage(self, error: Exception) -> None:
+        self.report.condition |= Condition.DAMAGED
+        self.report.damaged_records += 1
+        self.report.first_error = self.report.first_error or error_text(error)
 
-    def _resolve(self, record: Any) -> Iterator[tuple[Schema, Channel, Message]]:
+    def _resolve(self, opcode: int, data: bytes) -> Iterator[RecordedMessage]:
         """Yield a message with its schema and channel, if both are known.
 
-        Schemas and channels are stored. Raises ValueError for more than `MAX_CHANNELS` channels.
+        Schemas and channels are stored. Raises ValueError for another record, and for more than
+        `MAX_CHANNELS` channels.
         """
+        if opcode not in CONTENT_READERS:
+            raise ValueError(f"a chunk contains a record of kind {opcode}")
+        record = CONTENT_READERS[opcode](data)
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
@@ -267,26 +308,27 @@ class PartialReader:
         elif (channel := self._channels.get(record.channel_id)) is not None:
             schema = self._schemas.get(channel.schema_id)
             if schema is not None:
-                yield schema, channel, record
+                number = 0 if self._is(Condition.FOREIGN) else record.sequence
+                yield RecordedMessage(schema, channel, record, number)
 
-    def _is_plausible(self, entry: tuple[Schema, Channel, Message], start: int, end: int) -> bool:
+    def _is_plausible(self, entry: RecordedMessage, head: ChunkHead) -> bool:
         """Return True if a message of a chunk with a wrong checksum is plausible.
 
         It must be readable and its log time must lie in the chunk. In a file of this package the
-        log time of a topic in `OF_ITS_STAMP` must be its stamp.
+        log time of a topic in `STAMP_LOGGED` must be its stamp. The time is noted in the report.
         """
-        _, channel, message = entry
-        topic = recorded_topic(channel.topic)
+        log_time, data = entry.message.log_time, entry.message.data
+        topic = recorded_topic(entry.channel.topic)
         try:
             if topic is not None:
-                read_message(topic, message.data)
-                if self.ours and topic.stamped and topic.per in OF_ITS_STAMP:
-                    start = max(start, stamp_of(message.data))
-                    end = min(end, stamp_of(message.data))
+                read_message(topic, data)
+                is_stamped = topic.stamped and topic.per in STAMP_LOGGED
+                if is_stamped and not self._is(Condition.FOREIGN) and stamp_of(data) != log_time:
+                    return False
         except RefusedError:
             return False
-        if start <= message.log_time <= end:
-            first, last = self.doubt or (message.log_time, message.log_time)
-            self.doubt = min(first, message.log_time), max(last, message.log_time)
-            return True
-        return False
+        if not head.start <= log_time <= head.end:
+            return False
+        first, last = self.report.doubtful_times or (log_time, log_time)
+        self.report.doubtful_times = min(first, log_time), max(last, log_time)
+        return True

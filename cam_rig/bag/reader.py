@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.bag.files import SQLITE, UNREADABLE, damaged, is_closed, require_a_bag
+from cam_rig.bag.connection import CDR, Connection
+from cam_rig.bag.files import SQLITE, UNREADABLE, is_closed, read_error, require_a_bag
 from cam_rig.bag.foreign.topic_line import EXAMPLE
 from cam_rig.bag.listing import STORAGE, list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
-from cam_rig.bag.partial_reader import recovered_words, unpack
+from cam_rig.bag.partial_reader import recovery_notes, unpack
 from cam_rig.bag.records import require_bounded, require_plain
 from cam_rig.bag.sqlite_file import SqliteFile
 from cam_rig.dynamics import ANGLE_TOLERANCE
@@ -30,8 +30,6 @@ from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
 
-#: Encoding of ROS 2 messages.
-CDR = "cdr"
 #: Reader of one file. Both types have `connections` and `messages(connections)`.
 BagReader = McapFile | SqliteFile
 
@@ -48,11 +46,13 @@ def messages(
     for connection, log_time, data in raw_messages(bag, set(by_name), namespace):
         topic = by_name[connection.topic]
         if connection.msgtype != topic.type:
-            raise BagError(f"{bag}: {topic.name} is {connection.msgtype}; wanted: {topic.type}")
+            raise BagError(
+                f"{bag}: the type of {topic.name} must be {topic.type}, got {connection.msgtype}"
+            )
         try:
             message = types.deserialize_cdr(data, topic.type)
         except UNREADABLE as error:
-            raise damaged(bag, error) from None
+            raise read_error(bag, error) from None
         yield topic, log_time, message
 
 
@@ -93,7 +93,7 @@ def raw_messages(
             for connection, time_ns, data in reader.messages(connections) if connections else ():
                 yield connection._replace(topic=topic_names[connection.topic]), time_ns, data
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
 
 
 def readers(bag: Path) -> Iterator[BagReader]:
@@ -107,7 +107,7 @@ def readers(bag: Path) -> Iterator[BagReader]:
             with SqliteFile(file) if file.suffix == SQLITE else McapFile(file) as reader:
                 yield reader
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
 
 
 def _sources(bag: Path) -> tuple[Path, ...]:
@@ -121,8 +121,8 @@ def _sources(bag: Path) -> tuple[Path, ...]:
             if not is_closed(file):
                 require_a_bag(bag)
                 raise BagError(
-                    f"{bag}: {file.name} was not closed: its recorder still runs, and ends with "
-                    f"Ctrl-C, or was killed; then recover it with: cam-rig recover {bag}"
+                    f"{bag}: {file.name} was not closed; stop its recorder with Ctrl-C, or recover "
+                    f"the bag with: cam-rig recover {bag}"
                 )
             require_bounded(file)
     if not listing.files:
@@ -137,7 +137,7 @@ def _namespace(bag: Path, reader: BagReader, rigs: set[str]) -> str:
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))
         raise BagError(
-            f"{bag}: holds several rigs, {several}; allowed: one a bag, so record each alone"
+            f"{bag}: must contain one rig, got {several}; record each rig into a separate bag"
         )
     return next(iter(rigs), "")
 
@@ -166,20 +166,11 @@ def topics_of(bag: Path) -> dict[str, Connection]:
 
 def topic_list(bag: Path) -> str:
     """Return the topics of a bag with their types, for an error message."""
-    connections = topics_of(bag).values()
-    return (
-        ", ".join(f"{topic.topic} [{_type_text(topic)}]" for topic in connections) or "no messages"
-    )
-
-
-def _type_text(connection: Connection) -> str:
-    encoding = encoding_of(connection)
-    return connection.msgtype if encoding == CDR else f"{connection.msgtype}, {encoding}"
-
-
-def encoding_of(connection: Connection) -> str:
-    """Return the encoding of the messages of a topic."""
-    return str(getattr(connection.ext, "serialization_format", CDR))
+    entries = [
+        f"{topic.topic} [{topic.msgtype}{'' if topic.encoding == CDR else f', {topic.encoding}'}]"
+        for topic in topics_of(bag).values()
+    ]
+    return ", ".join(entries) or "no messages"
 
 
 def require_rig(bag: Path) -> None:
@@ -189,8 +180,8 @@ def require_rig(bag: Path) -> None:
     """
     if not rigs_of(bag) and topics_of(bag):
         raise BagError(
-            f"{bag}: is not a recording of cam_rig, and holds {topic_list(bag)}; compare it with a "
-            f"scene by: cam-rig compare {shlex.quote(str(bag))} SCENE --topics '{EXAMPLE}'"
+            f"{bag}: is not a recording of cam_rig, its topics are {topic_list(bag)}; compare it "
+            f"with a scene by: cam-rig compare {shlex.quote(str(bag))} SCENE --topics '{EXAMPLE}'"
         )
 
 
@@ -201,7 +192,7 @@ def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
     """
     planned = tick_count(loaded.scene)
     notes = [f"not complete: {ticks} of {planned} ticks"] if ticks < planned else []
-    return *recovered_words(bag), *notes
+    return *recovery_notes(bag), *notes
 
 
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:
@@ -273,4 +264,4 @@ def read_scene(bag: Path) -> LoadedScene:
             return loaded
         except CamRigError as error:
             text = str(error).replace(f"{folder}/config/", "")
-            raise BagError(f"{bag}: its attached files do not fit: {text}") from None
+            raise BagError(f"{bag}: the attached scene is invalid: {text}") from None

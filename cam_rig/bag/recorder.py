@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Attachment, Message
 
 from cam_rig.bag.file_writer import ros_distribution
 from cam_rig.bag.files import METADATA
-from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.session import RecordingSession
 from cam_rig.bag.split import Split
 from cam_rig.bag.writer import BagWriter
@@ -30,7 +27,6 @@ from cam_rig.messages.topics import (
     PROFILE,
     Publishers,
     Topic,
-    recorded_topic,
 )
 from cam_rig.simulation.scene import LoadedScene
 
@@ -111,15 +107,6 @@ class BagRecorder:
                 # A scene may be in any folder. The folders of the other files have fixed names.
                 folder = "scenes" if path == self._loaded.scene_file else path.parent.name
                 self._writer.attach(f"{folder}/{path.name}", path.read_bytes())
-
-
-def recorded(file: Path) -> Iterator[tuple[Topic, Message]]:
-    """Yield topic and message of the rig's topics in a file, as far as it is readable."""
-    for record in PartialReader(file).records():
-        if isinstance(record, Attachment):
-            continue
-        if (topic := recorded_topic(record[1].topic)) is not None:
-            yield topic, record[2]
 
 
 def versions() -> bytes:

@@ -21,10 +21,10 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Message, Schema
+from mcap.records import Channel, Message, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from cam_rig.bag.files import METADATA, reason
+from cam_rig.bag.files import METADATA, error_text
 from cam_rig.errors import BagError
 from cam_rig.files import MIB
 
@@ -69,7 +69,7 @@ def records_of(stream: BinaryIO, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
     """
     descriptor, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     if not MCAP0_MAGIC.startswith(os.pread(descriptor, len(MCAP0_MAGIC), 0)):
-        raise BagError(f"{stream.name}: does not begin as an MCAP file does")
+        raise BagError(f"{stream.name}: is not an MCAP file, its first bytes are wrong")
     position, block, block_start = start, b"", 0
     while position + HEAD.size <= size:
         if not block_start <= position <= block_start + len(block) - HEAD.size:
@@ -105,7 +105,7 @@ def _next_chunk(descriptor: int, position: int, size: int) -> int:
     return size
 
 
-def content(stream: BinaryIO, record: Record) -> bytes:
+def read_content(stream: BinaryIO, record: Record) -> bytes:
     """Return the bytes of a record that the file contains."""
     return os.pread(stream.fileno(), record.available, record.start)
 
@@ -118,7 +118,7 @@ def fields(data: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(data))
 
 
-def message(data: bytes) -> Message:
+def parse_message(data: bytes) -> Message:
     """Return the message of a record's bytes."""
     channel, number, logged, published = MESSAGE_HEAD.unpack_from(data)
     return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
@@ -129,7 +129,7 @@ def message(data: bytes) -> Message:
 CONTENT_READERS: dict[int, Callable[[bytes], Any]] = {
     Opcode.SCHEMA: lambda data: Schema.read(fields(data)),
     Opcode.CHANNEL: lambda data: Channel.read(fields(data)),
-    Opcode.MESSAGE: message,
+    Opcode.MESSAGE: parse_message,
 }
 
 
@@ -161,14 +161,15 @@ def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
     (packed,) = struct.unpack_from("<Q", data, CHUNK_HEAD.size + letters)
     head_size = CHUNK_HEAD.size + letters + 8
     if packed > record.length - head_size:
-        raise ValueError(f"a chunk of {record.length} bytes claims {packed} of data")
+        raise ValueError(f"a chunk of {record.length} bytes claims {packed} bytes of data")
     return ChunkHead(first, last, unpacked, crc, name.decode(), packed, record.start + head_size)
 
 
 def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
     """Return the bytes of a chunk that can be unpacked.
 
-    The result is shorter than claimed if the chunk is truncated or damaged, and never longer.
+    The result is shorter than claimed if the chunk is truncated or damaged. It is one byte longer
+    than claimed if the chunk contains more.
     """
     check_claims(head)
     available = min(head.packed, record.start + record.available - head.packed_at)
@@ -183,7 +184,21 @@ def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
                 break
     except (zstandard.ZstdError, RuntimeError, EOFError):
         pass  # truncated or damaged: the bytes before are used
-    return bytes(data[: head.unpacked])
+    return bytes(data[: head.unpacked + 1])
+
+
+def unpack_whole(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
+    """Return the bytes of a chunk.
+
+    Raises ValueError if their number or their checksum differs from the head of the chunk.
+    """
+    data = unpack(stream, record, head)
+    if (size := len(data)) != head.unpacked:
+        actual = "more" if size > head.unpacked else f"{size}"
+        raise ValueError(f"a chunk claims to unpack to {head.unpacked} bytes, got {actual}")
+    if head.crc and zlib.crc32(data) != head.crc:
+        raise ValueError("the checksum of a chunk is wrong")
+    return data
 
 
 def check_claims(head: ChunkHead) -> None:
@@ -192,31 +207,29 @@ def check_claims(head: ChunkHead) -> None:
     The check uses the head only, before anything is unpacked.
     """
     if head.compression not in ("", "zstd", "lz4"):
-        raise ValueError(f"a chunk compressed by {head.compression!r}; allowed: zstd, lz4")
+        raise ValueError(f"compression of a chunk must be zstd or lz4, got {head.compression!r}")
     if head.compression and head.unpacked > MAX_UNPACKED:
         raise ValueError(
-            f"a chunk of {head.packed} bytes claims {head.unpacked} unpacked; allowed: "
-            f"{MAX_UNPACKED}"
+            f"a chunk must unpack to at most {MAX_UNPACKED} bytes, got {head.unpacked} from "
+            f"{head.packed} bytes"
         )
 
 
-def read_chunk(data: bytes) -> Iterator[Schema | Channel | Message]:
-    """Yield the records of a chunk.
+def chunk_records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of the records in a chunk.
 
-    Raises ValueError at the first record that is truncated or of another kind.
+    Raises ValueError at the first record that is truncated.
     """
     position = 0
     while position + HEAD.size <= len(data):
         opcode, length = HEAD.unpack_from(data, position)
-        position += HEAD.size + length
-        if opcode not in CONTENT_READERS:
-            raise ValueError(f"a record of kind {opcode} in a chunk")
+        start = position + HEAD.size
+        position = start + length
         if position > len(data):
-            available = len(data) - position + length
-            raise ValueError(f"a record of {length} bytes where {available} are left")
-        yield CONTENT_READERS[opcode](data[position - length : position])
+            raise ValueError(f"a record claims {length} bytes, its chunk has {len(data) - start}")
+        yield opcode, data[start:position]
     if position != len(data):
-        raise ValueError(f"{len(data) - position} bytes that are not a record")
+        raise ValueError(f"a chunk ends with {len(data) - position} bytes that are not a record")
 
 
 def _unpack_steps(compression: str, packed: bytes) -> Iterator[bytes]:
@@ -250,40 +263,40 @@ def require_bounded(file: Path) -> None:
 
     The limits are `MAX_UNPACKED` bytes per compressed chunk, `FREE_UNPACKED` bytes plus `MAX_RATIO`
     times the size of the file for all of them, and `MAX_AT_ONCE` bytes for chunks that overlap in
-    time. Raises BagError beyond a limit, and for truncated records, wrong indexes and wrong
-    checksums.
+    time. The check reads the heads of the chunks only: `unpack` never returns more than a head
+    claims. Raises BagError beyond a limit, and for truncated records and a wrong checksum of the
+    data section.
     """
     packed: list[ChunkHead] = []
-    chunks: dict[int, tuple[Record, ChunkHead]] = {}
     with file.open("rb") as stream:
         try:
             for record in records_of(stream):
                 if not record.whole:
                     raise ValueError(
-                        f"a record of {record.length} bytes, the file has {record.available}"
+                        f"a record claims {record.length} bytes, the file has {record.available}"
                     )
                 if record.opcode == Opcode.CHUNK:
                     head = chunk_head(stream, record)
-                    chunks[record.start] = record, head
-                    if head.compression:
-                        _check_unpacked_size(stream, head)
-                        packed.append(head)
+                    check_claims(head)
+                    packed += [head] if head.compression else []
                 elif record.opcode == Opcode.DATA_END:
                     require_data_crc(stream, record)
-                elif record.opcode == Opcode.CHUNK_INDEX:
-                    _check_index(ChunkIndex.read(fields(content(stream, record))), chunks)
         except (ValueError, EOFError, struct.error, McapError) as error:
-            raise BagError(f"{file}: {reason(error)}") from None
+            raise BagError(f"{file}: {error_text(error)}") from None
     size, total = file.stat().st_size, sum(head.unpacked for head in packed)
     limit = FREE_UNPACKED + MAX_RATIO * size
     if total > limit:
         raise BagError(
-            f"{file}: {size} bytes that unpack to {total}; allowed: {limit}, {MAX_RATIO} times as "
-            f"much and {FREE_UNPACKED // MIB} MiB"
+            f"{file}: {size} bytes must unpack to at most {limit}, got {total} (limit: {MAX_RATIO} "
+            f"times the size of the file plus {FREE_UNPACKED // MIB} MiB)"
         )
-    if (overlap := _max_overlap(packed)) > MAX_AT_ONCE:
+    edges = [(head.start, 0, head.unpacked) for head in packed]
+    edges += [(max(head.start, head.end), 1, -head.unpacked) for head in packed]
+    overlap = max(accumulate(size for *_, size in sorted(edges)), default=0)
+    if overlap > MAX_AT_ONCE:
         raise BagError(
-            f"{file}: compressed chunks of {overlap} bytes are of one time; allowed: {MAX_AT_ONCE}"
+            f"{file}: compressed chunks that overlap in time must unpack to at most {MAX_AT_ONCE} "
+            f"bytes, got {overlap}"
         )
 
 
@@ -297,25 +310,9 @@ def require_plain(bag: Path) -> None:
             mode = COMPRESSED.search(stream.read(MIB))
         if mode:
             raise BagError(
-                f"{bag}: is compressed by {mode.group(1).decode().lower()}; allowed: by chunk, or "
-                "not; change it with: ros2 bag convert"
+                f"{bag}: compression must be none or by chunk, got by {mode[1].decode().lower()}; "
+                "convert the bag with: ros2 bag convert"
             )
-
-
-def _check_unpacked_size(stream: BinaryIO, head: ChunkHead) -> None:
-    """Raise ValueError if a compressed chunk unpacks to another size than it claims."""
-    check_claims(head)
-    packed, size = os.pread(stream.fileno(), head.packed, head.packed_at), 0
-    try:
-        for part in _unpack_steps(head.compression, packed):
-            size += len(part)
-            if size > head.unpacked:
-                break
-    except (zstandard.ZstdError, RuntimeError) as error:
-        raise ValueError(f"a chunk that cannot be unpacked ({error})") from None
-    if size != head.unpacked:
-        more = "more" if size > head.unpacked else f"{size}"
-        raise ValueError(f"a chunk claims {head.unpacked} bytes unpacked and has {more}")
 
 
 def require_data_crc(stream: BinaryIO, data_end: Record) -> None:
@@ -323,7 +320,7 @@ def require_data_crc(stream: BinaryIO, data_end: Record) -> None:
 
     The checksum is in the DataEnd record. It covers all bytes before that record.
     """
-    expected = int.from_bytes(content(stream, data_end)[:4], "little")
+    expected = int.from_bytes(read_content(stream, data_end)[:4], "little")
     if not expected:  # the writer computed no checksum
         return
     crc, position, end = 0, 0, data_end.start - HEAD.size
@@ -332,28 +329,3 @@ def require_data_crc(stream: BinaryIO, data_end: Record) -> None:
         crc, position = zlib.crc32(block, crc), position + len(block)
     if crc != expected:
         raise ValueError("the checksum of the data section is wrong")
-
-
-def _check_index(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]) -> None:
-    """Raise ValueError if an index differs from its chunk.
-
-    Each chunk is removed from `chunks`, so that it can have one index only.
-    """
-    start = index.chunk_start_offset + 9
-    if start not in chunks:
-        raise ValueError(
-            f"an index of a chunk at byte {index.chunk_start_offset}, where there is none"
-        )
-    record, head = chunks.pop(start)
-    claimed = index.compression, index.compressed_size, index.uncompressed_size, index.chunk_length
-    actual = head.compression, head.packed, head.unpacked, record.length + 9
-    times = index.message_start_time, index.message_end_time
-    if claimed != actual or times != (head.start, head.end):
-        raise ValueError(f"an index that claims {claimed} of a chunk that is {actual}")
-
-
-def _max_overlap(heads: list[ChunkHead]) -> int:
-    """Return the largest number of unpacked bytes of chunks that overlap in time."""
-    edges = [(head.start, 0, head.unpacked) for head in heads]
-    edges += [(max(head.start, head.end), 1, -head.unpacked) for head in heads]
-    return max(accumulate(size for *_, size in sorted(edges)), default=0)

@@ -11,7 +11,7 @@ from pathlib import Path
 from mcap.records import Attachment
 
 from cam_rig.bag.completeness import Holdings, Loss, loss_of
-from cam_rig.bag.file_writer import NEVER, FileContent, together
+from cam_rig.bag.file_writer import NEVER, FileContent, sum_contents
 from cam_rig.bag.files import (
     METADATA,
     bag_file,
@@ -22,7 +22,13 @@ from cam_rig.bag.files import (
     require_new_bag,
 )
 from cam_rig.bag.listing import list_files, mcap_files, number_of, require_order
-from cam_rig.bag.partial_reader import RECOVERED, PartialReader
+from cam_rig.bag.partial_reader import (
+    RECOVERED,
+    Condition,
+    FileReport,
+    RecordedMessage,
+    read_partial,
+)
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
@@ -34,7 +40,7 @@ NOTHING_RECORDED = "nothing was recorded"
 
 
 @dataclass(frozen=True)
-class Recovered:
+class Recovery:
     """Result of a recovery: the messages by topic and what is missing.
 
     `last_ns` is the newest log time in ns.
@@ -42,7 +48,7 @@ class Recovered:
 
     counts: dict[str, int]
     last_ns: int
-    readers: tuple[PartialReader, ...]
+    reports: tuple[FileReport, ...]
     loss: Loss
     #: Origin (ns) of printed times: 0 for rig time, the start of the bag for wall-clock time.
     origin_ns: int = 0
@@ -51,30 +57,39 @@ class Recovered:
     #: One sentence per file that is ignored.
     notes: tuple[str, ...] = ()
 
-    @property
-    def whole(self) -> bool:
-        """True if the recording was closed."""
-        return all(reader.whole for reader in self.readers)
+    def any_file_is(self, condition: Condition) -> bool:
+        """Return True if a file of the bag has a condition."""
+        return any(condition in report.condition for report in self.reports)
 
     @property
-    def sound(self) -> bool:
+    def is_lossless(self) -> bool:
         """True if everything that was recorded is in the bag."""
-        damaged = any(reader.damaged for reader in self.readers)
-        return self.whole and not (damaged or self.loss.gaps or self.fewer)
+        is_partial = any(
+            self.any_file_is(each) for each in (Condition.TRUNCATED, Condition.DAMAGED)
+        )
+        return not (is_partial or self.loss.gaps or self.fewer)
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """Recovered and missing messages as text."""
-        messages = f"{sum(self.counts.values())} messages to {self._time_words(self.last_ns)} saved"
-        parts = [messages, self._missing(), self.loss.ends]
+        missing = [self.loss.text] if self.loss.gaps else []
+        if self.loss.open_end:
+            missing.append(f"everything after {self._time_words(self.last_ns)}")
+        parts = [
+            f"{sum(self.counts.values())} messages up to {self._time_words(self.last_ns)} saved",
+            f"missing: {', and '.join(missing)}" if missing else "",
+            self.loss.ends,
+        ]
+        if not missing:
+            parts[1] = "nothing lost" if self.is_lossless else "no tick is missing"
         parts += [
             f"{name} has {count} messages fewer than {METADATA} lists"
             for name, count in self.fewer.items()
         ]
-        for reader in self.readers:
-            damage = self._damage(reader)
-            if damage and len(self.readers) > 1:
-                damage[0] = f"in {reader.file.name}: {damage[0]}"
+        for report in self.reports:
+            damage = self._damage(report)
+            if damage and len(self.reports) > 1:
+                damage[0] = f"in {report.file.name}: {damage[0]}"
             parts += damage
         parts += [note.rstrip(".") for note in self.notes]
         return "; ".join(part for part in parts if part)
@@ -82,83 +97,77 @@ class Recovered:
     def _time_words(self, time_ns: int) -> str:
         return format_time((time_ns - self.origin_ns) / NS)
 
-    def _damage(self, reader: PartialReader) -> list[str]:
+    def _damage(self, report: FileReport) -> list[str]:
         parts = list[str]()
-        if reader.cut:
-            parts.append(f"{reader.cut} of the saved are from a truncated chunk")
-        if reader.damaged:
-            parts.append(f"damaged records: {reader.damaged}, first: {reader.why}")
-        if reader.doubt is not None:
-            start, end = reader.doubt
+        if report.truncated_messages:
+            parts.append(f"{report.truncated_messages} saved messages are from a truncated chunk")
+        if report.damaged_records:
             parts.append(
-                f"messages of them, whose numbers may be wrong: {reader.doubtful}, from "
-                f"{self._time_words(start)} to {self._time_words(end)}"
+                f"damaged records: {report.damaged_records}, first error: {report.first_error}"
             )
-        if reader.unread:
-            parts.append(f"{reader.unread} bytes could not be read")
+        if report.doubtful_times is not None:
+            start, end = map(self._time_words, report.doubtful_times)
+            parts.append(
+                f"{report.doubtful_messages} saved messages from {start} to {end} are from damaged "
+                "records, so their values may be wrong"
+            )
+        if report.unread_bytes:
+            parts.append(f"{report.unread_bytes} bytes could not be read")
         return parts
 
-    def _missing(self) -> str:
-        gaps = [self.loss.words] if self.loss.gaps else []
-        if self.loss.open_end:
-            gaps.append(f"everything after {self._time_words(self.last_ns)}")
-        if gaps:
-            return f"missing: {', and '.join(gaps)}"
-        return "nothing lost" if self.sound else "no tick is missing"
 
-
-def recover(bag: Path, target: Path) -> Recovered:
+def recover(bag: Path, target: Path) -> Recovery:
     """Copy everything readable of a bag into a new bag with one file.
 
     The function may be killed and repeated.
     """
-    recovery = Recovery(bag)
+    files = _BagFiles(bag)
     if not _is_unfinished(target):
         require_new_bag(target)
     with BagWriter(target, rewrite=True) as writer:
-        for file in recovery.files:
-            recovery.read(file, writer)
-        return recovery.result(writer)
+        for file in files.paths:
+            files.read(file, writer)
+        return files.result(writer)
 
 
-def recover_in_place(bag: Path) -> Recovered:
+def recover_in_place(bag: Path) -> Recovery:
     """Recover those files of a bag that were not closed.
 
     The function may be killed and repeated.
     """
-    recovery = Recovery(bag)
-    unclosed = [file for file in recovery.files if not is_closed(file)]
-    unclosed = unclosed or recovery.files[-1:]  # only metadata.yaml is missing
+    files = _BagFiles(bag)
+    unclosed = [file for file in files.paths if not is_closed(file)]
+    unclosed = unclosed or files.paths[-1:]  # only metadata.yaml is missing
     try:
         # Files that are not recovered yet are listed without messages. They stay listed after a
         # kill.
-        contents = {file: recovery.empty(file) for file in unclosed}
-        contents |= {file: recovery.read(file) for file in recovery.files if file not in unclosed}
+        contents = {file: files.empty(file) for file in unclosed}
+        contents |= {file: files.read(file) for file in files.paths if file not in unclosed}
         for file in unclosed:
             others = [content for other, content in contents.items() if other != file]
             with BagWriter(bag, rewrite=True, number=number_of(file), others=others) as writer:
-                contents[file] = recovery.read(file, writer)
+                contents[file] = files.read(file, writer)
                 if file is unclosed[-1]:
-                    saved = recovery.result(writer)
+                    saved = files.result(writer)
     except BagError as error:
-        reason, readable = str(error).removeprefix(f"{bag}: "), examine(bag)
+        reason = str(error).removeprefix(f"{bag}: ")
         raise BagError(
-            f"{bag}: cannot be recovered where it is, {reason}; left as it is, and readable: "
-            f"{readable.words}; recover it with: cam-rig recover {shlex.quote(str(bag))} --output "
-            "A_FOLDER_WITH_ROOM"
+            f"{bag}: cannot be recovered in place, {reason}; the bag is unchanged and readable: "
+            f"{examine(bag).text}; recover it with: cam-rig recover {shlex.quote(str(bag))} "
+            "--output FOLDER_ON_ANOTHER_DISK"
         ) from None
     return saved
 
 
-def examine(bag: Path) -> Recovered:
+def examine(bag: Path) -> Recovery:
     """Return the readable and the missing messages of a bag without writing anything."""
-    recovery = Recovery(bag)
-    for file in recovery.files:
-        recovery.read(file)
-    return recovery.result()
+    files = _BagFiles(bag)
+    for file in files.paths:
+        files.read(file)
+    return files.result()
 
 
-def state_words(bag: Path) -> str:
+def recording_state(bag: Path) -> str:
     """Return the recorded messages of a failed run as text.
 
     The bag is recovered if it was not closed.
@@ -166,7 +175,7 @@ def state_words(bag: Path) -> str:
     try:
         if not any(file.stat().st_size for file in bag_files(bag)):
             return NOTHING_RECORDED
-        text = recover_in_place(bag).words if is_unclosed(bag) else ""
+        text = recover_in_place(bag).text if is_unclosed(bag) else ""
         count = sum(read_counts(bag).values())
     except (BagError, OSError) as error:
         return str(error).removeprefix(f"{bag}: ")
@@ -182,15 +191,15 @@ def _is_unfinished(target: Path) -> bool:
     return names <= {part, *metadata} and (part in names or not names)
 
 
-class Recovery:
+class _BagFiles:
     """Files of a bag during a recovery, each read as far as possible."""
 
     def __init__(self, bag: Path) -> None:
-        self.files = mcap_files(bag)
+        self.paths = mcap_files(bag)
         self._listing = list_files(bag)
         require_order(bag, self._listing)
         self._bag, self._holdings = bag, Holdings()
-        self._readers: dict[Path, PartialReader] = {}
+        self._reports: dict[Path, FileReport] = {}
         self._contents: dict[Path, FileContent] = {}
 
     def empty(self, file: Path) -> FileContent:
@@ -202,53 +211,61 @@ class Recovery:
 
         Raises BagError if the only file of the bag has no readable record.
         """
-        reader = self._readers[file] = PartialReader(file)
         content = self._contents[file] = self.empty(file)
-        empty = len(self.files) == 1
-        for record in reader.records():
-            empty = False
+        attachments = list[str]()
+
+        def receive(record: RecordedMessage | Attachment) -> None:
             if isinstance(record, Attachment):
+                attachments.append(record.name)
                 if writer is not None:
                     writer.attach(record.name, record.data)
-                continue
-            schema, channel, message = record
+                return
+            schema, channel, message, number = record
             topic = recorded_topic(channel.topic) or Topic(channel.topic, schema.name, "any")
             topic = replace(topic, name=channel.topic)
             content.note(topic, message.log_time)
-            self._holdings.add(topic.name, message.log_time, message.sequence, message.data)
+            self._holdings.add(topic.name, message.log_time, number, message.data)
             if writer is not None:
-                number = message.sequence if reader.ours else 0
                 writer.write(topic, message.log_time, message.data, schema.data, number)
-        if empty:
-            reason = f" ({reader.why})" if reader.why else ""
+
+        report = self._reports[file] = read_partial(file, receive)
+        if len(self.paths) == 1 and not (content.total or attachments):
+            reason = f" ({report.first_error})" if report.first_error else ""
             raise BagError(
                 f"{self._bag}: no readable record in {file.name}{reason}; nothing to recover"
             )
         return content
 
-    def result(self, writer: BagWriter | None = None) -> Recovered:
+    def result(self, writer: BagWriter | None = None) -> Recovery:
         """Return the result of the recovery.
 
         A report is attached to the new bag if messages are missing.
         """
-        readers = tuple(self._readers[file] for file in self.files)
-        whole = all(reader.whole for reader in readers)
-        ours = all(self._readers[file].ours for file in self.files if self._contents[file].total)
+        reports, contents = tuple(self._reports[file] for file in self.paths), self._contents
+        closed = not any(Condition.TRUNCATED in report.condition for report in reports)
+        ours = not any(
+            Condition.FOREIGN in report.condition and contents[report.file].total
+            for report in reports
+        )
         scene = None
         with suppress(CamRigError):
             scene = read_scene(self._bag).scene
-        loss = loss_of(self._holdings, scene, whole, ours)
-        whole_bag = together(self._contents.values())
-        extents, contents = self._listing.extents, self._contents
+        total = sum_contents(contents.values())
+        listed = {name: extent.messages for name, extent in self._listing.extents.items()}
         fewer = {
-            file.name: extents[file.name].messages - contents[file].total
-            for file in self.files
-            if file.name in extents and extents[file.name].messages > contents[file].total
+            file.name: listed[file.name] - contents[file].total
+            for file in self.paths
+            if contents[file].total < listed.get(file.name, 0)
         }
-        origin = whole_bag.first if DATE_FROM_S * NS < whole_bag.first < NEVER else 0
-        saved = Recovered(
-            whole_bag.counts, whole_bag.last, readers, loss, origin, fewer, self._listing.notes
+        recovery = Recovery(
+            counts=total.counts,
+            last_ns=total.last,
+            reports=reports,
+            loss=loss_of(self._holdings, scene, closed, ours),
+            origin_ns=total.first if DATE_FROM_S * NS < total.first < NEVER else 0,
+            fewer=fewer,
+            notes=self._listing.notes,
         )
-        if writer is not None and not saved.sound:
-            writer.attach(RECOVERED, saved.words.encode())
-        return saved
+        if writer is not None and not recovery.is_lossless:
+            writer.attach(RECOVERED, recovery.text.encode())
+        return recovery

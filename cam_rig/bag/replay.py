@@ -90,7 +90,7 @@ class ReplayResult(Result):
         worst = self.worst
         text = (
             f"{self.bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
-            f"{worst.relative:.3g} of its largest value; allowed: {self.tolerance:g}"
+            f"{worst.relative:.3g} of its largest value, more than {self.tolerance:g}"
         )
         return [text] if self.exit_code else []
 
@@ -107,7 +107,9 @@ def compare(first: Path, second: Path) -> list[Difference]:
         for number, (values, other_values) in enumerate(pairs):
             if values is None or other_values is None:
                 shorter = first if values is None else second
-                raise BagError(f"{shorter}: {topic.name} has {number} messages, the other bag more")
+                raise BagError(
+                    f"{shorter}: {topic.name} has {number} messages, fewer than the other bag"
+                )
             for name, value in values.items():
                 entry = differences.setdefault((topic.name, name), Difference(topic.name, name))
                 _add_values(
@@ -118,7 +120,7 @@ def compare(first: Path, second: Path) -> list[Difference]:
 
 def _add_values(entry: Difference, values: FloatArray, others: FloatArray, label: str) -> None:
     if values.shape != others.shape:
-        raise BagError(f"{label}: has {values.size} numbers, in the other bag {others.size}")
+        raise BagError(f"{label}: has {values.size} values, in the other bag {others.size}")
     entry.count += values.size
     difference = float(np.abs(values - others).max(initial=0.0))
     entry.difference = (
@@ -150,7 +152,13 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
 # Messages of a recorded drive and law server, to be published again.
 
 #: Topics in the order in which they are published at one rig time.
-PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
+REPLAYED_TOPICS = (
+    topics.LAW_COEFFICIENTS,
+    topics.PROFILE,
+    topics.LAW,
+    topics.CLOCK,
+    topics.CAM_STATE,
+)
 #: Topics that are decoded. All others are passed on unchanged.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
 #: Letter symbol of a sound level. The bag may contain any other text there.
@@ -158,7 +166,7 @@ SYMBOL = re.compile("L[ACZ][FS]")
 
 
 @dataclass(frozen=True)
-class Played:
+class ReplayStep:
     """Cam state, all serialized messages up to it, and the measured quantity if known."""
 
     state: CamState
@@ -166,14 +174,14 @@ class Played:
     quantity: str = ""
 
 
-def played(bag: Path) -> Iterator[Played]:
+def replay_steps(bag: Path) -> Iterator[ReplayStep]:
     """Yield the messages of a bag, grouped by cam state.
 
     Messages after the last state are left out.
     """
-    by_name = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}
+    by_name = {t.name: t for t in (*REPLAYED_TOPICS, topics.DIAGNOSTICS)}
     pending: list[tuple[Topic, bytes]] = []
-    group: Played | None = None
+    group: ReplayStep | None = None
     for connection, _, data in raw_messages(bag, set(by_name)):
         topic = by_name[connection.topic]
         message = read_message(topic, bytes(data))[0] if topic in READ else None
@@ -187,7 +195,7 @@ def played(bag: Path) -> Iterator[Played]:
         if topic is topics.CAM_STATE:
             if group is not None:
                 yield group
-            group = Played(cam_state_of(message), tuple(pending))
+            group = ReplayStep(cam_state_of(message), tuple(pending))
             pending.clear()
     if group is not None:
         yield group

@@ -52,13 +52,13 @@ def make_room(stored: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda
 class Waiting:
     """Messages by topic and stamp (ns), stored until their state is written.
 
-    `known` contains the stamps of the states that wait to be written. The messages of such a state
-    are never dropped. The `number` of a message counts the messages of its topic, which has one
-    publisher.
+    `awaited` contains the stamps of the states that wait to be written. The messages of such a
+    state are never dropped. The `number` of a message counts the messages of its topic, which has
+    one publisher.
     """
 
-    def __init__(self, known: Set[int]) -> None:
-        self._known, self._until = known, -1
+    def __init__(self, awaited: Set[int]) -> None:
+        self._awaited, self._until = awaited, -1
         self._stored: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECEIVED}
         self._halves: dict[tuple[str, int], int | bytes] = {}
 
@@ -102,9 +102,9 @@ class Waiting:
             return
         stored = self._stored[topic]
         if stored.setdefault(stamp, cdr) != cdr:
-            raise RefusedError(f"{topic.name} at {stamp} ns: two messages that differ")
-        if make_room(stored, self._known.__contains__) and stamp not in self._known:
-            raise RefusedError(f"{topic.name}: more than {MAX_WAITING} messages of no known state")
+            raise RefusedError(f"{topic.name} at {stamp} ns: got two different messages")
+        if make_room(stored, self._awaited.__contains__) and stamp not in self._awaited:
+            raise RefusedError(f"{topic.name}: more than {MAX_WAITING} messages without a state")
 
 
 # Messages on /diagnostics of the rig's nodes, each once, in the order of rig time.
@@ -138,8 +138,8 @@ class PendingDiagnostics:
             return
         if node not in topics.DIAGNOSED_NODES:
             raise RefusedError(
-                f"{topics.DIAGNOSTICS.name}: of {node[:80]!r}; recorded: "
-                f"{', '.join(topics.DIAGNOSED_NODES)}"
+                f"{topics.DIAGNOSTICS.name}: the node must be one of "
+                f"{', '.join(topics.DIAGNOSED_NODES)}, got {node[:80]!r}"
             )
         diagnostic = Diagnostic(stamp, node, cdr)
         if diagnostic in self._written or diagnostic in self._waiting:
@@ -147,7 +147,7 @@ class PendingDiagnostics:
         self._waiting[diagnostic] = None
         if make_room(self._waiting):
             raise RefusedError(
-                f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} of no known time"
+                f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} messages wait for their time"
             )
 
     def due(self, until: int) -> Iterator[tuple[int, bytes]]:
@@ -188,9 +188,9 @@ class RecordingSession:
         self._validator, self._check = validator, check
         self._publishers = publishers or Publishers()
         self._states: deque[tuple[CamState, bytes]] = deque()
-        self._known: set[int] = set()
+        self._awaited: set[int] = set()
         self._before: CamState | None = None
-        self._waiting, self._diagnostics = Waiting(self._known), PendingDiagnostics()
+        self._waiting, self._diagnostics = Waiting(self._awaited), PendingDiagnostics()
         self._cams: dict[Topic, dict[str, bytes]] = {topic: {} for topic in CAM_TOPICS}
         self._newest = -1
 
@@ -201,7 +201,7 @@ class RecordingSession:
         message that is not recorded.
         """
         if topic.derived:
-            raise RefusedError(f"{topic.name}: a recorder makes these messages itself")
+            raise RefusedError(f"{topic.name}: is computed by the recorder, so it is not received")
         if topic.owner:
             self._publishers.require(topic.owner, topic, source)
         message, cdr = read_message(topic, cdr)
@@ -212,7 +212,7 @@ class RecordingSession:
             name = cam_of(message)
             if self._cams[topic].setdefault(name, cdr) != cdr:
                 raise RefusedError(
-                    f"{topic.name}: another one of {name!r}; allowed: one a recording"
+                    f"{topic.name}: a recording has one message per cam, got a second for {name!r}"
                 )
         elif topic is topics.DIAGNOSTICS:
             node = diagnosed_node(message)
@@ -240,11 +240,11 @@ class RecordingSession:
         newest = self._states[-1][0].time_ns if self._states else self.written
         if state.time_ns <= newest:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: rig time went back from {newest} ns; allowed: "
-                "one that rises within a bag; record each run into a bag of its own"
+                f"cam state at {state.time_ns} ns: rig time must increase within a bag, the last "
+                f"was at {newest} ns; record each run into a separate bag"
             )
         self._states.append((state, cdr))
-        self._known.add(state.time_ns)
+        self._awaited.add(state.time_ns)
         self._newest = max(self._newest, state.time_ns)
 
     def _write_diagnostics(self, until: int) -> None:
@@ -279,10 +279,10 @@ class RecordingSession:
             if topic.per in current and (message := self._waiting.get(topic, stamp)):
                 write(topic, stamp, message)
         if self._motion is not None and "cam" in current:
-            for derived in self._motion.mounted(state.cam, stamp):
+            for derived in self._motion.of_cam(state.cam, stamp):
                 write(*derived)
         self._before, self.written = state, stamp
-        self._known.discard(stamp)
+        self._awaited.discard(stamp)
         self._waiting.forget(stamp)
         return stamp
 
@@ -296,6 +296,6 @@ class RecordingSession:
             return []
         message, _ = read_message(topics.FOLLOWER_SAMPLES, samples)
         try:
-            return self._motion.moved(before, state, block_of(message))
+            return self._motion.of_tick(before, state, block_of(message))
         except RefusedError:  # the microphone refuses it too and reports it
             return []

@@ -46,13 +46,13 @@ class Split:
         """Parameters of the recorder, by their names in rosbag2."""
         return {"max_bagfile_size": self.size, "max_bagfile_duration": self.duration}
 
-    def is_due(self, size: int, start: int, now: int) -> bool:
-        """Return True if a file has to end before the time `now` (ns).
+    def is_due(self, size: int, start: int, stamp: int) -> bool:
+        """Return True if a file has to end before the time `stamp` (ns).
 
         `size` is the number of bytes of the file, and `start` its first log time (ns).
         """
         by_size = self.size > 0 and size >= self.size
-        return by_size or (self.duration > 0.0 and now - start > self.duration * NS)
+        return by_size or (self.duration > 0.0 and stamp - start > self.duration * NS)
 
     @classmethod
     def parse(cls, size: str | None, duration: str | None) -> Split:
@@ -63,10 +63,12 @@ class Split:
         limits = cls()
         if size is not None:
             size_bytes = round(_amount("max-bag-size", size, SIZES))
-            limits = replace(limits, size=_checked_size(size_bytes, f"max-bag-size: is {size}"))
+            _require_size(size_bytes, "max-bag-size", size)
+            limits = replace(limits, size=size_bytes)
         if duration is not None:
-            seconds, label = _amount("max-bag-duration", duration, TIMES), "max-bag-duration"
-            limits = replace(limits, duration=_checked_duration(seconds, f"{label}: is {duration}"))
+            seconds = _amount("max-bag-duration", duration, TIMES)
+            _require_duration(seconds, "max-bag-duration", duration)
+            limits = replace(limits, duration=seconds)
         return limits
 
 
@@ -75,35 +77,33 @@ def _amount(option: str, text: str, units: dict[str, float]) -> float:
     match = AMOUNT.fullmatch(text)
     if match is None or match[2] not in units:
         raise ConfigError(
-            f"{option}: is {text[:40]!r}; allowed: a number with a unit, {', '.join(units)}"
+            f"{option} must be a number with a unit ({', '.join(units)}), got {text[:40]!r}"
         )
     return float(match[1]) * units[match[2]]
 
 
-def _checked_size(size: int, label: str) -> int:
+def _require_size(size: int, name: str, text: str) -> None:
     if not MIN_FILE_BYTES <= size < 2**63:
         raise ConfigError(
-            f"{label}; allowed: a file of {MIN_FILE_BYTES} bytes ({MIN_FILE_BYTES / 1e6:g} MB) or "
-            "more, as it repeats the scene and its cams"
+            f"{name} must be at least {MIN_FILE_BYTES / 1e6:g} MB, because each file repeats the "
+            f"scene and its cams, got {text}"
         )
-    return size
 
 
-def _checked_duration(duration: float, label: str) -> float:
+def _require_duration(duration: float, name: str, text: str) -> None:
     if not MIN_FILE_S <= duration <= MAX_FILE_S:
         raise ConfigError(
-            f"{label}; allowed: a file of {MIN_FILE_S:g} to {MAX_FILE_S:g} s of rig time"
+            f"{name} must be between {MIN_FILE_S:g} and {MAX_FILE_S:g} s of rig time, got {text}"
         )
-    return duration
 
 
 def check_parameter_size(size: int) -> None:
     """Check a value of the parameter max_bagfile_size. The value 0 is no limit."""
     if size != 0:
-        _checked_size(size, f"max_bagfile_size: is {size}")
+        _require_size(size, "max_bagfile_size", f"{size} bytes")
 
 
 def check_parameter_duration(duration: float) -> None:
     """Check a value of the parameter max_bagfile_duration. The value 0 is no limit."""
     if duration != 0.0:
-        _checked_duration(duration, f"max_bagfile_duration: is {duration:g}")
+        _require_duration(duration, "max_bagfile_duration", f"{duration:g} s")

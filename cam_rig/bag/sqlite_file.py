@@ -10,18 +10,7 @@ from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-    MessageDefinitionFormat,
-)
-
-#: Encodings of message definitions that rosbags can parse.
-DEFINITION_FORMATS = {
-    "ros2msg": MessageDefinitionFormat.MSG,
-    "ros2idl": MessageDefinitionFormat.IDL,
-}
+from cam_rig.bag.connection import NO_DEFINITION, Connection, message_definition
 
 
 class SqliteFile:
@@ -67,9 +56,7 @@ class SqliteFile:
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
             )
             definitions = {
-                kind: MessageDefinition(DEFINITION_FORMATS[encoding], text)
-                for kind, encoding, text in rows
-                if encoding in DEFINITION_FORMATS
+                kind: message_definition(encoding, text) for kind, encoding, text in rows
             }
         counts = dict(
             self._database.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id")
@@ -78,13 +65,5 @@ class SqliteFile:
             "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
         )
         for number, name, kind, encoding in rows:
-            yield Connection(
-                id=number,
-                topic=name,
-                msgtype=kind,
-                msgdef=definitions.get(kind, MessageDefinition(MessageDefinitionFormat.NONE, "")),
-                digest="",
-                msgcount=counts.get(number, 0),
-                ext=ConnectionExtRosbag2(encoding, []),
-                owner=self,
-            )
+            definition = definitions.get(kind, NO_DEFINITION)
+            yield Connection(number, name, kind, encoding, definition, counts.get(number, 0))

@@ -226,7 +226,7 @@ class BagWriter:
         except FileExistsError:
             raise BagError(f"{path}: exists already, not overwriting; name another bag") from None
         except OSError as error:
-            raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
+            raise BagError(f"{self.directory}: cannot be created ({error.strerror})") from None
 
     def _write_metadata(self, topics: tuple[Topic, ...] = ()) -> None:
         data = metadata(self._contents(), topics, self._namespace)

@@ -114,19 +114,19 @@ def run(
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
         from cam_rig.live.flow_control import factor_of, pacing_of
-        from cam_rig.runner.node_process import live
-        from cam_rig.runner.resources import namespace_named
+        from cam_rig.runner.node_process import live_nodes
+        from cam_rig.runner.resources import parse_namespace
         from cam_rig.schema.load import scene_path
         from cam_rig.viewer.command import open_screen
 
         path = scene_path(scene)
         factor_of(pacing := str(pacing_of(pacing)))
         limits = Split.parse(max_bag_size, max_bag_duration)
-        namespace = namespace_named(namespace)
+        namespace = parse_namespace(namespace)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait_for_client) as screen:
-            nodes = live(path, target, screen.address, limits, pacing=pacing)
+            nodes = live_nodes(path, target, screen.address, limits, pacing=pacing)
             repeat = _command_line(options)
             subnet = discovery == Discovery.SUBNET
             _run(path, target, nodes, subnet, namespace, server, screen.page, repeat)
@@ -167,7 +167,7 @@ def _run(
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.graph import Graph
     from cam_rig.runner.node_process import PROFILE_VARIABLE
-    from cam_rig.runner.resources import own_domain
+    from cam_rig.runner.resources import reserve_domain
     from cam_rig.simulation.scene import open_scene
     from cam_rig.simulation.schedule import tick_count
     from cam_rig.viewer.command import delay_report
@@ -182,7 +182,7 @@ def _run(
     start = time.perf_counter()
 
     with (
-        own_domain(namespace),
+        reserve_domain(namespace),
         make_progress_bar() as bar,
         delay_report(page) as delayed,
         Graph(nodes, subnet, say, namespace, server) as graph,
@@ -257,8 +257,8 @@ def _replay(
     from cam_rig.errors import BagError
     from cam_rig.messages.topics import CAM_STATE
     from cam_rig.runner.graph import Graph
-    from cam_rig.runner.node_process import replayed
-    from cam_rig.runner.resources import own_domain
+    from cam_rig.runner.node_process import replay_nodes
+    from cam_rig.runner.resources import reserve_domain
     from cam_rig.schema.load import scene_path
 
     total = read_counts(bag).get(CAM_STATE.name, 0)
@@ -267,7 +267,7 @@ def _replay(
     path = scene_path(scene) if scene else unpack(bag, folder)
     # in a subfolder, as `folder` contains the files attached to the bag
     recording = folder / "again" / (output.name if output else "bag")
-    with own_domain(), Graph(replayed(path, recording, bag)) as graph:
+    with reserve_domain(), Graph(replay_nodes(path, recording, bag)) as graph:
         progress.start(total - 1, "replaying")
         done = 0
         for report in graph.progress():

@@ -301,8 +301,9 @@ class DriveProgram:
         low, high = self._speed_limits
         if speed != 0.0 and not low <= speed <= high:
             raise RefusedError(
-                f"speed: is {speed:g} rad/s ({speed / RPM:g} rpm); allowed: 0, or {low:.3g} to "
-                f"{high:.6g} rad/s ({low / RPM:.3g} to {high / RPM:.6g} rpm) at this sample rate"
+                f"speed must be 0, or between {low:.3g} and {high:.6g} rad/s ({low / RPM:.3g} and "
+                f"{high / RPM:.6g} rpm) at this sample rate, got {speed:g} rad/s ({speed / RPM:g} "
+                "rpm)"
             )
 
     def run(self, running: bool) -> None:

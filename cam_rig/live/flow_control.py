@@ -112,8 +112,8 @@ def factor_of(pacing: str) -> float | None:
     factor = 1.0 if pacing == "real_time" else float(match[1]) if match else 0.0
     if not MIN_FACTOR <= factor <= MAX_FACTOR:
         raise ConfigError(
-            f"pacing: is {pacing!r}; allowed: free, real_time, or a factor of "
-            f"{MIN_FACTOR:g} to {MAX_FACTOR:g} such as 20x"
+            f"pacing must be free, real_time, or a factor between {MIN_FACTOR:g} and "
+            f"{MAX_FACTOR:g} such as 20x, got {pacing!r}"
         )
     return factor
 
@@ -199,7 +199,10 @@ class LostTime:
         self._waits[node] += 1
 
     def text(self, factor: float, now: float, window: float) -> str:
-        """Return a warning if much time was lost in a window (s), else ""."""
+        """Return a warning if much time was lost in a window (s), else "".
+
+        `now` is the wall-clock time (s).
+        """
         duration = now - self._start
         if duration < window:
             return ""

@@ -115,11 +115,11 @@ def _require_near(
     received: FloatArray, expected: FloatArray, rtol: float, text: str, file: Path
 ) -> None:
     if received.shape != expected.shape:
-        raise RefusedError(f"{text} are {received.shape}; {file} has {expected.shape}")
+        raise RefusedError(f"{text} must be {expected.shape} as in {file}, got {received.shape}")
     difference = float(np.abs(received - expected).max())
     limit = rtol * float(np.abs(expected).max())
     if not difference <= limit:
         raise RefusedError(
-            f"{text} differ by {difference:.3g} from those of {file}; allowed: {limit:.3g} "
-            "(was the file changed, or is a second law server at work?)"
+            f"{text} differ by {difference:.3g} from those of {file}, more than {limit:.3g}; check "
+            "if the file was changed, and for a second law server"
         )

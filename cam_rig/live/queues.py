@@ -45,8 +45,8 @@ class FollowerQueue:
         """Add the next state of the cam."""
         if len(self._waiting) >= MAX_WAITING:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: {MAX_WAITING} states wait for the law of "
-                f"{self._waiting[0].cam!r} already"
+                f"cam state at {state.time_ns} ns: dropped, because {MAX_WAITING} states already "
+                f"wait for the law of cam {self._waiting[0].cam!r}"
             )
         self._validator.validate(state)
         self._waiting.append(state)

@@ -21,8 +21,8 @@ def require_loopback() -> None:
             probe.connect(probe.getsockname())
         except OSError as error:
             raise RunError(
-                f"the loopback interface, {LOOPBACK}: is down or missing ({error.strerror}); "
-                "nodes and pages need it, so: ip link set lo up"
+                f"the loopback interface {LOOPBACK} is down or missing ({error.strerror}); nodes "
+                "and pages need it, start it with: ip link set lo up"
             ) from None
 
 
@@ -44,8 +44,8 @@ class LineSocket:
         except OSError as error:
             self._socket.close()
             raise ConfigError(
-                f"socket: is {str(path)!r} ({error.strerror or error}); allowed: the socket of "
-                "cam-rig panel, which starts this node"
+                f"socket must be that of cam-rig panel, which starts this node, got {str(path)!r} "
+                f"({error.strerror or error})"
             ) from None
         self._socket.setblocking(False)
         self._received, self._unsent = bytearray(), bytearray()
@@ -62,7 +62,7 @@ class LineSocket:
             while chunk := self._socket.recv(_CHUNK):
                 self._received += chunk
                 if len(self._received) > MAX_LINE:
-                    raise RunError(f"the page's server: a line of more than {MAX_LINE} bytes")
+                    raise RunError(f"the page's server sent more than {MAX_LINE} bytes in a line")
             raise RunError("the page's server has ended")
         except BlockingIOError:
             pass
@@ -70,15 +70,15 @@ class LineSocket:
             raise RunError("the page's server has ended") from None
         *lines, remainder = bytes(self._received).split(b"\n")
         self._received = bytearray(remainder)
-        return [read_line(line) for line in lines]
+        return [parse_line(line) for line in lines]
 
-    def put(self, message: dict[str, Any]) -> None:
+    def queue(self, message: dict[str, Any]) -> None:
         """Queue an object for the next `flush`, which sends all queued objects together."""
         self._unsent += line_of(message)
 
     def send(self, message: dict[str, Any]) -> None:
         """Send an object now, or with the next `flush` if the server does not take it yet."""
-        self.put(message)
+        self.queue(message)
         self.flush()
 
     def flush(self) -> None:
@@ -109,7 +109,7 @@ def line_of(message: dict[str, Any]) -> bytes:
     return json.dumps(message).encode() + b"\n"
 
 
-def read_line(line: bytes) -> dict[str, Any]:
+def parse_line(line: bytes) -> dict[str, Any]:
     """Return the object of a line of JSON.
 
     Any other content raises RunError.
@@ -119,5 +119,5 @@ def read_line(line: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         value = None
     if not isinstance(value, dict):
-        raise RunError(f"the page's server: {line[:40]!r} is not a JSON object")
+        raise RunError(f"the page's server must send JSON objects, got {line[:40]!r}")
     return value

@@ -59,30 +59,29 @@ class StateValidator:
         duration = (state.time_ns - last.time_ns) / NS
         if not 0.0 < duration <= self._longest:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns after that at {last.time_ns} ns; allowed: "
-                f"stamps that rise, by at most {self._longest:g} s (is a second drive at work?)"
+                f"cam state at {state.time_ns} ns: must be after the state at {last.time_ns} ns, "
+                f"by at most {self._longest:g} s; check for a second drive"
             )
         first, end = (-(-time * self._rate // NS) for time in (last.time_ns, state.time_ns))
         if end <= first:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: no sample at {self._rate} Hz since the state "
-                f"at {last.time_ns} ns; allowed: one or more per tick"
+                f"cam state at {state.time_ns} ns: a tick must have at least one sample at "
+                f"{self._rate} Hz, got none since the state at {last.time_ns} ns"
             )
         turned = state.since(last)
         if turned > 1.5 * self._tick_angle:  # twice the angle of a tick if a state was lost
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: the cam turned {turned:.6g} rad since the "
-                f"previous state; allowed: {self._tick_angle:.6g} rad (was a state lost, or is a "
-                "second drive at work?)"
+                f"cam state at {state.time_ns} ns: the cam must turn {self._tick_angle:.6g} rad "
+                f"per tick, got {turned:.6g} rad; a state was lost, or a second drive is running"
             )
         # the speed is constant in a tick, or changes linearly
         constant, ramped = last.speed * duration, 0.5 * (last.speed + state.speed) * duration
         difference = min(abs(turned - constant), abs(turned - ramped))
         if difference > ANGLE_TOLERANCE:
             raise RefusedError(
-                f"cam state at {state.time_ns} ns: θ is {difference:.3g} rad from the value that "
-                f"follows from the previous state; allowed: {ANGLE_TOLERANCE:g} rad (is a second "
-                "drive at work?)"
+                f"cam state at {state.time_ns} ns: θ must follow from the previous state to "
+                f"{ANGLE_TOLERANCE:g} rad, got a difference of {difference:.3g} rad; check for a "
+                "second drive"
             )
 
 
@@ -91,10 +90,10 @@ def require_possible(state: CamState) -> None:
     is_angle = math.isfinite(state.angle) and abs(state.unwrapped) <= MAX_ANGLE
     if not (is_angle and math.isfinite(state.speed) and state.time_ns >= 0):
         raise RefusedError(
-            f"cam state: {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s; "
-            f"allowed: finite numbers, θ up to {MAX_ANGLE:g} rad, time from zero"
+            f"cam state: the numbers must be finite, θ at most {MAX_ANGLE:g} rad and the time 0 or "
+            f"later, got {state.time_ns} ns, θ {state.unwrapped} rad, ω {state.speed} rad/s"
         )
     if not 0.0 <= state.speed <= MAX_SPEED:
         raise RefusedError(
-            f"cam state: ω {state.speed:g} rad/s; allowed: 0 to {MAX_SPEED:.6g} rad/s"
+            f"cam state: ω must be between 0 and {MAX_SPEED:.6g} rad/s, got {state.speed:g}"
         )

@@ -69,21 +69,23 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
     """
     rows = _shaped(dimensions, data, "law coefficients")
     if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
-        raise RefusedError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
+        raise RefusedError(
+            f"law coefficients: the columns must be {PIECE_LABEL!r}, got {dimensions[1]}"
+        )
     if rows.shape[0] > MAX_PIECES or rows.shape[1] > MAX_DEGREE + 2:
         raise RefusedError(
-            f"law coefficients: {rows.shape[0]} pieces of degree {rows.shape[1] - 2}; allowed: "
-            f"{MAX_PIECES} of {MAX_DEGREE}"
+            f"law coefficients: must have at most {MAX_PIECES} pieces of degree {MAX_DEGREE}, got "
+            f"{rows.shape[0]} of degree {rows.shape[1] - 2}"
         )
     if not CAM_NAME.fullmatch(dimensions[0][0]):
         label = dimensions[0][0][:80]
-        raise RefusedError(f"law coefficients: label is {label!r}; allowed: a cam's name")
+        raise RefusedError(f"law coefficients: the label must be a cam's name, got {label!r}")
     if not np.abs(rows[:, 1:]).max() <= MAX_LIFT:
-        raise RefusedError(f"law coefficients: allowed: finite, at most {MAX_LIFT:g} m")
+        raise RefusedError(f"law coefficients: lifts must be finite and at most {MAX_LIFT:g} m")
     try:
         law = Law(dimensions[0][0], np.append(rows[:, 0], TURN), rows[:, 1:].T)
         if law.spans.min() < MIN_PIECE_SPAN:
-            raise RefusedError(f"a piece shorter than {MIN_PIECE_SPAN:g} rad")
+            raise RefusedError(f"a piece must span at least {MIN_PIECE_SPAN:g} rad")
     except CamRigError as error:
         raise RefusedError(f"law coefficients: {error}") from None
     return law
@@ -104,11 +106,15 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
     """
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
-        raise RefusedError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
+        raise RefusedError(
+            f"follower samples: the rows must be {BLOCK_LABEL!r}, got {dimensions[0]}"
+        )
     if rows.shape[1] > MAX_SAMPLES:
-        raise RefusedError(f"follower samples: {rows.shape[1]}; allowed: {MAX_SAMPLES} a tick")
+        raise RefusedError(
+            f"follower samples: a tick has at most {MAX_SAMPLES}, got {rows.shape[1]}"
+        )
     if not max(rows.max(), -rows.min()) <= MAX_VALUE:
-        raise RefusedError(f"follower samples: allowed: finite, at most {MAX_VALUE:g}")
+        raise RefusedError(f"follower samples: values must be finite and at most {MAX_VALUE:g}")
     return rows
 
 
@@ -123,7 +129,7 @@ def rig_time(seconds: int, nanoseconds: int) -> int:
     An invalid stamp raises RefusedError.
     """
     if seconds < 0 or nanoseconds >= NS:
-        raise RefusedError(f"stamp is {seconds} s and {nanoseconds} ns; allowed: 0 or later")
+        raise RefusedError(f"a stamp must be 0 or later, got {seconds} s and {nanoseconds} ns")
     return seconds * NS + nanoseconds
 
 
@@ -136,7 +142,8 @@ def real_time_factor(value: float) -> float:
     """Check and return the value of /rig/real_time_factor, 0 for a free run."""
     if value != 0.0 and not MIN_FACTOR <= value <= MAX_FACTOR:
         raise RefusedError(
-            f"real-time factor: is {value:g}; allowed: 0, or {MIN_FACTOR:g} to {MAX_FACTOR:g}"
+            f"real-time factor must be 0, or between {MIN_FACTOR:g} and {MAX_FACTOR:g}, got "
+            f"{value:g}"
         )
     return value
 
@@ -152,9 +159,9 @@ def cam_state_of(message: Any) -> CamState:
     cam, count = str(message.header.frame_id), len(message.position)
     if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
         raise RefusedError(
-            f"cam state: {count} positions, {len(message.velocity)} velocities, frame "
-            f"{cam[:80]!r}; allowed: {' and '.join(CAM_JOINTS)}, or the first alone, and a cam's "
-            "name"
+            f"cam state: the joints must be {' and '.join(CAM_JOINTS)}, or the first alone, and "
+            f"the frame a cam's name, got {count} positions, {len(message.velocity)} velocities "
+            f"and frame {cam[:80]!r}"
         )
     time_ns, speed = stamp_ns(message.header.stamp), float(message.velocity[0])
     state = CamState(time_ns, float(message.position[0]), speed, cam)
@@ -166,15 +173,15 @@ def _within_turn(state: CamState, angle: float) -> CamState:
     """Return a state with the exact angle within the turn (rad)."""
     if not 0.0 <= angle < TURN:
         raise RefusedError(
-            f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π (exclusive)"
+            f"cam state: the angle within the turn must be from 0 to below 2π rad, got {angle!r}"
         )
     unwrapped = state.unwrapped
     precise = replace(state, angle=angle, turns=round((unwrapped - angle) / TURN))
     difference, rounding = abs(precise.since(state)), 4.0 * math.ulp(unwrapped)
     if not difference <= ANGLE_TOLERANCE + rounding:
         raise RefusedError(
-            f"cam state: θ {unwrapped!r} rad and {angle!r} rad within the turn are "
-            f"{difference:.3g} rad apart; allowed: {ANGLE_TOLERANCE:g} rad"
+            f"cam state: θ {unwrapped!r} rad and {angle!r} rad within the turn differ by "
+            f"{difference:.3g} rad, more than {ANGLE_TOLERANCE:g} rad"
         )
     return precise
 
@@ -187,6 +194,7 @@ def _shaped(dimensions: Dimensions, data: FloatArray, name: str) -> FloatArray:
     shape = tuple(size for _, size in dimensions)
     if len(shape) != 2 or shape[0] * shape[1] != data.size or data.size == 0:
         raise RefusedError(
-            f"{name}: {data.size} numbers in dimensions {shape}; allowed: two that match the data"
+            f"{name}: must have two dimensions that match the data, got {shape} for {data.size} "
+            "numbers"
         )
     return data.reshape(shape)

@@ -99,8 +99,8 @@ def instants_of(
     grid = interval.grid(sample_rate)
     if grid.count != rows.shape[1]:
         raise RefusedError(
-            f"follower samples: {rows.shape[1]}; allowed: the {grid.count} of the tick that starts "
-            f"at {start.time_ns / NS:.6f} s"
+            f"follower samples: the tick that starts at {start.time_ns / NS:.6f} s has "
+            f"{grid.count}, got {rows.shape[1]}"
         )
     index = selection
     if isinstance(index, int):
@@ -249,7 +249,7 @@ def transforms(robot: Robot) -> InstantMaker:
 #: Names of the joints of /joint_states, which are those of the URDF.
 JOINTS = ("cam", "follower")
 #: Makers of the topics with messages at each instant, in the order of one instant.
-EACH_INSTANT = {
+INSTANT_MAKERS = {
     topics.JOINT_STATES: joint_states,
     topics.FOLLOWER_CONTACT: contact_force,
     topics.FOLLOWER_MARKERS: follower_markers,
@@ -257,15 +257,15 @@ EACH_INSTANT = {
 }
 #: Makers of the topics with a message per mounted cam. The arguments are the robot and the rig time
 #: (ns) of the mounting.
-EACH_CAM: dict[Topic, Callable[[Robot, int], bytes]] = {
+CAM_MAKERS: dict[Topic, Callable[[Robot, int], bytes]] = {
     topics.TF_STATIC: lambda robot, time_ns: Transforms(robot).fixed(time_ns),
     topics.ROBOT_DESCRIPTION: lambda robot, _: serialize(new("std_msgs/String", urdf(robot))),
     topics.CAM_MARKERS: lambda robot, _: cam_markers(robot),
 }
 #: Topics that the follower publishes. robot_state_publisher publishes /tf and /tf_static.
-OF_FOLLOWER = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
+FOLLOWER_TOPICS = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
 #: Topics that the law server publishes.
-OF_LAW_SERVER = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
+LAW_SERVER_TOPICS = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
 class DerivedMessage(NamedTuple):
@@ -292,26 +292,26 @@ class MotionMessages:
         self,
         loaded: LoadedScene,
         samples_per_turn: int = 0,
-        topics: tuple[Topic, ...] = (*EACH_INSTANT, *EACH_CAM),
+        topics: tuple[Topic, ...] = (*INSTANT_MAKERS, *CAM_MAKERS),
     ) -> None:
         self.topics, self.sample_rate = topics, int(loaded.scene.sample_rate.si)
         self._loaded, scene = loaded, loaded.scene
         points = (samples_per_turn or scene.samples_per_turn) / scene.schedule.ticks_per_turn
         self._points = max(1, round(points))  # per tick
         self._robot = cache(lambda cam: Robot.of(loaded, cam))
-        self._maker = cache(lambda topic, cam: EACH_INSTANT[topic](self._robot(cam)))
+        self._maker = cache(lambda topic, cam: INSTANT_MAKERS[topic](self._robot(cam)))
 
-    def mounted(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
+    def of_cam(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
         """Return the messages of a cam that is mounted from a rig time (ns) on."""
         if cam not in self._loaded.laws:
             return []
         return [
-            DerivedMessage(topic, time_ns, EACH_CAM[topic](self._robot(cam), time_ns))
+            DerivedMessage(topic, time_ns, CAM_MAKERS[topic](self._robot(cam), time_ns))
             for topic in self.topics
-            if topic in EACH_CAM
+            if topic in CAM_MAKERS
         ]
 
-    def moved(
+    def of_tick(
         self,
         start: CamState,
         end: CamState,
@@ -331,7 +331,7 @@ class MotionMessages:
         selection : array of int, optional
             Indices of the samples (default: the instants of `select_samples`).
         """
-        chosen = [t for t in self.topics if t in EACH_INSTANT and (wanted is None or t in wanted)]
+        chosen = [t for t in self.topics if t in INSTANT_MAKERS and (wanted is None or t in wanted)]
         if not chosen or start.cam not in self._loaded.laws:
             return []
         law, points = self._loaded.laws[start.cam], self._points if selection is None else selection

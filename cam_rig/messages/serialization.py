@@ -75,7 +75,7 @@ def stamp_of(cdr: bytes) -> int:
     The message starts with a stamp or a clock.
     """
     if len(cdr) < 12:
-        raise RefusedError(f"{len(cdr)} bytes are not a message; allowed: 12 or more")
+        raise RefusedError(f"a stamped message has at least 12 bytes, got {len(cdr)}")
     return rig_time(*struct.unpack_from("<iI" if cdr[1] == 1 else ">iI", cdr, 4))
 
 

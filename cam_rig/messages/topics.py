@@ -232,6 +232,6 @@ class Publishers:
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:
     """Return the error of a run in which two publishers publish as one node."""
     return RunError(
-        f"{topic.name}: has a second publisher, {other}; allowed: one, this rig's {node}; end the "
-        "other, or set ROS_DOMAIN_ID to another number"
+        f"{topic.name}: has a second publisher, {other}; only this rig's {node} may publish it; "
+        "end the other program, or set ROS_DOMAIN_ID to another number"
     )

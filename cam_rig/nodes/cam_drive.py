@@ -22,7 +22,7 @@ from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.clock_source import ClockSource
-from cam_rig.runner.node_table import held_by, in_chain
+from cam_rig.runner.node_table import blocking_text, order_by_chain
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
@@ -49,7 +49,7 @@ class DriveControls:
     def start(self) -> str:
         """Start or resume the motion."""
         if self._program.halted:
-            raise RunError("emergency stop is active: call reset, then start")
+            raise RunError("the emergency stop is active; call reset, then start")
         self._program.run(True)
         self._node.send_due()
         return "the cam turns"
@@ -75,7 +75,7 @@ class DriveControls:
         """Stop the cam at the end of the current tick, until a reset."""
         if (state := self._program.halt()) is not None:
             self._node.send(state)
-        return "the cam stands; to continue, call reset, then start"
+        return "the cam is stopped; to continue, call reset, then start"
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:
@@ -87,7 +87,7 @@ class DriveControls:
     def _on_rpm(self, message: Float64) -> None:
         (result,) = self._node.set_parameters([Parameter("rpm", value=float(message.data))])
         if not result.successful:
-            raise RefusedError(f"{topics.CAM_RPM.name}: {message.data:g} rpm: {result.reason}")
+            raise RefusedError(f"{topics.CAM_RPM.name}: {result.reason}")
 
 
 class LawServerClient:
@@ -146,7 +146,7 @@ class LawServerClient:
             if values == [cam]:
                 on_mounted(cam)
             else:
-                text = f"{topics.PARAMETER_EVENTS.name}: {cam!r} is not mounted"
+                text = f"{topics.PARAMETER_EVENTS.name}: cam {cam!r} is not mounted; event ignored"
                 self._node.reject(RefusedError(text))
 
         if self._client.services_are_ready():
@@ -218,7 +218,7 @@ class CamDrive(ClockSource):
         if self._not_ready:
             self._lost_time = LostTime(time.monotonic())
         elif not flow.may_send() and self.time_until_due() == 0.0:
-            self._lost_time.count_wait(in_chain(flow.behind())[0])
+            self._lost_time.count_wait(order_by_chain(flow.behind())[0])
         self._warn_if_slow(PACE_WINDOW_S)
 
     def _warn_if_slow(self, window: float) -> None:
@@ -239,7 +239,7 @@ class CamDrive(ClockSource):
 
     def _on_refused(self, cam: str, reason: str) -> None:
         self.program.on_refused(cam)
-        self.reject(RefusedError(f"cam {cam!r}: refused by the law server ({reason})"))
+        self.reject(RefusedError(f"the law server does not mount cam {cam!r}: {reason}"))
 
     def _on_law(self, message: Float64MultiArray) -> None:
         law = decode_law(*array_of(message))
@@ -276,5 +276,5 @@ class CamDrive(ClockSource):
     def pending_text(self) -> str:
         """Return the progress and the nodes waited for, as text for an error message."""
         program = self.program
-        behind = held_by(program.flow.behind() or [LAW_SERVER])
+        behind = blocking_text(program.flow.behind() or [LAW_SERVER])
         return f"{program.sent} of {program.ticks + 1} states from: {behind}"

@@ -21,7 +21,7 @@ from cam_rig.nodes.base.diagnostics import ERROR, OK, WARN, Activity
 from cam_rig.nodes.base.rig_node import RigNode, progress_text, scene_identity
 from cam_rig.nodes.base.run_end import POLL_S, FinishedRun, find_endpoints, have_left
 from cam_rig.nodes.convert import to_header, to_joint_state, to_time
-from cam_rig.runner.node_table import OPTIONAL, WAIT, held_by, in_chain
+from cam_rig.runner.node_table import OPTIONAL, WAIT, blocking_text, order_by_chain
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, to_rpm
 
@@ -138,12 +138,11 @@ class ClockSource(RigNode):
             self._progress_at = time.monotonic()
         elif time.monotonic() - self._progress_at > progress_timeout:
             if self._not_ready:
-                text = (
-                    f"not ready after {progress_timeout:g} s: {', '.join(sorted(self._not_ready))}"
-                )
+                names = ", ".join(sorted(self._not_ready))
+                text = f"not ready after {progress_timeout:g} s: {names}"
             else:
                 text = f"no answer for {progress_timeout:g} s after {self.pending_text()}"
-            self.fail(RunError(f"{text}; is it running?"))
+            self.fail(RunError(f"{text}; check if the node is running"))
         if (due := self.time_until_due()) > 0.0:
             # rclpy does not provide one-shot timers, so that _on_due cancels the timer
             self._due_timer.timer_period_ns = max(MIN_TIMER_NS, int(due * 1e9))
@@ -197,7 +196,7 @@ class ClockSource(RigNode):
         behind = self._flow.behind() if is_waiting else []
         if not behind:
             return Activity("turning", (), "turning")
-        return Activity("waiting", in_chain(behind), f"waiting for {held_by(behind)}")
+        return Activity("waiting", order_by_chain(behind), f"waiting for {blocking_text(behind)}")
 
     # Published messages.
 

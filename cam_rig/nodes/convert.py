@@ -39,7 +39,9 @@ def qos(topic: Topic, histories: int = 1) -> QoSProfile:
 def require_length(topic: Topic, cdr: bytes) -> None:
     """Raise RefusedError if a serialized message is longer than its topic allows."""
     if len(cdr) > topic.max_bytes:
-        raise RefusedError(f"{topic.name}: {len(cdr)} bytes; allowed: {topic.max_bytes}")
+        raise RefusedError(
+            f"{topic.name}: a message has at most {topic.max_bytes} bytes, got {len(cdr)}"
+        )
 
 
 def to_time(time_ns: int) -> Time:

@@ -15,7 +15,7 @@ from cam_rig.live.playback import Tick
 from cam_rig.live.queues import FollowerQueue
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
-from cam_rig.messages.motion import OF_FOLLOWER, MotionMessages
+from cam_rig.messages.motion import FOLLOWER_TOPICS, MotionMessages
 from cam_rig.nodes.base.diagnostics import OK, WARN
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.convert import to_array, to_header, to_joint_state
@@ -41,7 +41,7 @@ class Follower(RigNode):
         self._samples_publisher = self.advertise(topics.FOLLOWER_SAMPLES)
         self._state_publisher = self.advertise(topics.FOLLOWER_STATE)
         points = self.settings["samples_per_turn"] or self._loaded.scene.samples_per_turn
-        messages = MotionMessages(self._loaded, points, OF_FOLLOWER)
+        messages = MotionMessages(self._loaded, points, FOLLOWER_TOPICS)
         self._motion = MotionPublisher(self, messages, points, self.settings["visualization_rate"])
         self._state_received_at = 0.0
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)

@@ -15,7 +15,7 @@ from cam_rig.laws import Law
 from cam_rig.live.law_server import CamMounting, contour_of
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
-from cam_rig.messages.motion import OF_LAW_SERVER, MotionMessages
+from cam_rig.messages.motion import LAW_SERVER_TOPICS, MotionMessages
 from cam_rig.nodes.base.diagnostics import OK
 from cam_rig.nodes.base.rig_node import RigNode, progress_text
 from cam_rig.nodes.convert import to_array, to_header
@@ -42,7 +42,7 @@ class LawServer(RigNode):
         self._ack_publisher = self.advertise(topics.LAW_SERVER_ACK)
         self._loaded = open_scene(Path(self.settings["scene"]))
         self._states = tick_count(self._loaded.scene) + 1
-        self._markers = MotionMessages(self._loaded, topics=OF_LAW_SERVER)
+        self._markers = MotionMessages(self._loaded, topics=LAW_SERVER_TOPICS)
         self._marker_publishers = {t: self.advertise(t) for t in self._markers.topics}
         self._mounting = CamMounting(self._loaded, self.settings["cam"])
         self._publish_law()
@@ -59,11 +59,11 @@ class LawServer(RigNode):
             self._publish_law()
 
     def _publish_law(self) -> None:
-        self.get_logger().info(f"{self._mounting.cam} is mounted")
+        self.get_logger().info(f"cam {self._mounting.cam} is mounted")
         law = self._mounting.law
         self._coefficients_publisher.publish(to_array(*encode_law(law)))
         self._profile_publisher.publish(to_polygon(self._loaded.cams[law.name], law))
-        for topic, _, cdr in self._markers.mounted(law.name):
+        for topic, _, cdr in self._markers.of_cam(law.name):
             self._marker_publishers[topic].publish(cdr)
 
     def _on_state(self, message: JointState) -> None:

@@ -83,7 +83,7 @@ class MotionPublisher:
         if not wanted or is_factor_pending:
             return
         if not self._factor:
-            self._publish(self._motion.moved(*tick, wanted), wanted, is_paced=False)
+            self._publish(self._motion.of_tick(*tick, wanted), wanted, is_paced=False)
             return
         with self._lock:
             self._playback.add(tick, self._factor, received_at, time.monotonic())
@@ -132,7 +132,7 @@ class MotionPublisher:
 
     def _prepare(self, samples: PlaybackSamples) -> list[Instant]:
         """Return the messages of the subscribed topics, by instant."""
-        messages = self._motion.moved(*samples.tick, self._subscribed_topics(), samples.indices)
+        messages = self._motion.of_tick(*samples.tick, self._subscribed_topics(), samples.indices)
         groups = groupby(messages, attrgetter("time_ns"))
         return [Instant(samples, index, list(group)) for index, (_, group) in enumerate(groups)]
 

@@ -106,7 +106,7 @@ class Panel(RigNode):
         state = cam_state_of(message)
         self.diagnostics.newest_ns = state.time_ns
         values = {"time_ns": state.time_ns, "cam": state.cam, "rpm": to_rpm(state.speed)}
-        self._socket.put({"state": values | {"angle": state.angle}})
+        self._socket.queue({"state": values | {"angle": state.angle}})
 
     def _on_pressure(self, message: FluidPressure) -> None:
         self._stamps.append(stamp_ns(message.header.stamp))
@@ -120,17 +120,17 @@ class Panel(RigNode):
         """Queue each level with the stamp of its pressure, which has the same number."""
         while self._stamps and self._levels:
             reading = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
-            self._socket.put(reading)
+            self._socket.queue(reading)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            self._socket.put({"health": [status.name, status.level[0], values]})
+            self._socket.queue({"health": [status.name, status.level[0], values]})
 
     def _on_samples(self, message: Float64MultiArray) -> None:
         rows = block_of(message)
         data = base64.b64encode(np.ascontiguousarray(rows, "<f8").tobytes()).decode("ascii")
-        self._socket.put({"samples": data, "shape": rows.shape})
+        self._socket.queue({"samples": data, "shape": rows.shape})
 
     def _set_listening(self, listening: bool) -> None:
         """Subscribe to the samples, which pages need to play the sound, or unsubscribe."""

@@ -71,10 +71,12 @@ class Spec:
         if kind is list and isinstance(value, (list, tuple)):
             return list(value)
         if type(value) is not kind:
-            quote = f"; in quotes: '\"{value}\"'" if kind is str and self.check is None else ""
-            prefix = "a list, [], of " if kind is list and self.choices else ""
-            allowed = prefix + ", ".join(self.choices) or KINDS[kind] + quote
-            raise ConfigError(f"{self.name}: is {value!r}; allowed: {allowed}")
+            rule, remedy = KINDS[kind], ""
+            if self.choices:
+                rule = f"{'a list' if kind is list else 'one'} of {', '.join(self.choices)}"
+            elif kind is str and self.check is None:
+                remedy = f"; write it in quotes: '\"{value}\"'"
+            raise ConfigError(f"{self.name} must be {rule}, got {value!r}{remedy}")
         return value
 
     def require(self, value: Any) -> None:
@@ -83,11 +85,12 @@ class Spec:
         unknown = [str(item) for item in items if self.choices and item not in self.choices]
         if unknown:
             raise ConfigError(
-                f"{self.name}: has {', '.join(unknown)}; allowed: {', '.join(self.choices)}"
+                f"{self.name} must be one of {', '.join(self.choices)}, got {', '.join(unknown)}"
             )
         if self.max_value is not None and not (self.min_value or 0.0) <= value <= self.max_value:
             raise ConfigError(
-                f"{self.name}: is {value:g}; allowed: {self.min_value:g} to {self.max_value:g}"
+                f"{self.name} must be between {self.min_value:g} and {self.max_value:g}, got "
+                f"{value:g}"
             )
         if self.check is not None:
             self.check(value)

@@ -7,12 +7,12 @@ from pathlib import Path
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
-from cam_rig.bag.replay import PLAYED, Played, played
+from cam_rig.bag.replay import REPLAYED_TOPICS, ReplayStep, replay_steps
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.clock_source import ClockSource
 from cam_rig.nodes.parameters import ESSENTIAL, WEIGHTING_PARAMETERS
-from cam_rig.runner.node_table import held_by
+from cam_rig.runner.node_table import blocking_text
 
 
 class Player(ClockSource):
@@ -25,8 +25,8 @@ class Player(ClockSource):
 
     def __init__(self) -> None:
         super().__init__("player")
-        self._messages = played(Path(self.settings["input_uri"]))
-        self._next: Played | None = next(self._messages, None)
+        self._messages = replay_steps(Path(self.settings["input_uri"]))
+        self._next: ReplayStep | None = next(self._messages, None)
         self._sent = 0
         #: Quantity (such as LAF) that the microphone measures, and the requested one.
         self._quantity = self._requested_quantity = ""
@@ -35,27 +35,29 @@ class Player(ClockSource):
             topics.CLOCK: self._clock_publisher,
             topics.CAM_STATE: self._state_publisher,
         }
-        self._publishers_by_topic = {t: existing.get(t) or self.advertise(t) for t in PLAYED}
+        self._publishers_by_topic = {
+            t: existing.get(t) or self.advertise(t) for t in REPLAYED_TOPICS
+        }
         self.publish_factor(None)
         consumers = list(ESSENTIAL)
         self.start_flow(consumers, FlowControl(consumers))
 
     def send_next(self) -> bool:
         """Publish the next state and its messages, or return False if it must wait."""
-        played_state = self._next
-        if played_state is None or not self._flow.may_send() or not self._is_weighted(played_state):
+        step = self._next
+        if step is None or not self._flow.may_send() or not self._is_weighted(step):
             return False
-        self._flow.record_sent(played_state.state.time_ns)
-        for topic, cdr in played_state.messages:
+        self._flow.record_sent(step.state.time_ns)
+        for topic, cdr in step.messages:
             self._publishers_by_topic[topic].publish(cdr)
-        self.report_sent(played_state.state, self._sent)
+        self.report_sent(step.state, self._sent)
         self._sent += 1
         self._next = next(self._messages, None)
         return True
 
-    def _is_weighted(self, played_state: Played) -> bool:
+    def _is_weighted(self, step: ReplayStep) -> bool:
         """Return True if the microphone measures the recorded quantity, else request it."""
-        quantity = played_state.quantity or self._quantity
+        quantity = step.quantity or self._quantity
         if quantity == self._quantity:
             return True
         # between two ticks only, because weightings apply to whole ticks
@@ -80,4 +82,4 @@ class Player(ClockSource):
 
     def pending_text(self) -> str:
         """Return the progress and the nodes waited for, as text for an error message."""
-        return f"{self._sent} states from: {held_by(self._flow.behind())}"
+        return f"{self._sent} states from: {blocking_text(self._flow.behind())}"

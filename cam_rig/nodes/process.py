@@ -116,7 +116,7 @@ def first_line(error: Exception) -> str:
 def _fail(name: str, text: str, code: int) -> int:
     """Log why a node cannot start, also on /rosout, and return the exit code.
 
-    The message on /rosout has a publisher of its own, because rclpy reports neither when the
+    The message on /rosout has a separate publisher, because rclpy reports neither when the
     publisher of a logger has matched nor when its message has arrived.
     """
     rclpy.logging.get_logger(f"{name}.start").fatal(text)
@@ -151,6 +151,7 @@ def _run(name: str, make: Callable[[], RigNode], request: StopRequest) -> int:
             return _fail(name, str(error), error.exit_code)
         except ParameterException as error:
             return _fail(name, f"parameter: {error}", ConfigError.exit_code)
+        # RCLError has no public name in rclpy (Kilted): an import error would follow its move
         except (NameValidationException, rclpy_implementation.RCLError) as error:
             text = first_line(error)
             if "should not exceed" in text:  # ROS does not report the limit of a namespace

@@ -30,7 +30,7 @@ from cam_rig.nodes.base.run_end import (
 )
 from cam_rig.nodes.convert import message_class, to_header
 from cam_rig.runner.node_table import WAIT
-from cam_rig.runner.resources import own_recorder
+from cam_rig.runner.resources import reserve_recorder
 from cam_rig.simulation.scene import open_scene
 
 #: Number of nodes that may publish on /diagnostics in one run, for the depth of its queue.
@@ -57,7 +57,7 @@ class Recorder(RigNode):
         self._path = choose_bag(Path(self.settings["output_uri"] or default), self.runs_before)
         namespace = self.get_namespace().rstrip("/")
         self._lock = ExitStack()
-        self._lock.enter_context(own_recorder(self.context.get_domain_id(), namespace))
+        self._lock.enter_context(reserve_recorder(self.context.get_domain_id(), namespace))
         split = Split(self.settings["max_bagfile_size"], self.settings["max_bagfile_duration"])
         require_new_bag(self._path, split.last_number)
         self._sources = topics.Publishers(self.publisher_monitor.find_publishers)
@@ -139,7 +139,7 @@ class Recorder(RigNode):
     def summary(self) -> str:
         """Return the text that is logged when the node ends without an error."""
         if self._is_unused:
-            return "nothing more was recorded"
+            return f"no further run was recorded, {self._path} is removed"
         return f"closed {self._path}: {self.ticks} states, {self._bag.count} messages"
 
     def close(self) -> None:

@@ -60,7 +60,7 @@ class Viewer(RigNode):
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id
         self._loaded.mount(cam)
-        self._view.feed.profile(cam, polygon(message))
+        self._view.feed.profiles[cam] = polygon(message)
 
     def _on_factor(self, message: Float64) -> None:
         self._view.set_pace(real_time_factor(message.data))

@@ -108,5 +108,5 @@ def _public_path(text: str) -> str:
     path = Path(text)
     if not path.is_absolute():
         return text
-    here = Path.cwd()
-    return str(path.relative_to(here)) if path.is_relative_to(here) else path.name
+    folder = Path.cwd()
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else path.name

@@ -74,7 +74,7 @@ class Content:
     dpi: float | None = None
 
     @cached_property
-    def drawn(self) -> dict[str, list[str]]:
+    def figure_uris(self) -> dict[str, list[str]]:
         """Data URIs of each figure by its key, one per strip, from the top."""
         return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
 
@@ -117,7 +117,7 @@ def fill(
         progress.describe(section.title)
         contents[section] = section.find(source)
         if with_figures:
-            _ = contents[section].drawn
+            _ = contents[section].figure_uris
         progress.advance()
     return {section: contents[section] for section in sections}
 
@@ -203,7 +203,9 @@ def render(
     templates, numbering, text = environment(kind, folder), Numbering(), ""
     with_figures = [] if kind == "md" else contents.values()
     parts = {
-        "figures": {key: uri for content in with_figures for key, uri in content.drawn.items()},
+        "figures": {
+            key: uri for content in with_figures for key, uri in content.figure_uris.items()
+        },
         "numbering": numbering,
         "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
         "found": source,

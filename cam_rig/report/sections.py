@@ -90,8 +90,8 @@ def _require_same(bag: Path, recorded: LoadedScene, loaded: LoadedScene) -> None
     name = loaded.scene.name
     if recorded.scene.name != name:
         raise BagError(
-            f"{bag}: is a recording of the scene {recorded.scene.name!r}; allowed: of {name!r}, "
-            f"so record that with: cam-rig run {name}"
+            f"{bag}: must be a recording of the scene {name!r}, got {recorded.scene.name!r}; "
+            f"record it with: cam-rig run {name}"
         )
     numbers = _determining_numbers(loaded)
     before = _determining_numbers(recorded)

@@ -36,6 +36,9 @@ class Graph:
 
     If an essential node ends for any reason, `poll` and `progress` raise a RunError that names it.
 
+    Threads: one thread calls all methods. The threads that read the output of the nodes only call
+    `log` and put lines into the queue `_progress`.
+
     Parameters
     ----------
     nodes : dict
@@ -95,14 +98,13 @@ class Graph:
         from cam_rig.bag.recover import NOTHING_RECORDED
 
         if error is not None or self._is_bag_unclosed:
-            prefix = f"what was recorded so far is in {self._bag}: "
             is_empty = self._bag_text == NOTHING_RECORDED
-            self._log(self._bag_text if is_empty else prefix + self._bag_text)
+            self._log(self._bag_text if is_empty else f"bag {self._bag}: {self._bag_text}")
 
     def _end(self) -> None:
         """End all nodes, the recorder last, and clean up the shared memory after a failure."""
         from cam_rig.bag.files import is_unclosed
-        from cam_rig.bag.recover import state_words
+        from cam_rig.bag.recover import recording_state
 
         started = [self.processes[n] for n in reversed(self._nodes) if n in self.processes]
         recorder = [process for process in started if process.name == RECORDER]
@@ -110,7 +112,7 @@ class Graph:
         stop_all([process for process in started if process not in recorder])
         stop_all(recorder)  # last, so that it receives all messages of the others
         self._is_bag_unclosed = self._bag.is_dir() and is_unclosed(self._bag)
-        self._bag_text = state_words(self._bag)
+        self._bag_text = recording_state(self._bag)
         # a killed node leaves segments in the shared memory, as does one that found it full
         if any(node.process.poll() for node in started):
             time.sleep(LOCK_GRACE_S)  # afterwards segments of a new run are locked
@@ -133,7 +135,7 @@ class Graph:
         ended = [n for n, process in self.processes.items() if process.has_ended]
         if self._drive in ended:
             self.processes[self._drive].wait_for_output()
-        reports = self._reports()
+        reports = self._take_reports()
         self._check_suspended()
         is_drive_finished = self._drive in ended and self.processes[self._drive].code == 0
         if is_drive_finished and not self._is_done:
@@ -168,7 +170,7 @@ class Graph:
             if ENTRIES[name].essential and now - since > self._progress_timeout:
                 raise RunError(f"node {name} is suspended (SIGSTOP) {self._progress_text}")
 
-    def _reports(self) -> list[dict[str, float | str]]:
+    def _take_reports(self) -> list[dict[str, float | str]]:
         """Return all reports received, waiting up to `REPORT_WAIT_S` for the first."""
         lines = list[str]()
         with suppress(Empty):

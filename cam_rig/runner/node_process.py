@@ -44,6 +44,10 @@ Process = subprocess.Popen[str] | ForkedProcess
 class NodeProcess:
     """Running node, forked from a server or started in a new interpreter.
 
+    Threads: one thread per stream reads lines and calls `log`, `report` or `_keep_stderr`. The
+    thread of the graph calls all other methods. `stderr_lines` needs no lock: one thread appends to
+    it, and it is complete after `wait_for_output`.
+
     Parameters
     ----------
     name : str
@@ -88,10 +92,10 @@ class NodeProcess:
         except (OSError, MemoryError) as error:
             raise _start_error(name, getattr(error, "strerror", None) or "no memory") from None
         try:
-            self._read(self.process.stdout, lambda line: log(line.rstrip()))
-            self._read(self.process.stderr, self._keep_stderr)
+            self._start_reader(self.process.stdout, lambda line: log(line.rstrip()))
+            self._start_reader(self.process.stderr, self._keep_stderr)
             if report is not None:
-                self._read(progress, report)
+                self._start_reader(progress, report)
         except RuntimeError as error:  # no thread can be started, so the output is not read
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
@@ -143,14 +147,14 @@ class NodeProcess:
         self.wait_for_output()
         lines = [line.strip() for line in self.stderr_lines if line.strip()]
         fatal = [line.split("]: ", 1)[-1] for line in lines if line.startswith("[FATAL]")]
-        return (fatal[:1] or lines[-1:] or ["nothing on stderr"])[0]
+        return (fatal[:1] or lines[-1:] or ["no line on stderr"])[0]
 
     def wait_for_output(self) -> None:
         """Wait until all output of the ended node has been read."""
         for thread in self._threads:
             thread.join(SHUTDOWN_GRACE_S)
 
-    def _read(self, stream: Iterable[str] | None, take: Callable[[str], None]) -> None:
+    def _start_reader(self, stream: Iterable[str] | None, take: Callable[[str], None]) -> None:
         thread = threading.Thread(target=_drain, args=(stream, take), daemon=True)
         thread.start()
         self._threads.append(thread)
@@ -170,13 +174,13 @@ def _start(
     If `reports` is False there is no pipe and there are no lines.
     """
     if not reports:
-        return _started(command, subnet, None, server), ()
+        return _launch(command, subnet, None, server), ()
     progress, pipe = os.pipe()
     with ExitStack() as stack:  # closes the pipe if the start fails
         lines = stack.enter_context(os.fdopen(progress))
         try:
             command = [*command, "-p", f"progress_fd:={pipe}"]
-            process = _started(command, subnet, pipe, server)
+            process = _launch(command, subnet, pipe, server)
         finally:
             os.close(pipe)
         stack.pop_all()
@@ -192,7 +196,7 @@ def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:
     return [sys.executable, "-m", "cam_rig.nodes", name, "--ros-args", *remapping, *parameters]
 
 
-def _started(
+def _launch(
     command: list[str], subnet: bool, pipe: int | None, server: ForkServer | None
 ) -> Process:
     """Start a command, forked from the server if possible, and pass the pipe to it."""
@@ -265,7 +269,7 @@ def _drain(stream: Iterable[str], take: Callable[[str], None]) -> None:
         take(line)
 
 
-def live(
+def live_nodes(
     scene: Path,
     bag: Path,
     screen: str | None = None,
@@ -300,13 +304,13 @@ def live(
     return {name: {**common, **by_node.get(name, {})} for name in names}
 
 
-def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
+def replay_nodes(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
     """Return the nodes of a replay with their parameters: the consumers and the player.
 
     The player replaces the drive and the law server. `bag` is the folder to record into and
     `recorded` the bag to play.
     """
-    nodes = {name: values for name, values in live(scene, bag).items() if name in CONSUMERS}
+    nodes = {name: values for name, values in live_nodes(scene, bag).items() if name in CONSUMERS}
     player: Arguments = {
         "input_uri": str(recorded),
         "progress_timeout": PROGRESS_TIMEOUT_S,
@@ -315,13 +319,13 @@ def replayed(scene: Path, bag: Path, recorded: Path) -> dict[str, Arguments]:
     return nodes | {PLAYER.name: player}
 
 
-def steered(
+def panel_nodes(
     scene: Path, bag: Path, socket: Path, screen: str | None, **drive: str | bool | float
 ) -> dict[str, Arguments]:
     """Return the nodes of a run that a page controls, with their parameters.
 
     The panel node connects them with the page, through the `socket` of `cam-rig panel`.
     """
-    nodes = live(scene, bag, screen, None, **drive)
+    nodes = live_nodes(scene, bag, screen, None, **drive)
     panel: Arguments = {"scene": str(scene), "on_finish": WAIT, "socket": str(socket)}
     return {PANEL.name: panel} | nodes

@@ -53,13 +53,13 @@ CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
-def in_chain(names: Sequence[str]) -> list[str]:
+def order_by_chain(names: Sequence[str]) -> list[str]:
     """Sort nodes by their position in the chain, in which each waits for the nodes before it."""
     order = [entry.name for entry in NODES]
     return sorted(names, key=order.index, reverse=True)
 
 
-def held_by(names: Sequence[str]) -> str:
-    """Return a text on several nodes without an answer, with the one that blocks the others."""
-    first, *rest = in_chain(names)
-    return f"{first}, and behind it {', '.join(rest)}" if rest else first
+def blocking_text(names: Sequence[str]) -> str:
+    """Return a text on nodes without an answer: the node that blocks the others, then these."""
+    first, *others = order_by_chain(names)
+    return f"{first}, which blocks {', '.join(others)}" if others else first

@@ -108,7 +108,7 @@ FOREIGN_ERRORS = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 
 
 @contextmanager
-def own_domain(namespace: str = "") -> Iterator[None]:
+def reserve_domain(namespace: str = "") -> Iterator[None]:
     """Reserve a namespace of the present ROS domain for one run.
 
     The kernel releases it at the end of the process at the latest.
@@ -129,7 +129,7 @@ def own_domain(namespace: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def own_recorder(domain: int, namespace: str) -> Iterator[None]:
+def reserve_recorder(domain: int, namespace: str) -> Iterator[None]:
     """Reserve the role of the only recorder of a rig.
 
     Raises
@@ -137,7 +137,7 @@ def own_recorder(domain: int, namespace: str) -> Iterator[None]:
     RunError
         If the rig has a recorder. The drive waits for a recorder, and cannot wait for two.
     """
-    with _exclusive_lock("recorder", domain, namespace_named(namespace)) as location:
+    with _exclusive_lock("recorder", domain, parse_namespace(namespace)) as location:
         if location:
             raise RunError(
                 f"this rig has a recorder already, in {location}; end it first, record the topics "
@@ -159,7 +159,7 @@ def _exclusive_lock(role: str, domain: int, namespace: str) -> Iterator[str]:
         yield location
 
 
-def namespace_named(text: str) -> str:
+def parse_namespace(text: str) -> str:
     """Return a namespace with its leading slash: /rig1 for rig1 and /rig1, empty for the root.
 
     Raises
@@ -170,8 +170,8 @@ def namespace_named(text: str) -> str:
     namespace = f"/{text.strip('/')}".rstrip("/")
     if len(namespace) > MAX_NAMESPACE or (namespace and not NAMESPACE.fullmatch(namespace)):
         raise ConfigError(
-            f"namespace: is {text[:80]!r}, {len(text)} characters; allowed: letters, digits, "
-            f"single _ and /, each part starts with a letter, {MAX_NAMESPACE} characters at most"
+            f"namespace must have at most {MAX_NAMESPACE} letters, digits, single _ and /, with a "
+            f"letter at the start of each part, got {text[:80]!r} ({len(text)} characters)"
         )
     return namespace
 
@@ -193,7 +193,7 @@ def domain_number(text: str | None = None) -> int:
         number = int(digits, 16 if "x" in digits else 8 if digits[0] == "0" else 10)
         if number <= MAX_DOMAIN:
             return number
-    raise ConfigError(f"ROS_DOMAIN_ID: is {text[:40]!r}; allowed: 0 to {MAX_DOMAIN}")
+    raise ConfigError(f"ROS_DOMAIN_ID must be between 0 and {MAX_DOMAIN}, got {text[:40]!r}")
 
 
 def domain_ports(domain: int) -> range:
@@ -242,11 +242,11 @@ def require_shared_memory(folder: Path = SHARED_MEMORY) -> None:
 
     Without that folder, as on systems other than Linux, nothing is checked.
     """
-    free = _free_bytes(folder)
+    free = _available_bytes(folder)
     if free is not None and free < MIN_FREE_BYTES:
         raise OutputError(
-            f"{folder}: has {free / 1024:.0f} KiB free; allowed: at least "
-            f"{MIN_FREE_BYTES // 1024} KiB, so {REMEDY}"
+            f"{folder}: must have at least {MIN_FREE_BYTES // 1024} KiB free, got "
+            f"{free / 1024:.0f} KiB; {REMEDY}"
         )
 
 
@@ -255,13 +255,13 @@ def explain_signal(code: int, folder: Path = SHARED_MEMORY) -> str:
 
     Only SIGBUS has a known cause: a full shared memory.
     """
-    free = _free_bytes(folder)
+    free = _available_bytes(folder)
     if code != -signal.SIGBUS or free is None:
         return ""
     return f" (SIGBUS: {folder} was full, {free / 1024:.0f} KiB are free now; {REMEDY})"
 
 
-def _free_bytes(folder: Path) -> int | None:
+def _available_bytes(folder: Path) -> int | None:
     """Return the bytes that the user can write to a folder, or None if it does not exist."""
     try:
         status = os.statvfs(folder)

@@ -36,7 +36,7 @@ TOP_MARGIN = 0.1
 #: Margin for labels below the axes, as a fraction of their height.
 BOTTOM_MARGIN = 0.12
 #: Margin above the highest number of an axis over time, as a fraction of the range below it.
-ABOVE = 0.05
+TOP_MARGIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ class Axes:
         """
         lines = rr.LineStrips2D(self.grid(y), colors=colours.GREY, radii=THIN)
         stream.log(entity, lines, static=True)
-        self.draw_words(stream, f"{entity}/x", self.under(x), x)
-        self.draw_words(stream, f"{entity}/y", self.beside(y), y)
+        self.draw_labels(stream, f"{entity}/x", self.x_label_positions(x), x)
+        self.draw_labels(stream, f"{entity}/y", self.y_label_positions(y), y)
 
     def grid(self, y: Mapping[float, str]) -> list[FloatArray]:
         """Return the strips of the frame and of a line at each marked y."""
@@ -105,20 +105,20 @@ class Axes:
         frame = self.place(np.array([left, left, right]), np.array([high, low, low]))
         return [frame, *(self.place(np.array([left, right]), np.array([v, v])) for v in y)]
 
-    def under(self, x: Mapping[float, str]) -> FloatArray:
+    def x_label_positions(self, x: Mapping[float, str]) -> FloatArray:
         """Return the positions `(n, 2)` of the labels of marked x."""
         values = np.array([*x])
         marks = self.place(values, np.full_like(values, self.y[0]))
         return marks + np.array([0.0, 0.01 * self.height])
 
-    def beside(self, y: Mapping[float, str]) -> FloatArray:
+    def y_label_positions(self, y: Mapping[float, str]) -> FloatArray:
         """Return the positions `(n, 2)` of the labels of marked y."""
         values = np.array([*y])
         shift = np.array([-0.05 * self.width, -self.raised * self.height])
         return self.place(np.full_like(values, self.x[0]), values) + shift
 
     @staticmethod
-    def draw_words(
+    def draw_labels(
         stream: rr.RecordingStream, entity: str, positions: FloatArray, marks: Mapping[float, str]
     ) -> None:
         """Draw the labels of marks at positions `(n, 2)`, as static data."""
@@ -169,8 +169,8 @@ def round_range(low: float, high: float) -> tuple[float, float, float]:
 def tens_range(low: float, high: float) -> tuple[float, float]:
     """Return the ends of an axis with numbers that Rerun sets, at powers of ten.
 
-    The axis contains at least three multiples of a power of ten, and a margin of `ABOVE` above the
-    highest.
+    The axis contains at least three multiples of a power of ten, and a margin of `TOP_MARGIN` above
+    the highest.
     """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
@@ -180,7 +180,7 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
         else:
             first -= 1.0
     low, last = min(low, float(first * step)), float(last * step)
-    return low, max(high, last + ABOVE * (last - low))
+    return low, max(high, last + TOP_MARGIN * (last - low))
 
 
 def step_marks(low: float, high: float, step: float, max_count: int = 4) -> dict[float, str]:
@@ -220,7 +220,7 @@ def require_free(path: Path, overwrite: bool) -> None:
     if path.is_dir():
         raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
-        raise ConfigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd")
+        raise ConfigError(f"{path}: must end in .rrd, got {path.suffix!r}")
     if path.exists() and not overwrite:
         raise CamRigError(f"{path}: exists already, not overwriting; name another, or use --force")
 

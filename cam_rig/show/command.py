@@ -126,7 +126,7 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
         If a target cannot be written, matplotlib is not installed, or two targets are stdout.
     """
     if json_target == "-" and csv == STDOUT:
-        raise ConfigError("--json - and --csv -: both go to stdout; allowed: one of them there")
+        raise ConfigError("--json - cannot be combined with --csv -: both write to stdout")
     if plot is not None and plot.suffix.lower() not in PICTURE_SUFFIXES:
         raise ConfigError(
             f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURE_SUFFIXES)}"
@@ -178,7 +178,7 @@ class StrictCommand(TyperCommand):
         repeated = [p for p, count in counts.items() if count > 1 and not p.multiple]
         if repeated and not any(p.is_eager for p in counts):
             name, count = max(repeated[0].opts, key=len), counts[repeated[0]]
-            print(f"cam-rig: {name}: is given {count} times; allowed: once", file=sys.stderr)
+            print(f"cam-rig: {name} must occur once, got it {count} times", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code)
         return super().parse_args(ctx, args)
 
@@ -226,7 +226,7 @@ Csv = Annotated[
 ]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write JSON (-: stdout).")]
 RigOfBag = Annotated[
-    str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
+    str | None, typer.Option("--namespace", help="One rig of a bag with several rigs: /rig2.")
 ]
 Namespace = Annotated[
     str, typer.Option(help="Namespace of its nodes and topics, for two rigs side by side.")

@@ -325,7 +325,7 @@ class Result:
         """
         tables = {table.key: table for table in self.tables()}
         if key and key not in tables:
-            raise ConfigError(f"key: is {shorten(key)}; allowed: {', '.join(tables)}")
+            raise ConfigError(f"key must be one of {', '.join(tables)}, got {shorten(key)}")
         return tables[key or next(iter(tables))].to_pandas()
 
     def plot(self, **options: Any) -> Figure:
@@ -344,7 +344,7 @@ class Result:
             If the result has no figure, or matplotlib is not installed.
         """
         if not self.plot_function:
-            raise ConfigError(f"plot: {type(self).__name__} has no figure; allowed: its tables")
+            raise ConfigError(f"{type(self).__name__} has no figure; use its tables")
         module, name = self.plot_function.split(":")
         with friendly_import_errors():
             draw = getattr(import_module(module), name)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import rclpy
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -120,13 +119,7 @@ class RigClient:
         accept : callable
             Function of a message. Messages for which it is false are ignored.
         """
-        messages: list[Any] = []
-
-        def take(message: Any) -> None:
-            if accept(message):
-                messages.append(message)
-
-        self._subscribe(topic, kind, take)
+        _, messages = self._subscribe(topic, kind, accept)
         return messages
 
     def wait_for_message(
@@ -141,10 +134,9 @@ class RigClient:
         RunError
             If no such message arrives within `timeout`.
         """
-        messages: list[Any] = []
-        subscription = self._subscribe(topic, kind, messages.append)
+        subscription, messages = self._subscribe(topic, kind, accept)
         try:
-            return self.wait_for(partial(_first, messages, accept), f"a message on {topic}")
+            return self.wait_for(lambda: messages, f"a message on {topic}")[0]
         finally:
             self.node.destroy_subscription(subscription)
 
@@ -210,18 +202,18 @@ class RigClient:
         values = self.ask(GetParameters, f"/{node}/get_parameters", request).values
         return parameter_value_to_python(values[0])
 
-    def _subscribe(self, topic: str, kind: Any, take: Callable[[Any], Any]) -> Any:
-        profile: Any = QUEUE_DEPTH
+    def _subscribe(
+        self, topic: str, kind: Any, accept: Callable[[Any], Any]
+    ) -> tuple[Any, list[Any]]:
+        """Return a subscription, and the list of the accepted messages."""
+        messages, profile = list[Any](), cast("Any", QUEUE_DEPTH)
         if (rig_topic := _RIG_TOPICS.get(topic)) is not None:
             kind, profile = kind or message_class(rig_topic), qos(rig_topic, histories=len(ENTRIES))
         elif kind is None:
             raise TypeError(f"{topic} is not a topic of the rig; give its message type by kind=...")
-        return self.node.create_subscription(kind, topic, take, profile)
 
+        def take(message: Any) -> None:
+            if accept(message):
+                messages.append(message)
 
-def _first(messages: list[Any], accept: Callable[[Any], Any]) -> Any:
-    """Return the first accepted message, and remove it and those before it. None without one."""
-    while messages:
-        if accept(message := messages.pop(0)):
-            return message
-    return None
+        return self.node.create_subscription(kind, topic, take, profile), messages

@@ -17,7 +17,7 @@ from typing import Any
 
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import PROFILE_VARIABLE, SHUTDOWN_GRACE_S, environment, live
+from cam_rig.runner.node_process import PROFILE_VARIABLE, SHUTDOWN_GRACE_S, environment, live_nodes
 from cam_rig.runner.resources import domain_ports
 from cam_rig.schema.load import resolve_path
 from cam_rig.studies.simulate.recorded import read_bag
@@ -169,6 +169,10 @@ class RunningRig(RigClient):
     class is for tests without the fixture `start_rig`. Each method that waits raises `RunError` as
     soon as a node has ended early, with the last line that the node wrote.
 
+    Threads: `_watch` runs in the thread `_watcher`, appends to `ticks`, and
+    sets `_done_at`, then `_done`, or `_failure`. The thread of the test calls all other methods. It
+    only reads these attributes until the watcher has ended, so they need no lock.
+
     Parameters
     ----------
     scene : str or Path
@@ -224,7 +228,7 @@ class RunningRig(RigClient):
             self.domain = stack.enter_context(hold_domain())
             with in_domain(self.domain):
                 self.environment = dict(os.environ)
-                nodes = live(self.scene, self.bag, **self._drive)
+                nodes = live_nodes(self.scene, self.bag, **self._drive)
                 self._graph = stack.enter_context(Graph(nodes, log=self.log.append))
                 super().__init__(self.domain, self._client_timeout)
             stack.callback(RigClient.__exit__, self)

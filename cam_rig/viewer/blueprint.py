@@ -15,7 +15,7 @@ from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
 from cam_rig.viewer import Layout, bounce_chart, level_chart, quantities, scene2d, turn_chart
-from cam_rig.viewer.bounce_chart import ROW, bounce_axes, rebounds
+from cam_rig.viewer.bounce_chart import ROW, bounce_axes, can_rebound
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, plot_rows
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
@@ -98,11 +98,11 @@ def compared_rpm(speeds: Iterable[float], rpm: float | None) -> float:
     nearest = min(available, key=lambda speed: abs(speed - rpm))
     if not abs(nearest - rpm) <= 1e-6 * nearest:  # also raises for NaN
         options = ", ".join(f"{speed:g}" for speed in available)
-        raise ConfigError(f"{rpm:g} rpm: the run has no such speed; allowed: {options}")
+        raise ConfigError(f"rpm must be a speed of the run, {options}, got {rpm:g}")
     return nearest
 
 
-def playback_begin(loaded: LoadedScene, duration: float) -> float:
+def playback_start(loaded: LoadedScene, duration: float) -> float:
     """Return the rig time (s) at which playback of a run of `duration` s starts.
 
     It is the start of the first settled turn, but at most half of the duration.
@@ -119,7 +119,7 @@ def _time_panel(loaded: LoadedScene, duration: float, window: float | None) -> r
     """
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
-    ends = [round(time * NS) for time in (playback_begin(loaded, duration), duration)]
+    ends = [round(time * NS) for time in (playback_start(loaded, duration), duration)]
     loop: dict[str, Any] = {"loop_mode": "selection", "time_selection": AbsoluteTimeRange(*ends)}
     return rrb.TimePanel(timeline=RIG_TIME, playback_speed=PLAYBACK_SPEED, **loop, **PLAYING)
 
@@ -128,7 +128,7 @@ def _run(
     loaded: LoadedScene, duration: float, bucket: int, ranges: Ranges, window: float | None
 ) -> rrb.Container:
     turn_bounds = TurnAxes(plot_rows(loaded.scene.model), ranges).bounds()
-    bounces = [_bounces(loaded, ranges)] if rebounds(loaded) else []
+    bounces = [_bounces(loaded, ranges)] if can_rebound(loaded) else []
     tabs = rrb.Tabs(
         *bounces,
         plane_view(turn_chart.VIEW, "One turn", *turn_bounds),
@@ -184,7 +184,8 @@ def _over_time(
 
 
 def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
-    time_axis = _whole_run_axis(duration)
+    ends = [rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, duration)]
+    time_axis = rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
     over_run = rrb.Vertical(
         _plot(quantities.LEVEL.entity, "Sound pressure level [dB]", time_axis),
         _plot(quantities.SPEED.entity, "Cam speed [rpm]", time_axis),
@@ -272,9 +273,4 @@ def _axis_around_cursor(window: float | None) -> rrb.TimeAxis:
     """
     around = (-AROUND_CURSOR_S, AROUND_CURSOR_S) if window is None else (-window, 0.0)
     ends = [rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in around]
-    return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
-
-
-def _whole_run_axis(duration: float) -> rrb.TimeAxis:
-    ends = [rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, duration)]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))

@@ -31,7 +31,7 @@ HEAD = 12.0
 POINT = -1.6
 
 
-def rebounds(loaded: LoadedScene) -> bool:
+def can_rebound(loaded: LoadedScene) -> bool:
     """Return True if the follower can leave the cam and rebounds when it lands."""
     restitution = loaded.rig.follower.restitution
     return MODELS[loaded.scene.model].lifts_off and restitution is not None and restitution.si > 0.0

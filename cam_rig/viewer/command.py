@@ -58,7 +58,7 @@ def delay_report(
         nonlocal printed
         if page is None:
             return status
-        page.driven(rig_time)
+        page.record_drive(rig_time)
         delay, now = page.behind(), clock()
         status += "" if delay is None else f", viewer {delay:.1f} s behind"
         if not console.is_terminal and delay is not None and now - printed >= LOG_PERIOD_S:
@@ -154,9 +154,9 @@ def view(
     from cam_rig.schema.load import scene_path
 
     if save is not None and web:
-        raise ConfigError("--save and --web: a file is written or a page served; name one")
+        raise ConfigError("--save cannot be combined with --web")
     if save is None and force:
-        raise ConfigError("--force: overwrites the file of --save, and none is named")
+        raise ConfigError("--force requires --save")
     options = ViewOptions(layout, rpm, not no_decimation)
     scene_file = scene_path(scene) if scene else None
     if save is not None:

@@ -43,7 +43,7 @@ LETTER = 4.4
 #: Free space on both sides of a name in the plane, in sum.
 AROUND = 12.0
 #: Smallest vertical distance between two names in the plane.
-STEP = 10.0
+TITLE_DISTANCE = 10.0
 
 
 def speed_ends(loaded: LoadedScene) -> tuple[float, float]:
@@ -64,7 +64,7 @@ def level_axes(loaded: LoadedScene) -> Axes:
     return Axes((low, high), (float(lowest) - 5.0, float(highest) + 5.0), WIDTH)
 
 
-def shown_cams(loaded: LoadedScene) -> dict[str, str]:
+def displayed_titles(loaded: LoadedScene) -> dict[str, str]:
     """Return the shortened titles of the scene's cams, then of cams only published."""
     published_cams = () if loaded.published is None else loaded.published.regression_db
     published_titles = {cam: in_words(cam) for cam in published_cams if cam not in loaded.cams}
@@ -74,7 +74,7 @@ def shown_cams(loaded: LoadedScene) -> dict[str, str]:
 
 def names_width(loaded: LoadedScene) -> float:
     """Return the width of the longest title, as a fraction of the axes' width."""
-    return (LETTER * max(map(len, shown_cams(loaded).values())) + AROUND) / WIDTH
+    return (LETTER * max(map(len, displayed_titles(loaded).values())) + AROUND) / WIDTH
 
 
 def spread_apart(positions: FloatArray, step: float) -> FloatArray:
@@ -143,7 +143,7 @@ class LevelChart:
     def _ends(self) -> dict[str, float]:
         """Return the level (dB) at the last published or measured point of each cam."""
         published, ends = self._loaded.published, {}
-        for cam in shown_cams(self._loaded):
+        for cam in displayed_titles(self._loaded):
             if published is not None and cam in published.regression_db:
                 ends[cam] = float(published.level(cam, np.array([self._axes.x[1]]))[0])
             elif cam in self._measured.levels:
@@ -156,14 +156,14 @@ class LevelChart:
         With `start`, a time (ns) and a cam angle (rad), the names appear from there on. None draws
         them for every time.
         """
-        ends, titles = self._ends(), shown_cams(self._loaded)
+        ends, titles = self._ends(), displayed_titles(self._loaded)
         if not ends:
             return
         self._named = ends
         right = np.full(len(ends), self._axes.x[1])
         positions = self._axes.place(right, np.array([*ends.values()]))
         positions[:, 0] += 0.5 * names_width(self._loaded) * self._axes.width
-        positions[:, 1] = spread_apart(positions[:, 1] - 0.04 * self._axes.height, STEP)
+        positions[:, 1] = spread_apart(positions[:, 1] - 0.04 * self._axes.height, TITLE_DISTANCE)
         colours = np.array([*map(of_cam, ends)], np.uint32)
         style: dict[str, Any] = {"labels": [titles[cam] for cam in ends], "colors": colours}
         if start is None:

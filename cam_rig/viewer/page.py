@@ -126,7 +126,9 @@ def _varint(value: int) -> bytes:
 class PageTime:
     """Delay of the displayed rig time behind the drive, in wall-clock time.
 
-    The thread of the server calls `take`, the thread of the run calls `driven`.
+    The thread of the server calls `take` and `until_open` waits for it. The thread of the run calls
+    `record_drive`. There is no lock: each list has one writer, which appends to `_when` before
+    `_driven`, and each other attribute is replaced in one assignment.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -158,7 +160,7 @@ class PageTime:
         """Wait until a page displays the viewer."""
         self._open.wait()
 
-    def driven(self, rig_time: float) -> None:
+    def record_drive(self, rig_time: float) -> None:
         """Record that the drive has reached a rig time (s)."""
         self._when.append(self._clock())  # before _driven, which the other thread reads first
         self._driven.append(rig_time)
@@ -188,7 +190,7 @@ KEPT_PARTS = 5
 def new_recording(folder: Path) -> Path:
     """Return the first part of a new recording, and delete older recordings."""
     if not folder.is_dir():
-        raise CamRigError(f"{folder}: no page reads it; allowed: a folder that one is served from")
+        raise CamRigError(f"{folder}: must be the folder of a page that cam-rig serves")
     for old in folder.glob("*.rrd"):  # a reader still has it open
         old.unlink(missing_ok=True)
     return folder / f"{time.time_ns()}_{0:06}.rrd"

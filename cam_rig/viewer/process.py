@@ -123,12 +123,12 @@ def _wait_for_ports(process: subprocess.Popen[bytes], ports: tuple[int, ...]) ->
 @contextmanager
 def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """Start an empty viewer, and yield it with the address for a live run."""
-    port = free_port()
+    port = find_free_port()
     with listening("--port", str(port), "--expect-data-soon", ports=(port,)) as process:
         yield process, stream_address(port)
 
 
-def free_port() -> int:
+def find_free_port() -> int:
     """Return a free port of this machine."""
     with socket.socket() as listener:
         listener.bind((LOOPBACK, 0))

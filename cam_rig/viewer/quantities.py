@@ -212,7 +212,7 @@ ZERO_GAP = "zero_gap"
 #: Smallest gap (µm) that gets the additional axis.
 MIN_GAP = 1.0
 #: Upper limit of the additional axis, relative to the smallest gap.
-CLOSE = 4.0
+CLOSE_GAP_FACTOR = 4.0
 #: Largest upper limit of the additional axis, relative to the greatest gap.
 MAX_SHARE = 0.2
 
@@ -296,9 +296,9 @@ def close_gap(gaps: Sequence[float]) -> Ranges:
     Returns an empty dict if the axis of all gaps resolves it.
     """
     visible = [gap * GAP.line.factor for gap in gaps if gap * GAP.line.factor >= MIN_GAP]
-    if not visible or CLOSE * min(visible) > MAX_SHARE * max(visible):
+    if not visible or CLOSE_GAP_FACTOR * min(visible) > MAX_SHARE * max(visible):
         return {}
-    return {CLOSE_GAP: round_range(0.0, CLOSE * min(visible))}
+    return {CLOSE_GAP: round_range(0.0, CLOSE_GAP_FACTOR * min(visible))}
 
 
 def _wider(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, run_length
 from cam_rig.units import NS, FloatArray
 from cam_rig.viewer import Layout, ViewOptions
-from cam_rig.viewer.blueprint import blueprint, compared_rpm, playback_begin
+from cam_rig.viewer.blueprint import blueprint, compared_rpm, playback_start
 from cam_rig.viewer.page import new_recording, next_part, page_delay
 from cam_rig.viewer.quantities import scene_ranges
 from cam_rig.viewer.run_recorder import RunRecorder
@@ -59,10 +59,16 @@ class RunFeed:
     """
 
     def __init__(self, receiver: RunReceiver) -> None:
-        self._receiver, self._pairing = receiver, TickMatcher()
+        self._receiver = receiver
+        #: States and blocks that are not yet combined into ticks.
+        self.pairing = TickMatcher()
+        #: Contours by cam, of the receiver.
+        self.profiles = receiver.profiles
+        #: Levels (dB) without a pressure, in their order.
+        self.levels: deque[float] = deque()
+        #: Ends of ticks (ns) and r.m.s. pressures (Pa) without a level, in their order.
+        self.pressures: deque[tuple[int, float]] = deque()
         self._ticks: deque[Tick] = deque()
-        self._levels: deque[float] = deque()
-        self._pressures: deque[tuple[int, float]] = deque()
         self._sounds: deque[tuple[int, float, float]] = deque()
         self._drawn = self._sound_until = -1
 
@@ -70,11 +76,11 @@ class RunFeed:
     def handlers(self) -> dict[Topic, Callable[[Any], None]]:
         """Handlers of messages by topic."""
         return {
-            topics.CAM_STATE: lambda m: self.state(cam_state_of(m)),
-            topics.PROFILE: lambda m: self.profile(str(m.header.frame_id), polygon(m)),
-            topics.FOLLOWER_SAMPLES: lambda m: self.block(block_of(m)),
-            topics.LEVEL: lambda m: self.level(float(m.data)),
-            topics.PRESSURE: lambda m: self.pressure(*pressure_of(m)),
+            topics.CAM_STATE: lambda m: self.pairing.add_state(cam_state_of(m)),
+            topics.PROFILE: lambda m: self.profiles.update({m.header.frame_id: polygon(m)}),
+            topics.FOLLOWER_SAMPLES: lambda m: self.pairing.add_block(block_of(m)),
+            topics.LEVEL: lambda m: self.levels.append(float(m.data)),
+            topics.PRESSURE: lambda m: self.pressures.append(pressure_of(m)),
         }
 
     @property
@@ -82,33 +88,13 @@ class RunFeed:
         """True if the level of a drawn tick has not arrived yet."""
         return self._sound_until < self._drawn
 
-    def profile(self, cam: str, points: FloatArray) -> None:
-        """Add the contour of a cam in the cam's frame, m, shape (n, 2)."""
-        self._receiver.profiles[cam] = points
-
-    def state(self, state: CamState) -> None:
-        """Add the next state of the cam."""
-        self._pairing.add_state(state)
-
-    def block(self, rows: FloatArray) -> None:
-        """Add the next block of samples, shape (6, n)."""
-        self._pairing.add_block(rows)
-
-    def level(self, level: float) -> None:
-        """Add the next level, dB."""
-        self._levels.append(level)
-
-    def pressure(self, end_ns: int, pressure: float) -> None:
-        """Add the r.m.s. pressure (Pa) of the tick that ended at rig time ``end_ns``."""
-        self._pressures.append((end_ns, pressure))
-
     def draw(self) -> Iterator[Tick]:
         """Pass all complete ticks to the receiver, and yield each of them."""
-        self._ticks.extend(map(Tick._make, self._pairing.complete()))
-        while self._levels and self._pressures:
-            reading, level = self._pressures.popleft(), self._levels.popleft()
-            self._sounds.append((reading[0], level, reading[1]))
-        while self._ticks and self._ticks[0].start.cam in self._receiver.profiles:
+        self._ticks.extend(map(Tick._make, self.pairing.complete()))
+        while self.levels and self.pressures:
+            end_ns, pressure = self.pressures.popleft()
+            self._sounds.append((end_ns, self.levels.popleft(), pressure))
+        while self._ticks and self._ticks[0].start.cam in self.profiles:
             tick = self._ticks.popleft()
             self._receiver.tick(*tick)
             self._drawn = tick[1].time_ns
@@ -187,7 +173,7 @@ def save_recording(
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
     if read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0) == 0:
-        raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
+        raise BagError(f"{bag}: has no messages on {topics.FOLLOWER_SAMPLES.name} to show")
     duration, speeds = _duration_and_speeds(bag)
     rpm = compared_rpm(speeds or loaded.scene.schedule.speeds.si_list, view_options.rpm)
     samples = round(duration * loaded.scene.sample_rate.si)
@@ -197,7 +183,7 @@ def save_recording(
     with rrd_stream(path, f"{loaded.scene.title} ({bag.name})", plan) as stream:
         recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, draws_run)
         feed_bag(bag, loaded, RunFeed(recorder), on_tick)
-    return playback_begin(loaded, duration) if draws_run else 0.0
+    return playback_start(loaded, duration) if draws_run else 0.0
 
 
 def _duration_and_speeds(bag: Path) -> tuple[float, set[float]]:

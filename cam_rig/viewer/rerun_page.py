@@ -43,7 +43,7 @@ from cam_rig.viewer.page import (
     part_after,
     write_delay,
 )
-from cam_rig.viewer.process import free_port, listening
+from cam_rig.viewer.process import find_free_port, listening
 from cam_rig.viewer.web_server import LOCAL_HOST, serve_application
 
 #: Address of the viewer, with options that store no data between visits.
@@ -122,7 +122,7 @@ class RerunPages:
         script = (GUARD + page_script(begin)).encode()
         page = OUTSIDE.sub(b"", self.files["/"].body).replace(b"<head>", b"<head>" + script, 1)
         self.files["/"] = ViewerFile(self.files["/"].kind, page)
-        routes = [Route("/", self._index), Route(SHOWN_PATH, self._shown)]
+        routes = [Route("/", self._index), Route(SHOWN_PATH, self._report_time)]
         self.application = Starlette(routes=[*routes, Route("/{name}", self._file)])
 
     def recording(self) -> Path | None:
@@ -132,7 +132,7 @@ class RerunPages:
     async def _index(self, request: Request) -> Response:
         return self._static("/") if request.url.query else RedirectResponse(HOME, 303)
 
-    async def _shown(self, request: Request) -> Response:
+    async def _report_time(self, request: Request) -> Response:
         self.page.take(request.url.query)
         if self.folder is not None:
             write_delay(self.folder, self.page.behind())
@@ -151,7 +151,7 @@ class RerunPages:
     def _static(self, path: str) -> Response:
         file = self.files.get(path)
         if file is None:
-            return PlainTextResponse("there is no such file\n", 404)
+            return PlainTextResponse("no such file\n", 404)
         return Response(file.body, media_type=file.kind)
 
     async def _follow(self, first: Path) -> AsyncIterator[bytes]:
@@ -193,12 +193,14 @@ def viewer_files() -> dict[str, ViewerFile]:
     CamRigError
         If Rerun's server has no page or does not answer.
     """
-    port, assets = free_port(), free_port()
+    port, assets = find_free_port(), find_free_port()
     arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
     with listening(*arguments, ports=(port, assets)):
         page = _viewer_file(assets, "/")
         if page is None:
-            raise CamRigError("the viewer has no page of its own; allowed: rerun-sdk as required")
+            raise CamRigError(
+                "this rerun-sdk serves no page; install the version that cam_rig needs"
+            )
         names = {(first or second).decode() for first, second in NAMED.findall(page.body)}
         files = {f"/{name}": _viewer_file(assets, f"/{name}") for name in sorted(names)}
     return {"/": page} | {path: file for path, file in files.items() if file is not None}

@@ -19,7 +19,7 @@ from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
-from cam_rig.viewer.bounce_chart import BounceChart, rebounds
+from cam_rig.viewer.bounce_chart import BounceChart, can_rebound
 from cam_rig.viewer.level_chart import BandChart, third_octaves
 from cam_rig.viewer.quantities import Mark, SceneRanges, SeriesLine, SeriesWriter, gap_of, plot_rows
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
@@ -52,10 +52,15 @@ class TimeSeries:
         ``rows`` are those of the block, followed by the twist if the model has a shaft.
         """
         time, lift, _, _, force, impulse = rows[:6]
-        law = self._law(start, end, angle)
-        values = [law, *rows[1:5], *rows[6:]]
+        law = self._loaded.laws[start.cam]
+        if start.is_steady_until(end):
+            step = start.speed / self._loaded.scene.sample_rate.si
+            law_lift = sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]
+        else:
+            law_lift = law(angle)
+        values = [law_lift, *rows[1:5], *rows[6:]]
         if quantities.GAP_LINE in self._writers:
-            values.append(np.where(force == 0.0, lift - law, 0.0))
+            values.append(np.where(force == 0.0, lift - law_lift, 0.0))
         for line, samples in zip(self._lines, values, strict=True):
             self._writers[line].add(time, angle, samples)
         self.add(quantities.ZERO, start, 0.0)
@@ -76,14 +81,11 @@ class TimeSeries:
         for writer in self._writers.values():
             writer.flush()
 
-    def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
-        law, step = self._loaded.laws[start.cam], start.speed / self._loaded.scene.sample_rate.si
-        if not start.is_steady_until(end):
-            return law(angle)
-        return sample(law, float(angle[0]), step, angle.size, LIFT_OF_LAW, np.zeros(1))[0]
 
-
-EVENTS, BANDS = "events", "bands"
+#: Entity of the texts of events.
+EVENTS = "events"
+#: Entity of the third-octave bands.
+BANDS = "bands"
 
 
 class RunView:
@@ -106,7 +108,7 @@ class RunView:
         self._bands = BandChart(canvas, BANDS, self._rate, colours.BANDS)
         self._turn_chart = TurnChart(canvas, loaded, ranges, every=pace is None)
         self._scene = Scene2D(canvas, loaded, pace=pace, cursor=self._turn_chart.move_cursor)
-        bounces = rebounds(loaded)
+        bounces = can_rebound(loaded)
         self._bounces = BounceChart(canvas, loaded, ranges.all_cams) if bounces else None
         self._new_turns, self._finished = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []

@@ -341,7 +341,12 @@ class Scene2D:
         frames = frames[:, due]
         if self._pace is not None:
             frames = frames[:, self._pace.chosen(frames.shape[1])]
-        time, angle, lift, force = frames
+        self._send(*frames)
+
+    def _send(
+        self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
+    ) -> None:
+        """Send the poses, the gaps, the readings and the forces of frames."""
         times, shape = self._canvas.times(time, angle), self._shape
         motion = Motion.at(self._law, angle)
         drawn = np.minimum(lift, self._max_lift)

@@ -27,7 +27,7 @@ TURN_DEGREES = "turn_degrees"
 #: Tolerance (degrees, absolute) below a whole degree within which an angle counts as that degree.
 #: Rig time has whole ns, and half a ns is 1.2e-6° at 400 rpm and 3e-5° at 10 000 rpm. The distance
 #: of samples is larger than this tolerance.
-ROUNDING = 1e-4
+ANGLE_ROUNDING_DEG = 1e-4
 #: Function that returns the time columns of rows at times (s) and unwrapped cam angles (rad).
 Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
@@ -35,7 +35,7 @@ Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 def time_columns(time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
     """Return all timelines for rows at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
     nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
-    degrees = _whole_degrees(angle)
+    degrees = _floor_degrees(angle)
     turn = degrees // 360
     return [
         rr.TimeColumn(RIG_TIME, duration=nanoseconds),
@@ -52,11 +52,11 @@ def rig_time_alone(time: FloatArray, _angle: FloatArray) -> list[rr.TimeColumn]:
 
 def within_turn(_time: FloatArray, angle: FloatArray) -> list[rr.TimeColumn]:
     """Return only the angle within the turn, for turns that are overlaid."""
-    return [rr.TimeColumn(TURN_DEGREES, sequence=_whole_degrees(angle) % 360)]
+    return [rr.TimeColumn(TURN_DEGREES, sequence=_floor_degrees(angle) % 360)]
 
 
-def _whole_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    return np.floor(np.degrees(angle) + ROUNDING).astype(np.int64)
+def _floor_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    return np.floor(np.degrees(angle) + ANGLE_ROUNDING_DEG).astype(np.int64)
 
 
 @dataclass(frozen=True)

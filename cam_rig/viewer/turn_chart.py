@@ -34,9 +34,9 @@ LEFT = 16.0
 #: Free space right of all rows in the plane.
 RIGHT = 6.0
 #: Free space above all rows in the plane.
-ABOVE = 8.0
+SPACE_ABOVE = 8.0
 #: Free space below all rows in the plane.
-BELOW = 7.0
+SPACE_BELOW = 7.0
 #: Largest number of letters of a cam's title in tables and charts, for a page of 1000 pixels.
 MAX_TITLE = 24
 #: Marks of the cam angle, °.
@@ -66,7 +66,7 @@ class TurnAxes:
         self.height = len(rows) * (HEAD + row)
 
     def bounds(
-        self, below: float = BELOW, above: float = ABOVE
+        self, below: float = SPACE_BELOW, above: float = SPACE_ABOVE
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the limits of x and y of a view of all rows and the degrees below."""
         return (-LEFT, WIDTH + RIGHT), (-above, self.height + below)
@@ -89,7 +89,7 @@ class TurnAxes:
                 position = TITLE_AT[0], self.tops[row.key] + TITLE_AT[1]
                 label(canvas, f"{view}/{row.key}/title", position, row.title)
         axes, last = self.axes[self.rows[-1].key], f"{view}/{self.rows[-1].key}"
-        axes.draw_words(canvas.stream, f"{last}/degrees", axes.under(DEGREES), DEGREES)
+        axes.draw_labels(canvas.stream, f"{last}/degrees", axes.x_label_positions(DEGREES), DEGREES)
         quarters = np.array([*DEGREES]) / 360.0 * WIDTH
         lines = [np.array([[x, HEAD], [x, self.height]]) for x in quarters]
         grid = rr.LineStrips2D(lines, colors=colours.LIGHT_GREY, radii=THIN)
@@ -256,7 +256,9 @@ class TurnChart:
             marks = self._axes.marks(key)
             self._strips(times, f"{key}/axes", axes.grid(marks))
             labels = [*marks.values()]
-            self._canvas.points(f"{VIEW}/{key}/axes/y", times, axes.beside(marks), labels=labels)
+            self._canvas.points(
+                f"{VIEW}/{key}/axes/y", times, axes.y_label_positions(marks), labels=labels
+            )
         law = self._loaded.laws[cam](np.radians(DEGREES_OF_LAW)) * LAW.factor
         self._law = self._axes.place("lift", DEGREES_OF_LAW, law)
 

@@ -113,19 +113,14 @@ class Access:
             return "the host must be that of the printed address"
         origin = headers.get("origin")
         if (origin is not None or needs_origin) and origin != f"http://{self.netloc}":
-            return "allowed: pages of this address alone"
-        received = self._token_in(headers.get("cookie") or "") if token is None else token
-        if not secrets.compare_digest(received.encode(errors="replace"), self.token.encode()):
-            return "allowed: the whole address that was printed, with its token"
+            return "the origin must be that of the printed address"
+        if token is None:  # Python's cookie parser would take seconds for malicious cookies
+            cookies = (headers.get("cookie") or "").split(";")
+            pairs = (cookie.strip().partition("=") for cookie in cookies)
+            token = next((value for name, _, value in pairs if name == self.cookie_name), "")
+        if not secrets.compare_digest(token.encode(errors="replace"), self.token.encode()):
+            return "the token is missing or wrong; open the complete printed address"
         return ""
-
-    def _token_in(self, cookies: str) -> str:
-        """Return the token in the cookies, or an empty text.
-
-        Splits the text, because Python's cookie parser takes seconds for malicious cookies.
-        """
-        pairs = (pair.strip().partition("=") for pair in cookies.split(";"))
-        return next((value for name, _, value in pairs if name == self.cookie_name), "")
 
 
 @dataclass
@@ -146,7 +141,7 @@ class Guard:
             return await self.app(scope, receive, send)
         send = self._with_headers(send)
         if not PATH.fullmatch(scope["raw_path"]):
-            return await _refuse("allowed: a path that begins with /", 400, scope, receive, send)
+            return await _refuse("the path must start with one /", 400, scope, receive, send)
         connection, is_http = HTTPConnection(scope), scope["type"] == "http"
         token = connection.query_params.get("token") if is_http else None
         needs_origin = not is_http or scope["method"] not in ("GET", "HEAD")
@@ -275,12 +270,11 @@ def _listener(family: socket.AddressFamily, host: str, port: int) -> socket.sock
     except OSError as error:
         listener.close()
         if host != LOOPBACK and error.errno != errno.EADDRINUSE:
-            message = (
-                f"--host: is {host!r:.60} ({error.strerror}); allowed: an address of this machine"
-            )
-            raise ConfigError(message) from None
-        reason = "is in use" if error.errno == errno.EADDRINUSE else f"{error.strerror}"
+            raise ConfigError(
+                f"--host must be an address of this machine, got {host!r:.60} ({error.strerror})"
+            ) from None
+        reason = "is in use" if error.errno == errno.EADDRINUSE else f"({error.strerror})"
         raise ConfigError(
-            f"--port: {port} {reason}; allowed: another, or 0 for a free one"
+            f"--port {port} {reason}; choose another port, or 0 for a free port"
         ) from None
     return listener

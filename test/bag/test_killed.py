@@ -9,10 +9,11 @@ from mcap.opcode import Opcode
 
 from cam_rig.bag.files import bag_file, is_unclosed, why_not_a_bag
 from cam_rig.bag.listing import mcap_files
+from cam_rig.bag.partial_reader import Condition
 from cam_rig.bag.reader import messages, read_counts
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of
-from cam_rig.bag.recover import NOTHING_RECORDED, recover, recover_in_place, state_words
+from cam_rig.bag.recover import NOTHING_RECORDED, recording_state, recover, recover_in_place
 from cam_rig.bag.split import Split
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
@@ -74,7 +75,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, whole, some)
 
     for bag in killed_bags(prepare, some):
         if is_unclosed(bag):
-            state_words(bag)
+            recording_state(bag)
         assert payloads(bag) == once(whole)
         assert len(read_recording(bag).ticks) == 16
 
@@ -104,7 +105,7 @@ def test_a_recorder_killed_while_splitting_keeps_flushed_messages(tmp_path, gold
         shutil.copytree(bag, copy)
         for file in copy.iterdir():
             file.rename(file.with_name(file.name.replace(bag.name, copy.name)))
-        words = state_words(copy)
+        words = recording_state(copy)
         if least:
             assert not is_unclosed(copy) and sum(read_counts(copy).values()) >= least
         else:
@@ -133,12 +134,12 @@ def test_a_recorder_killed_at_its_start_has_recorded_no_message(tmp_path):
     """It is killed before the file exists, before its first byte or first message."""
     bag = tmp_path / "bag"
     bag.mkdir()
-    assert state_words(bag) == NOTHING_RECORDED
+    assert recording_state(bag) == NOTHING_RECORDED
     (bag / "bag_0.mcap").touch()
-    assert state_words(bag) == NOTHING_RECORDED
+    assert recording_state(bag) == NOTHING_RECORDED
     recorder = BagRecorder(tmp_path / "split", LOADED, split=SPLIT)
     recorder._writer._file.close_stream()
-    assert state_words(tmp_path / "split") == NOTHING_RECORDED
+    assert recording_state(tmp_path / "split") == NOTHING_RECORDED
 
 
 def test_two_recoveries_at_once_are_refused(tmp_path):
@@ -168,13 +169,13 @@ def test_a_cut_bag_is_saved_up_to_the_cut(tmp_path, part):
     """Every complete message is saved, and the result is an ordinary bag."""
     write(tmp_path / "whole", 10)
     torn = cut_off(tmp_path / "torn", part, tmp_path / "whole")
-    with pytest.raises(BagError, match="recover it with: cam-rig recover"):
+    with pytest.raises(BagError, match="recover the bag with: cam-rig recover"):
         read_counts(torn)
     saved = recover(torn, tmp_path / "recovered")
     count = read_counts(tmp_path / "recovered").get("/microphone/level", 0)
     assert count == sum(saved.counts.values())
-    assert 0 < count < 60 and not saved.whole
-    assert f"missing: everything after {(count - 1) * 1e-9:g} s" in saved.words
+    assert 0 < count < 60 and saved.any_file_is(Condition.TRUNCATED)
+    assert f"missing: everything after {(count - 1) * 1e-9:g} s" in saved.text
     times = [time for _, time, _ in messages(tmp_path / "recovered", (LEVEL,))]
     assert times == list(range(count))
 
@@ -189,8 +190,9 @@ def test_a_damaged_chunk_is_read_as_far_as_possible(tmp_path):
     data[chunk.start + chunk.length - 1] ^= 0xFF
     file.write_bytes(data)
     saved = recover(tmp_path / "bag", tmp_path / "recovered")
-    assert saved.readers[0].damaged == 1 and 59 <= sum(saved.counts.values()) <= 60
-    assert 9 <= saved.readers[0].doubtful <= 10 and "whose numbers may be wrong: " in saved.words
+    assert saved.reports[0].damaged_records == 1 and 59 <= sum(saved.counts.values()) <= 60
+    assert saved.reports[0].condition == Condition.DAMAGED
+    assert 9 <= saved.reports[0].doubtful_messages <= 10 and "may be wrong" in saved.text
 
 
 def test_an_existing_target_and_an_empty_source_are_refused(tmp_path):
@@ -201,7 +203,7 @@ def test_an_existing_target_and_an_empty_source_are_refused(tmp_path):
         recover(GOLDEN, tmp_path / "there")
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "empty_0.mcap").write_bytes(b"no mcap at all")
-    with pytest.raises(BagError, match="does not begin as an MCAP file does"):
+    with pytest.raises(BagError, match="are not those of MCAP"):
         recover(tmp_path / "empty", tmp_path / "new")
     assert not (tmp_path / "new").exists()
 

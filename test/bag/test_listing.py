@@ -28,7 +28,7 @@ def test_a_missing_file_is_named(bag, seed):
     chosen = random.Random(seed).choice(mcap_files(bag)) if seed > 1 else mcap_files(bag)[-seed]
     chosen.unlink()
     for command in (read_counts, read_recording, examine):
-        with pytest.raises(BagError, match=rf"lists {chosen.name}, missing here; put it back"):
+        with pytest.raises(BagError, match=rf"are missing: {chosen.name}; restore them"):
             command(bag)
 
 
@@ -52,7 +52,7 @@ def test_a_file_that_is_not_listed_is_ignored_and_named(bag, split, tmp_path, na
     assert read_counts(bag) == read_counts(split)
     note = f"{name} is ignored: metadata.yaml does not list it"
     assert f"{note}." in read_recording(bag).notes
-    words = recover(bag, tmp_path / "recovered").words
+    words = recover(bag, tmp_path / "recovered").text
     assert note in words and "nothing lost" in words
 
 
@@ -75,7 +75,7 @@ def test_a_file_with_other_messages_is_refused(tmp_path, ending):
         write_bag(tmp_path / folder / "bag", topics, plugin)
     file = f"bag/bag.{ending}"
     shutil.copy(tmp_path / "two" / file, tmp_path / "one" / file)
-    with pytest.raises(BagError, match=rf"bag\.{ending} has 40 messages, listed are 50"):
+    with pytest.raises(BagError, match=rf"bag\.{ending} must have 50 messages, got 40"):
         read_counts(tmp_path / "one" / "bag")
 
 
@@ -86,7 +86,7 @@ def test_recover_counts_the_missing_messages_of_a_listed_file(bag, tmp_path):
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     found = recover(bag, tmp_path / "recovered")
     assert 0 < found.fewer[file.name] < listed
-    assert f"{file.name} has {found.fewer[file.name]} messages fewer" in found.words
+    assert f"{file.name} has {found.fewer[file.name]} messages fewer" in found.text
 
 
 @pytest.mark.parametrize("text", ["", "not: [yaml", "a list", "rosbag2_bagfile_information: 3"])
@@ -95,7 +95,7 @@ def test_without_readable_metadata_files_are_read_by_their_numbers(bag, split, t
     (bag / "metadata.yaml").write_text(text)
     assert read_counts(bag) == read_counts(split)
     assert list_files(bag).notes == (
-        "metadata.yaml lists none of the files: they are read by their numbers.",
+        "metadata.yaml lists none of the files; they are read in the order of their numbers.",
     )
 
 
@@ -109,5 +109,5 @@ def test_the_total_is_compared_if_metadata_has_no_counts_per_file(bag):
     total = sum(read_counts(bag).values())
     information["message_count"] += 1
     file.write_text(yaml.safe_dump(about))
-    with pytest.raises(BagError, match=rf"have {total} messages, listed are {total + 1}"):
+    with pytest.raises(BagError, match=rf"must have {total + 1} messages, got {total}"):
         read_counts(bag)

@@ -8,16 +8,15 @@ import shutil
 import struct
 
 import pytest
-from mcap.records import Attachment
 
 from cam_rig.bag import files
 from cam_rig.bag.completeness import Holdings, belonging, loss_of
 from cam_rig.bag.files import bag_file, bag_files, is_unclosed
-from cam_rig.bag.partial_reader import PartialReader
+from cam_rig.bag.partial_reader import Condition, RecordedMessage, read_partial
 from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import chunk_head, records_of
-from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
+from cam_rig.bag.recover import examine, recording_state, recover, recover_in_place
 from cam_rig.bag.split import Split
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import CLOCK, JOINT_STATES, RECORDING
@@ -28,11 +27,9 @@ from .bags import GOLDEN, LOADED, WrappedFile, cut_off
 SCENE = read_scene(GOLDEN).scene
 
 
-RECORDS = [
-    record[1:]
-    for record in PartialReader(bag_file(GOLDEN)).records()
-    if not isinstance(record, Attachment)
-]
+RECORDS = []
+read_partial(bag_file(GOLDEN), RECORDS.append)
+RECORDS = [record[1:3] for record in RECORDS if isinstance(record, RecordedMessage)]
 
 
 def held(keep=lambda topic, message: True):
@@ -57,7 +54,7 @@ def instants_until(time_ns):
 def test_no_tick_of_the_golden_bag_is_missing():
     """The scene shows it, and so do its states and sequence numbers alone."""
     for scene in (SCENE, None):
-        loss = loss_of(held(), scene, whole=True, ours=True)
+        loss = loss_of(held(), scene, closed=True, own=True)
         assert loss.gaps == () and loss.messages == 0 and not loss.open_end and not loss.ends
     assert loss_of(Holdings(), SCENE, False, True).open_end
 
@@ -79,7 +76,7 @@ def test_diagnostics_after_the_end_are_named_but_not_counted():
     half = TIMES[8]
     loss = loss_of(held(lambda _topic, m: m.log_time <= half), SCENE, False, True)
     assert loss.gaps[0] == "ticks 9 to 16 of 16"
-    assert loss.gaps[-1].startswith("and /diagnostics after ")
+    assert loss.gaps[-1].startswith("/diagnostics after ")
     assert loss_of(held(lambda _topic, _m: True), SCENE, True, True).gaps == ()
 
 
@@ -112,7 +109,7 @@ def test_without_a_scene_gaps_are_counted_by_sequence_numbers():
         topic for topic in all_gone if topic.per == "cam"
     ]  # their last message has no successor
     assert loss.messages == len(all_gone) - len(last_of_theirs)
-    of_others = loss_of(kept, None, True, ours=False)
+    of_others = loss_of(kept, None, True, own=False)
     assert of_others.gaps == () and not of_others.open_end
 
 
@@ -123,9 +120,9 @@ def test_missing_instants_and_diagnostics_are_counted():
     first, last = instants_until(TIMES[3]) + 1, instants_until(TIMES[4])
     count = last - first + 1
     words = f"messages {first} to {last} of /joint_states ({count} messages)"
-    assert count >= 72 and loss_of(kept, SCENE, True, True).words == words
+    assert count >= 72 and loss_of(kept, SCENE, True, True).text == words
     loss = loss_of(held(lambda t, m: t != "/diagnostics" or m.sequence not in (2, 3)), SCENE, 1, 1)
-    assert loss.words == "messages 2 to 3 of /diagnostics (2 messages)"
+    assert loss.text == "messages 2 to 3 of /diagnostics (2 messages)"
 
 
 def test_an_interrupted_run_has_no_loss(tmp_path, golden):
@@ -136,10 +133,10 @@ def test_an_interrupted_run_has_no_loss(tmp_path, golden):
         if recorder.take(topic, cdr, b"x", number)[-1:] == [TIMES[6]]:
             break
     recorder.close()
-    words = recover(bag, tmp_path / "copy").words
+    words = recover(bag, tmp_path / "copy").text
     assert "nothing lost; it was closed after tick 6 of 16" in words
     assert "missing" not in words and "not complete" not in words
-    assert state_words(bag) == f"closed, {sum(read_counts(bag).values())} messages"
+    assert recording_state(bag) == f"closed, {sum(read_counts(bag).values())} messages"
 
 
 @pytest.mark.variants(4)
@@ -147,7 +144,7 @@ def test_an_interrupted_run_has_no_loss(tmp_path, golden):
 def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
     """The reported ticks are those that the recovered bag does not contain."""
     bag = cut_off(tmp_path / "bag", part / 100)
-    words = recover(bag, tmp_path / "recovered").words
+    words = recover(bag, tmp_path / "recovered").text
     assert "flushed" not in words
     # The last message of a tick.
     ticks = read_counts(tmp_path / "recovered").get("/microphone/pressure", 0)
@@ -159,7 +156,7 @@ def test_the_report_agrees_with_the_recovered_bag(tmp_path, part):
     assert named, words
     missing = [int(n) for n in re.findall(r"ticks? (\d+)", words)]
     assert ticks + 1 == min(missing)
-    assert examine(bag).words == words
+    assert examine(bag).text == words
 
 
 def full_after(monkeypatch, size):
@@ -189,15 +186,15 @@ def test_a_recovery_on_a_full_disk_does_not_change_the_bag(tmp_path, monkeypatch
     data = file.read_bytes()
     with monkeypatch.context() as patch:
         full_after(patch, room)
-        words = state_words(bag)
+        words = recording_state(bag)
     assert "No space left on device" in words
     there = recover(bag, tmp_path / "elsewhere").counts
-    assert f"left as it is, and readable: {sum(there.values())} messages to" in words
+    assert f"the bag is unchanged and readable: {sum(there.values())} messages up to" in words
     assert f"ticks {there['/cam/state']} to 16 of 16" in words
     assert f"cam-rig recover '{bag}' --output" in words
     assert file.read_bytes() == data
     assert {path.name for path in bag.iterdir()} <= {file.name, "metadata.yaml"}
-    assert "saved" in state_words(bag) and not is_unclosed(bag)
+    assert "saved" in recording_state(bag) and not is_unclosed(bag)
 
 
 def test_a_failed_copy_removes_its_folder(tmp_path, monkeypatch):
@@ -207,7 +204,7 @@ def test_a_failed_copy_removes_its_folder(tmp_path, monkeypatch):
         with pytest.raises(BagError, match=r"cannot be written \(No space left on device\)"):
             recover(GOLDEN, tmp_path / "copy")
     assert not (tmp_path / "copy").exists()
-    assert recover(GOLDEN, tmp_path / "copy").whole
+    assert not recover(GOLDEN, tmp_path / "copy").any_file_is(Condition.TRUNCATED)
 
 
 @pytest.mark.variants(2)
@@ -232,7 +229,7 @@ def test_a_recorder_on_a_full_disk_keeps_the_written_messages(
     assert sum(file.stat().st_size for file in bag_files(bag)) == size
     assert is_unclosed(bag)
     saved = recover_in_place(bag)
-    assert sum(saved.counts.values()) >= 5 and "missing: " in saved.words
+    assert sum(saved.counts.values()) >= 5 and "missing: " in saved.text
     assert read_counts(bag) == dict(sorted(saved.counts.items()))
 
 
@@ -253,7 +250,7 @@ def test_a_damaged_length_loses_only_its_chunk(tmp_path):
     (tmp_path / "a.mcap").write_bytes(data)
     saved = recover(tmp_path / "a.mcap", tmp_path / "recovered")
     last = sum(time <= damaged.end for time in TIMES) - 1
-    assert last > 1 and f"ticks 1 to {last} of 16" in saved.words.partition("missing: ")[2]
+    assert last > 1 and f"ticks 1 to {last} of 16" in saved.text.partition("missing: ")[2]
     assert saved.counts["/microphone/level"] == 16 - last
 
 

@@ -64,7 +64,7 @@ def test_topics_of_every_encoding_are_listed_and_messages_come_in_time_order(tmp
     times = np.sort(times) if way == "no chunks" else times
     path = write(tmp_path / "file.mcap", times, **WAYS[way])
     with McapFile(path) as file:
-        found = {one.topic: (one.msgtype, one.ext.serialization_format) for one in file.connections}
+        found = {one.topic: (one.msgtype, one.encoding) for one in file.connections}
         counts = {one.topic: one.msgcount for one in file.connections}
         gauge = [one for one in file.connections if one.topic == "/gauge"]
         stamps = [time_ns for _, time_ns, _ in file.messages(gauge)]
@@ -104,4 +104,4 @@ def test_a_changed_byte_of_a_message_is_an_error(tmp_path, chunked, seed):
     with pytest.raises(BagError, match="checksum"):
         list(raw_messages(path, {"/gauge"}))
     found = examine(path)
-    assert not found.sound and "checksum" in found.words
+    assert not found.is_lossless and "checksum" in found.text

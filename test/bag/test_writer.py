@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from cam_rig.bag import file_writer
 from cam_rig.bag.files import bag_file, is_closed, is_unclosed
-from cam_rig.bag.partial_reader import PartialReader
+from cam_rig.bag.partial_reader import read_partial
 from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.recorder import BagRecorder, versions
 from cam_rig.bag.writer import BagWriter
@@ -107,8 +107,9 @@ def test_a_single_message_is_flushed(tmp_path, monkeypatch):
     assert b"/diagnostics" not in bag_file(tmp_path / "bag").read_bytes()
     now[0] += 0.6
     recorder.idle()
-    saved = PartialReader(bag_file(tmp_path / "bag"))
-    assert [r[1].topic for r in saved.records() if isinstance(r, tuple)] == ["/diagnostics"]
+    records = []
+    read_partial(bag_file(tmp_path / "bag"), records.append)
+    assert [r.channel.topic for r in records if isinstance(r, tuple)] == ["/diagnostics"]
     recorder.close()
 
 

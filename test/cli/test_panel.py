@@ -21,7 +21,7 @@ from .conftest import BIN, call
 COMMAND = (BIN / "cam-rig", "panel")
 
 
-@pytest.mark.usefixtures("heard_hangup")
+@pytest.mark.usefixtures("hangup_enabled")
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_ends_the_panel_and_its_processes(number: signal.Signals) -> None:
@@ -101,7 +101,7 @@ def test_port_in_use_is_one_line() -> None:
         result = call("panel", "--port", port)
     assert result.exit_code == 2
     assert result.stderr == (
-        f"cam-rig: --port: {port} is in use; allowed: another, or 0 for a free one\n"
+        f"cam-rig: --port {port} is in use; choose another port, or 0 for a free port\n"
     )
 
 

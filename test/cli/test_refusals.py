@@ -142,7 +142,7 @@ def test_repeated_option_is_refused(verb, option, capsys):
     with pytest.raises(SystemExit) as end:
         ROOT.main([*verb.split(), *once, *once], prog_name="cam-rig")
     assert end.value.code == 2
-    assert capsys.readouterr().err == f"cam-rig: {name}: is given 2 times; allowed: once\n"
+    assert capsys.readouterr().err == f"cam-rig: {name} must occur once, got it 2 times\n"
 
 
 def test_help_has_priority_over_errors():

@@ -20,7 +20,7 @@ from cam_rig.interrupts import STOPPING
 from ..processes import takes, until
 from .conftest import BIN, GOLDEN
 
-pytestmark = pytest.mark.usefixtures("heard_hangup")
+pytestmark = pytest.mark.usefixtures("hangup_enabled")
 LONG = pytest.mark.long
 #: Wall time (s) in which a command must end, ample for a busy machine.
 PATIENCE_S = 60.0

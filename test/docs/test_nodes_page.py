@@ -17,7 +17,7 @@ from cam_rig.messages.topics import Topic
 from cam_rig.nodes.parameters import PARAMETERS
 from cam_rig.testing.running_rig import isolated_domain
 from tools.docs import results as results_page
-from tools.docs.results import given_by, results
+from tools.docs.results import results, sources_of
 
 from ..cli.conftest import done
 from .conftest import DOCS, ROOT, rows, text
@@ -102,7 +102,9 @@ def test_every_result_has_a_schema_of_its_own_and_something_that_gives_it():
     assert len(set(schemas)) == len(schemas) > 20
     for one in results():
         assert re.fullmatch(r"cam_rig\.[a-z][a-z0-9_]*\.[1-9]\d*", one.schema), one
-        assert given_by(one), f"{one.__name__}: name it in GIVEN_BY of tools/docs/results.py"
+        assert sources_of(one), (
+            f"{one.__name__}: name it in COMMANDS_OF_SCHEMA of tools/docs/results.py"
+        )
 
 
 def test_every_key_is_in_snake_case_and_stands_once():
@@ -127,7 +129,7 @@ def test_every_figure_is_there():
     assert len(drawn) > 15
     for module, name in (place.split(":") for place in drawn):
         assert callable(getattr(import_module(module), name)), (module, name)
-    with pytest.raises(ConfigError, match=r"plot: SoundFit.* has no figure; allowed: its tables"):
+    with pytest.raises(ConfigError, match=r"SoundFit.* has no figure; use its tables"):
         cam_rig.fit_sound(LEVELS, "tm21_sweep").plot()
 
 

@@ -17,7 +17,7 @@ from cam_rig.cli.main import COMMANDS, command
 from tools.docs.commands import PAGE, page
 from tools.docs.course_editions import LANGUAGES, student_page, teacher_page, teacher_parts
 from tools.docs.drawings import DRAWINGS
-from tools.docs.equations import CODE, EQUATION, drawn, line
+from tools.docs.equations import CODE, EQUATION, convert_equations, line
 
 from ..processes import ended
 from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
@@ -228,7 +228,7 @@ WITH_EQUATIONS = [page for page in sorted(DOCS.rglob("*.md")) if equations(page)
 @pytest.mark.parametrize("page", WITH_EQUATIONS, ids=lambda page: str(page.relative_to(DOCS)))
 def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
     """Each word of TeX is known, each element of MathML is closed, code stays as it is."""
-    shown = drawn(text(page))
+    shown = convert_equations(text(page))
     assert shown.count("<math") >= len(equations(page)) > 0
     assert CODE.findall(shown) == CODE.findall(text(page))
     for part in shown.split("<math")[1:]:
@@ -239,7 +239,8 @@ def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
 
 def test_an_inline_equation_stays_in_its_paragraph() -> None:
     """Also at the start of a line, where Markdown would take <math> for a block."""
-    html = markdown.markdown(drawn("The speed is\n$v = 2 s$, in m/s."), extensions=["md_in_html"])
+    page = convert_equations("The speed is\n$v = 2 s$, in m/s.")
+    html = markdown.markdown(page, extensions=["md_in_html"])
     assert html.count("<p>") == 1 and html.endswith("in m/s.</p>")
 
 

@@ -177,7 +177,7 @@ def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch
 
 def test_trying_ends() -> None:
     """A browser that never gives a picture is an error in the time given, with its own words."""
-    with pytest.raises(CamRigError, match=r"gives no picture .*Unable to capture screenshot"):
+    with pytest.raises(CamRigError, match=r"cannot take a picture .*Unable to capture screenshot"):
         next(photographs(FailingPage(10**9), time.monotonic() + 0.2))  # type: ignore[arg-type]
 
 

@@ -16,7 +16,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.frames import Robot
 from cam_rig.messages.urdf import urdf
 from cam_rig.nodes.parameters import PARAMETERS
-from cam_rig.runner.node_process import live
+from cam_rig.runner.node_process import live_nodes
 from cam_rig.runner.node_table import DRIVE, NODES, VIEWER
 from cam_rig.simulation.scene import open_scene
 
@@ -77,7 +77,7 @@ def test_launch_starts_the_nodes_of_the_runner_in_order(load):
     actions = load("rig.launch.py")
     declared = (action.given[0] for action in of(actions, "DeclareLaunchArgument"))
     nodes = launch_nodes(actions, **dict.fromkeys(declared, "true") | {"params_file": __file__})
-    runner = live(Path("scene"), Path("bag"), screen="", pacing="free")
+    runner = live_nodes(Path("scene"), Path("bag"), screen="", pacing="free")
     assert list(nodes) == list(runner)
     for name, node in nodes.items():
         _file, given = node["parameters"]

@@ -37,9 +37,9 @@ def size(law, order):
     return float(np.abs(law.derivative_ordinates(order)).max())
 
 
-def test_laws_are_periodic_and_symmetric(followed):
+def test_laws_are_periodic_and_symmetric(followable_laws):
     """s(θ + 2π) = s(θ) and s(−θ) = s(θ), to rounding of the angle times the slope."""
-    for name, law in followed.items():
+    for name, law in followable_laws.items():
         tolerance = 50.0 * EPS * (size(law, 0) + TURN * size(law, 1))
         np.testing.assert_allclose(law(ANGLES + TURN), law(ANGLES), rtol=0, atol=tolerance)
         np.testing.assert_allclose(law(ANGLES - 3 * TURN), law(ANGLES), rtol=0, atol=4 * tolerance)
@@ -47,10 +47,10 @@ def test_laws_are_periodic_and_symmetric(followed):
             np.testing.assert_allclose(law(TURN - ANGLES), law(ANGLES), rtol=0, atol=tolerance)
 
 
-def test_derivatives_are_central_differences(followed):
+def test_derivatives_are_central_differences(followable_laws):
     """Each derivative is the central difference of the one before it, off the joints."""
     h = 1e-5
-    for law in followed.values():
+    for law in followable_laws.values():
         inside = ANGLES[np.abs(ANGLES[:, None] - law.breaks).min(axis=1) >= 2 * h]
         for order in (1, 2, 3):
             difference = (law(inside + h, order - 1) - law(inside - h, order - 1)) / (2.0 * h)
@@ -67,10 +67,10 @@ def test_shipped_laws_have_the_class_of_their_family(laws):
             assert continuity(laws[name]) == promised, name
 
 
-def test_extremes_bound_all_samples_and_are_reached(followed):
+def test_extremes_bound_all_samples_and_are_reached(followable_laws):
     """The extremes bound 20 000 samples, and the law has their values at their angles."""
     angles, offsets = np.linspace(0.0, TURN, 20_001), np.array([-1e-9, 0.0, 1e-9])
-    for law in followed.values():
+    for law in followable_laws.values():
         for order in range(4):
             ends, values = extremes(law, order), law(angles, order)
             slack = 1e-9 * max(abs(end.value) for end in ends)

@@ -56,9 +56,9 @@ def assert_is_the_law(law, start, step, count):
         np.testing.assert_allclose(rows[order, inside], expected, rtol=0, atol=limit)
 
 
-def test_samples_are_the_law(followed):
+def test_samples_are_the_law(followable_laws):
     """Each law has two runs, and all runs are used."""
-    for i, law in enumerate(followed.values()):
+    for i, law in enumerate(followable_laws.values()):
         for run in RUNS[i % 7 :: 7]:
             assert_is_the_law(law, *run)
 
@@ -73,13 +73,13 @@ def test_any_samples_are_the_law(laws, start, exponent, count, name):
     assert_is_the_law(laws[name], start, 10.0**exponent, count)
 
 
-def test_samples_are_weighted_combinations_plus_offsets(followed):
+def test_samples_are_weighted_combinations_plus_offsets(followable_laws):
     """Rows are the weighted combinations of s, s', s'' plus constants.
 
     A run in two parts equals the whole run.
     """
     weights, offsets = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]]), np.array([7.0, -1.0])
-    for law in followed.values():
+    for law in followable_laws.values():
         plain = sample(law, 0.2, 1e-3, 3000, IDENTITY, NO_OFFSET)
         expected = weights @ plain + offsets[:, None]
         mixed = sample(law, 0.2, 1e-3, 3000, weights, offsets)

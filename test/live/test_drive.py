@@ -200,7 +200,7 @@ def test_a_speed_outside_the_limits_is_rejected(program):
 
     Below them a tick has more samples than a message may have.
     """
-    limits = r"allowed: 0, or 0\.0126 to 3141\.59 rad/s \(0\.12 to 30000 rpm\)"
+    limits = r"must be 0, or between 0\.0126 and 3141\.59 rad/s \(0\.12 and 30000 rpm\)"
     for speed in (-1.0, 1e6, 1e-3, float("nan")):
         with pytest.raises(RefusedError, match=limits):
             program.command(speed)

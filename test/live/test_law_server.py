@@ -95,10 +95,12 @@ def test_laws_and_contours_must_be_those_of_the_cams_file():
     law, points = LOADED.laws["tm21"], contour_of(LOADED.cams["tm21"], LOADED.laws["tm21"])
     require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * (1.0 + 1e-12)))
     require_own_contour(LOADED, "tm21", points.astype(np.float32))
-    text = r"law 'tm21': its ordinates differ by .* of .*tm21\.yaml; allowed: .*a second law server"
+    text = (
+        r"law 'tm21': its ordinates differ by .* of .*tm21\.yaml, more than .*a second law server"
+    )
     with pytest.raises(RefusedError, match=text):
         require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * 1.01))
-    with pytest.raises(RefusedError, match=r"law 'tm21': its breaks are .* has"):
+    with pytest.raises(RefusedError, match=r"law 'tm21': its breaks must be .* got"):
         other = LOADED.laws["bezier15"]
         require_own_law(LOADED, Law("tm21", other.breaks, other.ordinates))
     with pytest.raises(RefusedError, match=r"cam 'nothing': not in the scene's library"):

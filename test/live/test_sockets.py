@@ -9,7 +9,7 @@ import pytest
 
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.live import sockets
-from cam_rig.live.sockets import LineSocket, line_of, read_line, require_loopback
+from cam_rig.live.sockets import LineSocket, line_of, parse_line, require_loopback
 
 from ..processes import ended
 
@@ -66,13 +66,13 @@ def test_a_closed_connection_raises_an_error(ends):
 
 def test_a_line_that_is_not_an_object_is_rejected():
     for line in (b"[1]", b"{", b"", b"\xff", b"[" * 100_000):
-        with pytest.raises(RunError, match="is not a JSON object"):
-            read_line(line)
+        with pytest.raises(RunError, match="must send JSON objects"):
+            parse_line(line)
 
 
 def test_a_missing_socket_is_rejected(tmp_path):
     """The error of a node that is started alone names the command that starts it."""
-    with pytest.raises(ConfigError, match=r"allowed: the socket of cam-rig panel"):
+    with pytest.raises(ConfigError, match="must be that of cam-rig panel"):
         LineSocket(tmp_path / "nothing")
 
 

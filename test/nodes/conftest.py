@@ -18,12 +18,12 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
 from cam_rig.bag.listing import mcap_files
-from cam_rig.bag.recorder import recorded
+from cam_rig.bag.partial_reader import RecordedMessage, read_partial
 from cam_rig.errors import RunError
-from cam_rig.messages.topics import FOLLOWER_SAMPLES
+from cam_rig.messages.topics import FOLLOWER_SAMPLES, recorded_topic
 from cam_rig.nodes import process
 from cam_rig.nodes.__main__ import NODES
-from cam_rig.runner.node_process import live
+from cam_rig.runner.node_process import live_nodes
 from cam_rig.runner.node_table import RECORDER
 from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
@@ -165,13 +165,16 @@ wait_until = partial(until, step=lambda: time.sleep(0.02), wait=WAIT)
 
 def has_ticks(bag):
     """Return True if a bag, which may be incomplete, contains a tick."""
-    topics = (topic for file in bag.glob("*.mcap") for topic, _ in recorded(file))
-    return any(topic is FOLLOWER_SAMPLES for topic in topics)
+    records = []
+    for file in bag.glob("*.mcap"):
+        read_partial(file, records.append)
+    topics = {record.channel.topic for record in records if isinstance(record, RecordedMessage)}
+    return any(recorded_topic(topic) is FOLLOWER_SAMPLES for topic in topics)
 
 
 def patient(scene, bag, screen=None, **drive):
     """Return the parameters of the nodes of a run, with a progress_timeout for a busy machine."""
-    return live(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
+    return live_nodes(scene, bag, screen, **{"progress_timeout": WAIT, **drive})
 
 
 def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):

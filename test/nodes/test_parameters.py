@@ -98,14 +98,14 @@ def test_integers_and_names_are_converted_at_the_start(values_of):
 
 #: Invalid argument to the text of its error.
 WRONG = {
-    "rpm:=fast": "rpm: is 'fast'; allowed: a number",
-    "rpm:=-1": "rpm: is -1; allowed: 0 to 100000",
-    "rpm:=.nan": "rpm: is nan; allowed: 0 to 100000",
-    "autostart:=1": "autostart: is 1; allowed: true or false",
-    "pacing:=-3": "pacing: is '-3x'; allowed: free, real_time, or a factor",
-    "on_finish:=never": "on_finish: has never; allowed: end, stay, wait",
-    "scene:=7": "scene: is 7; allowed: a text",
-    "consumers:=[nobody]": "consumers: has nobody; allowed: recorder",
+    "rpm:=fast": "rpm must be a number, got 'fast'",
+    "rpm:=-1": "rpm must be between 0 and 100000, got -1",
+    "rpm:=.nan": "rpm must be between 0 and 100000, got nan",
+    "autostart:=1": "autostart must be true or false, got 1",
+    "pacing:=-3": "pacing must be free, real_time, or a factor",
+    "on_finish:=never": "on_finish must be one of end, stay, wait, got never",
+    "scene:=7": "scene must be a text, got 7",
+    "consumers:=[nobody]": "consumers must be one of recorder",
 }
 
 
@@ -125,8 +125,8 @@ def test_a_value_that_is_set_is_converted_or_rejected(make):
     assert drive.set_parameters_atomically([Parameter("pacing", value=20)]).successful
     assert drive.get_parameter("pacing").value == "20x"
     for name, value, message in (
-        ("rpm", "fast", "rpm: is 'fast'; allowed: a number"),
-        ("rpm", None, "rpm: is None; allowed: a number"),
+        ("rpm", "fast", "rpm must be a number, got 'fast'"),
+        ("rpm", None, "rpm must be a number, got None"),
         ("scene", [1, 2], "read-only"),
     ):
         before = drive.get_parameter(name).value

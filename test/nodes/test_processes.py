@@ -105,7 +105,7 @@ def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
     assert "none missing" in logged
 
 
-@pytest.mark.usefixtures("heard_hangup")
+@pytest.mark.usefixtures("hangup_enabled")
 @pytest.mark.parametrize(
     "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
 )
@@ -159,10 +159,10 @@ def run_here(monkeypatch, capfd):
 #: Failures by a parameter, a file, the other nodes, limits of ROS, and remapping. Each has node,
 #: arguments, exit code and text of the error.
 FAILURES = (
-    ("law_server", "-p scene:=5", 2, "scene: is 5; allowed: a text"),
+    ("law_server", "-p scene:=5", 2, "scene must be a text, got 5"),
     ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
     ("cam_drive", "-p progress_timeout:=1.0", 1,
-     "not ready after 1 s: follower, law_server, microphone, recorder; is it"),
+     "not ready after 1 s: follower, law_server, microphone, recorder; check if"),
     ("law_server", f"-r __ns:=/{'a' * 254}", 2, "200 characters"),
     ("follower", "--params-file none.yaml", 2, "Couldn't parse params file"),
     ("follower", "-r __node:=mine", 2, "the node's name must be follower, got mine"),

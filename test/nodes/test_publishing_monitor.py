@@ -26,8 +26,8 @@ def test_a_slow_subscriber_is_named_with_its_topic_and_factor(make, user, capfd)
     assert [
         line.split("]: ")[1] for line in capfd.readouterr().err.splitlines() if "WARN" in line
     ] == [
-        "publishing took 7.5 s of the last 10.0 s, most of it on /cam/state: the node takes 4.0 "
-        "times as long; subscribers: /user; continue or end the one that takes no messages"
+        "publishing took 7.5 s of the last 10.0 s, most of it on /cam/state: this node takes 4.0 "
+        "times as long; continue or end the subscriber that takes no messages (subscribers: /user)"
     ]
 
 

@@ -104,7 +104,7 @@ def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
             if has_ticks(bag):
                 graph.processes[victim].process.kill()
     assert all(node.has_ended for node in started)
-    assert any("what was recorded so far is in" in line for line in logged)
+    assert any(line.startswith("bag ") for line in logged)
     assert not is_unclosed(bag) and 0 < len(read_recording(bag).ticks) < TICKS
     assert (unused() - before) & names == set()
 
@@ -125,7 +125,7 @@ def test_a_recorder_killed_at_the_end_of_the_run_is_named(short_scene, tmp_path,
     result = call("run", short_scene, "--bag", bag)
     assert result.exit_code == 1
     assert f"node recorder was ended by signal 9 after tick {TICKS}" in result.stderr
-    assert "what was recorded so far is in" in result.stderr and "saved" in result.stderr
+    assert "saved" in result.stderr
     assert 0 < len(read_recording(bag).ticks) <= TICKS
 
 

@@ -161,7 +161,7 @@ def test_a_drive_that_ends_early_publishes_the_reason(user, parameters, tmp_path
         wait_until(lambda: not any(map(here.is_running, NODES)))
     run = FinishedRun.from_message(finished[0])
     assert reason in run.text
-    pending = "from: microphone, and behind it recorder; is it running?"  # it waits for the level
+    pending = "from: microphone, which blocks recorder; check if"  # it waits for the level
     assert (pending in run.text) == (reason == "no answer")
     codes = dict.fromkeys(NODES, 0) | {DRIVE: 0 if reason == "stopped" else 1}
     assert here.codes == codes

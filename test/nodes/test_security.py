@@ -154,7 +154,7 @@ def test_impossible_messages_on_open_topics_do_not_affect_the_run(
 )
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
     """The error names the topic and the other node."""
-    text = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
+    text = rf"{topic}: has a second publisher, /user; only this rig's "
     here = OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW))
     with pytest.raises(RunError, match=text), here:
         reports = here.progress()
@@ -182,7 +182,7 @@ def test_a_law_that_was_forged_before_the_start_ends_the_run(user, short_scene, 
 def test_a_message_that_is_too_long_for_its_topic_is_rejected():
     """A law of 64 MB is rejected by its length, before it is read."""
     huge = bytes(64 << 20)
-    with pytest.raises(RefusedError, match="67108864 bytes; allowed: 1048576"):
+    with pytest.raises(RefusedError, match="at most 1048576 bytes, got 67108864"):
         require_length(topics.LAW_COEFFICIENTS, huge)
-    with pytest.raises(RefusedError, match="/follower/samples: 67108864 bytes; allowed: 48001024"):
+    with pytest.raises(RefusedError, match=r"/follower/samples: .*48001024 bytes, got 67108864"):
         require_length(topics.FOLLOWER_SAMPLES, huge)

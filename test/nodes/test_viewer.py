@@ -9,7 +9,7 @@ from cam_rig.runner.graph import Graph
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
 from cam_rig.viewer.page import newest_recording
-from cam_rig.viewer.process import free_port, stream_address
+from cam_rig.viewer.process import find_free_port, stream_address
 from cam_rig.viewer.recording import save_recording
 
 from .conftest import patient, run_to_end, wait_until
@@ -71,7 +71,7 @@ def test_live_curves_equal_those_of_the_bag(domain, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "pacing"),
-    [("/no/such/folder", "free"), (stream_address(free_port()), "1x")],
+    [("/no/such/folder", "free"), (stream_address(find_free_port()), "1x")],
     ids=["invalid address", "killed repeatedly"],
 )
 def test_a_run_continues_without_a_failed_viewer(forked, domain, tmp_path, address, pacing):

@@ -23,11 +23,11 @@ def named(sample, name):
     return [check for check in check_cam(sample.cam, sample.law) if check.name == name]
 
 
-def test_possible_cams_pass(followed, cams, every_kind):
+def test_possible_cams_pass(followable_laws, cams, every_kind):
     """Shipped cams and one cam of each kind of follower pass all checks."""
-    for name, law in followed.items():
+    for name, law in followable_laws.items():
         assert [str(check) for check in check_cam(cams[name], law) if not check.passed] == []
-    require_profile(cams["tm21"], followed["tm21"])
+    require_profile(cams["tm21"], followable_laws["tm21"])
     for sample in every_kind:
         assert all(check.passed for check in check_cam(sample.cam, sample.law))
 

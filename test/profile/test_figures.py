@@ -19,12 +19,12 @@ def draw(cams, laws):
     )
 
 
-def test_positions_touch_the_contour(followed, cams):
+def test_positions_touch_the_contour(followable_laws, cams):
     """Each drawn roller, face and point is on the contour.
 
     The distance in mm is below that of the drawn chords.
     """
-    for name, law in followed.items():
+    for name, law in followable_laws.items():
         for contour in contours(cams[name].follower, law, 7200):
             ring = LinearRing(contour.points.T * 1e3)
             for strips in positions(contour.disc.element, law, turn_angles(5)):

@@ -32,7 +32,7 @@ def farthest(line, path, angle=DENSE):
     return distance(ring, points(path.at(angle)[0].T)).max()
 
 
-def test_chord_error_is_within_the_tolerance(every_kind, followed, cams):
+def test_chord_error_is_within_the_tolerance(every_kind, followable_laws, cams):
     """The chord error is within the tolerance, without an excessive number of points.
 
     The shipped cams have jumps of curvature.
@@ -44,7 +44,7 @@ def test_chord_error_is_within_the_tolerance(every_kind, followed, cams):
             off = farthest(line, path)
             assert off <= tolerance * (1 + 1e-6)
             assert line.shape[1] < 120 or off > 0.4 * tolerance
-    for name, law in list(followed.items())[::5]:
+    for name, law in list(followable_laws.items())[::5]:
         (path, *_) = contour_paths(cams[name].follower, law)
         assert farthest(polyline(path, 1e-6), path) <= 1e-6 * (1 + 1e-6)
 

@@ -108,12 +108,12 @@ def test_shipped_cams_have_the_lift_of_their_laws(law, cams, angles):
 # Points that are not a closed contour: shuffled, or with a gap.
 
 
-def test_contours_have_no_warnings(followed, cams):
+def test_contours_have_no_warnings(followable_laws, cams):
     """Contours of shipped cams have no warnings at 36 points and more.
 
     They are repeated at the end or not, and in both directions.
     """
-    for name, law in followed.items():
+    for name, law in followable_laws.items():
         for count in (36, 1800):
             for contour in contours(cams[name].follower, law, count):
                 closed = np.append(contour.points, contour.points[:, :1], axis=1)

@@ -17,8 +17,8 @@ import pytest
 from cam_rig.errors import RunError
 from cam_rig.runner import node_process as process
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import NodeProcess, environment, live
-from cam_rig.runner.node_table import NODES, VIEWER, held_by
+from cam_rig.runner.node_process import NodeProcess, environment, live_nodes
+from cam_rig.runner.node_table import NODES, VIEWER, blocking_text
 from cam_rig.runner.resources import log_folder
 
 from ..processes import ended
@@ -62,7 +62,7 @@ def made(monkeypatch, tmp_path):
                 self.overdue = False
 
         monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
-        nodes = live(tmp_path, tmp_path / "bag", screen=screen)
+        nodes = live_nodes(tmp_path, tmp_path / "bag", screen=screen)
         return Graph(nodes, log=did.logged.append)
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
@@ -139,14 +139,14 @@ def test_interrupt_ends_all_nodes_and_the_recorder_last(made):
 
 
 def test_blocking_node_is_the_first_of_the_chain():
-    """held_by() names it first for every set of nodes, in any order of the argument."""
+    """blocking_text() names it first for every set of nodes, in any order of the argument."""
     order = ["law_server", "follower", "microphone", "viewer", "recorder"]
     assert [entry.name for entry in reversed(NODES)][1:] == order
-    assert held_by(["recorder"]) == "recorder"
+    assert blocking_text(["recorder"]) == "recorder"
     for number in range(2, len(order) + 1):
         for names in combinations(order, number):
-            words = f"{names[0]}, and behind it {', '.join(names[1:])}"
-            assert held_by(names) == held_by(names[::-1]) == words
+            words = f"{names[0]}, which blocks {', '.join(names[1:])}"
+            assert blocking_text(names) == blocking_text(names[::-1]) == words
 
 
 # Start of a node if the system has no memory, process or thread left.

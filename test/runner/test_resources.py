@@ -21,9 +21,9 @@ from cam_rig.runner import resources
 from cam_rig.runner.resources import (
     domain_number,
     explain_signal,
-    own_domain,
     remove_segments,
     require_shared_memory,
+    reserve_domain,
 )
 
 from ..processes import ended
@@ -52,20 +52,20 @@ def place(request, monkeypatch, temporary):
 
 def check_refused(error, words, namespace=""):
     """Check that no run can start now in the domain of the environment."""
-    with pytest.raises(error, match=words), own_domain(namespace):
+    with pytest.raises(error, match=words), reserve_domain(namespace):
         pass
 
 
 def test_domain_is_reserved_by_one_run(monkeypatch, place):
     """The error of a second run names the domain. Another domain or a later run is allowed."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    with own_domain():
+    with reserve_domain():
         check_refused(RunError, "another run is active in ROS domain 7")
         monkeypatch.setenv("ROS_DOMAIN_ID", "8")
-        with own_domain():
+        with reserve_domain():
             pass
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    with own_domain():
+    with reserve_domain():
         pass
     assert [path.name for path in sorted(place.iterdir())] == [
         "cam_rig-domain-7.lock",
@@ -78,7 +78,7 @@ def test_different_texts_of_a_number_are_the_same_domain(monkeypatch, place):
     """ROS reads 030 as 24, so a second run with ROS_DOMAIN_ID=24 is refused."""
     for first, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
         monkeypatch.setenv("ROS_DOMAIN_ID", first)
-        with own_domain():
+        with reserve_domain():
             monkeypatch.setenv("ROS_DOMAIN_ID", other)
             check_refused(RunError, f"ROS domain {int(other)}; ")
 
@@ -97,7 +97,7 @@ def test_domain_number_is_parsed_like_strtoul(text):
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
     if text and (wanted > resources.MAX_DOMAIN or end.value or not text.strip()):
-        words = f"ROS_DOMAIN_ID: is .*; allowed: 0 to {resources.MAX_DOMAIN}"
+        words = f"ROS_DOMAIN_ID must be between 0 and {resources.MAX_DOMAIN}, got "
         with pytest.raises(ConfigError, match=words) as refused:
             domain_number(text)
         assert len(str(refused.value)) < 100
@@ -131,7 +131,7 @@ def open_to_all(folder):
 def test_lock_that_is_not_a_regular_file_is_refused(monkeypatch, place, make_obstacle):
     """A link is not followed, a pipe does not block, and the obstacle remains."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "9")
-    with own_domain():
+    with reserve_domain():
         pass
     lock = place / "cam_rig-domain-9.lock"
     lock.unlink()
@@ -155,7 +155,7 @@ def test_unusable_runtime_folder_is_replaced_by_the_temporary_one(monkeypatch, t
     open_to_all(temporary / "open")
     environment = {"XDG_RUNTIME_DIR": folder.format(open=temporary / "open")}
     monkeypatch.setattr("cam_rig.runner.resources.os.environ", environment)
-    with own_domain():
+    with reserve_domain():
         assert (temporary / f"cam_rig-{os.getuid()}" / "cam_rig-domain-0.lock").is_file()
 
 
@@ -169,18 +169,18 @@ def test_lock_that_cannot_be_written_gives_the_remedy(monkeypatch, temporary):
 def test_namespace_is_reserved_by_one_run(monkeypatch, place):
     """Rigs in different namespaces share a domain. A second rig in a namespace is refused."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"):
+    with reserve_domain(), reserve_domain("/rig1"), reserve_domain("/lab/rig1"):
         check_refused(RunError, r"domain 7, namespace /rig1; .*--namespace", "/rig1")
 
 
 def test_namespace_with_or_without_its_slash():
     """The result is the form of `ros2 run -r __ns:=/rig1`. Errors name the limit."""
     valid = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
-    assert {text: resources.namespace_named(text) for text in valid} == valid
+    assert {text: resources.parse_namespace(text) for text in valid} == valid
     for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
-        words = f"namespace: is .*{resources.MAX_NAMESPACE} characters at most"
+        words = f"namespace must have at most {resources.MAX_NAMESPACE} letters"
         with pytest.raises(ConfigError, match=words):
-            resources.namespace_named(text)
+            resources.parse_namespace(text)
 
 
 # /dev/shm: only the segments and ports of killed nodes are removed.
@@ -238,7 +238,7 @@ def test_full_shared_memory_is_detected_before_a_run(monkeypatch, tmp_path):
     leave(monkeypatch, resources.MIN_FREE_BYTES)
     require_shared_memory(tmp_path)
     leave(monkeypatch, resources.MIN_FREE_BYTES - 512)
-    with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
+    with pytest.raises(OutputError, match=r"at least 1024 KiB free, got 10\d\d KiB; remove"):
         require_shared_memory(tmp_path)
 
 
@@ -279,7 +279,7 @@ def test_run_with_full_shared_memory_is_refused(tmp_path):
     done = run_in_full_memory(
         sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag
     )
-    words = "cam-rig: /dev/shm: has 0 KiB free; allowed: at least 1024 KiB, so remove files from it"
+    words = "cam-rig: /dev/shm: must have at least 1024 KiB free, got 0 KiB; remove files from it"
     assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith(words)
     assert not (tmp_path / "bag").exists()
 

@@ -69,7 +69,7 @@ REFUSED = [
     (f"{FIT} --topics angle=/a.b", 2, "no meaning"),
     (f"{FIT} --tolerance 0", 2, "tolerance"),
     (f"{FIT} --out rig.txt", 2, "yaml"),
-    (f"{FIT} --csv - --json -", 2, "both go to stdout"),
+    (f"{FIT} --csv - --json -", 2, "both write to stdout"),
     ("fit cam lifts.csv --out cam.txt", 2, "--out: is cam.txt; allowed: a name"),
     ("fit cam lifts.csv lifts.csv", 2, "2 files; allowed: one for a spline, several"),
     ("fit cam lifts.csv --shape arcs", 2, "no base circle, two equal flanks and a"),

@@ -131,16 +131,16 @@ def play(view, bag):
     """Pass a run to a live view tick by tick, and yield the state before each tick."""
     feed, states = view.feed, cam_states(bag.loaded.scene)
     for cam, points in bag.profiles.items():
-        feed.profile(cam, points)
-    feed.state(next(states))
+        feed.profiles[cam] = points
+    feed.pairing.add_state(next(states))
     for state, rows, (end, level), pressure in zip(
         states, bag.rows, bag.levels, bag.pressures, strict=True
     ):
         yield state
-        feed.state(state)
-        feed.block(rows)
-        feed.level(level)
-        feed.pressure(end, pressure)
+        feed.pairing.add_state(state)
+        feed.pairing.add_block(rows)
+        feed.levels.append(level)
+        feed.pressures.append((end, pressure))
         for _ in view.draw():
             pass
 

@@ -10,7 +10,7 @@ from cam_rig.acoustics import RadiationParameters, rms_pressure
 from cam_rig.dynamics import MODELS
 from cam_rig.dynamics.torsional.motion import solve, steady_state
 from cam_rig.schema.load import config_root
-from cam_rig.show.chart import ABOVE, round_range, step_marks, tens_range
+from cam_rig.show.chart import TOP_MARGIN, round_range, step_marks, tens_range
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import MeasuredTick, step_levels
@@ -62,7 +62,7 @@ def test_an_axis_contains_its_values_with_a_small_margin():
         step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
         numbers = np.arange(np.ceil(left / step - 1e-9), right / step)
         assert numbers.size >= 3
-        assert (right - left) / step <= 10.0 * (1.0 + ABOVE) + 1.0
+        assert (right - left) / step <= 10.0 * (1.0 + TOP_MARGIN) + 1.0
         assert high - low >= 0.33 * (right - left)
     # The gap is 0 if the follower never leaves its cam.
     assert round_range(0.0, 0.0)[:2] == (0.0, 1.0)
@@ -208,12 +208,12 @@ def test_each_bar_has_the_position_of_its_band_and_the_height_of_its_level(bag, 
 def test_each_cam_is_labelled_next_to_its_last_point(bag, picture):
     """The labels are right of the axes and do not overlap, and keep their order."""
     names = picture.column("noise/names", "Points2D:labels")[-1]
-    assert names == [*level_chart.shown_cams(bag.loaded).values()]
+    assert names == [*level_chart.displayed_titles(bag.loaded).values()]
     positions = picture.column("noise/names", POSITIONS)[-1]
     axes, (x, y) = level_axes(bag.loaded), np.array(positions).T
     assert np.all(x > axes.width)
     assert np.all(x < axes.width * (1.0 + level_chart.names_width(bag.loaded)))
-    assert np.diff(np.sort(y)).min() >= level_chart.STEP - 1e-4
+    assert np.diff(np.sort(y)).min() >= level_chart.TITLE_DISTANCE - 1e-4
     random = np.random.default_rng(18)
     for _ in range(50):
         positions = random.uniform(0.0, 30.0, random.integers(1, 7))

@@ -15,7 +15,7 @@ from cam_rig.units import NS
 from cam_rig.viewer import page as page_module
 from cam_rig.viewer import recording as live
 from cam_rig.viewer import timeline
-from cam_rig.viewer.process import free_port, listening, stream_address
+from cam_rig.viewer.process import find_free_port, listening, stream_address
 from cam_rig.viewer.quantities import ACCELERATION_LINE as ACCELERATION
 from cam_rig.viewer.quantities import FORCE_LINE as FORCE
 from cam_rig.viewer.quantities import LAW, ZERO
@@ -44,7 +44,7 @@ def show(bag, address, flush=False):
 @pytest.fixture(scope="module")
 def arrived(bag, tmp_path_factory):
     """Return the chunks of a live view in the order of their arrival at a server."""
-    path, port = tmp_path_factory.mktemp("live") / "live.rrd", free_port()
+    path, port = tmp_path_factory.mktemp("live") / "live.rrd", find_free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
         arguments = ("--serve-grpc", "--port", str(port), "--save", str(path))
@@ -184,7 +184,7 @@ def test_pictures_of_a_paced_run_are_sent_evenly_between_its_ticks(bag, monkeypa
     monkeypatch.setattr(live, "FramePace", partial(FramePace, clock=lambda: now[0]))
     monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
     monkeypatch.setattr(rr.RecordingStream, "send_columns", record)
-    view = LiveView(bag.loaded, stream_address(free_port()))
+    view = LiveView(bag.loaded, stream_address(find_free_port()))
     view.set_pace(factor)
     for state in play(view, bag):
         while now[0] < 100.0 + state.time_ns / NS / factor:

@@ -92,7 +92,10 @@ def test_an_existing_file_is_not_overwritten(bag, tmp_path):
     assert len(ticks) == len(bag.rows) == 16
     assert Picture(path).time(LIFT.entity).size == bag.samples.shape[1]
     assert list(tmp_path.iterdir()) == [path]
-    for other, words in (("a.mcap", r"allowed: \.rrd"), ("taken.rrd/a.rrd", "cannot be written")):
+    for other, words in (
+        ("a.mcap", r"must end in \.rrd"),
+        ("taken.rrd/a.rrd", "cannot be written"),
+    ):
         with pytest.raises(CamRigError, match=words):
             save_recording(bag.path, tmp_path / other)
 
@@ -101,7 +104,7 @@ def test_a_bag_without_a_required_topic_is_refused(tmp_path, config_dir):
     """The message contains the topic, and no incomplete file remains."""
     for topic, words in (
         (topics.PROFILE, "'poly345' turns, but its /cam/profile is not in the bag"),
-        (topics.FOLLOWER_SAMPLES, "has no /follower/samples, so nothing to show"),
+        (topics.FOLLOWER_SAMPLES, "has no messages on /follower/samples to show"),
     ):
         folder = tmp_path / topic.name[1:].replace("/", "_")
         folder.mkdir()
@@ -142,11 +145,11 @@ def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed):
     notes = Notes()
     feed, sounds = RunFeed(notes), zip(bag.levels, bag.pressures, strict=True)
     queues = [
-        [lambda c=c, p=p: feed.profile(c, p) for c, p in bag.profiles.items()],
-        [lambda s=s: feed.state(s) for s in cam_states(bag.loaded.scene)],
-        [lambda r=r: feed.block(r) for r in bag.rows],
-        [lambda v=v: feed.level(v) for _, v in bag.levels],
-        [lambda t=t, p=p: feed.pressure(t, p) for (t, _), p in sounds],
+        [lambda c=c, p=p: feed.profiles.update({c: p}) for c, p in bag.profiles.items()],
+        [lambda s=s: feed.pairing.add_state(s) for s in cam_states(bag.loaded.scene)],
+        [lambda r=r: feed.pairing.add_block(r) for r in bag.rows],
+        [lambda v=v: feed.levels.append(v) for _, v in bag.levels],
+        [lambda t=t, p=p: feed.pressures.append((t, p)) for (t, _), p in sounds],
     ]
     chance = random.Random(seed)
     while any(queues):

@@ -12,7 +12,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import simulate_ticks
 from cam_rig.studies.bounce.motion import bouncing
 from cam_rig.units import NS, RPM, TURN
-from cam_rig.viewer.bounce_chart import GAPS, LANDINGS, bounce_axes, rebounds
+from cam_rig.viewer.bounce_chart import GAPS, LANDINGS, bounce_axes, can_rebound
 from cam_rig.viewer.quantities import GAP_LINE as GAP
 from cam_rig.viewer.quantities import LANDING, LIFT_OFF, gap_of, plot_rows, scene_ranges
 from cam_rig.viewer.recording import save_recording
@@ -229,5 +229,5 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
 def test_only_a_follower_that_rebounds_has_the_chart(picture):
     """Only the shipped scene `bounce` has the chart of bounces."""
     scenes = (config_root() / "scenes").glob("*.yaml")
-    assert [path.stem for path in scenes if rebounds(open_scene(path))] == ["bounce"]
+    assert [path.stem for path in scenes if can_rebound(open_scene(path))] == ["bounce"]
     assert not [entity for entity in picture.entities if entity.startswith(f"/{GAPS}")]

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.errors import CamRigError
-from tools.docs.browser import TIMEOUT_S, new_page, open_browser, put
+from tools.docs.browser import TIMEOUT_S, new_page, open_browser, save_picture
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -88,4 +88,4 @@ def panel_address() -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    put(PICTURE, photograph_bench)
+    save_picture(PICTURE, photograph_bench)

@@ -36,7 +36,10 @@ PLAIN = (
 )
 #: ... and with its software renderer for WebGL, which needs no graphics card and is slower.
 FLAGS = (*PLAIN, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-WIDTH, HEIGHT = 1600, 1000
+#: Width of a page, px.
+WIDTH = 1600
+#: Height of a page, px.
+HEIGHT = 1000
 #: Wall time (s) for a page to be complete, on a slow and busy machine.
 TIMEOUT_S = 150.0
 #: Wall time (s) between two pictures, in which the page can continue.
@@ -67,11 +70,11 @@ def open_browser(webgl: bool = True) -> Iterator[Browser]:
         raise CamRigError(f"no browser: {why}")
     from playwright.sync_api import sync_playwright
 
-    found = next(filter(None, map(shutil.which, BROWSERS)))
+    program = next(filter(None, map(shutil.which, BROWSERS)))
     flags = list(FLAGS) if webgl else [*PLAIN, "--disable-gpu"]
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(
-            executable_path=found, args=flags, timeout=TIMEOUT_S * 1e3
+            executable_path=program, args=flags, timeout=TIMEOUT_S * 1e3
         )
         try:
             yield chromium
@@ -99,7 +102,7 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
     while time.monotonic() < deadline or not taken:
         left = deadline - time.monotonic()
         if left <= 0.0:
-            raise CamRigError(f"the browser gives no picture of {page.url}: {failed}")
+            raise CamRigError(f"the browser cannot take a picture of {page.url}: {failed}")
         try:
             data = page.screenshot(timeout=left * 1e3)
         except Error as error:
@@ -121,12 +124,13 @@ def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
         before = 0
         for pixels in photographs(page, deadline):
             missing = [colour for colour in colours if count(pixels, colour) < MIN_PIXELS]
-            now = count(pixels, settled)
-            if not missing and abs(now - before) <= MAX_CHANGE * now:
+            size = count(pixels, settled)
+            if not missing and abs(size - before) <= MAX_CHANGE * size:
                 return pixels
-            before = now
-    words = ", ".join(f"#{colour >> 8:06x}" for colour in missing) or "the page is not still; none"
-    raise CamRigError(f"{address}: {words} not to be seen after {TIMEOUT_S:g} s")
+            before = size
+    names = ", ".join(f"#{colour >> 8:06x}" for colour in missing)
+    reason = f"does not show {names}" if names else "is still being drawn"
+    raise CamRigError(f"{address}: the page {reason} after {TIMEOUT_S:g} s")
 
 
 def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -> None:
@@ -134,11 +138,11 @@ def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -
     deadline = time.monotonic() + TIMEOUT_S
     while not (also() and page.evaluate(condition)):
         if time.monotonic() > deadline:
-            raise CamRigError(f"{page.url}: the page does not come to show {condition}")
+            raise CamRigError(f"{page.url}: not true after {TIMEOUT_S:g} s: {condition}")
         page.wait_for_timeout(50)
 
 
-def put(picture: Path, photograph: Callable[[Path], None]) -> None:
+def save_picture(picture: Path, photograph: Callable[[Path], None]) -> None:
     """Write a picture into docs/."""
     with user_errors():
         with atomic_write(picture) as part:

@@ -23,7 +23,7 @@ KINDS = {str: "TEXT", int: "N", float: "NUMBER", Path: "PATH"}
 #: Largest number of examples of a command. The longest examples of its help are used.
 MOST_EXAMPLES = 2
 #: Number of words from which on an option of several commands is described only once.
-LONG = 4
+MIN_SHARED_WORDS = 4
 #: Text that the page's head explains once for all files and Python calls.
 SAID = re.compile(r"(?<=\w) file(s?), or (?:a )?names? in config/\w+")
 EXIT_CODES = re.compile(r"\s+Exit codes:.*?\)\.", re.S)
@@ -69,11 +69,11 @@ def verbs() -> dict[str, Any]:
 
     The commands of a group, such as ``fit cam``, are separate.
     """
-    found: dict[str, Any] = {}
+    by_name: dict[str, Any] = {}
     for name in COMMANDS:
         below = getattr(command(name), "commands", {"": command(name)})
-        found |= {f"{name} {word}".rstrip(): verb for word, verb in below.items()}
-    return found
+        by_name |= {f"{name} {word}".rstrip(): verb for word, verb in below.items()}
+    return by_name
 
 
 def _shared(verbs: Iterable[Any]) -> list[str]:
@@ -81,11 +81,11 @@ def _shared(verbs: Iterable[Any]) -> list[str]:
 
     For each name it is the most frequent description.
     """
-    items = Counter(_item(one) for verb in verbs for one in _shown(verb))
+    items = Counter(_item(option) for verb in verbs for option in _visible_options(verb))
     long = [
-        one
-        for one, n in items.most_common()
-        if n > 1 and len(one.split(": ", 1)[1].split()) >= LONG
+        item
+        for item, n in items.most_common()
+        if n > 1 and len(item.split(": ", 1)[1].split()) >= MIN_SHARED_WORDS
     ]
     first: dict[str, str] = {}
     for item in long:
@@ -98,13 +98,14 @@ def section(name: str, verb: Any, shared: Container[str]) -> str:
     usage = " ".join(
         [f"cam-rig {name}", *(_usage(p) for p in verb.params if p.param_type_name == "argument")]
     )
-    words, _, examples = inspect.cleandoc(verb.help).partition("Examples\n--------\n")
-    items = {one: _item(one) for one in _shown(verb)}
-    words = EXIT_CODES.sub("", CALLED.sub(r"In Python: `\1`", words.strip()))
-    parts = [f"## {name}", f"    {usage} [OPTIONS]", words]
+    description, _, examples = inspect.cleandoc(verb.help).partition("Examples\n--------\n")
+    items = {option: _item(option) for option in _visible_options(verb)}
+    description = EXIT_CODES.sub("", CALLED.sub(r"In Python: `\1`", description.strip()))
+    parts = [f"## {name}", f"    {usage} [OPTIONS]", description]
     parts += ["\n".join(item for item in items.values() if item not in shared)]
-    if same := [_names(one)[0].partition(" ")[0] for one, item in items.items() if item in shared]:
-        parts.append("Shared: " + ", ".join(f"`{one}`" for one in same))
+    same = [_names(option)[0].partition(" ")[0] for option in items if items[option] in shared]
+    if same:
+        parts.append("Shared: " + ", ".join(f"`{name}`" for name in same))
     lines = [line.strip() for line in examples.splitlines() if line.strip()]
     lines = [line for line in lines if line in sorted(lines, key=len)[-MOST_EXAMPLES:]]
     if lines:
@@ -112,15 +113,15 @@ def section(name: str, verb: Any, shared: Container[str]) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _shown(verb: Any) -> list[Any]:
-    return [one for one in verb.params if not getattr(one, "hidden", False)]
+def _visible_options(verb: Any) -> list[Any]:
+    return [option for option in verb.params if not getattr(option, "hidden", False)]
 
 
 def _item(parameter: Any) -> str:
     """Return an argument or option with its default and description as a list item."""
     names = ", ".join(f"`{name}`" for name in _names(parameter))
     default = _default(parameter)
-    return f"- {names}{default and f' ({default})'}: {_words(parameter.help or '')}"
+    return f"- {names}{default and f' ({default})'}: {_help_text(parameter)}"
 
 
 def _names(parameter: Any) -> list[str]:
@@ -150,11 +151,11 @@ def _default(parameter: Any) -> str:
     if parameter.required or value in (None, False, (), ""):
         return "required" if parameter.required else ""
     values = value if isinstance(value, list | tuple) else [value]
-    return "`" + " ".join(str(getattr(one, "value", one)) for one in values) + "`"
+    return "`" + " ".join(str(getattr(value, "value", value)) for value in values) + "`"
 
 
-def _words(words: str) -> str:
-    return SAID.sub(r"\1", re.sub(r"\s+", " ", words))
+def _help_text(parameter: Any) -> str:
+    return SAID.sub(r"\1", re.sub(r"\s+", " ", parameter.help or ""))
 
 
 if __name__ == "__main__":

@@ -29,9 +29,10 @@ FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```', re.M | re.S)
 DRAWN = re.compile(r"^\$ (cam-rig .*--(?:plot|out) out/(\w+)\.png.*)$", re.M)
 #: Command of a page that writes cam, rig and scene for the commands below it.
 NEW = re.compile(r"^\$ (cam-rig new .*)$", re.M)
-#: Number of colours and width of a picture. A plot has few colours, and is then a fifth of the
-#: size.
-COLOURS, WIDTH = 32, 1000
+#: Number of colours of a picture. A plot has few colours, and is then a fifth of the size.
+COLOURS = 32
+#: Width of a picture, px.
+WIDTH = 1000
 
 
 def lessons() -> list[Path]:

@@ -26,19 +26,19 @@ class Descriptions(Extension):
 
         The docstring of an attribute may be its comment.
         """
-        if obj.docstring is None and obj.is_attribute and (words := _commented(obj)):
-            obj.docstring = Docstring(words, parent=obj)
+        if obj.docstring is None and obj.is_attribute and (comment := _comment(obj)):
+            obj.docstring = Docstring(comment, parent=obj)
         if obj.docstring is not None:
-            obj.docstring.value = SECTION.sub(_described, obj.docstring.value)
+            obj.docstring.value = SECTION.sub(_indent_descriptions, obj.docstring.value)
 
 
-def _commented(obj: Object) -> str:
+def _comment(obj: Object) -> str:
     """Return the ``#:`` comment after an attribute, or in the lines above it."""
     if obj.lineno is None or obj.endlineno is None or not isinstance(obj.filepath, Path):
         return ""
     lines = obj.lines_collection[obj.filepath]
-    if behind := COMMENT.search(lines[obj.endlineno - 1]):
-        return behind[1]
+    if after := COMMENT.search(lines[obj.endlineno - 1]):
+        return after[1]
     above: list[str] = []
     for line in reversed(lines[: obj.lineno - 1]):
         if not line.strip().startswith("#:"):
@@ -47,5 +47,5 @@ def _commented(obj: Object) -> str:
     return " ".join(above)
 
 
-def _described(section: re.Match[str]) -> str:
+def _indent_descriptions(section: re.Match[str]) -> str:
     return ENTRY.sub(r"\1\n    \2", section[0])

@@ -33,9 +33,18 @@ from cam_rig.schema.load import config_root, load_cam
 from cam_rig.show.figure import colour, line
 
 DOCS = Path(__file__).parents[2] / "docs"
-#: Cam of the drawing, and its angle (deg), in the rise with a large inclination.
-CAM, AT_DEG = "poly345", 75.0
-STEEL, INK, FORCE, SIZE = "#d5dbe1", "#222222", "#D55E00", "#0072B2"
+#: Cam of the drawing.
+CAM = "poly345"
+#: Angle of the cam (deg), in the rise with a large inclination.
+ANGLE_DEG = 75.0
+#: Colour of bodies.
+STEEL = "#d5dbe1"
+#: Colour of outlines.
+INK = "#222222"
+#: Colour of forces.
+FORCE = "#D55E00"
+#: Colour of lengths.
+SIZE = "#0072B2"
 PACKAGE = DOCS.parent / "cam_rig"
 MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
 #: Names of the parts in the labelled sketch, in the order of `sketch`, by its file.
@@ -55,13 +64,13 @@ def cam_and_forces(path: Path) -> None:
     """Draw the cam turned by θ with its follower, lengths in blue and forces in red."""
     config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
     law = build_law(config)
-    theta = np.radians(AT_DEG)
+    theta = np.radians(ANGLE_DEG)
     base, roller = config.follower.base_radius.si, config.follower.roller
     (outline,) = contours_at(config.follower, law, np.linspace(0.0, 2 * np.pi, 721))
-    (here,) = contours_at(config.follower, law, np.array([theta]))
+    (touch,) = contours_at(config.follower, law, np.array([theta]))
     turned = (outline.points[0] + 1j * outline.points[1]) * np.exp(1j * theta)
-    contact = complex(*here.points[:, 0]) * np.exp(1j * theta)
-    normal = complex(*here.normal[:, 0]) * np.exp(1j * theta)
+    contact = complex(*touch.points[:, 0]) * np.exp(1j * theta)
+    normal = complex(*touch.normal[:, 0]) * np.exp(1j * theta)
     centre = 1j * (base + roller + float(law(theta)))
 
     figure, axes = plt.subplots(figsize=(6.4, 7.2), layout="constrained")
@@ -81,7 +90,7 @@ def cam_and_forces(path: Path) -> None:
     axes.plot([-0.03, 0.03], [top + 0.045] * 2, color=INK, lw=3)
     lengths(axes, base, roller, centre, contact, normal)
     forces(axes, contact, normal, centre, top)
-    words(axes, base, top)
+    name_parts(axes, base, top)
     axes.set(xlim=(-0.125, 0.145), ylim=(-0.115, top + 0.06), aspect="equal")
     axes.axis("off")
     save(figure, path)
@@ -91,11 +100,11 @@ def lengths(
     axes: Axes, base: float, roller: float, centre: complex, contact: complex, normal: complex
 ) -> None:
     """Draw angle θ, speed ω, base radius, lift s and pressure angle."""
-    at = -0.104
-    arrow(axes, at + 1j * (base + roller), at + 1j * centre.imag, SIZE, "<->")
+    x = -0.104
+    arrow(axes, x + 1j * (base + roller), x + 1j * centre.imag, SIZE, "<->")
     for height in (base + roller, centre.imag):
-        axes.plot([at - 0.004, 0.0], [height] * 2, color=SIZE, lw=0.7)
-    note(axes, at - 0.009 + 1j * (0.5 * (base + roller + centre.imag)), "$s(θ)$", SIZE)
+        axes.plot([x - 0.004, 0.0], [height] * 2, color=SIZE, lw=0.7)
+    note(axes, x - 0.009 + 1j * (0.5 * (base + roller + centre.imag)), "$s(θ)$", SIZE)
     along = np.exp(1j * np.radians(215))
     arrow(axes, 0j, base * along, SIZE, "->")
     note(axes, 0.6 * base * along + 0.012j, "$R_b$", SIZE)
@@ -121,7 +130,7 @@ def forces(axes: Axes, contact: complex, normal: complex, centre: complex, top: 
         note(axes, x + 1j * (top + 0.02), name, FORCE)
 
 
-def words(axes: Axes, base: float, top: float) -> None:
+def name_parts(axes: Axes, base: float, top: float) -> None:
     """Draw the names of the parts."""
     note(axes, -0.052 + 1j * (top + 0.022), "return spring $k$\npreload $F_0$", INK)
     note(axes, -0.04 + 1j * (top - 0.036), "guide", INK)
@@ -133,7 +142,7 @@ def sketch(path: Path, names: tuple[str, ...]) -> None:
     """Draw the cam turned by θ under its follower, with the names of parts and lengths."""
     config = load_cam(config_root() / "cams" / f"{CAM}.yaml")
     law = build_law(config)
-    theta = np.radians(AT_DEG)
+    theta = np.radians(ANGLE_DEG)
     base, roller = config.follower.base_radius.si, config.follower.roller
     (outline,) = contours_at(config.follower, law, np.linspace(0.0, 2 * np.pi, 721))
     turned = (outline.points[0] + 1j * outline.points[1]) * np.exp(1j * theta)
@@ -283,20 +292,23 @@ def rooms(path: Path) -> None:
     """
     floors = floors_of_rooms()
     figure, axes = plt.subplots(figsize=(9.6, 0.92 * len(floors)), layout="constrained")
-    at: dict[str, complex] = {}
+    positions: dict[str, complex] = {}
     for row, floor in enumerate(reversed(floors)):
         for column, room in enumerate(floor):
-            at[room] = complex(4.0 * (column - 0.5 * (len(floor) - 1)), row)
+            x = 4.0 * (column - 0.5 * (len(floor) - 1))
+            positions[room] = complex(x, row)
             box = mpl.patches.FancyBboxPatch(
-                (at[room].real - 1.85, row - 0.3), 3.7, 0.6, "round,pad=0,rounding_size=0.08",
+                (x - 1.85, row - 0.3), 3.7, 0.6, "round,pad=0,rounding_size=0.08",
                 fc=STEEL if room == "studies" else "white", ec=INK, lw=1.0, zorder=2,
             )  # fmt: skip
             axes.add_patch(box)
-            axes.text(at[room].real, row + 0.17, room, weight="bold", **MIDDLE)
-            axes.text(at[room].real, row - 0.1, fill(words_of(room), 50), fontsize=7, **MIDDLE)
-    for room, needed in direct_needs(at).items():
+            axes.text(x, row + 0.17, room, weight="bold", **MIDDLE)
+            axes.text(
+                positions[room].real, row - 0.1, fill(purpose_of(room), 50), fontsize=7, **MIDDLE
+            )
+    for room, needed in direct_needs(positions).items():
         for other in sorted(needed):
-            start, end = at[room] - 0.3j, at[other] + 0.3j
+            start, end = positions[room] - 0.3j, positions[other] + 0.3j
             axes.annotate(
                 "", (end.real, end.imag), (start.real, start.imag), zorder=1,
                 arrowprops={"arrowstyle": "-|>", "color": "0.6", "lw": 0.8, "shrinkB": 1},
@@ -316,7 +328,7 @@ def floors_of_rooms() -> list[list[str]]:
     return [floor for floor in floors if floor]
 
 
-def words_of(room: str) -> str:
+def purpose_of(room: str) -> str:
     """Return the first clause of a room's docstring."""
     text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text("utf-8"))) or ""
     return text.splitlines()[0].rstrip(".").replace("`", "")
@@ -334,8 +346,8 @@ def direct_needs(rooms: Iterable[str]) -> dict[str, set[str]]:
     for room in TopologicalSorter(needs).static_order():
         reached[room] = needs[room].union(*(reached[other] for other in needs[room]))
     return {
-        room: {one for one in found if not any(one in reached[other] for other in found)}
-        for room, found in needs.items()
+        room: {name for name in names if not any(name in reached[other] for other in names)}
+        for room, names in needs.items()
     }
 
 
@@ -374,9 +386,11 @@ def arrow(
     axes.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops=look)
 
 
-def note(axes: Axes, at: complex, text: str, colour: str) -> None:
+def note(axes: Axes, position: complex, text: str, colour: str) -> None:
     """Draw text near a point."""
-    axes.text(at.real, at.imag, text, color=colour, ha="center", va="center", fontsize=10)
+    axes.text(
+        position.real, position.imag, text, color=colour, ha="center", va="center", fontsize=10
+    )
 
 
 def save(figure: Figure, path: Path) -> None:

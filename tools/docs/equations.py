@@ -13,8 +13,10 @@ from cam_rig.report.equations import mathml
 #: Text that contains no equation.
 CODE = re.compile(r"(^```.*?^```|^ {4,}\S[^\n]*$|`[^`\n]+`)", re.M | re.S)
 EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\\\w$])\$([^$\n]+?)\$(?!\w)", re.S)
-#: Continuation of a display in another line, and commands that only add space.
-APART, SPACES = re.compile(r"\\q?quad"), re.compile(r"\\[,;! ]|\\(?:bigl|bigr|left|right)\b")
+#: Continuation of a display in another line.
+LINE_BREAK = re.compile(r"\\q?quad")
+#: Commands that only add space.
+SPACES = re.compile(r"\\[,;! ]|\\(?:bigl|bigr|left|right)\b")
 _TOKEN = re.compile(r"\\[A-Za-z]+|\d+(?:\.\d+)?|'+|[^\\\s]")
 ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302", "bar": "\u0304"}
 SIGNS = {
@@ -28,10 +30,10 @@ NAMES = {"arctan", "lg", "min", "tan", "tanh"}
 PLAIN = {"-": "−", "'": "′", "''": "″", "'''": "‴"}
 
 
-def drawn(page: str) -> str:
+def convert_equations(page: str) -> str:
     """Return a page of Markdown with MathML in place of its equations."""
     parts = CODE.split(page)
-    parts[::2] = [EQUATION.sub(lambda found: _math(*found.groups()), part) for part in parts[::2]]
+    parts[::2] = [EQUATION.sub(lambda match: _math(*match.groups()), part) for part in parts[::2]]
     return "".join(parts)
 
 
@@ -40,7 +42,7 @@ def _math(display: str | None, inline: str | None) -> str:
         # Markdown ends the paragraph at a line that starts with <math>, but not with <span>
         equation = str(mathml(line(inline))).replace('<math display="block">', "<math>")
         return f"<span>{equation}</span>"
-    lines = mathml("\n".join(line(part) for part in APART.split(display or "")))
+    lines = mathml("\n".join(line(part) for part in LINE_BREAK.split(display or "")))
     return f'<div class="equation">{str(lines).replace(chr(10), "")}</div>'
 
 
@@ -84,4 +86,4 @@ def _group(tokens: list[str]) -> str:
     while tokens[-1] != "}":
         inside.append(_part(tokens))
     tokens.pop()
-    return ("" if all(one.isalpha() for one in inside) else " ").join(inside)
+    return ("" if all(part.isalpha() for part in inside) else " ").join(inside)

@@ -26,8 +26,10 @@ from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
-#: Photographs of the viewer and the bench.
-VIEWER, BENCH = "viewer.png", bench_picture.PICTURE.name
+#: Photograph of the viewer.
+VIEWER = "viewer.png"
+#: Photograph of the bench.
+BENCH = bench_picture.PICTURE.name
 
 
 def pictures(
@@ -55,21 +57,21 @@ def pictures(
 def _draw(bag: Path, to: Path) -> None:
     archive, result = _read(bag)
     with temporary_folder() as folder:
-        drawn = draw_pictures(
+        paths = draw_pictures(
             archive, lambda path: write(noise.noise_figure(result, archive.loaded), path), folder
         )
-        for name, photographed in (
+        for name, photograph in (
             (VIEWER, lambda path: photograph_viewer(bag, path)),
             (panel_picture.BOARD.name, photograph_panel),
             (BENCH, photograph_bench),
             (panel_picture.LAB.name, photograph_lab),
         ):
             try:
-                photographed(folder / name)
-                drawn.append(folder / name)
+                photograph(folder / name)
+                paths.append(folder / name)
             except CamRigError as error:
-                console.print(f"{to / name}: left as it is ({error})", soft_wrap=True)
-        for path in drawn:
+                console.print(f"{to / name}: not replaced ({error})", soft_wrap=True)
+        for path in paths:
             with atomic_write(to / path.name) as part:
                 part.write_bytes(path.read_bytes())
             console.print(f"{to / path.name}: {path.stat().st_size / 1e3:.0f} kB", soft_wrap=True)

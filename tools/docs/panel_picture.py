@@ -17,12 +17,25 @@ from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import cam_path, rig_path
-from tools.docs.browser import new_page, open_browser, put, until
+from tools.docs.browser import new_page, open_browser, save_picture, until
 
-BOARD, LAB = Path("docs/panel.png"), Path("docs/lab.png")
-CAM, RIG, SECOND = "bezier15", "paper_table2", "poly345"
-#: Index of the moved handle, key that moves it, and number of key presses.
-HANDLE, KEY, TIMES = 2, "PageDown", 4
+#: Picture of the board.
+BOARD = Path("docs/panel.png")
+#: Picture of the lab.
+LAB = Path("docs/lab.png")
+#: Cam of the board.
+CAM = "bezier15"
+#: Rig of both pictures.
+RIG = "paper_table2"
+#: Second cam of the board.
+SECOND_CAM = "poly345"
+#: Index of the moved handle.
+HANDLE = 2
+#: Key that moves the handle.
+KEY = "PageDown"
+#: Number of key presses.
+KEY_PRESSES = 4
+#: Height of the picture, px.
 HEIGHT = 910
 #: Condition that all numbers are there, and belong to the law that is shown.
 READY = """() => ["jump_rigid", "jump", "residual", "level"].every((id) => {
@@ -49,11 +62,11 @@ def photograph_panel(path: Path) -> None:
         page.set_viewport_size({"width": 1600, "height": HEIGHT})
         page.goto(served.address)
         handle = page.locator(".handle").nth(HANDLE)
-        for _ in range(TIMES):
+        for _ in range(KEY_PRESSES):
             handle.press(KEY)
-        page.locator("#second").select_option(SECOND)
+        page.locator("#second").select_option(SECOND_CAM)
         page.locator("#chart0 .second[d^=M]").wait_for(state="attached")
-        until(page, READY, lambda: board.version >= TIMES)
+        until(page, READY, lambda: board.version >= KEY_PRESSES)
         page.screenshot(path=path)
 
 
@@ -62,7 +75,7 @@ def photograph_lab(path: Path) -> None:
 
     Readings are taken at whole speeds of the knob, close to the jump speed, as a person would.
     """
-    sheet = JumpSheet(load_cam(cam_path(SECOND)), load_rig(rig_path("tm21")))
+    sheet = JumpSheet(load_cam(cam_path(SECOND_CAM)), load_rig(rig_path("tm21")))
     with temporary_folder() as folder, open_browser(webgl=False) as browser:
         pages = LabPages(sheet, folder)
         for i, setup in enumerate(sheet.setups[1:]):
@@ -83,5 +96,5 @@ def photograph_lab(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    put(BOARD, photograph_panel)
-    put(LAB, photograph_lab)
+    save_picture(BOARD, photograph_panel)
+    save_picture(LAB, photograph_lab)

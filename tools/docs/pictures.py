@@ -16,9 +16,14 @@ from cam_rig.viewer.timeline import Turn
 from tools.docs import stills
 from tools.docs.turn_archive import TurnArchive, gap
 
-ANIMATION, SIDE_BY_SIDE = "turning.webp", "side_by_side.png"
-#: Frames of the animation of one turn, and duration of each, ms.
-FRAMES, FRAME_MS = 72, 50
+#: File of the animation.
+ANIMATION = "turning.webp"
+#: File of the cams side by side.
+SIDE_BY_SIDE = "side_by_side.png"
+#: Number of frames of the animation of one turn.
+FRAMES = 72
+#: Duration of a frame, ms.
+FRAME_MS = 50
 #: Dots per inch of the animation.
 DPI = 108
 
@@ -60,7 +65,7 @@ def animate(archive: TurnArchive, turn: Turn, path: Path) -> None:
         drawn = stills.draw_rig(rig, archive, turn, int(sample))
         for cursor in cursors:
             cursor.set_xdata([stills.degrees(turn)[sample]] * 2)
-        frames.append(_rendered(figure))
+        frames.append(_render(figure))
         for part in drawn:
             part.remove()
     frames[0].save(
@@ -89,7 +94,7 @@ def side_by_side(archive: TurnArchive, turns: list[Turn], path: Path) -> None:
     write(figure, path)
 
 
-def _rendered(figure: Figure) -> Image.Image:
+def _render(figure: Figure) -> Image.Image:
     data = BytesIO()
     figure.savefig(data, format="png", dpi=DPI)
     return Image.open(data).convert("RGB")

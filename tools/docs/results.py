@@ -20,7 +20,7 @@ from tools.docs.commands import verbs
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "results.md"
 #: Commands of the results whose schema does not have the name of a command.
-GIVEN_BY = {
+COMMANDS_OF_SCHEMA = {
     "bounce_basins": "bounce --basins",
     "fit_arcs": "fit cam TABLES --shape arcs",
     "fit_jumps": "fit rig SOURCE CAM",
@@ -61,42 +61,41 @@ def results() -> list[type[Result]]:
     for file in sorted((ROOT / "cam_rig").rglob("*.py")):
         if 'schema = "cam_rig.' in file.read_text(encoding="utf-8"):
             import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
-    own = (one for one in _below(Result) if one.__module__.startswith("cam_rig."))
-    found = {one for one in own if one.schema}
-    return sorted(found, key=lambda one: one.schema)
+    own = (kind for kind in _subclasses(Result) if kind.__module__.startswith("cam_rig."))
+    return sorted({kind for kind in own if kind.schema}, key=lambda kind: kind.schema)
 
 
-def _below(kind: type[Result]) -> Iterator[type[Result]]:
-    for one in kind.__subclasses__():
-        yield one
-        yield from _below(one)
+def _subclasses(kind: type[Result]) -> Iterator[type[Result]]:
+    for subclass in kind.__subclasses__():
+        yield subclass
+        yield from _subclasses(subclass)
 
 
-def given_by(result: type[Result]) -> list[str]:
+def sources_of(result: type[Result]) -> list[str]:
     """Return the commands and the functions of `import cam_rig` that return a result."""
     _, name, _ = result.schema.split(".")
     functions = (getattr(cam_rig, word) for word in cam_rig.__all__ if word[0] != "_")
     calls = [
-        f"cam_rig.{one.__name__}"
-        for one in functions
-        if inspect.isfunction(one)
-        and result.__name__ in str(one.__annotations__.get("return")).split(" | ")
+        f"cam_rig.{function.__name__}"
+        for function in functions
+        if inspect.isfunction(function)
+        and result.__name__ in str(function.__annotations__.get("return")).split(" | ")
     ]
     named = {verb.replace("-", "_").replace(" ", "_"): verb for verb in verbs()}
-    words = GIVEN_BY.get(name, named.get(name, ""))
-    return [f"cam-rig {one}" for one in words.split(", ") if one] + calls
+    commands = COMMANDS_OF_SCHEMA.get(name, named.get(name, ""))
+    return [f"cam-rig {command}" for command in commands.split(", ") if command] + calls
 
 
 def page() -> str:
     """Return the whole page as Markdown."""
-    return "\n\n".join([HEAD.strip(), *(section(one) for one in results())]) + "\n"
+    return "\n\n".join([HEAD.strip(), *(section(result) for result in results())]) + "\n"
 
 
 def section(result: type[Result]) -> str:
     """Return the section of one result: its schema, its commands, its tables."""
-    whose = ", ".join(f"`{one}`" for one in given_by(result))
+    sources = ", ".join(f"`{source}`" for source in sources_of(result))
     first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
-    parts = [f"## {result.schema}", f"{whose}: {first}"]
+    parts = [f"## {result.schema}", f"{sources}: {first}"]
     tables, before = [], dict[str, list[str]]()
     for key, columns in result.columns.items():
         rows = [_row(column) for column in columns]
@@ -109,15 +108,14 @@ def _row(column: Column) -> str:
     """Return the row of a column: key, unit, and heading unless the key states it."""
     unit = column.si_unit if column.si_unit not in ("1", column.key) else ""
     heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
-    said = _letters(column.key)
-    words = [heading, re.sub(r"\s+", " ", column.doc)]
-    words = [one for one in words if one and not _letters(one) <= said]
-    return f"|`{column.key}`|{unit}|{': '.join(words).replace('|', chr(92) + '|')}|"
+    texts = [heading, re.sub(r"\s+", " ", column.doc)]
+    texts = [text for text in texts if text and not _words(text) <= _words(column.key)]
+    return f"|`{column.key}`|{unit}|{': '.join(texts).replace('|', chr(92) + '|')}|"
 
 
-def _letters(words: str) -> set[str]:
+def _words(text: str) -> set[str]:
     """Return the words of a key or of a heading, or its signs if it has no letters."""
-    parts = re.split(r"[\s_,-]+", words.lower().replace(".", ""))
+    parts = re.split(r"[\s_,-]+", text.lower().replace(".", ""))
     return {part for part in parts if part}
 
 
@@ -125,8 +123,8 @@ def _without_repeated(rows: list[str], before: dict[str, list[str]]) -> list[str
     """Return the rows without those at the end that end an earlier table too."""
     for table, others in before.items():
         same = 0
-        for one, other in zip(reversed(rows), reversed(others), strict=False):
-            if one != other:
+        for row, other in zip(reversed(rows), reversed(others), strict=False):
+            if row != other:
                 break
             same += 1
         if same >= REPEATED:

@@ -13,7 +13,7 @@ from mkdocs.structure.pages import Page
 
 import cam_rig
 from tools.docs.course_editions import LANGUAGES, TEACHER, student_page, teacher_page
-from tools.docs.equations import drawn
+from tools.docs.equations import convert_equations
 
 ROOT = Path(__file__).parents[2]
 #: Rooms whose public names are documented, in the order of the menu. The public interface comes
@@ -91,4 +91,4 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     path = page.file.src_uri
     if boost := BOOSTED.get(path):
         page.meta["search"] = {"boost": boost}
-    return drawn(student_page(markdown) if path.startswith("course/") else markdown)
+    return convert_equations(student_page(markdown) if path.startswith("course/") else markdown)

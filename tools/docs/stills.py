@@ -42,8 +42,8 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
     for strip in shape.support():
         line(strip, colours.GREY, 0.8)
     for strip in shape.outline():
-        tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0]
-        line(rotate(strip, tilt) + place, colours.FOLLOWER, 1.6)
+        tilt, origin = float(shape.turn(lift)[0]), shape.origin(lift)[0]
+        line(rotate(strip, tilt) + origin, colours.FOLLOWER, 1.6)
     force = float(turn.force[sample])
     if force == 0.0:
         line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)

@@ -30,7 +30,7 @@ def number_at(message: Any, path: str) -> float:
         if match["index"] is not None:
             value = _entry(owner, value, match["name"], match["index"])
     if isinstance(value, np.ndarray | list):
-        raise ValueError(f"{path!r} holds {len(value)} numbers; allowed: one, as {path}[0]")
+        raise ValueError(f"{path!r} is an array of {len(value)}; name one element, as {path}[0]")
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
         raise ValueError(_unknown(message, path))
     return float(value)
@@ -39,18 +39,18 @@ def number_at(message: Any, path: str) -> float:
 def _entry(owner: Any, values: Any, name: str, index: str) -> Any:
     """Return an entry of an array, by its number or by the name of its joint."""
     if not hasattr(values, "__len__"):
-        raise ValueError(f"{name!r} is one value; allowed: without [{index}]")
+        raise ValueError(f"{name!r} is not an array; remove [{index}]")
     names = list(getattr(owner, "name", []))
     if not index.isdigit():
         if index not in names:
+            joints = f" or one of {', '.join(names)}" if names else ""
             raise ValueError(
-                f"{name!r} has no entry {index!r}; allowed: numbers from 0 on"
-                + (f", or {', '.join(names)}" if names else "")
-                + did_you_mean(index, names)
+                f"the index of {name!r} must be a number from 0{joints}, got {index!r}"
+                f"{did_you_mean(index, names)}"
             )
         index = str(names.index(index))
     if int(index) >= len(values):
-        raise ValueError(f"{name!r} has {len(values)} entries; allowed: less than [{index}]")
+        raise ValueError(f"the index of {name!r} must be less than {len(values)}, got {index}")
     return values[int(index)]
 
 
@@ -82,14 +82,14 @@ def only_field(message: Any) -> str:
     for name in ("range", "fluid_pressure", "temperature"):  # next to limits and variances
         if name in paths:
             return name
-    raise ValueError(f"no field is named, and there are {_named(paths)}")
+    raise ValueError(f"the field must be named; the message has {_name_list(paths)}")
 
 
 def _unknown(message: Any, path: str) -> str:
     paths = list(numeric_fields(message))
-    return f"no number {path!r}; allowed: {_named(paths)}{did_you_mean(path, paths)}"
+    return f"no number {path!r}; allowed: {_name_list(paths)}{did_you_mean(path, paths)}"
 
 
-def _named(paths: list[str]) -> str:
+def _name_list(paths: list[str]) -> str:
     more = len(paths) - MAX_NAMED
     return ", ".join(paths[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "") or "none"

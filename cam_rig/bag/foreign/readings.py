@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection
 from rosbags.typesys.store import Typestore
 
 from cam_rig.acoustics import level_db
-from cam_rig.bag.files import UNREADABLE, damaged
+from cam_rig.bag.connection import CDR, Connection
+from cam_rig.bag.files import UNREADABLE, read_error
 from cam_rig.bag.foreign.fields import number_at, only_field
 from cam_rig.bag.foreign.topic_line import MappedField
 from cam_rig.bag.foreign.turns import Counter, count_turns
 from cam_rig.bag.foreign.types import integer_span, types_of
-from cam_rig.bag.reader import CDR, encoding_of, readers, topic_list, topics_of
+from cam_rig.bag.reader import readers, topic_list, topics_of
 from cam_rig.errors import BagError, did_you_mean
 from cam_rig.simulation.instruments import ReadingCount, Signal
 from cam_rig.units import NS, FloatArray
@@ -64,9 +63,8 @@ class _Readings:
             self.values_of_type = integer_span(types, message.__msgtype__, path)
         if len(self.values) >= MAX_READINGS:
             raise BagError(
-                f"{self.bag}: {self.source.quantity}: {self.source.topic} has more than "
-                f"{MAX_READINGS} readings; allowed: {MAX_READINGS}, so cut the bag with: ros2 bag "
-                "convert"
+                f"{self.bag}: {self.source.quantity}: {self.source.topic} must have at most "
+                f"{MAX_READINGS} readings; shorten the bag with: ros2 bag convert"
             )
         self.values.append(value)
         self.stamps.append(ns)
@@ -84,7 +82,7 @@ class _Readings:
             return None
         return Counter(abs(self.source.factor), self.values_of_type)
 
-    def selected(self) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
+    def select(self) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
         """Return times (ns), values in SI, and notes.
 
         The readings are in the order of time, and each time occurs once.
@@ -92,7 +90,9 @@ class _Readings:
         name, notes = self.source.quantity, []
         if skipped := self.messages - len(self.values):
             path = self.source.field or "number"
-            notes.append(f"{name}: {skipped} of {self.messages} messages have no {path}: skipped.")
+            notes.append(
+                f"{name}: {skipped} of {self.messages} messages are skipped: they have no {path}."
+            )
         times = np.frombuffer(self.stamps if self.headed else self.log_times, dtype=np.int64)
         values = np.frombuffer(self.values, dtype=np.float64) * self.source.factor
         if self.source.unit == "Pa":
@@ -101,20 +101,23 @@ class _Readings:
         timed = times > 0 if self.headed else np.ones(times.size, dtype=np.bool_)
         if untimed := int(np.count_nonzero(~timed)):
             notes.append(
-                f"{name}: {untimed} of {times.size} readings have the stamp 0, which is no time: "
-                "dropped."
+                f"{name}: {untimed} of {times.size} readings are dropped: their stamp is 0."
             )
         finite = np.isfinite(values)
         if lost := int(np.count_nonzero(~finite)):
-            notes.append(f"{name}: {lost} of {values.size} readings are not numbers: dropped.")
+            notes.append(
+                f"{name}: {lost} of {values.size} readings are dropped: they are not numbers."
+            )
         times, values = times[timed & finite], values[timed & finite]
         if disordered := int(np.count_nonzero(np.diff(times) < 0)):
-            notes.append(f"{name}: {disordered} stamps are before the last one: sorted.")
+            notes.append(
+                f"{name}: sorted, because {disordered} stamps are before the previous one."
+            )
         order = np.argsort(times, kind="stable")
         times, values = times[order], values[order]
         first = np.append(True, np.diff(times) > 0)[: times.size]
         if repeated := int(np.count_nonzero(~first)):
-            notes.append(f"{name}: {repeated} of the stamps are doubled: the first is kept.")
+            notes.append(f"{name}: {repeated} readings are dropped: their stamp occurs before.")
         return times[first], values[first], notes
 
 
@@ -149,21 +152,49 @@ def read_signals(bag: Path, mapping: dict[str, MappedField]) -> ForeignSignals:
     The angle has all its turns and rises. Raises BagError for a quantity with fewer than two
     readings.
     """
-    return _signals(bag, _read_topics(bag, mapping))
+    readings = {each.source.quantity: each for each in _read_topics(bag, mapping)}
+    selected = {name: _select(bag, each) for name, each in readings.items()}
+    begin_ns = min(int(times[0]) for times, _, _ in selected.values())
+    signals = {
+        name: Signal((times - begin_ns) / NS, values, readings[name].source.source)
+        for name, (times, values, _) in selected.items()
+    }
+    angle = readings["angle"]
+    counted = count_turns(signals["angle"], f"{bag}: {angle.source.source}", angle.counter)
+    wrong = signals["angle"].time[counted.wrong]
+    signals["angle"] = counted.signal
+    notes, counts = list[str](), list[ReadingCount]()
+    for name, each in readings.items():
+        notes += selected[name][2]
+        is_same_message = each.source.topic == angle.source.topic and each.headed == angle.headed
+        if is_same_message and name != "angle":
+            signals[name], dropped = _drop_times(signals[name], wrong)
+            if dropped:
+                notes.append(f"{name}: {dropped} readings are dropped: their angle is wrong.")
+        size, source = signals[name].time.size, each.source.source
+        clock = "of the message's header" if each.headed else "of the bag"
+        notes.append(f"{name}: {source}, {size} readings, the time is that {clock}.")
+        counts.append(ReadingCount(name, source, size, each.messages))
+    return ForeignSignals(signals, begin_ns, tuple(counts), (*notes, *counted.notes))
 
 
 def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
     topics = topics_of(bag)
     by_topic: dict[str, list[_Readings]] = {}
     for mapped in mapping.values():
-        located = _located(bag, mapped, topics)
+        located = _locate(bag, mapped, topics)
         by_topic.setdefault(located.topic, []).append(_Readings(bag, located))
     types: dict[Any, Typestore] = {}
     try:
         for reader in readers(bag):
             connections = [c for c in reader.connections if c.topic in by_topic and c.msgcount]
             for connection in connections:
-                _require_cdr(bag, by_topic[connection.topic][0].source, connection)
+                if connection.encoding != CDR:
+                    raise BagError(
+                        f"{bag}: {by_topic[connection.topic][0].source.quantity}: the encoding of "
+                        f"{connection.topic} must be {CDR}, as in ROS 2, got "
+                        f"{connection.encoding or 'unknown'}; name another topic"
+                    )
             for connection, log_time, data in reader.messages(connections) if connections else ():
                 key = connection.msgtype, connection.msgdef
                 if key not in types:
@@ -172,88 +203,32 @@ def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
                 for readings in by_topic[connection.topic]:
                     readings.take(message, log_time, types[key])
     except UNREADABLE as error:
-        raise damaged(bag, error) from None
+        raise read_error(bag, error) from None
     return [readings for group in by_topic.values() for readings in group]
 
 
-def _signals(bag: Path, readings: list[_Readings]) -> ForeignSignals:
-    selected = {each.source.quantity: each.selected() for each in readings}
-    for each in readings:
-        times, _, quantity_notes = selected[each.source.quantity]
-        where = f"{bag}: {each.source.quantity}: {each.source.topic}"
-        if each.first_error and not each.values:
-            raise BagError(f"{where} {each.first_error}")
-        if times.size < 2:
-            raise BagError(
-                f"{where} has {times.size} readings; allowed: two or more, at different times"
-                + (f" ({' '.join(quantity_notes)})" if quantity_notes else "")
-            )
-    begin_ns = min(int(times[0]) for times, _, _ in selected.values())
-    signals = {
-        each.source.quantity: Signal(
-            (selected[each.source.quantity][0] - begin_ns) / NS,
-            selected[each.source.quantity][1],
-            each.source.source,
-        )
-        for each in readings
-    }
-    notes = {each.source.quantity: selected[each.source.quantity][2] for each in readings}
-    angle = next(each for each in readings if each.source.quantity == "angle")
-    counted = count_turns(signals["angle"], f"{bag}: {angle.source.source}", angle.counter)
-    wrong = signals["angle"].time[counted.wrong]
-    signals["angle"] = counted.signal
-    for each in readings:
-        name = each.source.quantity
-        is_same_message = each.source.topic == angle.source.topic and each.headed == angle.headed
-        if is_same_message and name != "angle" and wrong.size:
-            is_kept = ~np.isin(signals[name].time, wrong)
-            if dropped := int(np.count_nonzero(~is_kept)):
-                notes[name].append(
-                    f"{name}: {dropped} readings are of messages with a wrong angle: dropped."
-                )
-            signal = signals[name]
-            signals[name] = replace(signal, time=signal.time[is_kept], value=signal.value[is_kept])
-    return ForeignSignals(
-        signals,
-        begin_ns,
-        tuple(_count(each, signals[each.source.quantity]) for each in readings),
-        tuple(_notes(readings, signals, notes, counted.notes)),
-    )
-
-
-def _count(readings: _Readings, signal: Signal) -> ReadingCount:
-    return ReadingCount(
-        readings.source.quantity, readings.source.source, signal.time.size, readings.messages
-    )
-
-
-def _notes(
-    readings: Iterable[_Readings],
-    signals: dict[str, Signal],
-    notes: dict[str, list[str]],
-    angle_notes: Iterable[str],
-) -> list[str]:
-    lines = []
-    for each in readings:
-        name = each.source.quantity
-        clock = "of the message's header" if each.headed else "of the bag"
-        lines += notes[name]
-        lines.append(
-            f"{name}: {each.source.source}, {signals[name].time.size} readings, the time is that "
-            f"{clock}."
-        )
-    return [*lines, *angle_notes]
-
-
-def _require_cdr(bag: Path, source: MappedField, connection: Connection) -> None:
-    if (encoding := encoding_of(connection)) != CDR:
+def _select(bag: Path, readings: _Readings) -> tuple[NDArray[np.int64], FloatArray, list[str]]:
+    """Return the result of `_Readings.select`, which must have at least two readings."""
+    times, values, notes = readings.select()
+    where = f"{bag}: {readings.source.quantity}: {readings.source.topic}"
+    if readings.first_error and not readings.values:
+        raise BagError(f"{where} {readings.first_error}")
+    if times.size < 2:
         raise BagError(
-            f"{bag}: {source.quantity}: {connection.topic} has messages encoded as "
-            f"{encoding or 'unknown'}; allowed: {CDR}, as of ROS 2, so name another topic"
+            f"{where} must have at least two readings at different times, got {times.size}"
+            + (f" ({' '.join(notes)})" if notes else "")
         )
+    return times, values, notes
 
 
-def _located(bag: Path, mapped: MappedField, topics: dict[str, Connection]) -> MappedField:
+def _drop_times(signal: Signal, wrong: FloatArray) -> tuple[Signal, int]:
+    """Return a signal without the readings at some times, and the number of these."""
+    is_kept = ~np.isin(signal.time, wrong)
+    kept = replace(signal, time=signal.time[is_kept], value=signal.value[is_kept])
+    return kept, int(np.count_nonzero(~is_kept))
+
+
+def _locate(bag: Path, mapped: MappedField, topics: dict[str, Connection]) -> MappedField:
     """Return the field with the name of an existing topic.
 
     If the bag has no topic ``/lvdt/data``, it may be the field data of the topic /lvdt.

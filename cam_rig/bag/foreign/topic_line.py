@@ -65,24 +65,24 @@ def parse_topics(line: str) -> dict[str, MappedField]:
     """
     fields: dict[str, MappedField] = {}
     for item in line.split():
-        mapped = _parsed(item)
+        mapped = _parse_item(item)
         if mapped.quantity in fields:
-            raise ConfigError(f"--topics: {mapped.quantity} is named twice; allowed: once")
+            raise ConfigError(f"--topics: {mapped.quantity} must occur once, got it twice")
         fields[mapped.quantity] = mapped
     if "angle" not in fields or len(fields) == 1:
         named = ", ".join(fields) or "nothing"
         raise ConfigError(
-            f"--topics: names {named}; allowed: the angle and at least one of "
-            f"{', '.join(list(QUANTITIES)[1:])}, as in '{EXAMPLE}'"
+            "--topics must name the angle and at least one of "
+            f"{', '.join(list(QUANTITIES)[1:])}, as in '{EXAMPLE}', got {named}"
         )
     return fields
 
 
-def _parsed(item: str) -> MappedField:
+def _parse_item(item: str) -> MappedField:
     match = ITEM.fullmatch(item)
     if match is None:
         raise ConfigError(
-            f"--topics: {item!r} is not QUANTITY=/TOPIC.FIELD:UNIT; an example: '{EXAMPLE}'"
+            f"--topics: an item must be QUANTITY=/TOPIC.FIELD:UNIT, as in '{EXAMPLE}', got {item!r}"
         )
     quantity = match["quantity"]
     if quantity not in QUANTITIES:

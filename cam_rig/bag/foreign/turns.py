@@ -103,8 +103,8 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
     if np.median(np.abs(steps.step)) > MAX_STEP * steps.period:
         degrees = np.degrees(np.median(np.abs(steps.step)))
         raise BagError(
-            f"{where}: the angle steps by {degrees:.0f}° from reading to reading; allowed: less "
-            "than half a turn, else its turns cannot be counted, so record more readings"
+            f"{where}: the angle must change by less than half a turn between readings, so that "
+            f"turns can be counted, got {degrees:.0f}°; record more readings per turn"
         )
     wrong, jumps = steps.find_wrong()
     notes = _wrong_notes(angle, wrong, where)
@@ -118,19 +118,18 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
         value = np.unwrap(value, period=steps.period)
         if wraps.any():
             first = float(time[int(np.argmax(wraps)) + 1])
-            notes.append(_period_words(steps.period, first, counter))
+            notes.append(_period_note(steps.period, first, counter))
         if len(angle.gaps()):
             notes.append("Whole turns within a gap of the angle are not known.")
     if value[-1] < value[0]:
         value = -value
-        notes.append("The angle falls: it was turned over, so the cam turns the other way.")
+        notes.append("The angle decreases: its sign was reversed.")
     turned = value[-1] - value[0]
     if turned < 0.5 * float(np.abs(np.diff(value)).sum()) or turned <= 0.0:
         back = time[int(np.argmin(np.diff(value) >= 0.0))]
         raise BagError(
-            f"{where}: the angle goes from {np.degrees(value[0]):.6g}° to "
-            f"{np.degrees(value[-1]):.6g}° and not one way, first back at {back:.6g} s; allowed: "
-            "a cam that turns"
+            f"{where}: the angle must change in one direction, got {np.degrees(value[0]):.6g}° to "
+            f"{np.degrees(value[-1]):.6g}° with the first reversal at {back:.6g} s"
         )
     return CountedAngle(Signal(time, value, angle.source), wrong, tuple(notes))
 
@@ -164,7 +163,7 @@ def _remainder(change: FloatArray, period: float) -> FloatArray:
     return np.asarray(np.remainder(change + 0.5 * period, period) - 0.5 * period)
 
 
-def _period_words(period: float, first: float, counter: Counter | None) -> str:
+def _period_note(period: float, first: float, counter: Counter | None) -> str:
     if period == TURN:
         return "The angle is given within one turn: its turns were counted."
     values = 0 if counter is None else counter.values
@@ -182,10 +181,10 @@ def _wrong_notes(angle: Signal, wrong: NDArray[np.intp], where: str) -> list[str
     text = f"{wrong.size} wrong angles, at {', '.join(times)}{more}"
     if wrong.size > max(1.0, MAX_WRONG * angle.time.size):
         raise BagError(
-            f"{where}: {text}, of {angle.time.size}: they differ from the readings next to them; "
-            f"allowed: {100 * MAX_WRONG:g} %, so record the angle of one encoder alone"
+            f"{where}: at most {100 * MAX_WRONG:g} % of the readings may differ from those next to "
+            f"them, got {text}, of {angle.time.size}; record the angle of a single encoder"
         )
-    return [f"angle: {text}: dropped, as they differ from the readings next to them."]
+    return [f"angle: {text}, were dropped: they differ from the readings next to them."]
 
 
 class _Steps:
@@ -206,9 +205,9 @@ class _Steps:
         # The windows are inside the readings, otherwise the first and the last step would be
         # repeated.
         half, index = size // 2, np.arange(step.size)
-        windows = [np.clip(index + shift, half, step.size - 1 - half) for shift in (-half - 1, 0)]
-        self._before, middle = windows
-        self._after = np.clip(index + half + 1, half, step.size - 1 - half)
+        self._before, middle, self._after = (
+            np.clip(index + shift, half, step.size - 1 - half) for shift in (-half - 1, 0, half + 1)
+        )
         spread = spread[middle]
         self._usual, self._rate = step, rate
         moves = np.abs(self.step)[np.abs(self.step) > EQUAL_ANGLE_ATOL_RAD]
@@ -231,15 +230,10 @@ class _Steps:
         """
         before, after = self._before[first], self._after[np.minimum(last, self.step.size) - 1]
         count, seconds = last - first, self.time[last] - self.time[first]
-        changes = np.stack(
-            [part for window in (before, after) for part in self._changes(window, count, seconds)]
-        )
+        by_count = [self._usual[window] * count for window in (before, after)]
+        by_time = [self._rate[window] * seconds for window in (before, after)]
+        changes = np.stack([*by_count, *by_time])
         return np.stack([changes.min(axis=0), changes.max(axis=0)])
-
-    def _changes(
-        self, window: NDArray[np.intp], count: NDArray[np.intp], seconds: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        return self._usual[window] * count, self._rate[window] * seconds
 
     def fits(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return True for each pair of readings between which the cam can turn."""
@@ -327,7 +321,7 @@ class _Steps:
             if abs(abs(self._excess(index)) - DEGREES_PER_TURN) <= tolerance:
                 raise BagError(
                     f"{where}: the angle jumps by 360 rad at {self.time[index + 1]:.6g} s; "
-                    "allowed: turns of 2π rad, so add :deg for an angle in degrees"
+                    "add :deg for an angle in degrees"
                 )
 
     def corrections(
@@ -347,7 +341,7 @@ class _Steps:
         for index in np.array(jumps, dtype=np.intp)[~is_back][:MAX_TIMES]:
             notes.append(
                 f"angle: a jump by {np.degrees(self.step[index]):.3g}° at "
-                f"{self.time[index + 1]:.6g} s, which the readings next to it do not explain: kept."
+                f"{self.time[index + 1]:.6g} s is kept: the readings next to it do not explain it."
             )
         if not is_back.any():
             return added
@@ -368,6 +362,6 @@ class _Steps:
         sizes = sorted({f"{abs(size) / TURN:.6g}" for size in change})
         notes.append(
             f"angle: {back.size} jumps back by {', '.join(sizes[:MAX_TIMES])} turns, first at "
-            f"{self.time[back[0] + 1]:.6g} s: the turns were counted on."
+            f"{self.time[back[0] + 1]:.6g} s: corrected, so that the angle continues."
         )
         return added

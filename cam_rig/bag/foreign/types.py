@@ -6,11 +6,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
+from rosbags.interfaces import MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
+from cam_rig.bag.connection import Connection
 from cam_rig.errors import BagError
 
 #: Line between two definitions in the text of one schema.
@@ -35,14 +36,14 @@ def types_of(bag: Path, connection: Connection) -> Typestore:
             "has no definition in the file; record it with storage mcap, which stores definitions"
         )
     try:
-        definitions = _parsed(connection)
+        definitions = _parse_definitions(connection)
     except TypesysError as error:
         if kind in store.fielddefs:
             return store
         reason = str(error).splitlines()[0]
         raise BagError(
             f"{bag}: {connection.topic}: the definition of type {kind} in the file cannot be "
-            f"read ({reason}); allowed: a definition as of rosbag2"
+            f"read ({reason}); record the bag with ros2 bag record"
         ) from None
     try:
         store.register(definitions)
@@ -54,7 +55,7 @@ def types_of(bag: Path, connection: Connection) -> Typestore:
     return store
 
 
-def _parsed(connection: Connection) -> dict[str, Any]:
+def _parse_definitions(connection: Connection) -> dict[str, Any]:
     if connection.msgdef.format is MessageDefinitionFormat.MSG:
         return get_types_from_msg(connection.msgdef.data, connection.msgtype)
     definitions: dict[str, Any] = {}

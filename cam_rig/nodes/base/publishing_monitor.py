@@ -49,11 +49,11 @@ class PublishingMonitor:
             return
         factor = duration / max(duration - total, 0.01 * duration)
         topic = self._publishers[spent.index(max(spent))][0]
-        names = ", ".join(self._find_subscribers(topic)) or "of this rig only"
+        names = ", ".join(self._find_subscribers(topic)) or "nodes of this rig only"
         self._node.get_logger().warning(
             f"publishing took {total:.1f} s of the last {duration:.1f} s, most of it on "
-            f"{topic.name}: the node takes {factor:.1f} times as long; "
-            f"subscribers: {names}; continue or end the one that takes no messages"
+            f"{topic.name}: this node takes {factor:.1f} times as long; continue or end the "
+            f"subscriber that takes no messages (subscribers: {names})"
         )
 
     def _find_subscribers(self, topic: Topic) -> list[str]:

@@ -30,7 +30,7 @@ from cam_rig.nodes.base.run_end import RunEndMonitor, find_endpoints
 from cam_rig.nodes.convert import message_class, qos, require_length
 from cam_rig.nodes.parameters import PARAMETERS
 from cam_rig.runner.node_table import STAY
-from cam_rig.runner.resources import namespace_named
+from cam_rig.runner.resources import parse_namespace
 from cam_rig.schema.load import MAX_BYTES
 
 #: Time (s, wall clock) that a message may wait for a blocked writer. DDS itself gives up after
@@ -50,7 +50,13 @@ INVALID_CONTENT = (
 
 
 class RigPublisher(Publisher):
-    """Publisher that waits for a blocked writer instead of losing the message."""
+    """Publisher that waits for a blocked writer instead of losing the message.
+
+    `Publisher.publish` is overridden because rclpy (Kilted) raises RCLError when a reliable writer
+    is blocked for longer than 0.1 s, and does not send the message later. rclpy creates this class
+    through the public argument `publisher_class` of `create_publisher`. The exception type has no
+    public name: if a later rclpy moves it, this module cannot be imported.
+    """
 
     #: Time (s, wall clock) spent in publishing.
     publishing_s = 0.0
@@ -79,7 +85,7 @@ class RigPublisher(Publisher):
         start = time.monotonic()
         try:
             super().publish(msg)
-        except rclpy_implementation.RCLError:  # rclpy exports this type under no public name
+        except rclpy_implementation.RCLError:
             return False
         finally:
             self.publishing_s += time.monotonic() - start
@@ -134,7 +140,7 @@ class RigNode(Node):
         self.settings = self.parameter_table.values
         for warning in self.parameter_table.unknown:
             self.get_logger().warning(warning)
-        namespace_named(self.get_namespace())  # raises ConfigError if it is too long
+        parse_namespace(self.get_namespace())  # raises ConfigError if it is too long
         self._guard_parameter_services()
         self.publisher_monitor = PublisherMonitor(self)
         self.publishing_monitor = PublishingMonitor(self)

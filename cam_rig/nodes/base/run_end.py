@@ -109,7 +109,9 @@ class LostDriveMonitor:
             self._polls_without += 1
         if self._polls_without * POLL_S < DRIVE_LOST_S or self._node.done.done():
             return
-        self._node.get_logger().warning("the drive has left without publishing /rig/finished")
+        self._node.get_logger().warning(
+            f"the drive has left without publishing /rig/finished; ending after {DRIVE_LOST_S:g} s"
+        )
         self._node.remember_endpoints()
         self._node.finish()
 

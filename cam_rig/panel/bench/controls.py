@@ -11,7 +11,7 @@ from typing import Any
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.errors import RefusedError, RunError
-from cam_rig.live.sockets import MAX_LINE, line_of, read_line
+from cam_rig.live.sockets import MAX_LINE, line_of, parse_line
 from cam_rig.nodes.parameters import ABOUT, KINDS, LIVE
 from cam_rig.panel import is_number
 from cam_rig.panel.bench.live_state import LiveState, PageSound
@@ -78,7 +78,7 @@ class NodeLink:
         try:
             with suppress(ConnectionError, RunError):
                 while line := await reader.readline():
-                    message = read_line(line)
+                    message = parse_line(line)
                     if "answer" in message:
                         self._answer(message["answer"], message)
                     else:

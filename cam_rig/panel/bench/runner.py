@@ -17,9 +17,9 @@ from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.errors import CamRigError, ConfigError, RefusedError
 from cam_rig.extras import require
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.node_process import steered
+from cam_rig.runner.node_process import panel_nodes
 from cam_rig.runner.node_table import DRIVE
-from cam_rig.runner.resources import domain_number, own_domain
+from cam_rig.runner.resources import domain_number, reserve_domain
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import NAME, config_root, load_cam, to_yaml
 from cam_rig.viewer.page import PageTime
@@ -257,7 +257,7 @@ class BenchRunner:
         The delay of the picture is measured by it.
         """
         if self._page is not None:
-            self._page.driven(rig_time)
+            self._page.record_drive(rig_time)
 
     def _newest_setup(self, timeout: float = 0.0) -> tuple[Setup, NodeValues] | None:
         """Return the newest set-up of the queue, or None after a timeout (s)."""
@@ -272,8 +272,8 @@ class BenchRunner:
         following: tuple[Setup, NodeValues] | None = None
         try:
             scene = setup.write(self.folder, self.rig)
-            with self._bag(lambda: following is not None) as bag, own_domain():
-                nodes = steered(scene, bag, self.socket, self._stream)
+            with self._bag(lambda: following is not None) as bag, reserve_domain():
+                nodes = panel_nodes(scene, bag, self.socket, self._stream)
                 nodes[DRIVE] |= {"autostart": False, "pacing": "real_time"}
                 for node, chosen in values.items():
                     nodes[node] |= chosen

@@ -287,7 +287,7 @@ def _compare_recording(
 ) -> RunComparison:
     with friendly_import_errors():
         from cam_rig.bag.measured_run import own_namespace, read_pressures, read_states
-        from cam_rig.bag.partial_reader import recovered_words
+        from cam_rig.bag.partial_reader import recovery_notes
         from cam_rig.bag.reader import read_ticks
 
     if cam is not None:
@@ -301,7 +301,7 @@ def _compare_recording(
         raise BagError(
             f"{bag}: contains no settled turn{label} at a steady speed; run one whole step"
         )
-    notes = recovered_words(bag)
+    notes = recovery_notes(bag)
     if pairs.lost:
         notes.append(f"{pairs.lost} ticks have no samples in the bag: they are left out.")
     return RunComparison(bag, loaded, tuple(rows), tuple(notes))

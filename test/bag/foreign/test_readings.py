@@ -63,13 +63,16 @@ def test_a_message_without_the_joint_or_the_number_is_skipped(tmp_path, seed):
         assert counts[quantity] == (len(indices), 500 - len(indices))
         np.testing.assert_array_equal(signals[quantity].value, value[indices])
         skipped = 500 - len(indices)
-        assert f"{quantity}: {skipped} of 500 messages have no position[{name}]: skipped." in notes
+        assert (
+            f"{quantity}: {skipped} of 500 messages are skipped: they have no position[{name}]."
+            in notes
+        )
 
 
 def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
     """The error lists the existing joints."""
     line = LINE.replace("[cam]", "[cm]")
-    with pytest.raises(BagError, match=r"no entry 'cm'; allowed: .*cam, follower"):
+    with pytest.raises(BagError, match=r"from 0 or one of cam, follower, got 'cm'"):
         read(tmp_path, line, joints=(joints, TIME, both()))
 
 
@@ -85,7 +88,7 @@ def test_a_reading_with_stamp_0_among_others_is_dropped(tmp_path, zero):
     kept = np.setdiff1d(np.arange(500), zero)
     assert counts == dict.fromkeys(("angle", "lift"), (kept.size, 500 - kept.size))
     np.testing.assert_allclose(signals["lift"].time, TIME[kept] - TIME[kept[0]], atol=1e-9)
-    assert f"angle: {500 - kept.size} of 500 readings have the stamp 0" in notes
+    assert f"angle: {500 - kept.size} of 500 readings are dropped: their stamp is 0" in notes
     assert f"{kept.size} readings, the time is that of the message's header." in notes
 
 
@@ -110,7 +113,7 @@ def test_readings_of_a_message_with_a_wrong_angle_are_dropped(tmp_path):
     kept = np.delete(np.arange(500), wrong)
     np.testing.assert_array_equal(signals["lift"].value, LIFT[kept])
     np.testing.assert_allclose(signals["angle"].value, ANGLE[kept], rtol=0, atol=1e-12)
-    assert "4 wrong angles, at 0.4, 0.8, 0.804, 1.6 s: dropped" in notes
+    assert "4 wrong angles, at 0.4, 0.8, 0.804, 1.6 s, were dropped" in notes
 
 
 @pytest.mark.parametrize("kind", ["Int16", "UInt8", "UInt16", "Int8"])
@@ -234,7 +237,7 @@ def test_topics_of_another_encoding_are_ignored_unless_requested(tmp_path):
     file = add_json(tmp_path)
     _, counts, _ = counted(read_signals(file, parse_topics(LINE)))
     assert counts == {"angle": (500, 0), "lift": (500, 0)}
-    with pytest.raises(BagError, match="lift: /note has messages encoded as json; allowed: cdr"):
+    with pytest.raises(BagError, match=r"lift: the encoding of /note must be cdr, .*got json"):
         read_signals(file, parse_topics("angle=/joints.position[cam] lift=/note.x"))
     with pytest.raises(BagError, match=r"no topic /nte; allowed: .*/note \[Note, json\].*did you"):
         read_signals(file, parse_topics("angle=/joints.position[cam] lift=/nte.x"))
@@ -245,7 +248,7 @@ def test_an_hour_without_readings_is_a_pause(tmp_path):
     time = np.where(TIME < 1.0, TIME, TIME + 5400.0)
     bag = write_bag(tmp_path / "bench", {"/joints": (joints, time, both())})
     notes = read_measured(bag, parse_topics(LINE)).notes
-    assert "lift: the readings pause for 90 min from 0.996 s on; nothing is put" in " ".join(notes)
+    assert "lift: the readings pause for 90 min from 0.996 s on, not filled" in " ".join(notes)
 
 
 def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
@@ -258,8 +261,8 @@ def test_times_of_two_clocks_are_printed_as_dates(tmp_path):
     bag = write_bag(tmp_path / "bench", topics)
     with pytest.raises(BagError) as raised:
         read_measured(bag, parse_topics("angle=/enc.position[0] lift=/gauge"))
-    words = "lift of /gauge is from 2026-01-01 00:00:00 UTC to 2026-01-01 00:00:01 UTC, the angle"
-    assert words in str(raised.value) and "from 0 s to 1.996 s; allowed" in str(raised.value)
+    words = "got /gauge from 2026-01-01 00:00:00 UTC to 2026-01-01 00:00:01 UTC and the angle"
+    assert f"{words} from 0 s to 1.996 s; if their stamps" in str(raised.value)
     assert "e+" not in str(raised.value)
 
 
