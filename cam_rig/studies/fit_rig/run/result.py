@@ -179,10 +179,10 @@ class RigFit(RigParameters):
                 "without the speeds with lift-offs are more reliable."
             )
         has_zero = any(number.key == "force_zero" for number in self.instruments)
-        note = "" if has_zero else ", and its zero offset is part of the preload"
+        note = "" if has_zero else " The zero offset of the force is part of the preload."
         yield (
-            f"The gain of the force sensor and the encoder's clock are assumed to be exact{note}; "
-            "100 ppm of the clock are 200 ppm of a mass."
+            "The gain of the force sensor and the encoder's clock are assumed to be exact: 100 ppm "
+            f"of the clock are 200 ppm of a mass.{note}"
         )
         yield from _warnings(self)
 
