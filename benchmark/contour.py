@@ -13,7 +13,10 @@ from cam_rig.profile.cam_checks import check_cam
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 
-POINTS, REPEATS = 36_000, 10
+#: Number of contour points, 0.01° apart.
+CONTOUR_POINTS = 36_000
+#: Number of timed runs, of which the median counts.
+REPEATS = 10
 
 
 def best_of(repeats: int, work: Callable[[], object]) -> float:
@@ -35,11 +38,13 @@ def main() -> None:
     start_time = time.perf_counter()
     for cam, law in zip(cams, laws, strict=True):
         check_cam(cam, law)
-    checked = time.perf_counter() - start_time
-    print(f"{len(cams)} cams read in {read:.3f} s, checked in {checked:.3f} s")
+    check_arguments = time.perf_counter() - start_time
+    print(f"{len(cams)} cams read in {read:.3f} s, checked in {check_arguments:.3f} s")
     for cam, law in zip(cams, laws, strict=True):
-        took = best_of(REPEATS, partial(contours, cam.follower, law, POINTS))
-        print(f"{cam.name:20} {cam.follower.type:20} {POINTS} points in {took * 1e3:.1f} ms")
+        took = best_of(REPEATS, partial(contours, cam.follower, law, CONTOUR_POINTS))
+        print(
+            f"{cam.name:20} {cam.follower.type:20} {CONTOUR_POINTS} points in {took * 1e3:.1f} ms"
+        )
 
 
 if __name__ == "__main__":

@@ -35,8 +35,16 @@ from cam_rig.studies.design.space import DesignProblem, Space, measured
 from cam_rig.studies.design.study import front
 from cam_rig.units import FloatArray, to_rpm
 
-POINTS, POPULATION, SEED = 25, 100, 1
-GOAL, OTHER = parse_goal("jump_speed_rigid"), parse_goal("peak_acceleration")
+#: Number of points of the proved front.
+FRONT_POINTS = 25
+#: Number of designs per generation of the peer.
+POPULATION = 100
+#: Seed of the peer.
+SEED = 1
+#: First goal, which is maximised.
+GOAL = parse_goal("jump_speed_rigid")
+#: Second goal, which is minimised.
+OTHER = parse_goal("peak_acceleration")
 #: Distances of the first population from the start law, relative to the range of the designs.
 AROUND = (1e-3, 1e-2, 0.1, 0.5)
 #: Relative lift by which a law of the peer may leave its range. The designs of the rig may not.
@@ -82,7 +90,7 @@ def even_shapes(space: Space) -> np.ndarray:
     own = space.law_class.free * len(space.events)
     angles = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
     unit = np.eye(own)
-    bends = [space.law(space.joined(one), "one")(angles, 2) for one in (0.0 * unit[0], *unit)]
+    bends = [space.law(space.joined(law), "one")(angles, 2) for law in (0.0 * unit[0], *unit)]
     _, upper = np.linalg.qr(np.stack(bends[1:], axis=1) - bends[0][:, None])
     return np.linalg.inv(upper)
 
@@ -96,7 +104,7 @@ def main() -> None:
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
     request = DesignRequest.of(maximise=GOAL.key, law_class=LawClass(16, 3))
     start_time = time.perf_counter()
-    ours = front(cam, rig, request, OTHER, POINTS)
+    ours = front(cam, rig, request, OTHER, FRONT_POINTS)
     took = time.perf_counter() - start_time
     start = ours.designs[0].start
     space = Space(start, request.law_class)

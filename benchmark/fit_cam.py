@@ -16,9 +16,20 @@ from cam_rig.studies.fit_cam.spline_fit import fit_spline
 from cam_rig.units import TURN
 
 CAMS = ("poly345", "cycloidal", "flat", "bezier15", "b_spline")
-COUNTS, SEEDS = (360, 72, 36), range(5000, 5040)
-LIFT, NOISE, ZERO, OUTLIER = 0.01, 2e-6, 3e-3, 4e-4  # m
-FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
+#: Numbers of readings per turn.
+COUNTS = (360, 72, 36)
+#: Seeds of the noise of each cam and number of readings.
+SEEDS = range(5000, 5040)
+#: Lift of every cam, m.
+LIFT = 0.01
+#: Standard deviation of a reading, m.
+NOISE = 2e-6
+#: Zero offset of the gauge, m.
+ZERO = 3e-3
+#: Error of one reading, an outlier, m.
+OUTLIER = 4e-4
+#: Cam angles (rad) at which a fit is compared with the cam.
+COMPARED_ANGLES = np.linspace(0.0, TURN, 2000, endpoint=False)
 
 
 def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
@@ -36,9 +47,9 @@ def errors(name: str, count: int, seed: int) -> tuple[float, float, float]:
     column = GaugeColumn("lift", tuple(lifts), 1e-9)
     table = GaugeTable(name, tuple(angles), (column,), tuple(range(count)), ())
     fit = fit_spline(order_readings(table, column))
-    true, fitted = scale * law(FINE, 2), fit.law(FINE, 2)
+    true, fitted = scale * law(COMPARED_ANGLES, 2), fit.law(COMPARED_ANGLES, 2)
     peak = np.abs(true).max()
-    away = fit.law(FINE) - scale * law(FINE)
+    away = fit.law(COMPARED_ANGLES) - scale * law(COMPARED_ANGLES)
     return (
         1e6 * float(np.sqrt(np.mean(away**2))),
         100.0 * float(np.sqrt(np.mean((fitted - true) ** 2)) / peak),

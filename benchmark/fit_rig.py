@@ -19,9 +19,9 @@ from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.schema import RigConfig
-from cam_rig.studies.fit_rig.numbers import WITHIN_95
-from cam_rig.studies.fit_rig.result import RigFit
-from cam_rig.studies.fit_rig.study import fit_run
+from cam_rig.studies.fit_rig.estimate import NORMAL_95
+from cam_rig.studies.fit_rig.run.fit import fit_run
+from cam_rig.studies.fit_rig.run.result import RigFit
 from cam_rig.units import to_rpm
 
 #: Cams with and without a dwell, smooth and with steps of acceleration.
@@ -94,10 +94,10 @@ def main() -> None:
     print("number            told  within 95 %  mean score  its scatter")
     for name, found_scores in scores.items():
         z = np.array(found_scores)
-        within = 100.0 * np.mean(np.abs(z) < WITHIN_95)
+        within = 100.0 * np.mean(np.abs(z) < NORMAL_95)
         print(f"{name:16} {z.size:5d} {within:10.1f} % {z.mean():11.2f} {z.std():12.2f}")
     every = np.abs(np.concatenate([np.array(z) for z in scores.values()]))
-    print(f"all              {every.size:5d} {100.0 * np.mean(every < WITHIN_95):10.1f} %")
+    print(f"all              {every.size:5d} {100.0 * np.mean(every < NORMAL_95):10.1f} %")
     print(f"models {dict(models)}; {np.median(seconds):.1f} s a fit, {max(seconds):.1f} s at most")
 
 

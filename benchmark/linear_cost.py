@@ -27,12 +27,20 @@ from cam_rig.show.tables import typeset_number
 from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")
-RPM, SAMPLE_RATE, REPEATS = 300.0, 48_000, 3
+#: Cam speed, rpm.
+RPM = 300.0
+#: Samples per second.
+SAMPLE_RATE = 48_000
+#: Number of timed runs, of which the median counts.
+REPEATS = 3
 SPEED = RPM * np.pi / 30.0
 SAMPLES = (10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000)
 #: Stem stiffnesses, N/m.
 STEMS = tuple(10.0**power for power in range(4, 11))
-USUAL_STEM, USUAL_SAMPLES = 3.3e8, 1_000_000
+#: Stem stiffness (N/m) while the number of samples varies: that of tm21.
+USUAL_STEM = 3.3e8
+#: Number of samples while the stem stiffness varies.
+USUAL_SAMPLES = 1_000_000
 #: Number of samples in one block of a stream.
 BLOCK = 240_000
 

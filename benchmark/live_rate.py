@@ -33,19 +33,19 @@ class LiveRate:
 
     scene: str
     rate: float
-    shown: bool
+    viewer: bool
     speed_up: float
 
 
-def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
+def live_rate(scene: str, viewer: bool, folder: Path) -> LiveRate:
     """Run a shipped scene through the nodes and measure its speed."""
     path = Path(__file__).parents[1] / "config" / "scenes" / f"{scene}.yaml"
     loaded = open_scene(path)
     stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
     with ExitStack() as stack:
-        screen = str(stack.enter_context(serve()).folder) if shown else None
+        screen = str(stack.enter_context(serve()).folder) if viewer else None
         stack.enter_context(reserve_domain(""))
-        nodes = live_nodes(path, folder / f"{scene}_{shown}", screen, pacing="free")
+        nodes = live_nodes(path, folder / f"{scene}_{viewer}", screen, pacing="free")
         with Graph(nodes) as graph:
             first = None
             for report in graph.progress():
@@ -54,20 +54,22 @@ def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
         assert first is not None
         wall = time.perf_counter() - first[0]
     rate = float(loaded.scene.sample_rate.si)
-    return LiveRate(scene, rate, shown, (stamps[-1] - first[1]) / wall)
+    return LiveRate(scene, rate, viewer, (stamps[-1] - first[1]) / wall)
 
 
 def live_table() -> DataTable:
     """Return a table of each scene without and with a viewer."""
     with TemporaryDirectory() as folder:
-        runs = [live_rate(name, shown, Path(folder)) for name in SCENES for shown in (False, True)]
+        runs = [
+            live_rate(name, viewer, Path(folder)) for name in SCENES for viewer in (False, True)
+        ]
     return tabulate(
         "Live runs",
         runs,
         (
             (Header("scene"), lambda run: run.scene),
             (Header("samples", "kHz", ".0f"), lambda run: run.rate / 1e3),
-            (Header("viewer"), lambda run: "yes" if run.shown else "no"),
+            (Header("viewer"), lambda run: "yes" if run.viewer else "no"),
             (Header("x real time", "", ".0f"), lambda run: run.speed_up),
         ),
     )

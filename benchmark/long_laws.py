@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from benchmark.speed.cases import law_of
-from benchmark.speed.event_cost import form_of_search
+from benchmark.speed.event_cost import force_backend
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.events.backend import COMPILED, PLAIN
 from cam_rig.dynamics.jump.any_follower import find_jump
@@ -29,9 +29,17 @@ from cam_rig.schema.load import config_root
 from cam_rig.show.tables import DataTable, Header, tabulate, to_markdown
 from cam_rig.units import RPM, TURN
 
-Found = TypeVar("Found")
+Solution = TypeVar("Solution")
 
-CAM, RIG, FROM_REST, REPEATS, NOISE_NM = "bezier15", "paper_table2", 1.7, 7, 10.0
+CAM = "bezier15"
+RIG = "paper_table2"
+#: Duration of a run from rest, s.
+FROM_REST = 1.7
+#: Number of timed searches, of which the median counts.
+REPEATS = 7
+#: Standard deviation of the noisy readings, nm.
+NOISE_NM = 10.0
+#: Numbers of pieces of the laws.
 PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
 #: Number of pieces from which on the slope is fitted. Below it constant costs dominate.
 MANY = 180
@@ -78,38 +86,50 @@ def through(law: Law, count: int, noise: float = 0.0) -> Law:
 
 def measure() -> list[JumpCost]:
     """Return the costs of the laws with `PIECES`."""
-    with form_of_search(COMPILED if find_spec("numba") else PLAIN):
+    with force_backend(COMPILED if find_spec("numba") else PLAIN):
         return _measured()
 
 
 def _measured() -> list[JumpCost]:
     rig = load_rig(config_root() / "rigs" / f"{RIG}.yaml")
-    two, one = TwoMassParameters.from_rig(rig), FollowerParameters.from_rig(rig)
-    found = []
+    two, rigid_mass = TwoMassParameters.from_rig(rig), FollowerParameters.from_rig(rig)
+    costs = []
     for count in PIECES:
         law = through(law_of(CAM), count)
-        rest, jump = _cost(law, partial(find_jump, parameters=two, duration=FROM_REST))
+        rest_time, jump = _cost(law, partial(find_jump, parameters=two, duration=FROM_REST))
         noisy = through(law_of(CAM), count, 1e-9 * NOISE_NM)
-        rough, _ = _cost(noisy, partial(find_jump, parameters=two, duration=FROM_REST))
-        steady, _ = _cost(law, partial(find_jump, parameters=two, duration=None))
-        rigid, _ = _cost(law, partial(rigid_jump, follower=one))
-        known, _ = _cost(law, partial(rigid_jump, follower=one), known=True)
-        found.append(JumpCost(law.spans.size, jump.speed / RPM, rest, rough, steady, rigid, known))
-    return found
+        noisy_time, _ = _cost(noisy, partial(find_jump, parameters=two, duration=FROM_REST))
+        steady_time, _ = _cost(law, partial(find_jump, parameters=two, duration=None))
+        rigid_time, _ = _cost(law, partial(rigid_jump, follower=rigid_mass))
+        reused_time, _ = _cost(law, partial(rigid_jump, follower=rigid_mass), reuse_tables=True)
+        costs.append(
+            JumpCost(
+                law.spans.size,
+                jump.speed / RPM,
+                rest_time,
+                noisy_time,
+                steady_time,
+                rigid_time,
+                reused_time,
+            )
+        )
+    return costs
 
 
-def _cost(law: Law, search: Callable[[Law], Found], known: bool = False) -> tuple[float, Found]:
+def _cost(
+    law: Law, search: Callable[[Law], Solution], reuse_tables: bool = False
+) -> tuple[float, Solution]:
     """Return the median CPU time (s) of a search.
 
     Each search uses a new law, or all use the same law with existing tables.
     """
     times = []
     for _ in range(REPEATS + 1):
-        own = law if known else Law(law.name, law.breaks, law.ordinates)
+        searched = law if reuse_tables else Law(law.name, law.breaks, law.ordinates)
         start_time = time.process_time()
-        found = search(own)
+        solution = search(searched)
         times.append(time.process_time() - start_time)
-    return statistics.median(times[1:]), found
+    return statistics.median(times[1:]), solution
 
 
 def cost_table(costs: list[JumpCost]) -> DataTable:
@@ -133,13 +153,13 @@ def section(costs: list[JumpCost]) -> str:
     many = [cost for cost in costs if cost.pieces >= MANY]
     sizes = np.log([cost.pieces for cost in many])
     slopes = [
-        f"{np.polyfit(sizes, np.log([getattr(cost, name) for cost in many]), 1)[0]:.2f} ({words})"
-        for name, words in (("rest_s", "from rest"), ("steady_s", "steady"), ("rigid_s", "rigid"))
+        f"{np.polyfit(sizes, np.log([getattr(cost, name) for cost in many]), 1)[0]:.2f} ({title})"
+        for name, title in (("rest_s", "from rest"), ("steady_s", "steady"), ("rigid_s", "rigid"))
     ]
     listed = ", ".join(slopes)
     table = to_markdown(cost_table(costs))
-    least, most = (1e3 * fun(cost.known_s for cost in costs) for fun in (min, max))
-    known = f"{least:.2f} to {most:.2f}"
+    shortest, longest = (1e3 * fun(cost.known_s for cost in costs) for fun in (min, max))
+    known = f"{shortest:.2f} to {longest:.2f}"
     return SECTION.format(table=table, many=MANY, slopes=listed, noise=NOISE_NM, known=known)
 
 

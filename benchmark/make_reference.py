@@ -20,7 +20,7 @@ def main() -> None:
         start_time = time.perf_counter()
         solve = exact.solve_twist if isinstance(case.model, Twist) else exact.solve
         solution = solve(case)
-        path = study.write(case, solution)
+        path = study.write_reference(case, solution)
         took = time.perf_counter() - start_time
         print(f"{path}: {case.times.size} times, {len(solution.events)} events, {took:.0f} s")
 

@@ -20,7 +20,10 @@ from cam_rig.studies.orders.steady_force import ForcePiece, SteadyForce, steady_
 from cam_rig.units import RPM, to_rpm
 
 PAGE = Path("docs/accuracy.md")
-HEADING, LAST_LINE = "## Orders\n", "Made by `benchmark/orders.py`.\n"
+#: First line of the section that is written here.
+HEADING = "## Orders\n"
+#: Last line of the section.
+LAST_LINE = "Made by `benchmark/orders.py`.\n"
 ORDERS = 100
 COUNTS = (10**5, 10**6)
 #: Cam, rig, model, rpm, and description of the case.
@@ -56,15 +59,15 @@ at the same instant as independent.
 def by_digits(steady: SteadyForce, rates: np.ndarray) -> np.ndarray:
     """Return c_n of the same pieces, computed with at least 50 digits."""
     with mpmath.workdps(90):
-        found = []
+        amplitudes = []
         for rate in rates:
             total = mpmath.mpc(0)
             for piece in steady.pieces:
                 w = mpmath.mpc(0, float(rate))
                 part = _polynomial(piece, w) + _vibration(piece, w)
                 total += mpmath.exp(-w * mpmath.mpf(piece.begin)) * part
-            found.append(complex(total / mpmath.mpf(steady.duration)))
-    return np.array(found)
+            amplitudes.append(complex(total / mpmath.mpf(steady.duration)))
+    return np.array(amplitudes)
 
 
 def _polynomial(piece: ForcePiece, w: mpmath.mpc) -> mpmath.mpc:
@@ -119,7 +122,7 @@ def level_differences() -> tuple[list[float], list[float]]:
     The first is that with contact, the second that with loss of contact.
     """
     loaded = cam_rig.load_scene("tm21_sweep")
-    kept, left = list[float](), list[float]()
+    in_contact, with_losses = list[float](), list[float]()
     for cam, steps in step_levels(
         simulate(loaded), loaded.scene.schedule.transient_turns.si
     ).items():
@@ -127,11 +130,11 @@ def level_differences() -> tuple[list[float], list[float]]:
             steady = steady_force(loaded.laws[cam], loaded.scene.model, loaded.rig, speed)
             highest = round(40_000.0 * 60.0 / to_rpm(speed)) if steady.landings else 2000
             sound = loaded.radiation
-            found = spectrum(steady, sound, sound.contact_time, highest)
-            powers = [10.0 ** (x / 10.0) for x in (found.total_db, found.background_db)]
+            orders = spectrum(steady, sound, sound.contact_time, highest)
+            powers = [10.0 ** (x / 10.0) for x in (orders.total_db, orders.background_db)]
             total = float(level_db(20e-6 * sum(powers) ** 0.5))
-            (left if steady.landings else kept).append(total - level)
-    return kept, left
+            (with_losses if steady.landings else in_contact).append(total - level)
+    return in_contact, with_losses
 
 
 def main() -> None:
@@ -140,15 +143,15 @@ def main() -> None:
     for case in CASES:
         rows.append(row(*case))
         print(rows[-1])
-    kept, left = level_differences()
+    in_contact, with_losses = level_differences()
     facts = {"heading": HEADING, "n": ORDERS, "rows": "\n".join(rows)}
-    facts |= {"kept": max(map(abs, kept)), "low": min(left), "high": max(left)}
+    facts |= {"kept": max(map(abs, in_contact)), "low": min(with_losses), "high": max(with_losses)}
     print(facts)
     text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(HEADING)
-    after = rest.partition(LAST_LINE)[2]
-    whole = f"{before.rstrip()}\n\n{TEXT.format(**facts)}{LAST_LINE}{after}"
-    PAGE.write_text(whole, encoding="utf-8")
+    before, _, remainder = text.partition(HEADING)
+    after = remainder.partition(LAST_LINE)[2]
+    page = f"{before.rstrip()}\n\n{TEXT.format(**facts)}{LAST_LINE}{after}"
+    PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,10 @@ from cam_rig.simulation.simulate import simulate, step_levels
 REFERENCE_HZ = 384_000
 RATES_HZ = (1_000, 2_000, 4_000, 8_000, 12_000, 24_000, 48_000, 96_000)
 REPEATS = 3
-COLUMNS, BYTES = 6, 8
+#: Number of values per sample.
+COLUMNS = 6
+#: Bytes per value.
+BYTES = 8
 
 HEAD = """\
 # Accuracy and speed
@@ -69,9 +72,9 @@ def measure(loaded: LoadedScene) -> tuple[dict[str, dict[float, float]], float, 
     return step_levels(ticks, settle), took, ticks[-1].stop_ns * 1e-9
 
 
-def difference(one: dict[float, float], other: dict[float, float]) -> float:
+def difference(first: dict[float, float], second: dict[float, float]) -> float:
     """Return the largest difference over the speeds, dB."""
-    return max(abs(one[speed] - other[speed]) for speed in one)
+    return max(abs(first[speed] - second[speed]) for speed in first)
 
 
 def exact_levels(loaded: LoadedScene, cam: str, speeds: list[float]) -> dict[float, float]:
@@ -104,9 +107,9 @@ def main() -> None:
     head = HEAD.format(rig_time=rig_time, **facts)
     tail = TAIL.format(exact=exact, **facts) + LAST_LINE
     page = Path("docs/accuracy.md")
-    _, mark, rest = page.read_text(encoding="utf-8").partition(LAST_LINE)
+    _, mark, remainder = page.read_text(encoding="utf-8").partition(LAST_LINE)
     assert mark, f"{page}: has no line {LAST_LINE!r}"
-    page.write_text(head + "\n".join(lines) + "\n" + tail + rest, encoding="utf-8")
+    page.write_text(head + "\n".join(lines) + "\n" + tail + remainder, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -25,25 +25,38 @@ from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.units import TURN, FloatArray
 
 TABLE = Path("test/bounce/siconos.csv")
-RESTITUTION, FROM, TO, WIDE, SPEEDS = 0.7, 300, 600, 2, 50
+#: Restitution, at which the speeds include irregular motions.
+RESTITUTION = 0.7
+#: Lowest speed, rpm.
+FIRST_RPM = 300
+#: Highest speed, rpm.
+LAST_RPM = 600
+#: Number of neighbouring speeds, 1 rpm apart, that must have the same motion.
+NEIGHBOURS = 2
+#: Number of speeds that are compared.
+MAX_SPEEDS = 50
 #: Steps per turn. In one the follower moves by at most 6 µm. With 8000 steps two of the irregular
-#: motions fall into cycles of the steps. Number of turns, and of those at the end that are
-#: classified.
-STEPS, TURNS, KEPT = 32_000, 130, 30
-#: A landing is late by up to a step, and the next turn may have it a step earlier. So two turns are
-#: equal here if their gaps at cam angle 0 (m) differ by no more than ALIKE. Motions whose gaps all
-#: lie within DISTINCT are not compared.
-ALIKE, DISTINCT = 2.5e-5, 1e-4
+#: motions fall into cycles of the steps.
+STEPS_PER_TURN = 32_000
+#: Number of turns.
+TURNS = 130
+#: Number of turns at the end that are classified.
+LAST_TURNS = 30
+#: Largest difference (m) of the gaps of equal turns at cam angle 0. A landing is late by up to a
+#: step, and the next turn may have it a step earlier.
+GAP_ATOL_M = 2.5e-5
+#: Motions whose gaps (m) all lie within this distance are not compared.
+MIN_GAP_DIFFERENCE_M = 1e-4
 
 
 def main() -> None:
     """Choose the speeds, integrate, classify and write the file."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
-    whole, follower = np.arange(FROM, TO + 1.0), rig.follower
+    whole, follower = np.arange(FIRST_RPM, LAST_RPM + 1.0), rig.follower
     find = partial(cam_rig.bounce_map, law, rig, restitution=RESTITUTION)
-    own = find(rpm=whole, turns=KEPT, transient_turns=TURNS - KEPT, continuation=True)
-    theta = np.linspace(0.0, TURN, STEPS + 1)
-    given = {
+    own = find(rpm=whole, turns=LAST_TURNS, transient_turns=TURNS - LAST_TURNS, continuation=True)
+    theta = np.linspace(0.0, TURN, STEPS_PER_TURN + 1)
+    setup = {
         "rpm": chosen(own),
         "turns": TURNS,
         "lift": law(theta).tolist(),
@@ -56,16 +69,16 @@ def main() -> None:
     }
     program = [*(sys.argv[1:] or ["/usr/bin/python3"]), "benchmark/siconos_stepping.py"]
     stepped = subprocess.run(
-        program, input=json.dumps(given), stdout=subprocess.PIPE, text=True, check=True
+        program, input=json.dumps(setup), stdout=subprocess.PIPE, text=True, check=True
     )
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(("rpm", "motion", "period", "least_gap_mm", "greatest_gap_mm"))
         for line in stepped.stdout.splitlines():
             rpm, states = json.loads(line)
-            kept = np.array(states)[-KEPT:]
-            gaps = 1e3 * kept[:, 0]
-            table.writerow((f"{rpm:g}", *classed(kept), f"{gaps.min():z.3f}", f"{gaps.max():z.3f}"))
+            last = np.array(states)[-LAST_TURNS:]
+            gaps = 1e3 * last[:, 0]
+            table.writerow((f"{rpm:g}", *classed(last), f"{gaps.min():z.3f}", f"{gaps.max():z.3f}"))
 
 
 def chosen(own: BounceMap) -> list[float]:
@@ -75,37 +88,37 @@ def chosen(own: BounceMap) -> list[float]:
     others.
     """
     rows, away = own.rows, []
-    changes = np.array([one.point.rpm for one in own.bifurcations])
-    for i in range(WIDE, len(rows) - WIDE):
-        kinds = {(row.motion, row.period) for row in rows[i - WIDE : i + WIDE + 1]}
-        settled = (rows[i].settled or 0) <= TURNS // 2
-        known = len(kinds) == 1 and rows[i].motion != UNDETERMINED and settled
-        if known and distinct(rows[i]) and np.abs(changes - rows[i].rpm).min() > WIDE:
+    changes = np.array([bifurcation.point.rpm for bifurcation in own.bifurcations])
+    for i in range(NEIGHBOURS, len(rows) - NEIGHBOURS):
+        kinds = {(row.motion, row.period) for row in rows[i - NEIGHBOURS : i + NEIGHBOURS + 1]}
+        is_steady = (rows[i].settled or 0) <= TURNS // 2
+        is_classified = len(kinds) == 1 and rows[i].motion != UNDETERMINED and is_steady
+        if is_classified and distinct(rows[i]) and np.abs(changes - rows[i].rpm).min() > NEIGHBOURS:
             away.append(rows[i])
     rare = [row for row in away if row.motion == IRREGULAR or (row.period or 1) > 1]
-    rest = [row for row in away if row not in rare]
-    evenly = np.linspace(0, len(rest) - 1, SPEEDS - len(rare)).round().astype(int)
-    return sorted(row.rpm for row in [*rare, *(rest[i] for i in evenly)])
+    others = [row for row in away if row not in rare]
+    evenly = np.linspace(0, len(others) - 1, MAX_SPEEDS - len(rare)).round().astype(int)
+    return sorted(row.rpm for row in [*rare, *(others[i] for i in evenly)])
 
 
 def distinct(row: BounceRow) -> bool:
     """Return True if the gaps of a period's turns can be told apart by rounding.
 
-    Irregular turns must differ by more than `DISTINCT`.
+    Irregular turns must differ by more than `MIN_GAP_DIFFERENCE_M`.
     """
     gaps = row.states[:, 0]
     if row.motion == IRREGULAR:
-        return float(np.ptp(gaps)) > DISTINCT
-    return all(abs(a - b) > DISTINCT for a, b in combinations(gaps.tolist(), 2))
+        return float(np.ptp(gaps)) > MIN_GAP_DIFFERENCE_M
+    return all(abs(a - b) > MIN_GAP_DIFFERENCE_M for a, b in combinations(gaps.tolist(), 2))
 
 
-def classed(kept: FloatArray) -> tuple[str, int | str]:
+def classed(last: FloatArray) -> tuple[str, int | str]:
     """Return motion and period of the last turns ``(n, 3)``: gap, rate, largest gap."""
-    if not kept[:, 2].any():
+    if not last[:, 2].any():
         return IN_CONTACT, ""
-    gaps, half = kept[:, 0], KEPT // 2
-    for period in range(1, KEPT // 4 + 1):
-        if np.abs(gaps[-half:] - gaps[-half - period : -period]).max() <= ALIKE:
+    gaps, half = last[:, 0], LAST_TURNS // 2
+    for period in range(1, LAST_TURNS // 4 + 1):
+        if np.abs(gaps[-half:] - gaps[-half - period : -period]).max() <= GAP_ATOL_M:
             return PERIODIC, period
     return IRREGULAR, ""
 

@@ -35,16 +35,16 @@ def states(given: dict[str, Any], rpm: float) -> list[list[float]]:
     stepping = siconos.TimeStepping(
         system, siconos.TimeDiscretisation(0.0, step), siconos.MoreauJeanOSI(0.5), siconos.LCP()
     )
-    load, found = mass.fExt(), []
+    load, states = mass.fExt(), []
     for _ in range(given["turns"]):
         greatest = 0.0
-        for one in loads.tolist():
-            load[0] = one
+        for force in loads.tolist():
+            load[0] = force
             stepping.computeOneStep()
             greatest = max(greatest, mass.q()[0])
             stepping.nextStep()
-        found.append([mass.q()[0], mass.velocity()[0], greatest])
-    return found
+        states.append([mass.q()[0], mass.velocity()[0], greatest])
+    return states
 
 
 def main() -> None:

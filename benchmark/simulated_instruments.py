@@ -103,8 +103,8 @@ def _settled(
     back = speed * begin / NS - settled_for * TURN  # begin is a whole number of ns
     first = Interval(0, begin, math.fmod(angle, TURN) - back, speed)
     state, before = advance(law, parameters, None, first, rate)
-    at = first.angle_at(first.duration)
-    last = Interval(begin, begin + round(length * NS), at, speed)
+    start_angle = first.angle_at(first.duration)
+    last = Interval(begin, begin + round(length * NS), start_angle, speed)
     _, block = advance(law, parameters, state, last, rate)
     rows, count = np.hstack([before.rows, block.rows]), block.time.size
     force = _sensed(rows, rate, errors)[-count:]

@@ -55,14 +55,14 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
         total = tick_count(load_scene(path))
         early: dict[str, float] = {}
         used: dict[str, float] = {}
-        start_time, shown = time.monotonic(), -EVERY
+        start_time, last_print = time.monotonic(), -EVERY
         with Graph(live_nodes(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
             print("wall s", "tick", *graph.processes, sep="\t")
             for report in graph.progress():
                 if int(report["tick"]) == total:
                     break  # some have ended, or are about to
-                if (wall := time.monotonic() - start_time) - shown > EVERY:
-                    shown = wall
+                if (wall := time.monotonic() - start_time) - last_print > EVERY:
+                    last_print = wall
                     used = {name: own_memory(p.process.pid) for name, p in graph.processes.items()}
                     if int(report["tick"]) <= total / 10 or not early:
                         early = used

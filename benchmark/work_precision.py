@@ -18,13 +18,16 @@ from benchmark import live_rate, long_laws
 from benchmark.speed.cases import BLOCKS, SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
 from benchmark.speed.report import MeasuredPoint, figure, measure, notes
-from benchmark.speed.settled import RTOL, settled_costs, settled_table
 from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
+from benchmark.speed.steady_cost import RTOL, steady_costs, steady_table
 from benchmark.speed.study import FULL
 from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
-PAGE, PLOT = Path("docs/accuracy.md"), Path("docs/speed.png")
+#: Page with the sections of speed against error.
+PAGE = Path("docs/accuracy.md")
+#: Figure of that page.
+PLOT = Path("docs/speed.png")
 #: Page of the times that developers need.
 COST_PAGE = Path("docs/develop/cost.md")
 #: Heading of the part that is written here.
@@ -73,7 +76,7 @@ This page gives the computing time of each part of the rig, on the machine of
 
 {rates}
 
-{settled}
+{steady}
 
 {jump_search}
 
@@ -125,7 +128,7 @@ polynomials are prepared once. At {broken:g} rpm a turn is not a whole number of
 
 {table}\
 """
-SETTLED = """\
+STEADY_SECTION = """\
 ## Settled turns
 
 One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz. The first two are for
@@ -163,9 +166,9 @@ def start_up() -> str:
     )
 
 
-def settled() -> str:
+def steady() -> str:
     """Return the section on a sweep point of steady turns."""
-    return SETTLED.format(rtol=RTOL, table=to_markdown(settled_table(settled_costs())))
+    return STEADY_SECTION.format(rtol=RTOL, table=to_markdown(steady_table(steady_costs())))
 
 
 def samples() -> str:
@@ -181,13 +184,13 @@ def quickest(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
     The figure has all peers.
     """
     of_case = defaultdict[str, list[MeasuredPoint]](list)
-    for one in points:
-        if one.compared:
-            of_case[one.case].append(one)
+    for point in points:
+        if point.compared:
+            of_case[point.case].append(point)
     return [
-        one
+        point
         for rig, *peers in of_case.values()
-        for one in (rig, min(peers, key=lambda peer: peer.ratio or math.inf))
+        for point in (rig, min(peers, key=lambda peer: peer.ratio or math.inf))
     ]
 
 
@@ -195,9 +198,9 @@ def main() -> None:
     """Measure and write the page."""
     before, mark, _ = PAGE.read_text(encoding="utf-8").partition(HEADING)
     assert mark, f"{PAGE}: has no line {HEADING!r}"
-    found = measure(quick=False)
-    write(figure(found), PLOT)
-    study, (points, campaign, *_) = found.study, found.tables()
+    comparison = measure(quick=False)
+    write(figure(comparison), PLOT)
+    study, (points, campaign, *_) = comparison.study, comparison.tables()
     (of_points,) = replace(points, records=quickest(points.records)).to_display()
     (of_campaign,) = campaign.to_display()
     print(*notes(study), sep="\n")
@@ -215,7 +218,7 @@ def main() -> None:
     PAGE.write_text(before + HEADING + text, encoding="utf-8")
     details = COST.format(
         rates=samples(),
-        settled=settled(),
+        steady=steady(),
         jump_search=long_laws.section(long_laws.measure()),
         events=events(),
         start_up=start_up(),

@@ -41,13 +41,17 @@ STUDY: dict[str, Any] = {
     "measures": ["jump_speed"],
 }
 
-#: Half width of the peer's bracket relative to the speed, and width (rpm) at which the bisection
-#: stops.
-BRACKET, FINE = 0.005, 0.05
+#: Half width of the peer's bracket relative to the speed.
+BRACKET_FRACTION = 0.005
+#: Width of the bracket (rpm) at which the bisection stops.
+SPEED_ATOL_RPM = 0.05
 
-#: Points per batch, then batches and points of the peer per process, each for a quick and a full
-#: study.
-BATCH, BATCHES, PEER_POINTS = 250, (2, 8), (2, 10)
+#: Number of points per batch.
+BATCH = 250
+#: Number of batches per process in a quick and in a full study.
+BATCHES = (2, 8)
+#: Number of points of the peer per process in a quick and in a full study.
+PEER_POINTS = (2, 10)
 
 
 CAMPAIGN = (
@@ -105,25 +109,25 @@ def campaign_rate(processes: int, quick: bool) -> CampaignRate:
             delayed(measure_batch)(campaign, i, i + BATCH) for i in range(0, points, BATCH)
         )
         ours = points / (time.perf_counter() - start_time)
-        found = np.concatenate([batch.measures[:, 0] for batch in batches])
+        jump_speeds = np.concatenate([batch.measures[:, 0] for batch in batches])
         count = min(points, PEER_POINTS[not quick] * processes)
         inputs = np.concatenate([batch.inputs for batch in batches])[:count]
         masses = [TwoMassParameters.from_rig(make_point(campaign, row).rig) for row in inputs]
         start_time = time.perf_counter()
         theirs = parallel(
-            delayed(bisected)(p, campaign.law, rpm)
-            for p, rpm in zip(masses, found[:count].tolist(), strict=True)
+            delayed(bisect_jump)(p, campaign.law, rpm)
+            for p, rpm in zip(masses, jump_speeds[:count].tolist(), strict=True)
         )
         peer = count / (time.perf_counter() - start_time)
-    gaps = np.abs(found[:count] - np.array(theirs))
-    beyond = int((gaps > FINE).sum())
+    gaps = np.abs(jump_speeds[:count] - np.array(theirs))
+    beyond = int((gaps > SPEED_ATOL_RPM).sum())
     return CampaignRate(processes, points, ours, count, peer, float(np.median(gaps)), beyond)
 
 
-def bisected(p: TwoMassParameters, law: Law, near: float) -> float:
+def bisect_jump(p: TwoMassParameters, law: Law, near: float) -> float:
     """Return the peer's jump speed close to ``near``, both in rpm."""
-    low, high = near * (1.0 - BRACKET), near * (1.0 + BRACKET)
-    while high - low > FINE:
+    low, high = near * (1.0 - BRACKET_FRACTION), near * (1.0 + BRACKET_FRACTION)
+    while high - low > SPEED_ATOL_RPM:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if leaves(p, law, rad_per_s(middle)) else (middle, high)
     return 0.5 * (low + high)
@@ -159,18 +163,19 @@ def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
     return bool(done.status == ROOT_FOUND)
 
 
-def campaign_records(found: CampaignRate) -> Records:
+def campaign_records(rate: CampaignRate) -> Records:
     """Return the records of campaign and peer, or a note on the missing peer."""
-    words = "joblib and CVODE"
-    rows = [("campaign", found.points, found.points_per_s, 1.0)]
-    if found.peer_per_s is not None and found.ratio is not None:
-        rows.append((words, found.peer_points, found.peer_per_s, found.ratio))
-    note = f"{words}: {found.missing}"
-    if found.gap is not None:
+    peer_name = "joblib and CVODE"
+    rows = [("campaign", rate.points, rate.points_per_s, 1.0)]
+    if rate.peer_per_s is not None and rate.ratio is not None:
+        rows.append((peer_name, rate.peer_points, rate.peer_per_s, rate.ratio))
+    note = f"{peer_name}: {rate.missing}"
+    if rate.gap is not None:
         note = (
-            f"Half of the jump speeds differ by less than {found.gap:.2g} rpm. {found.beyond} of "
-            f"{found.peer_points} differ by more than the peer's tolerance of {FINE:g} rpm. If "
-            "contact is kept again at a slightly higher speed, bisection misses the jump speed."
+            f"Half of the jump speeds differ by less than {rate.gap:.2g} rpm. {rate.beyond} of "
+            f"{rate.peer_points} differ by more than the peer's tolerance of {SPEED_ATOL_RPM:g} "
+            "rpm. If contact is kept again at a slightly higher speed, bisection misses the jump "
+            "speed."
         )
-    caption = f"A campaign of jump speeds in {pluralize(found.processes, 'process')}"
+    caption = f"A campaign of jump speeds in {pluralize(rate.processes, 'process')}"
     return Records("campaign", caption, CAMPAIGN, rows, (note,))

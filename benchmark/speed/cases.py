@@ -27,13 +27,22 @@ from cam_rig.schema.load import config_root, load_cam
 from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.units import NS, TURN
 
-#: Parameters of Table 1 of the paper, and an assumed stem stiffness.
-MASS, SPRING, STEM, DAMPING = 1.3, 4030.0, 3.3e8, 8.642
-
+#: Mass of the follower (kg), from Table 1 of the paper.
+MASS = 1.3
+#: Spring stiffness (N/m), from Table 1 of the paper.
+SPRING = 4030.0
+#: Stem stiffness (N/m), assumed.
+STEM = 3.3e8
+#: Damping (N·s/m), from Table 1 of the paper.
+DAMPING = 8.642
+#: Weight of the mass, N.
 WEIGHT = 12.753
-
-#: Identified from the paper's jump speeds (its Table 2).
-SOFT_STEM, ROLLER_SHARE, PRELOAD = 1.26e6, 0.40, 30.6
+#: Stem stiffness (N/m) identified from the paper's jump speeds (its Table 2).
+SOFT_STEM = 1.26e6
+#: Share of the mass on the roller's side, identified from Table 2.
+ROLLER_SHARE = 0.40
+#: Preload (N) identified from Table 2.
+PRELOAD = 30.6
 
 #: Bounces lower than this fraction of the lift are contact.
 MIN_BOUNCE = 1e-12
@@ -120,14 +129,16 @@ def _case(
     speed = rad_per_s(rpm)
     times = output_times(speed, turns, per_turn)
     quick = QUICK_TURNS.get(name, turns)
-    words = f"{title}, {cam} at {rpm:g} rpm, {turns} turns"
+    caption = f"{title}, {cam} at {rpm:g} rpm, {turns} turns"
     assert math.isclose(turns * TURN / speed, turns * 60.0 / rpm)
-    return Case(name, words, law_of(cam), model, speed, turns, quick, times)
+    return Case(name, caption, law_of(cam), model, speed, turns, quick, times)
 
 
 # Samples per second of the rig, compared with a copy of the same bytes.
 
-CAM, SAMPLE_RATE = "bezier15", 48_000
+CAM = "bezier15"
+#: Samples per second.
+SAMPLE_RATE = 48_000
 
 SAMPLED = ("kinetostatic", "elastic_stem")
 
@@ -158,8 +169,8 @@ class SampleRate:
 
 def rates() -> dict[str, float]:
     """Return samples per second by model, at the first speed in the shorter blocks."""
-    found = sample_rates(SPEEDS_RPM[:1], BLOCKS[:1])
-    return {rate.model: rate.samples_per_s for rate in found}
+    results = sample_rates(SPEEDS_RPM[:1], BLOCKS[:1])
+    return {rate.model: rate.samples_per_s for rate in results}
 
 
 def sample_rates(
@@ -168,7 +179,7 @@ def sample_rates(
     """Return the medians for each model, speed and block, interleaved with copies."""
     law = law_of(CAM)
     follower = FollowerParameters(MASS, SPRING, DAMPING, WEIGHT, STEM)
-    speeds, found = tuple(speeds_rpm), []
+    speeds, results = tuple(speeds_rpm), []
     for block in blocks:
         source = np.ones((len(COLUMNS), block))
         for rpm in speeds:
@@ -177,9 +188,9 @@ def sample_rates(
                 run = partial(MODELS[name].advance, law, follower, None, interval, SAMPLE_RATE)
                 pairs = _seconds(run, source.copy)
                 made, copied = (statistics.median(times) for times in zip(*pairs, strict=True))
-                ratio = statistics.median(one / other for one, other in pairs)
-                found.append(SampleRate(name, rpm, block, block / made, block / copied, ratio))
-    return found
+                ratio = statistics.median(run / other for run, other in pairs)
+                results.append(SampleRate(name, rpm, block, block / made, block / copied, ratio))
+    return results
 
 
 def rate_table(rates: Iterable[SampleRate]) -> DataTable:

@@ -18,15 +18,20 @@ from benchmark.speed.problem import PeerError
 from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
 from cam_rig.show.tables import DataTable, Header, tabulate
 
-#: Cases with events, and the tolerances of the peer. Its most accurate run counts.
-NAMES, RTOLS = ("one_mass_arc", "two_mass_soft", "two_mass_stem"), (1e-12, 3e-14)
-#: Turns of long runs, in which the fixed cost of a run is a small part, and the cases that the peer
-#: finishes in time.
-LONG_TURNS, PEER_NAMES = 100, ("one_mass_arc", "two_mass_soft")
+#: Cases with events.
+NAMES = ("one_mass_arc", "two_mass_soft", "two_mass_stem")
+#: Relative tolerances of the peer. Its most accurate run counts.
+RTOLS = (1e-12, 3e-14)
+#: Number of turns of long runs, in which the fixed cost of a run is a small part.
+LONG_TURNS = 100
+#: Cases whose long runs the peer finishes in time.
+PEER_NAMES = ("one_mass_arc", "two_mass_soft")
 WHOLE = "a whole solution"
 
-#: Longest run of the peer (s), and number of runs of the rig, of which the median counts.
-SECONDS, REPEATS = 60.0, 21
+#: Longest run of the peer, s.
+MAX_PEER_S = 60.0
+#: Number of runs of the rig, of which the median counts.
+REPEATS = 21
 
 
 @dataclass(frozen=True)
@@ -72,21 +77,21 @@ def event_table(costs: list[EventCost]) -> DataTable:
 
 def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
     case = CASES[name]()
-    reference = study.read(case)
+    reference = study.read_reference(case)
     landings = _landings(reference)
     forms = [("compiled", COMPILED)] if find_spec("numba") else []
-    for words, form in (*forms, ("plain Python", PLAIN)):
-        with form_of_search(form):
+    for solver, form in (*forms, ("plain Python", PLAIN)):
+        with force_backend(form):
             error = _error(case, study.solve(case), reference)  # compiles, and makes the tables
             alone = median_of(lambda: _search(case), repeats)
             whole = median_of(lambda: study.solve(case.fresh()), repeats)
-        yield EventCost(name, landings, f"rig, the search, {words}", alone / landings, error)
+        yield EventCost(name, landings, f"rig, the search, {solver}", alone / landings, error)
         if form != PLAIN or not forms:
-            yield EventCost(name, landings, f"rig, {WHOLE}, {words}", whole / landings, error)
-    found = list(_of_peer(case, case, reference, peer))
-    if found:
-        words, taken, error, _ = min(found, key=lambda run: run[2])
-        yield EventCost(name, landings, f"{words}, {WHOLE}", taken / landings, error)
+            yield EventCost(name, landings, f"rig, {WHOLE}, {solver}", whole / landings, error)
+    peer_runs = list(_of_peer(case, case, reference, peer))
+    if peer_runs:
+        solver, taken, error, _ = min(peer_runs, key=lambda run: run[2])
+        yield EventCost(name, landings, f"{solver}, {WHOLE}", taken / landings, error)
     yield from _of_long(case, reference, peer if name in PEER_NAMES else "none", repeats)
 
 
@@ -97,17 +102,17 @@ def _of_long(case: Case, reference: Solution, peer: str, repeats: int) -> Iterat
     """
     long, name = case.lasting(LONG_TURNS), f"{case.name}, {LONG_TURNS} turns"
     form = ("compiled", COMPILED) if find_spec("numba") else ("plain Python", PLAIN)
-    with form_of_search(form[1]):
+    with force_backend(form[1]):
         solution = study.solve(long)
         alone = median_of(lambda: _search(long), repeats)
         whole = median_of(lambda: study.solve(long.fresh()), repeats)
     landings, error = _landings(solution), _error(case, solution, reference)
     yield EventCost(name, landings, f"rig, the search, {form[0]}", alone / landings, error)
     yield EventCost(name, landings, f"rig, {WHOLE}, {form[0]}", whole / landings, error)
-    found = list(_of_peer(case, long, reference, peer))
-    if found:
-        words, taken, error, landings = min(found, key=lambda run: run[2])
-        yield EventCost(name, landings, f"{words}, {WHOLE}", taken / landings, error)
+    peer_runs = list(_of_peer(case, long, reference, peer))
+    if peer_runs:
+        solver, taken, error, landings = min(peer_runs, key=lambda run: run[2])
+        yield EventCost(name, landings, f"{solver}, {WHOLE}", taken / landings, error)
 
 
 def _landings(solution: Solution) -> int:
@@ -116,9 +121,9 @@ def _landings(solution: Solution) -> int:
 
 def _search(case: Case) -> None:
     if isinstance(case.model, OneMass):
-        study.one_mass_course(case)
+        study.one_mass_trajectory(case)
     else:
-        study.two_mass_course(case)
+        study.two_mass_trajectory(case)
 
 
 def _of_peer(
@@ -131,7 +136,7 @@ def _of_peer(
         for rtol in RTOLS:
             start_time = time.perf_counter()
             try:
-                solution = peer.solve(run, rtol, SECONDS)
+                solution = peer.solve(run, rtol, MAX_PEER_S)
             except PeerError:
                 continue
             taken = time.perf_counter() - start_time
@@ -158,7 +163,7 @@ def median_of(function: Callable[[], object], repeats: int) -> float:
 
 
 @contextmanager
-def form_of_search(form: str) -> Iterator[None]:
+def force_backend(form: str) -> Iterator[None]:
     """Use one form of the search, independent of the environment."""
     before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = form

@@ -88,8 +88,10 @@ def exact_pieces(law: Law, speed: float) -> list[ExactPiece]:
         span = breaks[i + 1] - breaks[i]
         lift = [a * (omega / span) ** j for j, a in enumerate(powers(ordinates))]
         rate, acceleration = derivative(lift), derivative(derivative(lift))
-        one = [mp.mpf(j == 0) for j in range(len(lift))]
-        pieces.append(ExactPiece(breaks[i] / omega, span / omega, (lift, rate, acceleration, one)))
+        constant = [mp.mpf(j == 0) for j in range(len(lift))]
+        pieces.append(
+            ExactPiece(breaks[i] / omega, span / omega, (lift, rate, acceleration, constant))
+        )
     return pieces
 
 
@@ -172,13 +174,13 @@ def flow(phase: BenchPhase, piece: ExactPiece, begin: Number, start: Vector) -> 
         for row, x in zip(forced, above, strict=True):
             row.insert(0, x)
     rates, vectors = mp.eig(matrix)
-    rest = mp.matrix([x - polynomial(p, begin) for x, p in zip(start, forced, strict=True)])
-    weights = mp.lu_solve(vectors, rest)
+    free_part = mp.matrix([x - polynomial(p, begin) for x, p in zip(start, forced, strict=True)])
+    weights = mp.lu_solve(vectors, free_part)
     rates = [mp.re(r) if abs(mp.im(r)) < REAL * abs(r) else r for r in rates]
-    kept = [i for i in range(size) if mp.im(rates[i]) >= 0]  # of a conjugate pair one, twice
-    twice = {i: 1 if mp.im(rates[i]) == 0 else 2 for i in kept}
-    modes = [[twice[i] * vectors[j, i] * weights[i] for i in kept] for j in range(size)]
-    return Flow(phase, piece, begin, forced, [rates[i] for i in kept], modes)
+    indices = [i for i in range(size) if mp.im(rates[i]) >= 0]  # of a conjugate pair one, twice
+    twice = {i: 1 if mp.im(rates[i]) == 0 else 2 for i in indices}
+    modes = [[twice[i] * vectors[j, i] * weights[i] for i in indices] for j in range(size)]
+    return Flow(phase, piece, begin, forced, [rates[i] for i in indices], modes)
 
 
 def first_crossing(run: Flow, end: Number) -> Number | None:
@@ -244,7 +246,7 @@ class _Course:
             time = mp.mpf(float(self.case.times[len(self.displacement)])) - start
             if time > end:
                 return
-            x, v = run.phase.shown(run.state(time), run.piece.motion(time))
+            x, v = run.phase.outputs(run.state(time), run.piece.motion(time))
             self.displacement.append([float(a) for a in x])
             self.velocity.append([float(a) for a in v])
 
@@ -299,9 +301,9 @@ STEPS = 5
 Series = list[Number]
 
 
-def _times(one: Series, other: Series, n: int) -> Number:
+def _times(first: Series, second: Series, n: int) -> Number:
     """Return coefficient n of a product."""
-    return mp.fdot((one[i], other[n - i]) for i in range(n + 1))
+    return mp.fdot((first[i], second[n - i]) for i in range(n + 1))
 
 
 class _Taylor:
@@ -360,15 +362,15 @@ def _typed(model: Twist) -> Twist:
 
 
 def _solve(case: Case, model: Twist, ramp: Number) -> Solution:
-    shown: list[tuple[float, float]] = []
+    outputs: list[tuple[float, float]] = []
     times = [mp.mpf(float(time)) for time in case.times]
     for begin, length, phi, slope in _steps(case, model, ramp):
-        while len(shown) < len(times) and times[len(shown)] - begin <= length:
-            since = times[len(shown)] - begin
-            shown.append((float(polynomial(phi, since)), float(polynomial(slope, since))))
-        if len(shown) == len(times):
+        while len(outputs) < len(times) and times[len(outputs)] - begin <= length:
+            since = times[len(outputs)] - begin
+            outputs.append((float(polynomial(phi, since)), float(polynomial(slope, since))))
+        if len(outputs) == len(times):
             break
-    table = np.array(shown).T
+    table = np.array(outputs).T
     return Solution(table[:1], table[1:])
 
 

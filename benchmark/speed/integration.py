@@ -35,7 +35,7 @@ class _Integration:
     case: Case
     model: BenchModel
     integrate: Integrator
-    shown: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
+    outputs: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
     events: list[tuple[str, float]] = field(default_factory=list)
     _problems: dict[tuple[str, int], Problem] = field(default_factory=dict)
     _motions: dict[int, list[Scalar]] = field(default_factory=dict)
@@ -81,8 +81,10 @@ class _Integration:
         grid = np.linspace(time, interval.duration, 65).tolist()
         for low, high in pairwise(grid):
             if force(high) < 0.0:
-                at = low if force(low) <= 0.0 else float(brentq(force, low, high, xtol=1e-16))
-                return Arrival(at, [], np.empty((0, np.count_nonzero(times <= at))), True)
+                crossing = low if force(low) <= 0.0 else float(brentq(force, low, high, xtol=1e-16))
+                return Arrival(
+                    crossing, [], np.empty((0, np.count_nonzero(times <= crossing))), True
+                )
         return Arrival(interval.duration, [], np.empty((0, times.size)), False)
 
     def _scale(self, size: int) -> FloatArray:
@@ -93,8 +95,8 @@ class _Integration:
     def _show(self, interval: PeerInterval, name: str, times: FloatArray, arrival: Arrival) -> None:
         for time, q in zip(times, arrival.states.T, strict=False):
             motion = self._motion(interval, float(time))
-            x, v = self.phases[name].shown(q.tolist(), motion)
-            self.shown.append((np.array(x), np.array(v)))
+            x, v = self.phases[name].outputs(q.tolist(), motion)
+            self.outputs.append((np.array(x), np.array(v)))
 
     def _switch(
         self, name: str, q: Vector, interval: PeerInterval, time: float, start: float
@@ -118,7 +120,7 @@ def integrate_case(case: Case, integrate: Integrator) -> Solution:
     name, q = case.model.begin()
     for start, interval in intervals(case.law, case.speed, case.turns):
         name, q = run.through(start, interval, name, q)
-    x, v = (np.array(rows).T for rows in zip(*run.shown, strict=True))
+    x, v = (np.array(rows).T for rows in zip(*run.outputs, strict=True))
     return Solution(x, v, tuple(run.events))
 
 
@@ -203,17 +205,17 @@ def integrate_torsion(case: Case, integrate: Integrator) -> Solution:
     assert isinstance(case.model, Twist)
     problems: dict[int, Problem] = {}
     state: Floats = (0.0, 0.0)
-    now, shown = 0.0, []
+    time, outputs = 0.0, []
     for low, interval in intervals(case.law, 1.0, case.turns):
         if id(interval) not in problems:
             problems[id(interval)] = joint_problem(case.model, interval, case.speed)
         origin = low / case.speed
         latest = min(origin + (interval.duration + REACH) / case.speed, case.duration)
-        if now >= latest:
+        if time >= latest:
             break
-        ahead = case.times[(case.times > now) & (case.times < latest)] - origin
-        done = integrate(problems[id(interval)], state, now - origin, latest - origin, ahead)
-        shown.append(done.states)
-        now, state = origin + done.time, done.state
-    rows = np.hstack(shown)
+        ahead = case.times[(case.times > time) & (case.times < latest)] - origin
+        done = integrate(problems[id(interval)], state, time - origin, latest - origin, ahead)
+        outputs.append(done.states)
+        time, state = origin + done.time, done.state
+    rows = np.hstack(outputs)
     return Solution(rows[:1], rows[1:])

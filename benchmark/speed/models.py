@@ -55,7 +55,7 @@ class BenchPhase:
         assert self.guard is not None
         return dot(self.guard, q) + dot(self.guard_drive, motion)
 
-    def shown(self, q: Vector, motion: Vector) -> tuple[list[Number], list[Number]]:
+    def outputs(self, q: Vector, motion: Vector) -> tuple[list[Number], list[Number]]:
         """Return the displacements and velocities that are compared."""
         m = self.size // 2
         pairs = list(zip(self.show, self.show_lift, strict=True))
@@ -65,17 +65,18 @@ class BenchPhase:
         )
 
 
-def dot(one: Vector, other: Vector) -> Number:
+def dot(first: Vector, second: Vector) -> Number:
     """Return the scalar product in the type of the numbers."""
     total: Number = 0
-    for a, b in zip(one, other, strict=True):
+    for a, b in zip(first, second, strict=True):
         total = total + a * b
     return total
 
 
-CONTACT, FLIGHT = "contact", "flight"
-
-LIFT_OFF, LANDING = "lift-off", "landing"
+CONTACT = "contact"
+FLIGHT = "flight"
+LIFT_OFF = "lift-off"
+LANDING = "landing"
 
 #: Next phase, its state, and the kinds of the events that led there.
 Switch = tuple[str, Vector, tuple[str, ...]]

@@ -60,10 +60,10 @@ class ScipyPeer:
         if done.status == 1:
             assert done.t_events is not None
             assert done.y_events is not None
-            at, q = float(done.t_events[0][-1]), done.y_events[0][-1]
-            count = int(np.searchsorted(times, at, side="right"))
-            shown = np.reshape(done.y, (len(state), -1))[:, :count]
-            return Arrival(at, q.tolist(), shown, True)
+            event_time, q = float(done.t_events[0][-1]), done.y_events[0][-1]
+            count = int(np.searchsorted(times, event_time, side="right"))
+            outputs = np.reshape(done.y, (len(state), -1))[:, :count]
+            return Arrival(event_time, q.tolist(), outputs, True)
         return Arrival(end, done.y[:, -1].tolist(), done.y[:, :-1], False)
 
     def _jacobian(self, problem: Problem) -> Any:
@@ -122,9 +122,9 @@ class CvodePeer:
             raise PeerError(str(done.message))
         last = done.y[-1].tolist()
         if done.status == ROOT_FOUND:
-            at = begin + float(done.t[-1])
-            count = int(np.searchsorted(times, at, side="right"))
-            return Arrival(at, last, done.y[1 : 1 + count].T, True)
+            event_time = begin + float(done.t[-1])
+            count = int(np.searchsorted(times, event_time, side="right"))
+            return Arrival(event_time, last, done.y[1 : 1 + count].T, True)
         return Arrival(end, last, done.y[1 : 1 + times.size].T, False)
 
     def _make(self, problem: Problem) -> Any:

@@ -111,11 +111,11 @@ def _series(law: Law, piece: int, speed: float) -> FloatArray:
 
 def joints(law: Law) -> FloatArray:
     """Return ``(n,)`` flags, True if a derivative jumps at the start of a piece."""
-    found = np.zeros(law.spans.size, dtype=bool)
+    flags = np.zeros(law.spans.size, dtype=bool)
     for order in range(1, SMOOTH_ORDER + 1):
         size = np.abs(law.derivative_ordinates(order)).max()
-        found |= np.abs(law.jumps(order)) > SMOOTH * size
-    return found
+        flags |= np.abs(law.jumps(order)) > SMOOTH * size
+    return flags
 
 
 def intervals(law: Law, speed: float, turns: int) -> list[tuple[float, PeerInterval]]:
@@ -226,15 +226,15 @@ def _two_positions(
 ) -> Callable[[float, list[float]], Floats]:
     a, b, c, d = (float(x) for x in phase.rows[0])
     e, f, g, h = (float(x) for x in phase.rows[1])
-    one, two = forces
+    force_1, force_2 = forces
 
     def rate(time: float, q: list[float]) -> Floats:
         x, y, u, v = q
         return (
             u,
             v,
-            a * x + b * y + c * u + d * v + one(time),
-            e * x + f * y + g * u + h * v + two(time),
+            a * x + b * y + c * u + d * v + force_1(time),
+            e * x + f * y + g * u + h * v + force_2(time),
         )
 
     return rate

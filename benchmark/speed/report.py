@@ -50,14 +50,14 @@ class MeasuredPoint:
         return f"{'> ' * self.only_a_bound}{self.ratio:.{0 if self.ratio >= 10 else 1}f}"
 
 
-POINTS = (
-    Column("case", cell=lambda one: one.case if one.solver == RIG_NAME else ""),
-    Column("solver", cell=lambda one: one.words, heading="solver, rtol"),
+POINT_COLUMNS = (
+    Column("case", cell=lambda point: point.case if point.solver == RIG_NAME else ""),
+    Column("solver", cell=lambda point: point.words, heading="solver, rtol"),
     Column("rtol", "1", of="point.rtol", hidden=True),
     Column("time", "ms", ".2g", of="point.time_s"),
     Column("error", "", ".1e", of="point.error"),
     Column("event_error", "s", ".1e", of="point.event_error_s", heading="events"),
-    Column("ratio", "1", heading="x rig", cell=lambda one: one.bound),
+    Column("ratio", "1", heading="x rig", cell=lambda point: point.bound),
     Column("repeats", of="point.repeats", hidden=True),
     Column("only_a_bound", doc="it never was as good as the rig", hidden=True),
     Column("compared", doc="the setting that people read", hidden=True),
@@ -83,7 +83,7 @@ class Comparison(Result):
     schema = "cam_rig.speed.1"
     plot_function = "benchmark.speed.report:figure"
     columns: ClassVar = {
-        "points": POINTS,
+        "points": POINT_COLUMNS,
         "campaign": CAMPAIGN,
         "samples": SAMPLES,
         "run": CONDITIONS,
@@ -102,7 +102,7 @@ class Comparison(Result):
         )
         return [
             self.table(
-                "points", caption, measured(study), KEY, row_filter=lambda one: one.compared
+                "points", caption, measured(study), KEY, row_filter=lambda point: point.compared
             ),
             campaign_records(study.campaign),
             self.table("samples", "", study.rates.items(), hidden=True),
@@ -122,8 +122,8 @@ def measured(study: WorkPrecisionStudy) -> Iterator[MeasuredPoint]:
             sweeps = [sweep for sweep in result.sweeps if sweep.peer.name == peer]
             best = result.best(peer)
             if best is None:
-                words = [note for sweep in sweeps for note in sweep.notes]
-                yield MeasuredPoint(name, peer, None, note=(words or ["not measured"])[0])
+                notes_of_peer = [note for sweep in sweeps for note in sweep.notes]
+                yield MeasuredPoint(name, peer, None, note=(notes_of_peer or ["not measured"])[0])
                 continue
             pairs = [best, *((s, p) for s in sweeps for p in s.points if p is not best[1])]
             for sweep, point in pairs:
@@ -168,9 +168,9 @@ MIN_ERROR = 1e-17
 
 
 @styled
-def figure(found: Comparison) -> Figure:
+def figure(comparison: Comparison) -> Figure:
     """Draw error against wall time of every solver and the rig, one panel per case."""
-    study = found.study
+    study = comparison.study
     count = max(1, len(study.cases))
     columns = min(3, count)
     lines = -(-count // columns)

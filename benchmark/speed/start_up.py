@@ -56,7 +56,7 @@ class NodeStart:
 class CommandTime:
     """Wall time and CPU time (s) of a command with its processes, and of an empty one."""
 
-    words: str
+    command: str
     wall_s: float
     cpu_s: float
     bare_s: float
@@ -74,12 +74,12 @@ def command_times(
 
     ``commands`` maps titles to arguments of Python.
     """
-    found = []
-    for words, arguments in commands:
+    rows = []
+    for command, arguments in commands:
         runs = [(_timed(arguments), _timed(BARE)) for _ in range(repeats)]
         wall, cpu = (median(run[0][i] for run in runs) for i in (0, 1))
-        found.append(CommandTime(words, wall, cpu, median(run[1][0] for run in runs)))
-    return found
+        rows.append(CommandTime(command, wall, cpu, median(run[1][0] for run in runs)))
+    return rows
 
 
 def node_table(starts: Iterable[NodeStart]) -> DataTable:
@@ -101,7 +101,7 @@ def command_table(times: Iterable[CommandTime]) -> DataTable:
         "Whole commands",
         times,
         (
-            (Header("command"), lambda time: time.words),
+            (Header("command"), lambda time: time.command),
             (Header("wall", "s", ".2f"), lambda time: time.wall_s),
             (Header("CPU", "s", ".2f"), lambda time: time.cpu_s),
             (Header("x bare Python", "", ".0f"), lambda time: time.wall_s / time.bare_s),

@@ -109,10 +109,10 @@ FOLDER = Path(__file__).parent
 
 #: Largest relative difference of laws built on different machines. A changed cam file differs by
 #: more.
-SAME = 1e-12
+LAW_RTOL = 1e-12
 
 
-def write(case: Case, solution: Solution) -> Path:
+def write_reference(case: Case, solution: Solution) -> Path:
     """Store a reference with the parameters that it is valid for."""
     data = {
         "case": case.name,
@@ -126,7 +126,7 @@ def write(case: Case, solution: Solution) -> Path:
     return path
 
 
-def read(case: Case) -> Solution:
+def read_reference(case: Case) -> Solution:
     """Return the reference at the case's output times, with its events.
 
     Raises
@@ -140,7 +140,7 @@ def read(case: Case) -> Solution:
     except FileNotFoundError:
         raise CamRigError(f"{path}: no such file; {remedy}") from None
     stored, wanted = np.array(data["numbers"]), np.array(_numbers(case))
-    if stored.shape != wanted.shape or not np.allclose(stored, wanted, rtol=SAME, atol=1e-18):
+    if stored.shape != wanted.shape or not np.allclose(stored, wanted, rtol=LAW_RTOL, atol=1e-18):
         raise CamRigError(f"{path}: made for other numbers than case {case.name!r} has; {remedy}")
     count = case.times.size
     events = tuple((str(k), float(t)) for k, t in data["events"] if t <= case.duration)
@@ -182,9 +182,9 @@ def outputs_at(
     free, local, part_of = model.passes(start, angle, times)
     rows = np.asarray(out.state @ free)
     for i in np.unique(part_of):
-        here, part = part_of == i, model.parts[i]
+        inside, part = part_of == i, model.parts[i]
         ordinates = polynomial_part(model, part, out)
-        rows[:, here] += bernstein.evaluate(ordinates.T, local[here] / part.length).T
+        rows[:, inside] += bernstein.evaluate(ordinates.T, local[inside] / part.length).T
     return rows
 
 
@@ -212,7 +212,7 @@ def _oscillator(case: Case) -> Solution:
     return Solution(rows[:1], rows[1:2])
 
 
-def two_mass_course(case: Case) -> Separation:
+def two_mass_trajectory(case: Case) -> Separation:
     """Return all phases and events of two masses."""
     p = case.model
     assert isinstance(p, TwoMasses)
@@ -225,44 +225,44 @@ def two_mass_course(case: Case) -> Separation:
         damping=p.spring_damping,
         preload=p.preload,
     )
-    course = Separation(case.law, parameters, case.speed)
-    course.run(case.duration)
-    return course
+    trajectory = Separation(case.law, parameters, case.speed)
+    trajectory.run(case.duration)
+    return trajectory
 
 
 def _two_masses(case: Case) -> Solution:
-    course = two_mass_course(case)
-    rows = states(course, case.times)
-    events = tuple((event.kind, event.time) for event in course.events)
+    trajectory = two_mass_trajectory(case)
+    rows = states(trajectory, case.times)
+    events = tuple((event.kind, event.time) for event in trajectory.events)
     return Solution(rows[0:3:2], rows[1:4:2], events)
 
 
-def one_mass_course(case: Case) -> OneMassTrajectory:
+def one_mass_trajectory(case: Case) -> OneMassTrajectory:
     """Return all phases and events of one mass."""
     p = case.model
     assert isinstance(p, OneMass)
     follower = FollowerParameters(
         p.mass, p.stiffness, p.damping, p.preload, ANY_STIFFNESS, p.restitution
     )
-    course = OneMassTrajectory(
+    trajectory = OneMassTrajectory(
         case.law, follower, Interval(0, math.ceil(case.duration * NS), 0.0, case.speed)
     )
-    course.run(None)
-    return course
+    trajectory.run(None)
+    return trajectory
 
 
 def _one_mass(case: Case) -> Solution:
-    course = one_mass_course(case)
+    trajectory = one_mass_trajectory(case)
     motion = np.empty((2, case.times.size))
-    for phase in course.phases:
-        here = slice(*np.searchsorted(case.times, [phase.begin, phase.end]).tolist())
-        times = case.times[here]
+    for phase in trajectory.phases:
+        span = slice(*np.searchsorted(case.times, [phase.begin, phase.end]).tolist())
+        times = case.times[span]
         if phase.flight is not None:
-            motion[:, here] = phase.flight.motion(times - phase.begin)[:2]
+            motion[:, span] = phase.flight.motion(times - phase.begin)[:2]
         else:
             angle = case.speed * times
-            motion[:, here] = case.law(angle), case.speed * case.law(angle, 1)
-    events = tuple((e.kind, e.time) for e in course.events if e.time <= case.duration)
+            motion[:, span] = case.law(angle), case.speed * case.law(angle, 1)
+    events = tuple((e.kind, e.time) for e in trajectory.events if e.time <= case.duration)
     return Solution(motion[:1], motion[1:], events)
 
 
@@ -287,11 +287,15 @@ ADAPTERS: dict[type, Callable[[Case], Solution]] = {
 #: Cases in the order they run: cheap cases leave time for expensive ones.
 ORDER = ("resonance", "torsional", "two_mass_soft", "one_mass_arc", "two_mass_stem", "elastic_stem")
 
-#: Smallest and largest predicted ratio of the times of two consecutive settings.
-MIN_GROWTH, MAX_GROWTH = 1.3, 4.0
+#: Smallest predicted ratio of the times of two consecutive settings.
+MIN_GROWTH = 1.3
+#: Largest predicted ratio of the times of two consecutive settings.
+MAX_GROWTH = 4.0
 
-#: Runs of a peer's setting, if they take at most this fraction of the sweep's share.
-PEER_REPEATS, REPEAT_SHARE = 3, 0.15
+#: Largest number of runs of a peer's setting.
+PEER_REPEATS = 3
+#: Fraction of the sweep's time that the repeated runs of a setting may take.
+REPEAT_SHARE = 0.15
 
 #: Multiple of the remaining time after which a run is stopped.
 OVERRUN = 4.0
@@ -322,21 +326,21 @@ def run(
     effort = QUICK if quick else FULL
     deadline = start_time + effort.seconds
     left = len(names) * sum(peer.weight for peer in PEERS)
-    found: dict[str, CaseResult] = {}
+    results: dict[str, CaseResult] = {}
     for name in names:
         case = CASES[name]()
         case = case.first_turns(case.quick_turns) if quick else case
-        reference = read(case)
-        found[name] = _rig(case, reference, effort.rig_repeats)
+        reference = read_reference(case)
+        results[name] = _rig(case, reference, effort.rig_repeats)
         for peer in PEERS:
             advance(f"{name}: {peer.title}")
             share = peer.weight * max(0.0, deadline - time.perf_counter()) / left
             left -= peer.weight
             rtols = QUICK_AND_SLOW if quick and peer.slow else effort.rtols
-            found[name].sweeps.append(sweep(case, peer, reference, rtols, share))
+            results[name].sweeps.append(sweep(case, peer, reference, rtols, share))
     advance("campaign")
     campaign = campaign_rate(cores, quick)
-    ordered = {name: found[name] for name in CASES if name in found}
+    ordered = {name: results[name] for name in CASES if name in results}
     took = time.perf_counter() - start_time
     return WorkPrecisionStudy(ordered, rates(), quick, cores, took, campaign)
 
@@ -373,8 +377,8 @@ def sweep(
         spare = end - time.perf_counter()
         predicted = _predicted(out.points)
         if predicted > spare:
-            words = f"predicted {predicted:.1f} s" if out.points else "no time left"
-            out.notes.append(f"rtol {rtol:.0e} and tighter left out: {words}")
+            reason = f"predicted {predicted:.1f} s" if out.points else "no time left"
+            out.notes.append(f"rtol {rtol:.0e} and tighter left out: {reason}")
             break
         try:
             out.points.append(_measure(case, peer, reference, rtol, REPEAT_SHARE * share, spare))

@@ -42,7 +42,7 @@ def table(designs: Sequence[LawDesign]) -> Table:
     rows, names = [], titles(design.start.name for design in designs)
     for one in designs:
         goal, words = one.goal, one.request.law_class.words
-        numbers = map(goal.shown, (goal.start, goal.result, goal.bound))
+        numbers = map(goal.in_table_unit, (goal.start, goal.result, goal.bound))
         unit = goal.term.quantity.typeset
         rows.append((names[one.start.name], words, goal.term.words, unit, *numbers))
     return Table(

@@ -7,7 +7,7 @@ import pytest
 from benchmark.speed import cases as rate
 from benchmark.speed import start_up
 from benchmark.speed.event_cost import EventCost, event_costs, event_table
-from benchmark.speed.settled import settled_costs, settled_table
+from benchmark.speed.steady_cost import steady_costs, steady_table
 from cam_rig.show.tables import to_markdown
 
 
@@ -36,11 +36,11 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
 
 def test_the_peer_has_flights_above_the_jump_speed_alone():
     """TM21 stays on its cam at 300 rpm and lands once per turn at 450 rpm."""
-    costs = settled_costs((300.0, 450.0), repeats=1)
+    costs = steady_costs((300.0, 450.0), repeats=1)
     assert [cost.landings for cost in costs] == [0, 10]
     assert [cost.samples for cost in costs] == [24_000, 16_000]
     assert costs[0].peer_s is None
-    rows = settled_table(costs).rows
+    rows = steady_table(costs).rows
     assert rows[0][-1] is None
     ratio = costs[1].peer_s and costs[1].peer_s / costs[1].time_s  # None without the peer
     assert rows[1][-1] == ratio

@@ -13,7 +13,7 @@ from benchmark.speed import study as stored
 from benchmark.speed.campaign import (
     BATCH,
     STUDY,
-    bisected,
+    bisect_jump,
     campaign_rate,
     campaign_records,
     leaves,
@@ -42,7 +42,7 @@ def test_the_peer_loses_contact_at_the_campaign_s_speed():
 def test_the_peer_halves_down_to_the_speed(monkeypatch):
     """The bisection near 300 rpm finds a loss of contact from 300.1 rpm on."""
     monkeypatch.setattr(campaign, "leaves", lambda _p, _law, speed: speed > rad_per_s(300.1))
-    assert bisected(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
+    assert bisect_jump(None, None, 300.0) == pytest.approx(300.1, abs=0.05)
 
 
 def test_without_joblib_the_campaign_is_alone(monkeypatch):
@@ -77,7 +77,7 @@ def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):
     if title.startswith("CVODE"):
         pytest.importorskip("sksundae")
     case = cases[name].first_turns(turns)
-    reference = stored.read(case)
+    reference = stored.read_reference(case)
     found = BY_TITLE[title].solve(case, 1e-10)
     assert found.error(reference) < limit
     assert [kind for kind, _ in found.events] == [kind for kind, _ in reference.events]
@@ -116,7 +116,7 @@ def test_a_missing_peer_is_skipped_with_the_remedy(cases, monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", no_sundae)
     case = cases["resonance"].first_turns(1)
-    found = sweep(case, BY_TITLE["CVODE BDF"], stored.read(case), (1e-4,), 1.0)
+    found = sweep(case, BY_TITLE["CVODE BDF"], stored.read_reference(case), (1e-4,), 1.0)
     assert found.points == []
     assert "pip install scikit-sundae" in found.notes[0]
 
@@ -127,7 +127,7 @@ def test_a_sweep_keeps_to_its_time(cases, monkeypatch):
     monkeypatch.setattr(stored, "time", SimpleNamespace(perf_counter=lambda: next(seconds)))
     case = cases["resonance"].first_turns(1)
     rtols = tuple(10.0**-i for i in range(4, 13))
-    found = sweep(case, BY_TITLE["Radau"], stored.read(case), rtols, 15.0)
+    found = sweep(case, BY_TITLE["Radau"], stored.read_reference(case), rtols, 15.0)
     assert found.points
     assert len(found.points) < len(rtols)
     assert "left out: predicted" in found.notes[0]

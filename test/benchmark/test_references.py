@@ -18,7 +18,7 @@ from cam_rig.laws import Law
 def test_a_reference_is_what_50_digits_give(cases, name, turns):
     """A recomputed first turn agrees to the last digit of a double."""
     case = cases[name].first_turns(turns)
-    again, kept = exact.solve(case), stored.read(case)
+    again, kept = exact.solve(case), stored.read_reference(case)
     assert again.error(kept) < 1e-15
     assert again.events == kept.events
 
@@ -27,7 +27,7 @@ def test_the_torsional_reference_is_repeatable(cases):
     """Half a turn with joints of the law and twisted passages is reproduced."""
     case = cases["torsional"]
     short = replace(case, times=case.times[:25])
-    kept = stored.read(short)
+    kept = stored.read_reference(short)
     again = exact.solve_twist(short)
     assert again.error(kept) < 1e-15
 
@@ -52,7 +52,7 @@ def test_the_torsional_reference_solves_the_equation(cases):
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_the_follower_flies_in_every_case_of_separation(cases, name):
     """Events start with a lift-off, are in order, and include landings."""
-    events = stored.read(cases[name]).events
+    events = stored.read_reference(cases[name]).events
     kinds, times = zip(*events, strict=True)
     assert kinds[0] == LIFT_OFF
     assert LANDING in kinds
@@ -63,7 +63,7 @@ def test_a_reference_for_other_numbers_is_refused(cases):
     """A reference is an error for a changed cam or speed."""
     other = replace(cases["resonance"], speed=cases["resonance"].speed * 1.001)
     with pytest.raises(CamRigError, match=r"made for other numbers.*make_reference"):
-        stored.read(other)
+        stored.read_reference(other)
 
 
 # -- closed form of one phase of the reference ------------------------------------------------

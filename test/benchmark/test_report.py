@@ -115,7 +115,7 @@ def test_the_rig_is_near_the_reference(cases, name, error):
 
     Cases with events are tested in test_bounces.
     """
-    assert rig.solve(cases[name]).error(stored.read(cases[name])) < error
+    assert rig.solve(cases[name]).error(stored.read_reference(cases[name])) < error
 
 
 def test_a_short_case_is_the_beginning_of_the_long_one(cases):

@@ -66,9 +66,9 @@ def test_a_design_has_exactly_one_goal() -> None:
 
     The test of the command covers a missing goal and the reverse case.
     """
-    with pytest.raises(ConfigError, match="is a limit, not a goal"):
+    with pytest.raises(ConfigError, match="the goal must be one of"):
         parse_goal("lift@90deg")
-    with pytest.raises(ConfigError, match="needed: one"):
+    with pytest.raises(ConfigError, match="exactly one goal is required"):
         DesignRequest.of(minimise="peak_jerk", maximise="jump_speed")
 
 

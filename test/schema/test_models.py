@@ -110,7 +110,7 @@ def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new
 
 
 def test_a_fit_accepts_an_old_name_and_rejects_an_unknown_name():
-    for name, message in (("separation", "no such file"), ("two", "allowed: one_mass or two_mass")):
+    for name, message in (("separation", "no such file"), ("two", "must be one_mass or two_mass")):
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
         assert done.exit_code == 2 and message in " ".join(done.output.replace("│", " ").split())
 

@@ -12,7 +12,7 @@ from cam_rig.schema import load_cam
 from cam_rig.schema.instrument_table import MAX_LINES
 from cam_rig.schema.segment_base import read_points
 from cam_rig.studies.fit_cam.gauge_table import TableOptions, read_gauge_table
-from cam_rig.studies.fit_rig.jump_table import read_jump_table
+from cam_rig.studies.fit_rig.jumps.table import read_jump_table
 from cam_rig.units import RPM
 
 from .conftest import catch_error
@@ -341,9 +341,9 @@ def test_jump_speeds_in_units_and_languages(read_jumps):
         jumps = read_jumps(text)
         assert jumps.columns == ("mass", "spring_stiffness")
         assert [r.speed / RPM for r in jumps.readings] == pytest.approx([412.5, 380.0])
-        assert jumps.readings[0].known == pytest.approx({"mass": 0.5, "spring_stiffness": 4030.0})
+        assert jumps.readings[0].setup == pytest.approx({"mass": 0.5, "spring_stiffness": 4030.0})
     jumps = read_jumps("preload,jump speed\n20,300\n")
-    assert jumps.readings[0].known == {"preload": 20.0}
+    assert jumps.readings[0].setup == {"preload": 20.0}
     assert sum("assumed" in note for note in jumps.notes) == 2
     jumps = read_jumps("mass_kg,rpm\n0,300\n1,250\n")
     assert np.isfinite([r.speed for r in jumps.readings]).all()
@@ -353,10 +353,10 @@ def test_wrong_jump_speeds_raise_an_error_of_one_line(read_jumps):
     """The error of an unknown unit lists the known units."""
     for text, expected in (
         ("mass_kg,lift_mm\n1,2\n", "jump speed"),
-        ("1,2\n3,4\n", "no heading"),
-        ("mass_kg,rpm\n1,-5\n", "line 2: speed"),
+        ("1,2\n3,4\n", "must have a heading"),
+        ("mass_kg,rpm\n1,-5\n", "line 2: the speed must be above 0"),
         ("mass_kg,rpm\n2,300\n1,x\n", "line 3: rpm is 'x'"),
-        ("rpm,drehzahl\n300,300\n", "both hold"),
+        ("rpm,drehzahl\n300,300\n", "are both columns of the"),
     ):
         message = catch_error(read_jumps, text)
         assert expected in message and "separator seen" in message

@@ -92,7 +92,7 @@ def design(
     goals = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
     others = {"starts": starts, "seed": seed, "keep": keep.split(",")}
     law_class = {"pieces": pieces, "joints": joints, "degree": degree}
-    return _found(
+    return _run_design(
         _config(start, goals, rig=rig, class_=law_class, **others), pareto, points, out, progress
     )
 
@@ -123,7 +123,7 @@ def _config(start: str, goals: dict[str, Any], **others: Any) -> DesignConfig:
     return file.model_copy(update={key: str(p) for key, p in neighbours.items() if p.is_file()})
 
 
-def _found(
+def _run_design(
     config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
 ) -> Result:
     from cam_rig.schema import load_cam, load_rig

@@ -135,7 +135,7 @@ class InfeasibleError(DesignError):
         self.conflict = " and ".join(conflicting[:2]) + (" at once" if len(conflicting) > 1 else "")
         self.conflicting, self.proved = conflicting, proved
         super().__init__(
-            f"no law of the class keeps {self.conflict}; allowed: looser limits, or more pieces"
+            f"no law of the class satisfies {self.conflict}; use looser limits, or more pieces"
         )
 
 
@@ -207,7 +207,7 @@ class ConvexProgram:
             if row_violation < min(violation, USABLE_ATOL):
                 best, violation = solution_of(blocks, x, dual), row_violation
         if best is None or not best.bound - best.level <= USABLE_ATOL * max(1.0, abs(best.level)):
-            raise DesignError(f"design: the solver ended with {status}; allowed: fewer pieces")
+            raise DesignError(f"the solver of the design ended with {status}; use fewer pieces")
         return best
 
     def all_blocks(self) -> list[RowBlock]:
@@ -223,7 +223,7 @@ class ConvexProgram:
 
 def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
     shares: dict[str, float] = {}
-    for block, row_part in zip(blocks, _split_rows(blocks, dual), strict=True):
+    for block, row_part in zip(blocks, _split_by_block(blocks, dual), strict=True):
         if block.name:
             terms = abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant)
             shares[block.name] = shares.get(block.name, 0.0) + float(np.abs(row_part * terms).sum())
@@ -232,7 +232,7 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
     names = tuple(name for name, row_part in ranked if row_part > 1e-6 * max_share)
     # (40): no unknowns satisfy the rows for any |t| up to `MAX_LEVEL`
     y, weight = _in_cones(blocks, dual)
-    refuted = bound_of(blocks, y) + abs(weight) * MAX_LEVEL < 0.0
+    refuted = upper_bound(blocks, y) + abs(weight) * MAX_LEVEL < 0.0
     proved = all(block.necessary for block in blocks) and refuted
     return InfeasibleError(names or ("its limits",), proved)
 
@@ -248,7 +248,7 @@ def _append_column(matrix: Any, weights: FloatArray) -> Any:
     return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 
-def _split_rows(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
+def _split_by_block(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
     """Return the values of each block as views of the values of all rows."""
     return np.split(of_rows, np.cumsum([block.weight.size for block in blocks])[:-1])
 
@@ -258,7 +258,7 @@ def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> Prog
     y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
     met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE_TOLERANCE)
-    active, bound = tuple(dict.fromkeys(met)), bound_of(blocks, multipliers)
+    active, bound = tuple(dict.fromkeys(met)), upper_bound(blocks, multipliers)
     return ProgramSolution(x[:-1], float(x[-1]), bound, active, blocks, multipliers)
 
 
@@ -282,7 +282,7 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
     """
     y = dual.copy()
     rows, weights = _join_rows(blocks)
-    for block, part in zip(blocks, _split_rows(blocks, y), strict=True):
+    for block, part in zip(blocks, _split_by_block(blocks, y), strict=True):
         if block.kind == "nonneg":
             np.maximum(part, 0.0, out=part)
         elif block.kind == "cone":
@@ -293,7 +293,7 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
     return y, float(weights @ y)
 
 
-def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
+def upper_bound(blocks: list[RowBlock], multipliers: FloatArray) -> float:
     """Return yᵀc + β Σ|(Aᵀy)ⱼ|, an upper bound of t if yᵀw = −1 (39).
 
     β is `MAX_ORDINATE`. The bound is infinite if a multiplier is NaN.
@@ -374,9 +374,9 @@ class GrowingProgram:
         dropped = {row for row, s in enumerate(status) if s == basic and row not in self._bounds}
         if dropped:
             self._solver.deleteRows(len(dropped), np.array(sorted(dropped), dtype=np.int32))
-            kept = [(key, row) for key, row in self._index.items() if row not in dropped]
-            self._index = {key: index for index, (key, _) in enumerate(kept)}
-            new_row = {row: index for index, (_, row) in enumerate(kept)}
+            remaining = [(key, row) for key, row in self._index.items() if row not in dropped]
+            self._index = {key: index for index, (key, _) in enumerate(remaining)}
+            new_row = {row: index for index, (_, row) in enumerate(remaining)}
             self._bounds = {new_row[row]: bounds for row, bounds in self._bounds.items()}
 
     def _use_rows(self, blocks: list[RowBlock]) -> dict[int, int]:

@@ -22,10 +22,10 @@ from cam_rig.profile.contact import Motion
 from cam_rig.quantities.terms import sign_of
 from cam_rig.quantities.values import SAMPLES, Branches, maxima
 from cam_rig.studies.design.convex_program import Affine, ProgramSolution, RowBlock
-from cam_rig.studies.design.cutting_planes import Cuts, FewRows, Solver
+from cam_rig.studies.design.cutting_planes import RowSource, Solver, WorkingRows
 from cam_rig.studies.design.rows import add, force_parts, rows_of
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, dwells, measured
-from cam_rig.studies.design.two_mass_contact import Residual
+from cam_rig.studies.design.two_mass_contact import ResidualRows
 from cam_rig.units import FloatArray
 
 #: Largest number of steps of one descent.
@@ -217,17 +217,17 @@ LocalTerm = PointwiseTerm | ValueTerm
 class Descent:
     """Search of one goal, local or convex, under limits of both kinds.
 
-    ``solver`` has the convex limits. ``cuts`` are those whose rows are found in rounds, and are
-    kept. ``on_feasible`` is called with each law that satisfies all limits.
+    ``solver`` has the convex limits. ``row_sources`` add their rows in rounds, and keep them from
+    step to step. ``on_feasible`` is called with each law that satisfies all limits.
     """
 
     solver: Solver
     goal: LocalTerm | ScaledLimit
     limits: list[LocalTerm]
-    cuts: list[Cuts]
+    row_sources: list[RowSource]
     on_feasible: Callable[[Iterate], None] = lambda _: None
     reach: float = field(default=FIRST_REACH, init=False)
-    _residual: list[Cuts] = field(default_factory=list)
+    _residual: list[RowSource] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.problem, self._free = self.solver.problem, self.solver.problem.space.free
@@ -332,7 +332,10 @@ class Descent:
         The goal is included only if the current law is feasible.
         """
         program = self.solver.static_program(True)
-        cuts: list[Cuts] = [FewRows([self._trust_region(current)], stride=1), *self.cuts]
+        sources: list[RowSource] = [
+            WorkingRows([self._trust_region(current)], stride=1),
+            *self.row_sources,
+        ]
         for limit in self.limits:
             slack = limit.rows(current.unknowns, tried) * (-1.0 / limit.scale)
             slack = slack.plus(limit.allowed / limit.scale)
@@ -347,18 +350,18 @@ class Descent:
         elif self._speed:
             if not np.isfinite(current.goal):
                 raise DynamicsError(
-                    "the class has laws that keep contact at every speed; allowed: a limit such "
-                    "as peak_acceleration<=start"
+                    "the class has laws that keep contact at every speed; add a limit such as "
+                    "peak_acceleration<=start"
                 )
             # rows with a positive least force at this jump speed give a higher jump speed
             rows = force_parts(self.problem, -current.goal * self.goal.scale, True)
             program.at_least(self.goal.name, rows, -1.0)
         elif rows_of(self.goal.term).in_rounds:
-            self._residual = self._residual or [Residual(self.problem, self.goal, True)]
-            cuts += self._residual
+            self._residual = self._residual or [ResidualRows(self.problem, self.goal, True)]
+            sources += self._residual
         else:
             add(program, self.problem, self.goal, True)
-        return self.solver.solve_in_rounds(program, cuts)
+        return self.solver.solve_in_rounds(program, sources)
 
     def _trust_region(self, current: Iterate) -> RowBlock:
         """Return the rows of the trust region."""

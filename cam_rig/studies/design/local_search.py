@@ -22,7 +22,7 @@ from cam_rig.laws import Law
 from cam_rig.quantities.catalogue import DESIGN_QUANTITIES
 from cam_rig.quantities.terms import Limit, Term
 from cam_rig.studies.design.convex_program import Affine, ConvexProgram
-from cam_rig.studies.design.cutting_planes import Best, Cuts, OnBetterLaw, Solver
+from cam_rig.studies.design.cutting_planes import BestLaw, OnBetterLaw, RowSource, Solver
 from cam_rig.studies.design.descent import (
     FEASIBLE_RTOL,
     Descent,
@@ -63,21 +63,21 @@ class EventSpans:
     limits: list[Limit]
     value: Callable[[DesignProblem], float]
     _values: dict[tuple[float, ...], float] = field(default_factory=dict)
-    _last_error: str = "no room for them"
+    _last_error: str = "the dwells are too short"
 
     def __post_init__(self) -> None:
         events = self.problem.space.events
         self.start = np.array([event.span for event in events])
         if self.keep_dwells and len(events) == 1:
             raise ConfigError(
-                f"keep: {self.problem.cam.name!r} has one event, whose span is what the dwells "
-                "leave; allowed: lift alone, or events,dwells,lift"
+                "--keep dwells,lift requires a cam with two or more events, got "
+                f"{self.problem.cam.name!r} with one; use --keep lift or events,dwells,lift"
             )
         for number, event in enumerate(events, 1):
             if any((*event.first[1:], *event.last[1:])):
                 raise ConfigError(
-                    f"keep: event {number} of {self.problem.cam.name!r} does not begin and end at "
-                    "rest; allowed: events,dwells,lift"
+                    f"--keep: event {number} of {self.problem.cam.name!r} must start and end at "
+                    "rest; use --keep events,dwells,lift"
                 )
         self.low, self.high = SHORTEST * self.start, LONGEST * self.start
         for limit in self.limits:
@@ -102,7 +102,7 @@ class EventSpans:
         spans = self._rounded(np.clip(self.start + change, self.low, self.high))
         if not self.possible(spans):
             raise ConfigError(
-                "limits on event_angle: no spans of events keep them and the dwells; allowed: "
+                "no spans of the events satisfy the limits on event_angle with these dwells; use "
                 "looser limits"
             )
         return spans
@@ -143,7 +143,7 @@ class EventSpans:
         ends = np.stack([starts, starts + spans], axis=1).ravel()
         return np.concatenate([[0.0], ends, [TURN]])
 
-    def moved(self, spans: FloatArray) -> DesignProblem:
+    def shift_events(self, spans: FloatArray) -> DesignProblem:
         """Return the problem with these spans (rad)."""
         start = self.problem.start
         breaks = np.interp(start.breaks, self._edges(self.start), self._edges(spans))
@@ -164,7 +164,7 @@ class EventSpans:
             self._values[key] = np.inf
             if self.possible(spans):
                 try:
-                    self._values[key] = self.value(self.moved(spans))
+                    self._values[key] = self.value(self.shift_events(spans))
                 except DesignError as error:  # no law at these spans; other spans may have a law
                     self._last_error = str(error)
                     return np.inf
@@ -192,11 +192,12 @@ class EventSpans:
                 ends.append((float(result.fun), result.x))
         if not ends:
             raise DesignError(
-                f"no spans of events that were tried have a law; of the last: {self._last_error}"
+                "no law was found at any of the spans of the events; the last error was: "
+                f"{self._last_error}"
             )
         value, unknowns = min(ends, key=lambda pair: pair[0])
         near = sum(goal <= value + MULTISTART_RTOL * abs(value) for goal, _ in ends)
-        return self.moved(self._spans(unknowns)), replace(search, starts_agreeing=near)
+        return self.shift_events(self._spans(unknowns)), replace(search, starts_agreeing=near)
 
     def _start_spans(self, search: Multistart) -> Iterator[FloatArray]:
         """Yield start spans: the base spans, and random spans, if possible with a law."""
@@ -226,7 +227,7 @@ MIN_FRACTION = 0.2
 MAX_GROWTH = 3.0
 
 
-def _starts(solver: Solver, cuts: list[Cuts], search: Multistart) -> Iterator[FloatArray]:
+def _starts(solver: Solver, sources: list[RowSource], search: Multistart) -> Iterator[FloatArray]:
     """Yield the unknowns of start laws that satisfy the solver's limits and cuts."""
     problem, space = solver.problem, solver.problem.space
     lift = problem.start.lift
@@ -234,7 +235,7 @@ def _starts(solver: Solver, cuts: list[Cuts], search: Multistart) -> Iterator[Fl
     def best(add_goal: Callable[[ConvexProgram], None]) -> FloatArray:
         program = solver.static_program(True)
         add_goal(program)
-        return solver.solve_in_rounds(program, cuts).unknowns
+        return solver.solve_in_rounds(program, sources).unknowns
 
     def nearest(program: ConvexProgram) -> None:
         """Minimise the mean square distance from the start's lift."""
@@ -276,8 +277,8 @@ def _local_term(problem: DesignProblem, target: ScaledLimit) -> LocalTerm:
     term = PointwiseTerm(problem, target.name, branches, allowed)
     if term.dwell_value > allowed + FEASIBLE_RTOL * term.scale:
         raise DesignError(
-            f"limit {target.name}: a dwell of {problem.start.name!r} breaks it, whatever "
-            "the law; allowed: a looser limit"
+            f"limit {target.name}: a dwell of {problem.start.name!r} exceeds it for every law; "
+            "use a looser limit"
         )
     return term
 
@@ -288,7 +289,7 @@ def local_best(
     limits: list[ScaledLimit],
     search: Multistart,
     on_best: OnBetterLaw,
-) -> Best:
+) -> BestLaw:
     """Return the best law of all descents.
 
     ``on_best`` is called with the unknowns and the goal's value (SI) of each better law.
@@ -311,18 +312,18 @@ def local_best(
             law = problem.space.law(iterate.unknowns, "design")
             on_best(iterate.unknowns, measured(problem, law, goal.term, goal.sense))
 
-    cuts = solver.cuts(True)
-    descent = Descent(solver, local_goal, local, cuts, report_if_better)
-    ends = [descent.run(x) for x in _starts(solver, cuts, search)]
-    kept = [end for end in ends if end.violation <= FEASIBLE_RTOL]
-    if not kept:
+    sources = solver.row_sources(True)
+    descent = Descent(solver, local_goal, local, sources, report_if_better)
+    ends = [descent.run(x) for x in _starts(solver, sources, search)]
+    feasible = [end for end in ends if end.violation <= FEASIBLE_RTOL]
+    if not feasible:
         nearest = min(ends, key=lambda end: end.violation)
         raise DesignError(
-            f"no law was found that keeps {' and '.join(limit.name for limit in local)}, from "
-            f"{search.starts} starts: the nearest is over by {100.0 * nearest.violation:.2g} %; "
-            "allowed: looser limits, more starts or more pieces"
+            f"no law was found that satisfies {' and '.join(limit.name for limit in local)}, from "
+            f"{search.starts} starts: the nearest exceeds a limit by "
+            f"{100.0 * nearest.violation:.2g} %; use looser limits, more starts or more pieces"
         )
-    best = min(kept, key=lambda end: end.goal)
-    count = sum(end.goal <= best.goal + MULTISTART_RTOL * abs(best.goal) for end in kept)
-    result = Best(best.unknowns, active=best.active, rounds=solver.rounds)
+    best = min(feasible, key=lambda end: end.goal)
+    count = sum(end.goal <= best.goal + MULTISTART_RTOL * abs(best.goal) for end in feasible)
+    result = BestLaw(best.unknowns, active=best.active, rounds=solver.rounds)
     return replace(result, multistart=replace(search, starts_agreeing=count))

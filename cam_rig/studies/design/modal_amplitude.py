@@ -55,10 +55,9 @@ class Cells:
         self.count = self.per_piece * pieces
         if self.count > MAX_CELLS:
             raise ConfigError(
-                f"the stem vibrates {phase / TURN:.4g} times in an event at "
-                f"{to_rpm(self.slowest):.4g} rpm; allowed for a design: "
-                f"{MAX_CELLS * CELL_PHASE / TURN:.4g} times; so stiff a stem is nearly rigid: "
-                "jump_speed_rigid"
+                f"the stem may vibrate {MAX_CELLS * CELL_PHASE / TURN:.4g} times in an event of a "
+                f"design, got {phase / TURN:.4g} times at {to_rpm(self.slowest):.4g} rpm; such a "
+                "stem is nearly rigid, so use jump_speed_rigid"
             )
         points, weights = np.polynomial.legendre.leggauss(GAUSS)
         self.gauss = 0.5 * (points + 1.0), 0.5 * weights

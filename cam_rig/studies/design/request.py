@@ -45,7 +45,7 @@ class DesignConfig(Strict):
     @model_validator(mode="after")
     def _one_goal(self) -> DesignConfig:
         if (self.minimise is None) == (self.maximise is None):
-            raise ValueError("minimise, maximise: allowed: exactly one of them")
+            raise ValueError("exactly one of minimise and maximise is required")
         return self
 
 
@@ -95,21 +95,20 @@ class LawClass:
         for name, (lower, upper) in limits.items():
             value = self.power if name == "degree" else getattr(self, name)
             if not isinstance(value, int) or not lower <= value <= upper:
-                raise ConfigError(f"class: {name} is {value}; allowed: {lower} to {upper}")
+                raise ConfigError(f"{name} must be between {lower} and {upper}, got {value}")
         if self.power <= self.joints:
             raise ConfigError(
-                f"class: degree is {self.power} with joints C{self.joints}; allowed: a degree "
-                f"above {self.joints}"
+                f"degree must be above {self.joints} with joints C{self.joints}, got {self.power}"
             )
         if self.free < 1:
             raise ConfigError(
-                f"class: {self.count} ordinates, of which the ends take {2 * self.joints + 2}; "
-                f"allowed: at least {2 * self.joints + 3}, so more pieces or a higher degree"
+                f"the class must have at least {2 * self.joints + 3} ordinates per event, got "
+                f"{self.count}; use more pieces or a higher degree"
             )
         if self.count > MAX_ORDINATES:
             raise ConfigError(
-                f"class: {self.count} ordinates an event; allowed: {MAX_ORDINATES}, so fewer "
-                "pieces, a lower degree or smoother joints"
+                f"the class may have at most {MAX_ORDINATES} ordinates per event, got "
+                f"{self.count}; use fewer pieces, a lower degree or smoother joints"
             )
 
     @property
@@ -163,9 +162,9 @@ class Multistart:
 
     def __post_init__(self) -> None:
         if not 1 <= self.starts <= MAX_STARTS:
-            raise ConfigError(f"starts: is {self.starts}; allowed: 1 to {MAX_STARTS}")
+            raise ConfigError(f"starts must be between 1 and {MAX_STARTS}, got {self.starts}")
         if self.seed < 0:
-            raise ConfigError(f"seed: is {self.seed}; allowed: 0 and above")
+            raise ConfigError(f"seed must be 0 or above, got {self.seed}")
 
     @property
     def words(self) -> str:
@@ -183,9 +182,11 @@ def _parse_keep(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]
     matches = [parts for parts in KEEP if set(parts) == {word.strip() for word in keep}]
     if not matches:
         allowed = " or ".join(",".join(parts) for parts in KEEP)
-        raise ConfigError(f"keep: is {','.join(keep)!r}; allowed: {allowed}")
+        raise ConfigError(f"keep must be {allowed}, got {','.join(keep)!r}")
     if "events" in matches[0] and any(x.term.quantity.where == "event" for x in limits):
-        raise ConfigError("limit event_angle: events stay; allowed: with keep dwells,lift or lift")
+        raise ConfigError(
+            "a limit on event_angle requires free events; use --keep dwells,lift or --keep lift"
+        )
     return matches[0]
 
 
@@ -200,7 +201,7 @@ def parse_goal(text: str) -> Term:
     term = parse_term(text, DESIGN_QUANTITIES)
     if not term.quantity.goal:
         goals = [name for name, quantity in DESIGN_QUANTITIES.items() if quantity.goal]
-        raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
+        raise ConfigError(f"the goal must be one of {', '.join(goals)}, got {term.name}")
     return term
 
 
@@ -253,29 +254,29 @@ class DesignRequest:
             If a text is invalid, or goal or limit is not possible in that sense or class.
         """
         if (minimise is None) == (maximise is None):
-            raise ConfigError("goal: needed: one, to minimise or to maximise")
+            raise ConfigError("exactly one goal is required, to minimise or to maximise")
         goal = parse_goal(minimise or maximise or "")
         sense: Sense = "<=" if minimise is not None else ">="
         if sense not in goal.quantity.senses:
             other = "maximise" if sense == "<=" else "minimise"
-            raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
+            raise ConfigError(f"goal {goal.key}: use {other}, because the opposite is not convex")
         limits_parsed = tuple(parse_limit(text, DESIGN_QUANTITIES) for text in limits)
-        own_class, kept = law_class or LawClass(), _parse_keep(keep, limits_parsed)
+        own_class, kept_parts = law_class or LawClass(), _parse_keep(keep, limits_parsed)
         for term in (goal, *(limit.term for limit in limits_parsed)):
             order = term.quantity.order
             if own_class.joints < order - 1:
                 raise ConfigError(
-                    f"{term.key}: has no bound with joints C{own_class.joints}, where a lower "
-                    f"derivative may step; allowed: C{order - 1} and above"
+                    f"{term.key} requires joints C{order - 1} or above, got C{own_class.joints}, "
+                    "with which a lower derivative may have steps"
                 )
-        return cls(goal, sense, limits_parsed, own_class, multistart or Multistart(), kept)
+        return cls(goal, sense, limits_parsed, own_class, multistart or Multistart(), kept_parts)
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:
         """Create a request from a design file."""
         config_class = config.class_
         if not (config_class.joints[:1] in ("C", "c") and config_class.joints[1:].isdecimal()):
-            raise ConfigError(f"joints: are {config_class.joints!r}; allowed: C1 to C{MAX_JOINTS}")
+            raise ConfigError(f"joints must be C1 to C{MAX_JOINTS}, got {config_class.joints!r}")
         law_class = LawClass(config_class.pieces, int(config_class.joints[1:]), config_class.degree)
         search = Multistart(config.starts, config.seed)
         fields = config.model_dump(include={"minimise", "maximise", "limits", "keep"})

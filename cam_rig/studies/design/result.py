@@ -36,7 +36,7 @@ class Measure:
     limit: float | None = None
     active: bool = False
 
-    def shown(self, value: float | None) -> float | None:
+    def in_table_unit(self, value: float | None) -> float | None:
         """Return a value in the unit of tables."""
         return None if value is None else value / self.term.quantity.factor
 
@@ -44,12 +44,12 @@ class Measure:
     def limit_text(self) -> str:
         """Limit as text for tables, empty for a goal."""
         sign = "≤" if self.sense == "<=" else "≥"
-        return "" if self.limit is None else f"{sign} {self.shown(self.limit):.5g}"
+        return "" if self.limit is None else f"{sign} {self.in_table_unit(self.limit):.5g}"
 
 
-def _shown(key: str, **how: str) -> Column:
+def _value_column(key: str, **how: str) -> Column:
     def cell(measure: Measure) -> float | None:
-        return measure.shown(getattr(measure, key))
+        return measure.in_table_unit(getattr(measure, key))
 
     return Column(key, "", ".5g", cell=cell, **how)  # type: ignore[arg-type]
 
@@ -88,9 +88,9 @@ class LawDesign(Result):
         "measures": (
             Column("quantity", of="term.key", cell=lambda m: m.term.words),
             Column("unit", of="term.quantity.si", cell=lambda m: m.term.quantity.typeset),
-            _shown("start"),
-            _shown("result"),
-            _shown("bound", missing="–"),
+            _value_column("start"),
+            _value_column("result"),
+            _value_column("bound", missing="–"),
             Column("limit", cell=lambda m: m.limit_text or None, missing="–"),
             Column("active", cell=lambda m: "yes" if m.active else ""),
         ),
@@ -159,11 +159,11 @@ class LawDesign(Result):
     def tables(self) -> list[Records]:
         """Return the tables ``measures`` (goal first), ``events`` and ``design``."""
         angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in self.tops)
-        kept = " and ".join(what for what in self.request.keep if what != "events")
-        kept += f", reached at {angles}," if angles else ""
+        kept_parts = " and ".join(what for what in self.request.keep if what != "events")
+        kept_parts += f", reached at {angles}," if angles else ""
         notes = (
-            f"start: {self.start.name}; class: {self.request.law_class.words}, with {kept} of the "
-            f"start; no ordinate beyond {MAX_ORDINATE:g} lifts",
+            f"start: {self.start.name}; class: {self.request.law_class.words}, with {kept_parts} "
+            f"of the start; no ordinate beyond {MAX_ORDINATE:g} lifts",
             self._bound_line(),
             *self._compare_start(),
         )
@@ -191,9 +191,9 @@ class LawDesign(Result):
         if not (math.isfinite(goal.start) and sign * (goal.result - goal.start) > 0.0):
             return []
         if goal.bound is not None and sign * (goal.bound - goal.start) > 0.0:
-            return ["the start is better than any law of this class: more pieces have more"]
-        more = "more pieces" if self.multistart is None else "more pieces, or more starts,"
-        return [f"the start is better than the law found: {more} may have more"]
+            return ["the start is better than any law of this class: use more pieces"]
+        more = "more pieces" if self.multistart is None else "more pieces or more starts"
+        return [f"the start is better than the law found: use {more}"]
 
     def _bound_line(self) -> str:
         """Return a line that states the bound."""
@@ -204,7 +204,7 @@ class LawDesign(Result):
         if bound is None:
             assert search is not None  # what is local has one
             return f"{search.words}; no bound: another law may be better"
-        limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.shown(bound):.5g}"
+        limit_text = f"{'below' if goal.sense == '<=' else 'above'} {goal.in_table_unit(bound):.5g}"
         limit_text += f" {goal.term.quantity.typeset}"
         if goal.bound is None:
             assert search is not None
@@ -253,16 +253,16 @@ class Front(Result):
         """Return ``front`` (one row per point) and ``quantities`` (keys and units)."""
         goal = self.designs[0].goal.term
 
-        def named(column: Column, words: str, term: Term) -> Column:
+        def in_unit(column: Column, heading: str, term: Term) -> Column:
             def cell(row: Any) -> float | None:
                 value = column.value(row)
                 return None if value is None else value / term.quantity.factor
 
-            return replace(column, heading=words, unit=term.quantity.typeset, cell=cell)
+            return replace(column, heading=heading, unit=term.quantity.typeset, cell=cell)
 
         allowed, result, bound, certified = self.columns["front"]
-        shown = (named(allowed, self.other.words, self.other), named(result, "", goal))
-        columns = (*shown, named(bound, "", goal), certified)
+        front_columns = (in_unit(allowed, self.other.words, self.other), in_unit(result, "", goal))
+        columns = (*front_columns, in_unit(bound, "", goal), certified)
         rows = tuple(zip(self.allowed, self.designs, strict=True))
         caption = f"{goal.words} against {self.other.words}"
         front = Records("front", caption, columns, rows)
@@ -308,12 +308,13 @@ def designed_cam(
     heading = "The law of its class that is best"
     if search is not None:
         heading = f"The best law found, seed {search.seed}, {search.words}, without a bound,"
-    kept = " and ".join(what for what in ("dwells", "events") if what not in problem.free)
+    fixed_parts = [part for part in ("dwells", "events") if part not in problem.free]
+    origin = f"{' and '.join(fixed_parts)} are" if fixed_parts else "the lift is"
     header = [
         f"# {heading} by this goal: {goal}.",
         f"# Start: {cam.name}; rig: {problem.rig.name}; {law_class.words}.",
         *(f"# Limit: {limit.name}." for limit in limits),
-        f"# Made by cam-rig design; {kept + ' are' if kept else 'the lift is'} the start's.",
+        f"# Made by cam-rig design; {origin} the start's.",
     ]
     title = f"{cam.title}, designed"
     data = spline_cam_data(cam, space.start, space.events, splines, name, title, problem.free)

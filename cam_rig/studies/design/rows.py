@@ -179,8 +179,8 @@ def _angle(problem: DesignProblem, term: Term) -> Branches:
     """Return ± the pressure angle (rad) on each disc."""
     if isinstance(problem.element, GuidedFace):
         raise ConfigError(
-            f"{term.key}: the follower is {problem.cam.follower.type}, whose pressure angle no "
-            "law changes; allowed: a roller, a point, or an arm"
+            f"{term.key} requires a roller, a point or an arm, got {problem.cam.follower.type}, "
+            "whose pressure angle does not depend on the law"
         )
     return _on_discs(problem, lambda touch: [touch.pressure, -touch.pressure])
 
@@ -324,9 +324,9 @@ def scale_limit(
     if value is not None:
         value = rows.to_rows(problem, term, value)
         if value <= 0.0 and rows.squares is _sound:
-            raise ConfigError(f"limit {term.key}: the background alone is as loud")
+            raise ConfigError(f"limit {term.key} must be above the level of the background")
         if not math.isfinite(value):
-            raise ConfigError(f"limit {term.key}: the start has none; allowed: a number")
+            raise ConfigError(f"limit {term.key}: the start has no such value; use a number")
     scale = 1.0 if rows.run else rows.scale(problem, term, sense)
     if not (math.isfinite(scale) and scale > 0.0):  # the value of the start is not a scale
         scale = 1.0 if value is None else abs(value) or 1.0

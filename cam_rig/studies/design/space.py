@@ -84,7 +84,9 @@ def events(law: Law, joints: int) -> list[LawEvent]:
             first, next_piece = np.searchsorted(law.breaks, [start, end]).tolist()
             result.append(LawEvent(start, end - start, ends(first - 1, -1), ends(next_piece, 0)))
     if not result:
-        raise ConfigError(f"cam {law.name!r}: it rests all around; allowed: a cam with a lift")
+        raise ConfigError(
+            f"cam {law.name!r} must have a lift, got one that rests for the whole turn"
+        )
     if len(edges) == 2:
         _require_joined(law, joints)
     return result
@@ -96,8 +98,8 @@ def _require_joined(law: Law, joints: int) -> None:
         ordinates = law.derivative_ordinates(order)
         if abs(ordinates[0, 0] - ordinates[-1, -1]) > CLOSURE_RTOL * np.abs(ordinates).max():
             raise ConfigError(
-                f"cam {law.name!r}: it has no dwell, and derivative {order} at the turn's end is "
-                f"not that at its start; allowed: joints up to C{order - 1}"
+                f"cam {law.name!r} has no dwell, and its derivative {order} has a step between "
+                f"two turns; use joints up to C{order - 1}"
             )
 
 

@@ -18,7 +18,8 @@ from cam_rig.quantities.terms import Limit, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.inputs import Cam, RequiredRig, resolve_cam, resolve_rig
-from cam_rig.studies.design.cutting_planes import Best, OnBetterLaw, Solver
+from cam_rig.studies.design.convex_search import best_convex
+from cam_rig.studies.design.cutting_planes import BestLaw
 from cam_rig.studies.design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.studies.design.request import (
     DEFAULT_STARTS,
@@ -33,8 +34,6 @@ from cam_rig.studies.design.rows import rows_of, scale_limit
 from cam_rig.studies.design.space import DesignProblem, ScaledLimit, Space, measured
 from cam_rig.units import FloatArray
 
-#: Goal, as a fraction of the start's, below which it is solved again with a finer scale.
-SMALL_FRACTION = 0.05
 #: Rounding error of a goal far below the start's, as a fraction of the start's, from cancellation
 #: in its integrals. Within it the bound is set to the law's value at best.
 ROUNDING_RTOL = 1e-6
@@ -70,8 +69,8 @@ def search_design(
     """
     if cam.follower.type in CLOSED_TYPES:
         raise ConfigError(
-            f"cam {cam.name!r}: its follower is {cam.follower.type}, whose fall must be its rise "
-            "turned by 180°, which a design does not keep; allowed: other followers"
+            f"cam {cam.name!r}: a design requires a follower whose rise and fall are independent, "
+            f"got {cam.follower.type}; use another follower"
         )
     search = DesignSearch(
         _problem(cam, rig, request), request, name or f"{cam.name}_designed", on_best
@@ -146,10 +145,10 @@ class DesignSearch:
 
     def with_values(self) -> DesignRequest:
         """Return the request with explicit values of limits that refer to the start."""
-        limits = (replace(limit, value=self._allowed(limit)) for limit in self.request.limits)
+        limits = (replace(limit, value=self._limit_value(limit)) for limit in self.request.limits)
         return replace(self.request, limits=tuple(limits))
 
-    def _allowed(self, limit: Limit) -> float:
+    def _limit_value(self, limit: Limit) -> float:
         """Return the value of a limit, SI (levels in dB)."""
         if limit.value is not None:
             return limit.value
@@ -158,20 +157,22 @@ class DesignSearch:
     def best(self) -> LawDesign:
         """Return the best law with the events of the problem."""
         problem, request = self.problem, self.request
-        limits = [scale_limit(problem, x.term, x.sense, self._allowed(x)) for x in request.limits]
+        limits = [
+            scale_limit(problem, x.term, x.sense, self._limit_value(x)) for x in request.limits
+        ]
         goal = scale_limit(problem, request.goal, request.sense, None)
 
         def report(unknowns: FloatArray, value: float) -> None:
-            self.on_best(lambda: self._law_design(limits, Best(unknowns)), value)
+            self.on_best(lambda: self._law_design(limits, BestLaw(unknowns)), value)
 
         local = any(rows_of(x.term).is_local(problem) for x in limits)
         if local or rows_of(goal.term).is_local(problem, True):
             best = local_best(problem, goal, limits, request.multistart, report)
         else:
-            best = _solve(problem, goal, limits, report)
+            best = best_convex(problem, goal, limits, report)
         return self._law_design(limits, best)
 
-    def _law_design(self, limits: list[ScaledLimit], best: Best) -> LawDesign:
+    def _law_design(self, limits: list[ScaledLimit], best: BestLaw) -> LawDesign:
         problem, request = self.problem, self.request
         start, space, term, sense = problem.start, problem.space, request.goal, request.sense
         search = self.spans or best.multistart
@@ -199,36 +200,19 @@ class DesignSearch:
             interrupted=not best.rounds,
         )
 
-    def _limit(self, law: Law, target: ScaledLimit, limit: Limit, best: Best) -> Measure:
-        quantity, allowed = limit.term.quantity, self._allowed(limit)
+    def _limit(self, law: Law, target: ScaledLimit, limit: Limit, best: BestLaw) -> Measure:
+        quantity, allowed = limit.term.quantity, self._limit_value(limit)
         laws = self.problem.start, law
         start, result = (measured(self.problem, x, limit.term, limit.sense) for x in laws)
         excess = (result - allowed) * sign_of(limit.sense)
         if excess > BROKEN_RTOL * max(abs(allowed), abs(start)) and best.rounds:
             raise DesignError(
-                f"the law found breaks {limit.words}: it has {result / quantity.factor:.6g} "
-                f"{quantity.unit}; allowed: a narrower range, or more pieces"
+                f"the designed law does not satisfy {limit.words}: it has "
+                f"{result / quantity.factor:.6g} {quantity.unit}; use a narrower range, or more "
+                "pieces"
             )
         active = target.name in best.active
         return Measure(limit.term, limit.sense, start, result, limit=allowed, active=active)
-
-
-def _solve(
-    problem: DesignProblem, goal: ScaledLimit, limits: list[ScaledLimit], on_better: OnBetterLaw
-) -> Best:
-    def report(unknowns: FloatArray, value: float) -> None:
-        on_better(unknowns, rows_of(goal.term).from_rows(problem, goal.term, value))
-
-    best = Solver(problem, goal, limits, report).best()
-    if goal.sense == "<=" and 0.0 < best.value < SMALL_FRACTION * goal.scale:
-        finer_goal = replace(goal, scale=best.value / SMALL_FRACTION)  # for more digits
-        with suppress(DesignError):  # the first result is used alone
-            again = Solver(problem, finer_goal, limits, report).best()
-            law = min(best, again, key=lambda result: result.value)
-            assert best.bound is not None and again.bound is not None  # of programs
-            bound = max(best.bound, again.bound)
-            best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
-    return best
 
 
 class DesignOptions(TypedDict, total=False):
@@ -362,13 +346,13 @@ def front(
     limit the goal, or over all possible spans of an event. ``points`` is their number, 3 to 200.
     """
     if not MIN_POINTS <= points <= MAX_POINTS:
-        raise ConfigError(f"--points: is {points}; allowed: {MIN_POINTS} to {MAX_POINTS}")
+        raise ConfigError(f"--points must be between {MIN_POINTS} and {MAX_POINTS}, got {points}")
     progress.start(points + 2, request.words)
     problem = _problem(cam, rig, request)
     if other.quantity.where == "event":
         return _over_spans(problem, request, other, points, progress)
     if other == request.goal:
-        raise ConfigError(f"--pareto: is the goal, {other.key}; allowed: another quantity")
+        raise ConfigError(f"--pareto must be another quantity than the goal, got {other.key}")
     sense = other.quantity.senses[0]
     best_other = search_design(cam, rig, replace(request, goal=other, sense=sense))
     progress.advance()
@@ -377,8 +361,8 @@ def front(
     best, last = best_other.goal.result, measured(problem, unlimited.law, other, sense)
     if (last - best) * sign_of(sense) <= 1e-9 * abs(best):
         raise ConfigError(
-            f"--pareto: {other.key} is best where {request.goal.key} is; allowed: two quantities "
-            "of which one costs the other"
+            f"--pareto: {other.key} and {request.goal.key} have the same best law, so there is no "
+            "front; use two quantities that conflict"
         )
 
     def design_at(value: float) -> LawDesign:
@@ -411,15 +395,17 @@ def _over_spans(
     """Return a front over the spans of an event that keeps its middle."""
     if "events" not in request.keep:
         raise ConfigError(
-            f"--pareto: over {other.key} the events and the dwells have their spans from it; "
-            "allowed: without --keep"
+            f"--pareto {other.key} cannot be combined with --keep, because the front sets the "
+            "spans of the events"
         )
     search = DesignSearch(problem, request, f"{problem.cam.name}_designed")
     fixed, spans = search.with_values(), EventSpans(problem, False, [], lambda _: 0.0)
     span = measured(problem, problem.start, other, "<=")
 
     def design_at(factor: float) -> LawDesign:
-        return replace(search, problem=spans.moved(factor * spans.start), request=fixed).best()
+        return replace(
+            search, problem=spans.shift_events(factor * spans.start), request=fixed
+        ).best()
 
     def has_law(factor: float) -> bool:
         with suppress(DesignError):

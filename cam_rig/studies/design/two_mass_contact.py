@@ -38,17 +38,17 @@ SPEED_STRIDE = 6
 #: Largest number of rows per turn and speed that one law adds: the lowest minima.
 MAX_ROWS = 4
 #: Speeds with less distance than this are evaluated in every round, in scales.
-CLOSE = 0.1
+CLOSE_DISTANCE = 0.1
 #: Rows are removed if the solution is farther above them, in scales.
 REMOVE_ABOVE = 0.15
 #: A row is added if the force is below the level by more than half of this value, in scales.
-BELOW = 6e-3
+ROW_LEVEL_ATOL = 6e-3
 #: Fraction of the fastest speed above which rows are not removed, because that speed may fall.
 KEEP_ABOVE = 0.95
 #: Largest level, in scales.
 MAX_LEVEL = 100.0
 #: Rows are removed again if the level has fallen by this value since the last removal.
-FALLEN = 1e-3
+MIN_LEVEL_FALL = 1e-3
 #: First margin of the least force, in scales. The force between the evaluated angles is lower.
 MARGIN = 0.01
 #: Factor of the margin if the exact search finds a lower force.
@@ -58,12 +58,12 @@ TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
 
 @dataclass(eq=False)
-class ContactKept:
+class ContactRows:
     """Rows F ≥ t, in the problem's force scale, at speeds up to ``fastest`` (rad/s).
 
     ``duration`` (s) is that of the run from rest, None for the steady state. ``margin`` is the
-    least force, in the scale, where no goal requires more. ``more`` maps additional speeds to the
-    turns of their loss of contact.
+    least force, in the scale, where no goal requires more. ``extra_turns`` maps additional speeds
+    to the turns of their loss of contact.
     """
 
     problem: DesignProblem
@@ -72,9 +72,9 @@ class ContactKept:
     name: str = "contact kept"
     limit: bool = False
     margin: float = MARGIN
-    more: dict[float, float] = field(default_factory=dict)
+    extra_turns: dict[float, float] = field(default_factory=dict)
     _rows: list[tuple[float, Affine, FloatArray]] = field(default_factory=list)
-    _lowest: float = np.inf
+    _lowest_level: float = np.inf
 
     def __post_init__(self) -> None:
         self._start_grid(MIN_SPEED_RATIO * self.fastest)
@@ -84,9 +84,9 @@ class ContactKept:
         if self.duration is not None and self.fastest * self.duration < 2.0 * TURN:
             turns = self.fastest * self.duration / TURN
             raise DynamicsError(
-                f"a run from rest of {self.duration:g} s has {turns:.2g} turns at "
-                f"{to_rpm(self.fastest):.4g} rpm; allowed for a design: 2 and more, or the goal "
-                "jump_speed_steady"
+                "a run from rest must have 2 or more turns for a design, got "
+                f"{turns:.2g} in {self.duration:g} s at {to_rpm(self.fastest):.4g} rpm; use the "
+                "goal jump_speed_steady"
             )
         self.step = max(min(0.02, phase_ratio), math.log(1.0 / MIN_SPEED_RATIO) / MAX_SPEEDS)
         self.anchor = self.fastest
@@ -96,7 +96,7 @@ class ContactKept:
         self.slowest = slowest
         self.cells = Cells(self.problem.space, self.problem.mode, slowest)
         self._forces: dict[float, ForceAtSpeed] = {}
-        self._room: dict[float, float] = {}
+        self._distances: dict[float, float] = {}
 
     def _speeds(self) -> list[float]:
         """Return the speeds of the grid up to the fastest, with those of the exact search."""
@@ -104,7 +104,7 @@ class ContactKept:
         top_index = math.floor(self._grid_position + 1e-9)
         count = math.ceil(math.log(self.fastest / self.slowest) / math.log(ratio))
         grid = [self.anchor * ratio**k for k in range(top_index, top_index - count, -1)]
-        extra = [speed for speed in self.more if speed < self.fastest]
+        extra = [speed for speed in self.extra_turns if speed < self.fastest]
         speeds = sorted({self.fastest, *grid, *extra})
         return [speed for speed in speeds if self._turns(speed)[-1] > 0.0]
 
@@ -122,14 +122,14 @@ class ContactKept:
         if abs(factor - 1.0) > 0.7 * self.step:
             on_grid = self.anchor * (1.0 + self.step) ** round(self._grid_position)
             self.fastest = on_grid if on_grid != before else self.fastest
-        self._lowest = np.inf  # a level may be higher than the lowest so far
+        self._lowest_level = np.inf  # a level may be higher than the lowest so far
 
     def _turns(self, speed: float) -> list[float]:
         """Return the evaluated turns at a speed: whole turns that the run completes."""
         if self.duration is None:
             return [math.inf]
         last = math.floor(speed * self.duration / TURN)
-        extra_turn = self.more.get(speed, 1.0)
+        extra_turn = self.extra_turns.get(speed, 1.0)
         return sorted({extra_turn, *(turn for turn in TURNS if turn < last), float(last)})
 
     def refine(self, jump: Jump, solution: ProgramSolution) -> None:
@@ -137,10 +137,10 @@ class ContactKept:
         if jump.speed < self.slowest:
             self._start_grid(max(EXTENSION_RATIO * jump.speed, MIN_SPEED))
         turn = 1.0 + math.floor(jump.speed * jump.time / TURN)
-        self.more |= {jump.speed * (1.0 + self.step * k): turn for k in (-0.25, 1e-4, 0.25)}
-        if not self.cut(solution):
+        self.extra_turns |= {jump.speed * (1.0 + self.step * k): turn for k in (-0.25, 1e-4, 0.25)}
+        if not self.add_violated(solution):
             self.margin *= MARGIN_FACTOR
-            self._lowest = np.inf
+            self._lowest_level = np.inf
 
     def _force_at(self, speed: float) -> ForceAtSpeed:
         if speed not in self._forces:
@@ -155,17 +155,17 @@ class ContactKept:
         the last evaluation come first. All speeds are evaluated if these add no row.
         """
         speeds = self._speeds()
-        close = [speed for speed in speeds if self._room.get(speed, 0.0) < CLOSE]
+        close = [speed for speed in speeds if self._distances.get(speed, 0.0) < CLOSE_DISTANCE]
         return self._rows_below(close, unknowns, level) or self._rows_below(speeds, unknowns, level)
 
     def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
-        minima_of_speeds = [self._below(speed, unknowns, level) for speed in speeds]
+        minima_of_speeds = [self._worst_turn(speed, unknowns, level) for speed in speeds]
         dip = minima(np.array([values.min() for _, values in minima_of_speeds]))
         dip[::-SPEED_STRIDE] = True
         count = 0
         for index in np.flatnonzero(dip):
             speed, (turn, values) = speeds[index], minima_of_speeds[index]
-            minima_indices = np.flatnonzero(minima(values) & (values < -0.5 * BELOW))
+            minima_indices = np.flatnonzero(minima(values) & (values < -0.5 * ROW_LEVEL_ATOL))
             chosen = minima_indices[np.argsort(values[minima_indices])[:MAX_ROWS]]
             if chosen.size:
                 force = self._force_at(speed)
@@ -174,7 +174,9 @@ class ContactKept:
                 count += chosen.size
         return count
 
-    def _below(self, speed: float, unknowns: FloatArray, level: float) -> tuple[float, FloatArray]:
+    def _worst_turn(
+        self, speed: float, unknowns: FloatArray, level: float
+    ) -> tuple[float, FloatArray]:
         """Return the worst turn at a speed, and its force above the required force.
 
         The force is in scales.
@@ -183,17 +185,19 @@ class ContactKept:
         required = np.where(force.first.moving, level, self.margin)
         above = force.values(unknowns, turns) / self.problem.force_scale - required
         worst = int(np.argmin(above.min(axis=1)))
-        self._room[speed] = float(above[worst].min())
+        self._distances[speed] = float(above[worst].min())
         return float(turns[worst]), above[worst]
 
-    def cut(self, solution: ProgramSolution) -> bool:
+    def add_violated(self, solution: ProgramSolution) -> bool:
         """Remove rows far above the level and add rows below it.
 
         Returns True if any row was added.
         """
         level = self.margin if self.limit else solution.level
-        if level < self._lowest - FALLEN:  # else rows could be removed and added endlessly
-            self._lowest = level
+        if (
+            level < self._lowest_level - MIN_LEVEL_FALL
+        ):  # else rows could be removed and added endlessly
+            self._lowest_level = level
             self._remove_rows(solution)
         return self.add_rows_below(solution.unknowns, level) > 0
 
@@ -242,10 +246,10 @@ def _amplitudes(problem: DesignProblem, low: float, high: float) -> tuple[FloatA
     events = problem.space.events
     cells = Cells(problem.space, problem.mode, low)
     speeds = speeds_of(problem.mode, max(event.span for event in events), low, high)
-    return speeds, [left_by_event(cells, e, speeds) for e in range(len(events))]
+    return speeds, [final_amplitude(cells, e, speeds) for e in range(len(events))]
 
 
-def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Affine:
+def final_amplitude(cells: Cells, event: int, speeds: FloatArray) -> Affine:
     """Return the amplitude at the end of an event, in the unknowns, at speeds (rad/s).
 
     Gauss points in the cells give it to rounding.
@@ -269,7 +273,7 @@ def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Affine:
 
 
 @dataclass(eq=False)
-class Residual:
+class ResidualRows:
     """Cones |2a| ≤ limit (or t) of every event at speeds of a range."""
 
     problem: DesignProblem
@@ -284,23 +288,23 @@ class Residual:
         for affine in self.left:
             self._add(affine.rows(slice(None, None, FIRST_STRIDE)))
 
-    def cut(self, solution: ProgramSolution) -> bool:
+    def add_violated(self, solution: ProgramSolution) -> bool:
         """Add the speeds at which the law is worst, and return True if any was added."""
         allowed = self.target.value
         if allowed is None:
             allowed = -solution.level * self.target.scale
         elif self.sufficient:
             allowed *= 1.0 - CUT_RTOL
-        cut = False
+        add_violated = False
         for event, affine in enumerate(self.left):
             amplitudes = 2.0 * np.abs(affine(solution.unknowns))
             peak_speeds = peaks(self.speeds, amplitudes, allowed * (1.0 - PEAK_SEARCH_RTOL))
-            at_peaks = left_by_event(self.cells, event, peak_speeds)
+            at_peaks = final_amplitude(self.cells, event, peak_speeds)
             worse = 2.0 * np.abs(at_peaks(solution.unknowns)) > allowed * (1.0 + CUT_RTOL)
             if worse.any():
                 self._add(at_peaks.rows(worse))
-                cut = True
-        return cut
+                add_violated = True
+        return add_violated
 
     def _add(self, amplitudes: Affine) -> None:
         count, size = amplitudes.constant.size, self.problem.space.unknowns

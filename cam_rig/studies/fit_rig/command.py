@@ -109,13 +109,11 @@ def _parse_fixed(options: list[str] | None) -> dict[str, float]:
     for option in options or []:
         name, _, text = (part.strip() for part in option.partition("="))
         if name in values:
-            raise ConfigError(f"--fix {option}: {name} is fixed twice; allowed: once")
+            raise ConfigError(f"--fix {name} is repeated; remove one")
         try:
             values[name] = float(text)
         except ValueError:
             values[name] = math.nan
         if not math.isfinite(values[name]):
-            raise ConfigError(
-                f"--fix {option}: {text!r} is not a finite number; allowed: NAME=NUMBER, in SI"
-            )
+            raise ConfigError(f"--fix: {name} must be a finite number in SI, got {text!r}")
     return values

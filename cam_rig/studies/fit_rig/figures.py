@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis
 from cam_rig.show.looks import web
-from cam_rig.studies.fit_rig.jump_fit import JumpFit
-from cam_rig.studies.fit_rig.result import RigFit
+from cam_rig.studies.fit_rig.jumps.fit import JumpFit
+from cam_rig.studies.fit_rig.run.result import RigFit
 from cam_rig.units import TURN
 
 #: Largest number of speeds in the figure.

@@ -13,9 +13,9 @@ import cam_rig
 from benchmark.simulated_instruments import InstrumentErrors, measured_run
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
-from cam_rig.studies.fit_rig.jump_fit import RIGID
-from cam_rig.studies.fit_rig.numbers import WITHIN_95
-from cam_rig.studies.fit_rig.study import fit_run
+from cam_rig.studies.fit_rig.estimate import NORMAL_95
+from cam_rig.studies.fit_rig.jumps.search import RIGID
+from cam_rig.studies.fit_rig.run.fit import fit_run
 from cam_rig.units import to_rpm
 
 #: Cams with and without dwells, smooth and with steps of acceleration.
@@ -120,4 +120,4 @@ def scores_of(seed: int, rate: int = 500) -> list[Score]:
 
 def coverage(scores: Iterable[Score]) -> float:
     """Return the fraction of intervals of 95 % that contain the truth."""
-    return float(np.mean([abs(score.off) < WITHIN_95 for score in scores]))
+    return float(np.mean([abs(score.relative_errors) < NORMAL_95 for score in scores]))

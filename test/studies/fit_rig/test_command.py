@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 import cam_rig
-from cam_rig.studies.fit_rig.numbers import ParameterEstimate, RigParameters
-from cam_rig.studies.fit_rig.study import fitted_rig
+from cam_rig.studies.fit_rig.estimate import ParameterEstimate, RigParameters
+from cam_rig.studies.fit_rig.rig_file import build_rig_text
 
 from ...cli.conftest import call, done
 
@@ -43,14 +43,14 @@ def test_a_wide_error_has_a_warning(found, words):
     """Row, file and JSON warn of an error of a third of the value, or an open sign."""
     (row,) = table(found).to_display()[0].rows
     assert re.match(rf"identified; {words}: with 95 % it is", row[-1])
-    assert words in found.gist
+    assert words in found.text
     assert words in table(found).rows()[0]["caution"]
     assert SURE.caution == ""
 
 
 def test_a_rig_file_has_the_digits_of_the_error(rig):
     """The file has 14.948 with ± 0.032 N, and takes other parameters from a rig."""
-    text, _ = fitted_rig(
+    text, _ = build_rig_text(
         "bench", [SURE, UNIDENTIFIED], rig, "cam-rig fit rig a.csv", "1 rpm a reading"
     )
     follower = yaml.safe_load(text)["follower"]

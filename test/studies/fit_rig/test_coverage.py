@@ -13,16 +13,12 @@ import numpy as np
 import pytest
 
 from benchmark.simulated_instruments import InstrumentErrors, measured_run
-from cam_rig.studies.fit_rig.residuals import Likelihood
-from cam_rig.studies.fit_rig.search import (
-    Candidate,
-    log_ratio,
-    log_ratio_of_all,
-    search,
-    uncertainty,
-)
-from cam_rig.studies.fit_rig.study import fit_run
-from cam_rig.studies.fit_rig.turns import measured_segments
+from cam_rig.studies.fit_rig.run.covariance import sandwich_covariance
+from cam_rig.studies.fit_rig.run.fit import fit_run
+from cam_rig.studies.fit_rig.run.likelihood import Likelihood
+from cam_rig.studies.fit_rig.run.likelihood_ratio import log_ratio, log_ratio_of_all
+from cam_rig.studies.fit_rig.run.search import Candidate, search
+from cam_rig.studies.fit_rig.run.turns import measured_segments
 
 from .machines import NOISES, coverage, jump_rpm, numbers_of, scores_of
 
@@ -45,7 +41,9 @@ def test_intervals_of_200_machines_contain_the_truth():
         for group in zip(titles, (*score.kind, score.name, "all"), strict=True):
             groups.setdefault(group, []).append(score)
     for (title, kind), scores in sorted(groups.items(), key=lambda row: titles.index(row[0][0])):
-        scatter = math.sqrt(np.mean([score.off**2 for score in scores]))  # of the scores
+        scatter = math.sqrt(
+            np.mean([score.relative_errors**2 for score in scores])
+        )  # of the scores
         machines = len({score.seed for score in scores})
         within = f"{100.0 * coverage(scores):.1f} %"
         print(f"| {title}: {kind} | {machines} | {len(scores)} | {within} | {scatter:.2f} |")
@@ -67,8 +65,8 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
     Linear about the solution: x = −(JᵀJ)⁻¹ Jᵀ noise.
     """
     random = np.random.default_rng(0)
-    like, slopes = solution.likelihood, solution.slopes
-    noise = np.zeros((2000, slopes.shape[0]))
+    like, jacobian = solution.likelihood, solution.jacobian
+    noise = np.zeros((2000, jacobian.shape[0]))
     at = 0
     for segment, kept in zip(like.segments, like.force_masks, strict=True):
         for size in (segment.lift.value.size, int(kept.sum())):
@@ -76,9 +74,9 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
             for k in range(at + 1, at + size):
                 noise[:, k] = 0.9 * noise[:, k - 1] + math.sqrt(0.19) * random.standard_normal(2000)
             at += size
-    noise[:, at:] = random.standard_normal((2000, slopes.shape[0] - at))
-    drawn = np.linalg.lstsq(slopes, noise.T, rcond=None)[0].std(axis=1)
-    errors = [uncertainty(replace(solution, residuals=one)).errors for one in noise[:40]]
+    noise[:, at:] = random.standard_normal((2000, jacobian.shape[0] - at))
+    drawn = np.linalg.lstsq(jacobian, noise.T, rcond=None)[0].std(axis=1)
+    errors = [sandwich_covariance(replace(solution, residuals=one)).errors for one in noise[:40]]
     first = slice(0, like.instruments.first)
     assert np.mean(errors, axis=0)[first] == pytest.approx(drawn[first], rel=0.2)
 
@@ -117,7 +115,7 @@ def test_error_of_restitution(seed):
     likelier by chance and by the samples that it left out near landings. In these two and in seed
     27 no restitution need be identified. A normal error is beyond 4 once in 15 000 machines.
     """
-    off = {score.name: score.off for score in scores_of(seed)}
+    off = {score.name: score.relative_errors for score in scores_of(seed)}
     assert abs(off.get("restitution", 0.0)) < (3.0 if seed in (61, 151) else 4.0)
     assert "restitution" in off or seed in (27, 61, 151)
     assert {"mass", "preload"} <= set(off) or seed not in (61, 151)
@@ -134,7 +132,7 @@ def test_errors_of_two_masses(seed):
     all trials was likelier by chance, with errors of 7 to 660, and no parameter of the stem need be
     identified. One of seven normal errors is beyond 4 once in 2000 machines.
     """
-    off = {score.name: score.off for score in scores_of(seed)}
+    off = {score.name: score.relative_errors for score in scores_of(seed)}
     assert {"mass", "spring_stiffness"} <= set(off)
     assert {"stem_stiffness", "roller_share"} <= set(off) or seed not in (115, 179)
     assert max(map(abs, off.values())) < 4.0

@@ -11,12 +11,12 @@ from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import MeasuredRun, Signal
-from cam_rig.studies.fit_rig.numbers import build_follower
-from cam_rig.studies.fit_rig.residuals import NO_TURN_RESIDUAL, Likelihood
-from cam_rig.studies.fit_rig.search import Candidate, search
-from cam_rig.studies.fit_rig.start import MAX_POINTS, POINTS_PER_PERIOD, PressingSamples
-from cam_rig.studies.fit_rig.steady_turn import one_mass_turn, sensor_response, two_mass_turn
-from cam_rig.studies.fit_rig.turns import find_steady_segments, measured_segments
+from cam_rig.studies.fit_rig.parameters import build_follower
+from cam_rig.studies.fit_rig.run.likelihood import NO_TURN_RESIDUAL, Likelihood
+from cam_rig.studies.fit_rig.run.search import Candidate, search
+from cam_rig.studies.fit_rig.run.steady_turn import one_mass_turn, sensor_response, two_mass_turn
+from cam_rig.studies.fit_rig.run.stem_start import MAX_POINTS, POINTS_PER_PERIOD, PressingSamples
+from cam_rig.studies.fit_rig.run.turns import find_steady_segments, measured_segments
 from cam_rig.units import NS, RPM, TURN
 
 from .machines import numbers_of
@@ -87,7 +87,7 @@ def test_a_cam_that_nowhere_turns_steadily_is_refused():
     """A ramp over the whole run is an error."""
     time = np.linspace(0.0, 3.0, 3000)
     run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
-    with pytest.raises(ConfigError, match=r"nowhere turns steadily.*needed"):
+    with pytest.raises(ConfigError, match=r"must turn at a steady speed.*record"):
         find_steady_segments(run)
 
 

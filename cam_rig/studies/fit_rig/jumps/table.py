@@ -15,7 +15,12 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import RPM, FloatArray, to_rpm
 
 #: Parameter of the rig by quantity of a heading.
-NUMBERS = {"speed": "speed", "mass": "mass", "stiffness": "spring_stiffness", "preload": "preload"}
+PARAMETER_OF_QUANTITY = {
+    "speed": "speed",
+    "mass": "mass",
+    "stiffness": "spring_stiffness",
+    "preload": "preload",
+}
 #: Unit and factor to SI by quantity, for a heading without a unit.
 ASSUMED_UNITS = {"speed": ("rpm", RPM), "mass": ("kg", 1.0), "stiffness": ("N/m", 1.0)}
 ASSUMED_UNITS["preload"] = ("N", 1.0)
@@ -27,12 +32,12 @@ MAX_LISTED_LINES = 5
 class JumpReading:
     """Jump speed in rad/s, and the values of its set-up in SI.
 
-    ``line`` is its line in the file. ``known`` are the parameters that the table gives.
+    ``line`` is its line in the file. ``setup`` are the parameters that the table gives.
     """
 
     line: int
     speed: float
-    known: dict[str, float]
+    setup: dict[str, float]
 
     @property
     def rpm(self) -> float:
@@ -70,10 +75,7 @@ class _JumpReader(CellTable):
     def table(self) -> JumpTable:
         """Return the readings of the file."""
         if self.first is None or self.first == 0:
-            raise self.error(
-                "has no heading over its numbers; allowed: a heading, such as mass_kg, "
-                "spring_N/m, rpm"
-            )
+            raise self.error("the columns must have a heading, such as mass_kg, spring_N/m, rpm")
         headings = self.headings(len(self.rows[self.first][1]))
         columns_by_name, notes = self._assign(headings)
         body = self.rows[self.first :]
@@ -91,7 +93,7 @@ class _JumpReader(CellTable):
             readings.append(JumpReading(line, values.pop("speed"), values))
         read = self.describe_format(body, used)
         if not readings:
-            raise self.error("has no jump speed; allowed: one or more")
+            raise self.error("the table must have at least one jump speed, got 0")
         if empty:
             lines = ", ".join(map(str, empty[:MAX_LISTED_LINES])) + ", …" * (
                 len(empty) > MAX_LISTED_LINES
@@ -106,13 +108,13 @@ class _JumpReader(CellTable):
         """Return column and factor of each quantity, and notes on assumed units."""
         columns, notes = dict[str, tuple[int, float]](), list[str]()
         for index, heading in enumerate(headings):
-            name = NUMBERS.get(heading.quantity)
+            name = PARAMETER_OF_QUANTITY.get(heading.quantity)
             if name is None:
                 continue
             if name in columns:
                 other = shorten(headings[columns[name][0]].text)
                 raise self.error(
-                    f"{shorten(heading.text)} and {other} both hold a {name}; allowed: one of them"
+                    f"{shorten(heading.text)} and {other} are both the {name}; remove one"
                 )
             factor = heading.factor
             if factor is None:
@@ -123,20 +125,20 @@ class _JumpReader(CellTable):
         if "speed" not in columns:
             texts = ", ".join(heading.text for heading in headings)
             raise self.error(
-                f"columns are {shorten(texts)}; allowed: one of the jump speed, such as rpm, and "
-                "those of what was put on: mass_kg, spring_N/m, preload_N"
+                f"the table must have a column of jump speeds, such as rpm, got {shorten(texts)}; "
+                "further columns may be mass_kg, spring_N/m and preload_N"
             )
         return columns, notes
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         if not cell:
             raise self.error(
-                f"line {line}: the {name} is empty in a row with a speed; allowed: a number, or # "
-                "before the line"
+                f"line {line}: the {name} is empty next to a jump speed; enter a number, or "
+                "comment out the line with #"
             )
         value = float(text) * factor
-        least = 0.0 if name in ("mass", "preload") else math.ulp(0.0)
-        if not (math.isfinite(value) and value >= least):
-            above = "≥" if least == 0.0 else ">"
-            raise self.error(f"line {line}: {name} is {shorten(cell)}; allowed: a number {above} 0")
+        may_be_zero = name in ("mass", "preload")
+        if not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
+            rule = "0 or more" if may_be_zero else "above 0"
+            raise self.error(f"line {line}: the {name} must be {rule}, got {shorten(cell)}")
         return value

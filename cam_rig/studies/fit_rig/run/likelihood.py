@@ -18,8 +18,19 @@ from numpy.typing import NDArray
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.laws import Law
-from cam_rig.studies.fit_rig.numbers import NUMBERS, build_follower, from_search, to_search
-from cam_rig.studies.fit_rig.steady_turn import (
+from cam_rig.studies.fit_rig.parameters import build_follower, from_search, search_scale, to_search
+from cam_rig.studies.fit_rig.run.instruments import (
+    BACKLASH,
+    CLOCK,
+    FORCE_ZERO,
+    RATIO,
+    RESONANCE,
+    SHARED,
+    ZERO,
+    Instruments,
+    backlash_side,
+)
+from cam_rig.studies.fit_rig.run.steady_turn import (
     PeriodicTurn,
     TwoMassTurn,
     list_bounces,
@@ -27,11 +38,13 @@ from cam_rig.studies.fit_rig.steady_turn import (
     sensor_response,
     two_mass_turn,
 )
-from cam_rig.studies.fit_rig.turns import MeasuredSegment, SegmentSamples
+from cam_rig.studies.fit_rig.run.turns import MeasuredSegment, SegmentSamples
 from cam_rig.units import TURN, FloatArray
 
 #: Step of a search variable for derivatives, relative to its scale.
 RELATIVE_STEP = 1e-5
+#: Scale of the speed error of a segment, in its standard errors.
+SPEED_SCALE = 10.0
 #: Step of an angle for derivatives, rad.
 ANGLE_STEP = 1e-6
 #: Unit of the clock's error in a search.
@@ -44,50 +57,6 @@ BOUNCE_ANGLE_FRACTION = 0.5
 FORCE_POINTS = 65
 #: Residual, in standard deviations, of a follower without a steady turn.
 NO_TURN_RESIDUAL = 1e3
-#: Instrument errors that all segments share: error of the sensors' clock (ppm), zero and backlash
-#: of the lift (m), zero of the force (N), and resonance of the force sensor (logarithm of its
-#: frequency in Hz, and damping ratio).
-CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO = SHARED = (
-    *("clock", "zero", "backlash", "force_zero"),
-    *("sensor_frequency", "sensor_damping"),
-)
-#: Cam angles (rad) at which the side of a backlash is computed.
-SIDE_ANGLES = np.linspace(0.0, TURN, 4097)
-#: |s'| relative to its maximum, below which the lift is a dwell.
-MIN_SLOPE_FRACTION = 1e-6
-
-
-@dataclass(frozen=True)
-class Instruments:
-    """Positions of the instruments' errors behind the follower's parameters.
-
-    ``first`` is the number of the latter. ``single`` are the names of the errors that all segments
-    share.
-    """
-
-    first: int
-    segments: int
-    single: tuple[str, ...]
-
-    @property
-    def phases(self) -> slice:
-        """Slice of the phases of the segments, rad."""
-        return slice(self.first, self.first + self.segments)
-
-    @property
-    def speeds(self) -> slice:
-        """Slice of the speed errors of the segments, in their standard errors."""
-        return slice(self.first + self.segments, self.first + 2 * self.segments)
-
-    @cached_property
-    def index(self) -> dict[str, int]:
-        """Index of each free error of `SHARED`."""
-        return {name: self.speeds.stop + i for i, name in enumerate(self.single)}
-
-    @property
-    def size(self) -> int:
-        """Number of search variables, including the follower's."""
-        return self.first + 2 * self.segments + len(self.single)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +72,7 @@ class PredictedSignal:
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted:
+class PredictedSegment:
     """Computed turn, lift and force of a segment."""
 
     turn: PeriodicTurn
@@ -116,9 +85,9 @@ class Likelihood:
     """Residuals in standard deviations, and their derivatives.
 
     ``free`` are the names of the follower's free parameters, ``fixed`` the values of the others.
-    ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations. ``force_part`` is the noise
-    of the force relative to the force, which is added to it. ``backlash``, ``resonance`` and
-    ``zero_offset`` are True if the gauge has a backlash, and the force sensor a resonance and a
+    ``lift_noise`` (m) and ``force_noise`` (N) are standard deviations. ``relative_force_noise`` is
+    the noise of the force relative to the force, which is added to it. ``backlash``, ``resonance``
+    and ``zero_offset`` are True if the gauge has a backlash, and the force sensor a resonance and a
     zero offset. ``force_masks`` are masks of the force samples that count, one per segment, by
     default all True. ``pressing`` are the forces (N) to which their noise is proportional.
     """
@@ -130,7 +99,7 @@ class Likelihood:
     stem_stiffness: float | None
     lift_noise: float = 1e-5
     force_noise: float = 1.0
-    force_part: float = 0.0
+    relative_force_noise: float = 0.0
     backlash: bool = False
     resonance: bool = False
     zero_offset: bool = False
@@ -153,11 +122,11 @@ class Likelihood:
     @property
     def noise(self) -> tuple[float, float, float]:
         """Noise of lift (m) and force (N), and relative noise of the force."""
-        return self.lift_noise, self.force_noise, self.force_part
+        return self.lift_noise, self.force_noise, self.relative_force_noise
 
     def force_deviation(self, i: int) -> FloatArray:
         """Return the standard deviation (N) of the counted forces of a segment."""
-        part = self.force_part * self.pressing[i][self.force_masks[i]]
+        part = self.relative_force_noise * self.pressing[i][self.force_masks[i]]
         return np.asarray(np.hypot(self.force_noise, part))
 
     @cached_property
@@ -201,7 +170,7 @@ class Likelihood:
 
     def predicted(
         self, x: FloatArray, i: int, near: PeriodicTurn | None = None
-    ) -> Predicted | None:
+    ) -> PredictedSegment | None:
         """Return lift and force of a segment, or None without a periodic turn."""
         turn = self.steady(x, i, near)
         if turn is None:
@@ -216,7 +185,7 @@ class Likelihood:
             PredictedSignal(angle, value, value - part.value)
             for angle, value, part in zip(angles, values, measured, strict=True)
         )
-        return Predicted(turn, *signals)
+        return PredictedSegment(turn, *signals)
 
     def _sensed(
         self, x: FloatArray, turn: PeriodicTurn, i: int
@@ -247,21 +216,22 @@ class Likelihood:
                 blocks.append(predicted.force.residual / self.force_deviation(i))
         return np.concatenate([*blocks, x[self.instruments.speeds]])
 
-    def slopes(self, x: FloatArray) -> FloatArray:
+    def jacobian(self, x: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals, ``(m, n)``."""
-        blocks = [self._slopes_of(x, i) for i in range(len(self.segments))]
+        blocks = [self._segment_jacobian(x, i) for i in range(len(self.segments))]
         last = np.zeros((len(self.segments), x.size))
         last[:, self.instruments.speeds] = np.eye(len(self.segments))
         return np.vstack([*blocks, last])
 
-    def _slopes_of(self, x: FloatArray, i: int) -> FloatArray:
+    def _segment_jacobian(self, x: FloatArray, i: int) -> FloatArray:
         base, instruments = self.predicted(x, i), self.instruments
         lifts, forces = self.sizes(i)
         out = np.zeros((lifts + forces, x.size))
         if base is None:
             return out
         for k in (*range(instruments.first), instruments.speeds.start + i):
-            step = RELATIVE_STEP * self._size(x, k)
+            scale = search_scale(self.free[k], float(x[k])) if k < len(self.free) else SPEED_SCALE
+            step = RELATIVE_STEP * scale
             changed = self.predicted(x + step * (np.arange(x.size) == k), i, base.turn)
             if changed is not None:
                 out[:lifts, k] = (changed.lift.value - base.lift.value) / step
@@ -286,20 +256,15 @@ class Likelihood:
         out[lifts:] /= self.force_deviation(i)[:, None]
         return out
 
-    def _size(self, x: FloatArray, k: int) -> float:
-        """Return the scale of a search variable."""
-        if k >= len(self.free):
-            return 10.0
-        number = NUMBERS[self.free[k]]
-        return 1.0 if number.logarithm or number.high < 1.0 else max(abs(float(x[k])), 1.0)
-
-    def _by_angle(self, x: FloatArray, i: int, base: Predicted) -> FloatArray:
+    def _by_angle(self, x: FloatArray, i: int, base: PredictedSegment) -> FloatArray:
         """Return the derivatives of lift and force by the angle, as central differences."""
         sensed = self._sensed(x, base.turn, i)
-        both = (ANGLE_STEP, -ANGLE_STEP)
-        lift = [base.turn.evaluate(base.lift.angle + d)[0] for d in both]
-        force = [sensed(base.force.angle + d) for d in both]
-        return np.concatenate([(up - down) / (2.0 * ANGLE_STEP) for up, down in (lift, force)])
+        steps = (ANGLE_STEP, -ANGLE_STEP)
+        lift = [base.turn.evaluate(base.lift.angle + step)[0] for step in steps]
+        force = [sensed(base.force.angle + step) for step in steps]
+        return np.concatenate(
+            [(after - before) / (2.0 * ANGLE_STEP) for after, before in (lift, force)]
+        )
 
     def start(self, values: dict[str, float], phase: float, zero: float) -> FloatArray:
         """Return the search variables of parameter values.
@@ -314,7 +279,7 @@ class Likelihood:
             x[instruments.index[ZERO]] = zero
         return x
 
-    def keep_clear(self, x: FloatArray, guard: float) -> bool:
+    def exclude_landings(self, x: FloatArray, guard: float) -> bool:
         """Leave out forces next to landings, and return True if their set changed.
 
         The force jumps at a landing. ``guard`` is the distance in rad.
@@ -333,9 +298,9 @@ class Likelihood:
         """Return the possible error (rad) of the landing next to each angle, or 0."""
         errors = np.zeros(angle.size)
         for landing, first in () if self.resonance else list_bounces(turn):
-            wide = guard + BOUNCE_ANGLE_FRACTION * (landing - first)
-            inside = ~_outside(angle, landing - wide, landing + wide)
-            errors[inside] = np.maximum(errors[inside], wide)
+            width = guard + BOUNCE_ANGLE_FRACTION * (landing - first)
+            inside = ~_outside(angle, landing - width, landing + width)
+            errors[inside] = np.maximum(errors[inside], width)
         return errors
 
     def landing_errors(self, x: FloatArray, i: int, guard: float) -> FloatArray:
@@ -344,19 +309,19 @@ class Likelihood:
             self.steady(x, i), self.angles(x, i, self.segments[i].force.since), guard
         )
 
-    def forces_about(
-        self, x: FloatArray, i: int, some: NDArray[np.intp], wide: FloatArray
+    def force_range_near(
+        self, x: FloatArray, i: int, samples: NDArray[np.intp], width: FloatArray
     ) -> FloatArray:
-        """Return the extreme forces within ``wide`` (rad) of samples, ``(2, n)``.
+        """Return the extreme forces within ``width`` (rad) of samples, ``(2, n)``.
 
         The first row is the smallest, the second the largest force.
         """
         turn = self.steady(x, i)
         if turn is None:
-            return np.array([[-np.inf], [np.inf]]) * np.ones(some.size)
-        angle = self.angles(x, i, self.segments[i].force.since[some])
-        about = angle + wide * np.linspace(-1.0, 1.0, FORCE_POINTS)[:, None]
-        forces = self._sensed(x, turn, i)(about.ravel()).reshape(about.shape)
+            return np.array([[-np.inf], [np.inf]]) * np.ones(samples.size)
+        angle = self.angles(x, i, self.segments[i].force.since[samples])
+        nearby = angle + width * np.linspace(-1.0, 1.0, FORCE_POINTS)[:, None]
+        forces = self._sensed(x, turn, i)(nearby.ravel()).reshape(nearby.shape)
         return np.stack([forces.min(axis=0), forces.max(axis=0)])
 
     def without_landings(self, x: FloatArray, guard: float) -> Likelihood:
@@ -384,18 +349,6 @@ class Likelihood:
                 )
             parts.append(part.where(clear))
         return replace(segment, lift=parts[0], force=parts[1])
-
-
-def backlash_side(law: Law, angle: FloatArray) -> FloatArray:
-    """Return 1 after a rise and -1 after a fall at cam angles (rad).
-
-    This is the side on which backlash is taken up.
-    """
-    slope = law.motion_at(SIDE_ANGLES)[1]
-    moving = np.abs(slope) > MIN_SLOPE_FRACTION * np.abs(slope).max()
-    last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
-    last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
-    return np.asarray(np.sign(slope[last])[np.searchsorted(SIDE_ANGLES, np.mod(angle, TURN)) - 1])
 
 
 def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:

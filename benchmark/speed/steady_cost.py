@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 
 from benchmark.speed.cases import rad_per_s
-from benchmark.speed.event_cost import form_of_search, median_of
+from benchmark.speed.event_cost import force_backend, median_of
 from benchmark.speed.models import Case, OneMass, Solution, output_times
 from benchmark.speed.peers import PEERS
 from cam_rig.dynamics import Interval
@@ -24,17 +24,20 @@ from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.simulation.scene import LoadedScene, load_scene
 from cam_rig.units import NS, TURN
 
-SCENE, CAM = "tm21_sweep", "tm21"
-
-#: Speeds below and above the jump speed, repetitions, and tolerance of the peer. Above the jump
-#: speed the peer has flights to integrate.
-SPEEDS_RPM, REPEATS, RTOL = (300.0, 391.37, 450.0), 21, 1e-8
+SCENE = "tm21_sweep"
+CAM = "tm21"
+#: Speeds below and above the jump speed, above which the peer has flights to integrate.
+SPEEDS_RPM = (300.0, 391.37, 450.0)
+#: Number of timed runs, of which the median counts.
+REPEATS = 21
+#: Relative tolerance of the peer.
+RTOL = 1e-8
 
 PEER = next(peer for peer in PEERS if peer.title == "CVODE Adams")
 
 
 @dataclass(frozen=True)
-class SettledCost:
+class SteadyCost:
     """Time (s) of a point at a speed, its samples and landings, and the peer's time.
 
     The peer's time is None if it is not installed.
@@ -47,17 +50,17 @@ class SettledCost:
     peer_s: float | None
 
 
-def settled_costs(
+def steady_costs(
     speeds_rpm: Iterable[float] = SPEEDS_RPM, repeats: int = REPEATS
-) -> list[SettledCost]:
+) -> list[SteadyCost]:
     """Return the costs of each speed, over all turns of the scene's program."""
     loaded = load_scene(SCENE)
     loaded = loaded.with_one_cam(CAM, loaded.laws[CAM])
-    with form_of_search(COMPILED if find_spec("numba") else PLAIN):
+    with force_backend(COMPILED if find_spec("numba") else PLAIN):
         return [_cost(loaded, rpm, repeats) for rpm in speeds_rpm]
 
 
-def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SettledCost:
+def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SteadyCost:
     law, speed = loaded.laws[CAM], rad_per_s(rpm)
 
     def point() -> float:
@@ -70,7 +73,7 @@ def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SettledCost:
     if landings and PEER.missing() is None:
         peer = median_of(lambda: _by_peer(case, loaded, rate), max(1, repeats // 7))
     samples = Interval(0, round(case.duration * NS), 0.0, speed).grid(rate).count
-    return SettledCost(rpm, samples, landings, median_of(point, repeats), peer)
+    return SteadyCost(rpm, samples, landings, median_of(point, repeats), peer)
 
 
 def _case(loaded: LoadedScene, speed: float) -> Case:
@@ -88,7 +91,7 @@ def _by_peer(case: Case, loaded: LoadedScene, rate: int) -> Solution:
     return PEER.solve(case, RTOL)
 
 
-def settled_table(costs: list[SettledCost]) -> DataTable:
+def steady_table(costs: list[SteadyCost]) -> DataTable:
     """Return a table with one row per speed."""
     return tabulate(
         "Settled turns",

@@ -12,9 +12,9 @@ import numpy as np
 from cam_rig.show.result import SI_UNITS, Column, Records
 from cam_rig.show.tables import format_number
 from cam_rig.simulation.instruments import MeasuredRun
-from cam_rig.studies.fit_rig.models import MIN_BACKLASH_FRACTION
-from cam_rig.studies.fit_rig.numbers import RigParameters
-from cam_rig.studies.fit_rig.search import FitSolution
+from cam_rig.studies.fit_rig.estimate import RigParameters
+from cam_rig.studies.fit_rig.run.models import MIN_BACKLASH_FRACTION
+from cam_rig.studies.fit_rig.run.search import FitSolution
 from cam_rig.units import round_to_error
 
 #: Instrument errors by key: description, displayed unit, SI unit.
@@ -48,7 +48,7 @@ class SegmentFit:
 
 
 @dataclass(frozen=True)
-class InstrumentNumber:
+class InstrumentEstimate:
     """Estimate of an instrument error in SI, with its standard error.
 
     ``key`` is a key of `INSTRUMENTS`.
@@ -61,11 +61,11 @@ class InstrumentNumber:
     @property
     def scale(self) -> float:
         """SI value of one displayed unit."""
-        shown = INSTRUMENTS[self.key][1]
-        return 1e-6 if shown == "ppm" else SI_UNITS.get(shown, ("", 1.0))[1]
+        unit = INSTRUMENTS[self.key][1]
+        return 1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]
 
     @property
-    def shown(self) -> str:
+    def value_text(self) -> str:
         """Value in the displayed unit, with the digits of its error."""
         value = self.value / self.scale
         if self.error is None:
@@ -73,7 +73,7 @@ class InstrumentNumber:
         return round_to_error(value, self.error / self.scale)
 
     @property
-    def shown_error(self) -> float | None:
+    def displayed_error(self) -> float | None:
         """Standard error in the displayed unit."""
         return None if self.error is None else self.error / self.scale
 
@@ -99,8 +99,10 @@ class RigFit(RigParameters):
         ),
         "instruments": (
             Column("quantity", of="key", cell=lambda number: INSTRUMENTS[number.key][0]),
-            Column("value", "", ".4g", cell=lambda number: number.shown),
-            Column("standard_error", "", ".2g", of="error", cell=lambda number: number.shown_error),
+            Column("value", "", ".4g", cell=lambda number: number.value_text),
+            Column(
+                "standard_error", "", ".2g", of="error", cell=lambda number: number.displayed_error
+            ),
             Column(
                 "unit",
                 of=lambda number: INSTRUMENTS[number.key][2],
@@ -119,19 +121,19 @@ class RigFit(RigParameters):
 
     run: MeasuredRun
     segments: tuple[SegmentFit, ...]
-    instruments: tuple[InstrumentNumber, ...]
+    instruments: tuple[InstrumentEstimate, ...]
     solution: FitSolution
     correlation_lengths: tuple[float, float]
     excluded: tuple[float, ...]
     assumed: tuple[str, ...] = ()
 
     @property
-    def residual(self) -> str:
+    def residual_text(self) -> str:
         """R.m.s. residuals as text for a rig file."""
-        shown = {number.key: f"{number.value / number.scale:.3g}" for number in self.instruments}
+        values = {number.key: f"{number.value / number.scale:.3g}" for number in self.instruments}
         names = (("lift_noise", "µm"), ("force_noise", "N"))
-        left = [f"{shown[key]} {unit}" for key, unit in names if float(shown.get(key, 0.0))]
-        return f"{' and '.join(left)} r.m.s. over {len(self.segments)} speeds"
+        parts = [f"{values[key]} {unit}" for key, unit in names if float(values.get(key, 0.0))]
+        return f"{' and '.join(parts)} r.m.s. over {len(self.segments)} speeds"
 
     def tables(self) -> list[Records]:
         """Return the tables of parameters, residuals by speed, and instrument errors."""
@@ -156,7 +158,7 @@ class RigFit(RigParameters):
         yield (
             f"Identified as {model}: {parameters}."
             if parameters
-            else f"Nothing of the follower is identifiable, as {model}."
+            else f"No parameter of the follower is identifiable, as {model}."
         )
         reasons = {number.reason for number in self.numbers if number.value is None}
         if len(reasons) == 1 and not self.identified:
@@ -169,18 +171,18 @@ class RigFit(RigParameters):
             if alone and not any(segment.lift_offs for segment in self.segments):
                 consequence = "the follower lifts off: these speeds identify the restitution alone."
             else:
-                consequence = "no such follower moves as was measured: these speeds are left out."
+                consequence = "no follower fits the samples: these speeds are left out."
             yield f"At {speeds} rpm {consequence}"
         if self.model == "two_mass" and any(segment.lift_offs for segment in self.segments):
             yield (
-                "Bounces on an elastic stem depend on every number at once: trust the intervals of "
-                "a fit without the speeds that lift off more."
+                "Bounces on an elastic stem depend on every parameter: the intervals of a fit "
+                "without the speeds with lift-offs are more reliable."
             )
         has_zero = any(number.key == "force_zero" for number in self.instruments)
-        taken = "" if has_zero else ", its zero offset is in the preload"
+        note = "" if has_zero else " The zero offset of the force is part of the preload."
         yield (
-            f"The gain of the force sensor is taken as true{taken}; so is the encoder's clock: 100 "
-            "ppm of it are 200 ppm of a mass."
+            "The gain of the force sensor and the encoder's clock are assumed to be exact: 100 ppm "
+            f"of the clock are 200 ppm of a mass.{note}"
         )
         yield from _warnings(self)
 
@@ -209,22 +211,24 @@ def _warnings(fit: RigFit) -> Iterator[str]:
     noise = gauges["lift_noise"].value if "lift_noise" in gauges else None
     if noise is not None and noise > MAX_LIFT_NOISE * fit.law.lift:
         yield (
-            f"The lift is {noise * 1e3:.3g} mm r.m.s. from the law of {fit.law.name}: another cam, "
-            "or turned the other way?"
+            f"The lift differs by {noise * 1e3:.3g} mm r.m.s. from the law of {fit.law.name}: is "
+            "it another cam, or does it turn the other way?"
         )
         return
-    play = gauges.get("lift_backlash")
-    least = MIN_BACKLASH_FRACTION * fit.law.lift
-    if play and abs(play.value) > max(MIN_BACKLASH_ERRORS * (play.error or 0.0), least):
+    backlash = gauges.get("lift_backlash")
+    min_backlash = MIN_BACKLASH_FRACTION * fit.law.lift
+    if backlash and abs(backlash.value) > max(
+        MIN_BACKLASH_ERRORS * (backlash.error or 0.0), min_backlash
+    ):
         yield (
-            f"The lift reads {abs(play.value) * 1e3:.3g} mm "
-            f"{'less' if play.value > 0.0 else 'more'} in rises than in falls: backlash, "
-            "or a gauge that drags. It is fitted with."
+            f"The lift reads {abs(backlash.value) * 1e3:.3g} mm "
+            f"{'less' if backlash.value > 0.0 else 'more'} in rises than in falls: backlash, "
+            "or a gauge that drags. It is a parameter of the fit."
         )
     if "force_sensor_resonance" in gauges:
         yield (
-            f"The force rings at {gauges['force_sensor_resonance'].value:.4g} Hz as a sensor or "
-            "its mount does, and not as a stem: it is fitted with."
+            f"The force rings at {gauges['force_sensor_resonance'].value:.4g} Hz, as a sensor or "
+            "its mount does, and not as a stem. The resonance is a parameter of the fit."
         )
     exact = noise is not None and noise < ROUNDING_FRACTION * fit.law.lift
     if not exact:
@@ -234,13 +238,13 @@ def _warnings(fit: RigFit) -> Iterator[str]:
             yield (
                 f"The residuals of the {name} are correlated over {length:.2g} samples"
                 f"{_frequency_text(fit, name)}. The standard errors take account of it, but the "
-                "noise is not white or the model lacks something."
+                "noise is not white, or the model is incomplete."
             )
     ripple = max(segment.line.ripple for segment in fit.solution.segments)
     if ripple > np.radians(0.3):
         yield (
-            f"The cam's angle is up to {np.degrees(ripple):.2g} deg from a steady turn: the speed "
-            "fluctuates, and the model holds it."
+            f"The cam's angle differs by up to {np.degrees(ripple):.2g} deg from a steady turn: "
+            "the speed fluctuates, which the model does not include."
         )
 
 
@@ -251,14 +255,14 @@ def _outliers(fit: RigFit) -> Iterator[str]:
             parts["lift"].append(predicted.lift.residual / likelihood.lift_noise)
             parts["force"].append(predicted.force.residual / likelihood.force_deviation(i))
     for name, arrays in parts.items():
-        off = np.abs(np.concatenate(arrays))
-        deviation = MEDIAN_TO_DEVIATION * float(np.median(off)) if off.size else 0.0
-        count = int(np.count_nonzero(off > OUTLIER_DEVIATIONS * deviation))
+        deviations = np.abs(np.concatenate(arrays))
+        deviation = MEDIAN_TO_DEVIATION * float(np.median(deviations)) if deviations.size else 0.0
+        count = int(np.count_nonzero(deviations > OUTLIER_DEVIATIONS * deviation))
         if count and deviation > 0.0:
             yield (
-                f"{count} of {off.size} samples of the {name} are more than "
-                f"{OUTLIER_DEVIATIONS:g} standard deviations off, outliers: they move the "
-                "numbers, so leave them out."
+                f"{count} of {deviations.size} samples of the {name} are more than "
+                f"{OUTLIER_DEVIATIONS:g} standard deviations off, outliers that change the "
+                "parameters: leave them out."
             )
 
 
@@ -283,5 +287,5 @@ def _frequency_text(fit: RigFit, name: str) -> str:
             best, frequency = fraction, peak / (even.size * step)
     if frequency is None:
         return ""
-    cause = "a resonance of the sensor or its mount?" if name == "force" else "the gauge's?"
-    return f", most at {frequency:.3g} Hz ({cause})"
+    instrument = "sensor" if name == "force" else "gauge"
+    return f", mainly at {frequency:.3g} Hz (a resonance of the {instrument} or its mount?)"

@@ -22,7 +22,7 @@ MAX_RIPPLE = 0.01
 MIN_TURNS = 1.0
 #: Smallest number of readings of a segment.
 MIN_READINGS = 8
-#: Initial positions of an encoder, as fractions of a count.
+#: Initial positions of an encoder, as fractions of a count. Rounding errors are averaged over them.
 STEP_PHASES = np.arange(8.0) / 8.0
 #: Changes of the angle at the end of a segment, as fractions of a count.
 SPEED_OFFSETS = np.array([-0.25, 0.0, 0.25])
@@ -82,9 +82,9 @@ def find_steady_segments(run: MeasuredRun) -> tuple[SteadySegment, ...]:
     segments = [segment for segment in lines if segment.turns >= MIN_TURNS]
     if not segments:
         raise ConfigError(
-            f"{run.source}: the cam nowhere turns steadily: over no turn of {run.angle.source} "
-            f"does the angle stay within {math.degrees(MAX_RIPPLE + count):.2g} deg of a line; "
-            "needed: some steady speeds"
+            f"{run.source}: the cam must turn at a steady speed for one turn or more, but "
+            f"{run.angle.source} is never within {math.degrees(MAX_RIPPLE + count):.2g} deg of a "
+            "straight line for a turn; record steady speeds"
         )
     return tuple(segments)
 
@@ -128,12 +128,14 @@ def _grow(
         slope, intercept = np.polyfit(time[begin:stop] - time[begin], angle[begin:stop], 1)
         reach = size if growing else 0
         low, high = max(0, first - reach), min(time.size, last + reach)
-        away = np.abs(angle[low:high] - intercept - slope * (time[low:high] - time[begin]))
-        ripple = float(away[begin - low : stop - low].max())
+        distance = np.abs(angle[low:high] - intercept - slope * (time[low:high] - time[begin]))
+        ripple = float(distance[begin - low : stop - low].max())
         if slope <= 0.0 or ripple > MAX_RIPPLE + count:
             return 0, 0
-        off = np.flatnonzero(away > max(1.1 * ripple, (1.5 if growing else 0.6) * count, 1e-9))
-        before, after = off[off + low < begin], off[off + low >= stop]
+        outside = np.flatnonzero(
+            distance > max(1.1 * ripple, (1.5 if growing else 0.6) * count, 1e-9)
+        )
+        before, after = outside[outside + low < begin], outside[outside + low >= stop]
         first = int(before[-1]) + low + 1 if before.size else low
         last = int(after[0]) + low if after.size else high
     return first, last
@@ -172,9 +174,9 @@ def _rounding_errors(since: FloatArray, speed: float, count: float) -> tuple[flo
         [np.full(since.size, 1.0 / since.size), from_mean / (from_mean @ from_mean)]
     )
     speeds = speed + SPEED_OFFSETS * count / since[-1]
-    turned = speeds[:, None, None] * since + STEP_PHASES[:, None] * count
-    low = (np.floor(turned / count) + 0.5) * count - turned
-    of_mean, of_slope = np.sqrt(np.mean((low @ projection.T) ** 2, axis=(0, 1))).tolist()
+    angles = speeds[:, None, None] * since + STEP_PHASES[:, None] * count
+    lag = (np.floor(angles / count) + 0.5) * count - angles
+    of_mean, of_slope = np.sqrt(np.mean((lag @ projection.T) ** 2, axis=(0, 1))).tolist()
     return of_mean, of_slope
 
 
@@ -265,21 +267,21 @@ def measured_segments(run: MeasuredRun) -> tuple[MeasuredRun, tuple[MeasuredSegm
     """
     if run.lift is None and run.force is None:
         raise ConfigError(
-            f"{run.source}: has neither lift nor contact force; needed: one of them, so map its "
-            "topic"
+            f"{run.source}: the run must contain a lift or a contact force; map its topic with "
+            "--topics"
         )
     for name, signal in (("lift", run.lift), ("force", run.force)):
         if signal is not None:
-            _require_alive(run, name, signal)
+            _check_signal(run, name, signal)
     segments = [segment.without_transient() for segment in find_steady_segments(run)]
     parts = [_samples_within(signal, segments) for signal in (run.lift, run.force)]
     measured = [MeasuredSegment(*segment) for segment in zip(segments, *parts, strict=True)]
     count = max(segment.lift.since.size + segment.force.since.size for segment in measured)
     if count < MIN_SAMPLES:
         raise ConfigError(
-            f"{run.source}: {count or 'no'} samples of lift and force while the cam turns steadily "
-            f"at one speed; needed: {MIN_SAMPLES}, so sample faster, or keep a speed longer"
-            f"{'' if count else ' (are their stamps of one clock?)'}"
+            f"{run.source}: a steady speed must have at least {MIN_SAMPLES} samples of lift and "
+            f"force, got {count}; sample faster, or keep a speed longer"
+            f"{'' if count else ', and check that the stamps are from one clock'}"
         )
     enough = [
         segment
@@ -289,35 +291,34 @@ def measured_segments(run: MeasuredRun) -> tuple[MeasuredRun, tuple[MeasuredSegm
     steady = tuple(segment for segment in enough if not segment.is_restless)
     if not steady:
         raise ConfigError(
-            f"{run.source}: at no speed does the lift repeat from turn to turn within "
-            f"{100.0 * MAX_LIFT_SCATTER:g} % of itself, because the follower bounces; needed: a "
-            "speed below the jump speed"
+            f"{run.source}: the lift must repeat from turn to turn within "
+            f"{100.0 * MAX_LIFT_SCATTER:g} % at one speed or more, but the follower bounces at all "
+            "of them; record a speed below the jump speed"
         )
-    few = _left_out(f"fewer than {MIN_SAMPLES} samples", [h for h in measured if h not in enough])
-    restless = [segment for segment in enough if segment not in steady]
-    notes = *few, *_left_out("the lift differs from turn to turn", restless)
-    return replace(run, notes=(*run.notes, *notes)), steady
+    notes = list(run.notes)
+    for reason, usable, remaining in (
+        (f"fewer than {MIN_SAMPLES} samples", measured, enough),
+        ("the lift differs from turn to turn", enough, steady),
+    ):
+        if excluded := [s.line.rpm for s in usable if s not in remaining]:
+            speeds = ", ".join(f"{rpm:.4g}" for rpm in excluded)
+            notes.append(f"left out: {speeds} rpm ({reason})")
+    return replace(run, notes=tuple(notes)), steady
 
 
-def _left_out(reason: str, segments: list[MeasuredSegment]) -> list[str]:
-    speeds = ", ".join(f"{segment.line.rpm:.4g}" for segment in segments)
-    return [f"left out: {speeds} rpm ({reason})"] if segments else []
-
-
-def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
+def _check_signal(run: MeasuredRun, name: str, signal: Signal) -> None:
     label = f"{run.source}: {name} ({signal.source or name})"
     if signal.value.size < MIN_SAMPLES:
-        raise ConfigError(f"{label} has {signal.value.size} samples; needed: {MIN_SAMPLES} or more")
+        raise ConfigError(
+            f"{label} must have at least {MIN_SAMPLES} samples, got {signal.value.size}"
+        )
     low, high = float(signal.value.min()), float(signal.value.max())
     if high - low <= 1e-12 * max(abs(low), abs(high)):
-        raise ConfigError(
-            f"{label} is {low:g} all the time; needed: a signal that changes, so check its cable, "
-            "or leave it out"
-        )
+        raise ConfigError(f"{label} is constant at {low:g}; check its cable, or leave it out")
     if name == "force" and pulls(signal.value):
         raise ConfigError(
-            f"{label} is from {low:.4g} to {high:.4g} N; allowed: a contact force that presses, so "
-            "turn its sign: force=-/TOPIC"
+            f"{label} must be positive where the follower presses, got {low:.4g} to {high:.4g} N; "
+            "change its sign with force=-/TOPIC"
         )
 
 

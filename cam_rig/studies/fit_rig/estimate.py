@@ -1,116 +1,24 @@
-"""Parameters of a follower in a fit, and the display of their estimates."""
+"""Estimates of parameters, and their display in tables, sentences and rig files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
-from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.studies.fit_rig.parameters import PARAMETERS
 from cam_rig.units import FloatArray, round_to_error
 
-Follower = FollowerParameters | TwoMassParameters
-
-
-@dataclass(frozen=True)
-class Number:
-    """Parameter of a rig file: unit and limits.
-
-    ``logarithm`` is True if a search uses its logarithm.
-    """
-
-    unit: str
-    low: float
-    high: float
-    logarithm: bool = False
-
-
-#: Parameters by their keys in a rig file.
-NUMBERS = {
-    "mass": Number("kg", 1e-6, 1e6, logarithm=True),
-    "spring_stiffness": Number("N/m", 1e-6, 1e12, logarithm=True),
-    "preload": Number("N", 0.0, 1e9),
-    "damping": Number("N*s/m", 0.0, 1e9),
-    "restitution": Number("1", 0.0, 0.95),
-    "stem_stiffness": Number("N/m", 1.0, 1e15, logarithm=True),
-    "roller_share": Number("1", 0.01, 0.99),
-    "stem_damping": Number("N*s/m", 0.0, 1e9),
-}
-ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
-TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
-#: Parameters that one rigid mass does not have.
-TWO_MASS_ONLY = ("roller_share", "stem_damping")
-
-
-def check_fixed(fixed: Mapping[str, float], model: str | None) -> None:
-    """Raise an error if a fixed value is outside its limits or not in the model."""
-    for name, value in fixed.items():
-        limits = NUMBERS[name]
-        if not limits.low <= value <= limits.high:
-            raise ConfigError(
-                f"{name}: {value:g} {limits.unit} is given; allowed: from {limits.low:g} to "
-                f"{limits.high:g} {limits.unit}"
-            )
-    if model != "two_mass" and (odd := [name for name in fixed if name in TWO_MASS_ONLY]):
-        raise ConfigError(
-            f"{odd[0]}: is given, a number of two masses and a stem; allowed with --model two_mass"
-        )
-
-
-def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Follower:
-    """Return the follower with these values.
-
-    It has two masses if the values contain ``roller_share``. ``stem_stiffness`` (N/m) is that of
-    one mass. It affects only the pulse of a landing.
-    """
-    v = values
-    if "roller_share" not in v:
-        spring = v["spring_stiffness"], v["damping"], v["preload"]
-        return FollowerParameters(v["mass"], *spring, stem_stiffness, v["restitution"])
-    roller = v["roller_share"] * v["mass"]
-    names = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
-    others = (v[name] for name in (*names, "restitution"))
-    return TwoMassParameters(roller, v["mass"] - roller, *others)
-
-
-def to_search(name: str, value: float) -> float:
-    """Return a value in the form in which it is searched for."""
-    return float(np.log(value)) if NUMBERS[name].logarithm else value
-
-
-def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
-    """Return search variables as values by name.
-
-    ``x`` has the shape ``(n,)`` or is longer. The variables after the first n are ignored.
-    """
-    pairs = zip(names, x.tolist(), strict=False)
-    return {n: float(np.exp(v)) if NUMBERS[n].logarithm else v for n, v in pairs}
-
-
-def slope(name: str, value: float) -> float:
-    """Return the derivative of a value with respect to its search variable."""
-    return value if NUMBERS[name].logarithm else 1.0
-
-
-def search_limits(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper limits of the search variables, ``(n,)`` each."""
-    low = [to_search(name, NUMBERS[name].low) for name in names]
-    return np.array(low), np.array([to_search(name, NUMBERS[name].high) for name in names])
-
-
-# Estimate of a parameter, for tables, sentences and rig files.
-
 #: Half the width in standard deviations of the interval with 95 % of a normal distribution.
-WITHIN_95 = 1.96
-#: Relative standard error above which an identified value has a warning.
+NORMAL_95 = 1.96
+#: Relative standard error above which an identified value has a warning: fewer than one digit.
 CAUTION_RELATIVE_ERROR = 1.0 / 3.0
-#: Relative standard error below which a parameter is identified.
+#: Relative standard error below which a parameter is identified. Its interval of 95 % then excludes
+#: zero.
 MAX_RELATIVE_ERROR = 0.5
 
 
@@ -119,7 +27,7 @@ class ParameterEstimate:
     """Estimate of one parameter in SI: given, identified, or not identified.
 
     An identified parameter has a standard error. A parameter that is not identified has a reason.
-    ``within`` is half the width of its interval of 95 % in standard errors.
+    ``coverage_factor`` is half the width of its interval of 95 % in standard errors.
     """
 
     name: str
@@ -127,7 +35,7 @@ class ParameterEstimate:
     error: float | None
     origin: str
     reason: str = ""
-    within: float = WITHIN_95
+    coverage_factor: float = NORMAL_95
 
     @classmethod
     def unidentified(cls, name: str, reason: str, error: float | None = None) -> ParameterEstimate:
@@ -140,10 +48,10 @@ class ParameterEstimate:
     @property
     def unit(self) -> str:
         """Unit of value and error."""
-        return NUMBERS[self.name].unit
+        return PARAMETERS[self.name].unit
 
     @property
-    def shown(self) -> str:
+    def value_text(self) -> str:
         """Value as text, with two digits of its standard error.
 
         It is empty without a value.
@@ -151,7 +59,7 @@ class ParameterEstimate:
         return "" if self.value is None else round_to_error(self.value, self.error or 0.0)
 
     @property
-    def shown_error(self) -> str:
+    def error_text(self) -> str:
         """Standard error as text with two digits, or empty without a value."""
         if self.value is None or self.error is None:
             return ""
@@ -169,19 +77,19 @@ class ParameterEstimate:
             or self.error < CAUTION_RELATIVE_ERROR * self.value
         ):
             return ""
-        half = self.within * self.error
+        half = self.coverage_factor * self.error
         text = interval_text(self.value, half, self.unit)
         return f"{'may be 0' if self.value < half else 'uncertain'}: {text}"
 
     @property
-    def gist(self) -> str:
+    def text(self) -> str:
         """Value, error and unit as text, such as 1.2995 ± 0.0008 kg."""
-        return self._with_caution(f"{self.shown} ± {self.shown_error} {self.unit}")
+        return self._with_caution(f"{self.value_text} ± {self.error_text} {self.unit}")
 
     def to_sentence(self) -> str:
         """Return the name and value, or the reason why the parameter is not identified."""
         if self.value is not None:
-            return self._with_caution(f"{self.name} {self.shown} {self.unit}")
+            return self._with_caution(f"{self.name} {self.value_text} {self.unit}")
         end = "" if self.reason.endswith("?") else "."
         return f"{self.name}: not identified, {self.reason}{end}"
 
@@ -205,11 +113,11 @@ class RigParameters(Result):
     columns: ClassVar = {
         "numbers": (
             Column("number", of="name"),
-            Column("value", "", ".6g", cell=lambda number: number.shown, doc="SI, see unit"),
+            Column("value", "", ".6g", cell=lambda number: number.value_text, doc="SI, see unit"),
             Column(
                 *("standard_error", "", ".2g"),
                 of=lambda number: None if number.value is None else number.error,
-                cell=lambda number: number.shown_error,
+                cell=lambda number: number.error_text,
             ),
             Column("unit"),
             Column("origin", cell=lambda n: "; ".join(filter(None, (n.origin, n.caution)))),

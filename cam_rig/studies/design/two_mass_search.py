@@ -1,0 +1,208 @@
+"""Highest jump speed of two masses, by cutting planes at a speed that is searched for.
+
+The level of a program is the least contact force of its best law, in scales. It decreases as the
+speed rises and as rows are added. The jump speed of the class is where the level of all rows is
+zero. The programs contain a few of these rows, and each program at a speed either adds rows, or
+changes the speed: see `SearchPhase`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum, auto
+
+import numpy as np
+
+from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.dynamics.jump.two_masses import Jump
+from cam_rig.errors import DesignError
+from cam_rig.studies.design.convex_program import GrowingProgram, InfeasibleError, ProgramSolution
+from cam_rig.studies.design.cutting_planes import (
+    BestLaw,
+    RowSource,
+    Solver,
+    WorkingRows,
+)
+from cam_rig.studies.design.two_mass_contact import MARGIN, ContactRows
+from cam_rig.units import FloatArray, to_rpm
+
+#: First fastest speed of the search, as a fraction of the bound of one rigid mass.
+FIRST_SPEED_FRACTION = 0.95
+#: Level of the first rows, in scales: the minima of the force of the best rigid law below it.
+FIRST_LEVEL = 0.5
+#: Largest number of programs in a search for the jump speed of two masses.
+MAX_SPEED_ROUNDS = 120
+#: Largest number of laws that the exact search may reject.
+MAX_REJECTED = 24
+#: A speed has converged if the level is within this distance of the margin.
+LEVEL_ATOL = 4e-3
+#: Relative tolerance within which the jump speed of a law reaches a speed.
+JUMP_RTOL = 5e-4
+#: Largest number of searches.
+MAX_SEARCHES = 6
+#: Relative gap between law and bound at which the search ends.
+GAP_RTOL = 2e-3
+#: Distance of the level above the margin up to which a law is searched exactly. Above it the speed
+#: is raised without an exact search.
+EXACT_DISTANCE = 0.1
+#: First estimate of the change of the level per relative change of the speed.
+FIRST_SLOPE = -11.0
+#: Largest relative step of the speed.
+MAX_STEP = 0.06
+#: Fraction of its speed that a law must reach. A search below it has located only the bound.
+MIN_SPEED_FRACTION = 0.95
+#: Multiples of the best law's jump speed at which a bound is searched for.
+BOUND_FACTORS = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
+
+
+class SearchPhase(Enum):
+    """Phase of the search after a program was solved at a speed."""
+
+    #: The law of the program violates rows that were not in use. They were added.
+    CUT = auto()
+    #: The law keeps contact on the grid, and the exact search finds a lower jump speed. The grid
+    #: was refined there.
+    REFINE = auto()
+    #: The level at this speed is not the margin. The speed is changed.
+    MOVE = auto()
+    #: The level is the margin, or the limit of the speed is reached.
+    CONVERGED = auto()
+
+
+@dataclass(eq=False)
+class TwoMassSearch:
+    """Search for the highest jump speed of two masses.
+
+    ``duration`` (s) is that of a run from rest, None for the steady state. ``best_law`` is the best
+    law so far. ``rejected`` is the number of laws that the exact search has rejected.
+
+    Invariants: ``best_law.value`` is the exact jump speed of ``best_law.unknowns`` and never
+    decreases. At one speed and margin the level never rises. Rows are added until it converges, and
+    removed only after it has fallen by `MIN_LEVEL_FALL`, so rows are not added and removed
+    endlessly.
+    """
+
+    solver: Solver
+    duration: float | None
+    best_law: BestLaw = field(default_factory=lambda: BestLaw(np.zeros(0), 0.0))
+    rejected: int = 0
+    _slope: float = FIRST_SLOPE
+    _converged: tuple[float, float] | None = None
+
+    def best(self) -> BestLaw:
+        """Return the best law found, and a speed that no law of the class reaches.
+
+        Searches for a law and for a bound alternate until both are equal within `GAP_RTOL`.
+        """
+        solver = self.solver
+        rigid = Solver(solver.problem, solver.goal, solver.limits).rigid()
+        assert rigid.bound is not None
+        solver.rounds += rigid.rounds
+        contact = ContactRows(solver.problem, self.duration, FIRST_SPEED_FRACTION * rigid.bound)
+        sources = [WorkingRows(solver.static_program(True).blocks), *solver.row_sources(True)]
+        contact.add_rows_below(rigid.unknowns, FIRST_LEVEL)
+        self._evaluate(rigid.unknowns, rigid.active)
+        bound = np.inf
+        for _ in range(MAX_SEARCHES):
+            speed = self.best_law.value
+            far_bound = bound < np.inf and bound > speed / MIN_SPEED_FRACTION
+            limit = contact.fastest if far_bound else np.inf
+            self._raise_speed(contact, sources, limit)
+            speed = self.best_law.value
+            if speed < limit * (1.0 - JUMP_RTOL):  # else higher speeds remain possible
+                near = speed > MIN_SPEED_FRACTION * contact.fastest
+                bound = min(bound, self._bound(contact, speed if near else contact.fastest))
+            if bound <= speed * (1.0 + GAP_RTOL):
+                break
+            # the rejected laws refined the grid, so a smaller margin between its speeds suffices
+            contact.margin, self.rejected, contact.fastest = MARGIN, 0, 0.5 * (bound + speed)
+        return replace(self.best_law, bound=bound, rounds=solver.rounds)
+
+    def _raise_speed(self, contact: ContactRows, sources: list[RowSource], limit: float) -> None:
+        """Search for the highest speed of a law, at most ``limit`` (rad/s)."""
+        self._slope, self._converged, solution = FIRST_SLOPE, None, None
+        program = GrowingProgram()
+        for _ in range(MAX_SPEED_ROUNDS):
+            try:
+                solution = self.solver.solve_rows([*sources, contact], program)
+            except InfeasibleError:  # the dwells alone admit no law at this speed
+                contact.move(1.0 - MAX_STEP)
+                continue
+            phase = self._next_phase(contact, sources, solution, limit)
+            if phase is SearchPhase.CONVERGED:
+                return
+            if phase is SearchPhase.MOVE:
+                excess = solution.level - contact.margin
+                step = float(np.clip(-excess / self._slope, -MAX_STEP, MAX_STEP))
+                contact.move(min(1.0 + step, limit / contact.fastest))
+        if solution is not None:  # out of rounds, or resonances narrower than the grid
+            self._reaches(contact, solution)
+
+    def _next_phase(
+        self,
+        contact: ContactRows,
+        sources: list[RowSource],
+        solution: ProgramSolution,
+        limit: float,
+    ) -> SearchPhase:
+        """Add the rows that a solution violates, or update the slope, and return the phase."""
+        excess = solution.level - contact.margin
+        if excess <= -LEVEL_ATOL:  # more rows would only lower the level
+            return SearchPhase.MOVE
+        if any([source.add_violated(solution) for source in [*sources, contact]]):
+            return SearchPhase.CUT
+        at_limit = contact.fastest >= limit
+        is_exact = excess < EXACT_DISTANCE or at_limit
+        if is_exact and not self._reaches(contact, solution) and self.rejected <= MAX_REJECTED:
+            return SearchPhase.REFINE
+        if self._converged is not None and self._converged[0] != contact.fastest:
+            speed, last_excess = self._converged
+            measured = (excess - last_excess) / (contact.fastest / speed - 1.0)
+            self._slope = float(np.clip(measured, 4.0 * FIRST_SLOPE, 0.4 * FIRST_SLOPE))
+        self._converged = (contact.fastest, excess)
+        if excess <= LEVEL_ATOL or at_limit or self.rejected > MAX_REJECTED:
+            return SearchPhase.CONVERGED
+        return SearchPhase.MOVE
+
+    def _reaches(self, contact: ContactRows, solution: ProgramSolution) -> bool:
+        """Return True if the exact search confirms the speed, else refine the grid."""
+        active = self.solver.other_than_goal(solution.active, contact.name)
+        jump = self._evaluate(solution.unknowns, active)
+        if jump.speed >= contact.fastest * (1.0 - JUMP_RTOL):
+            return True
+        self.rejected += 1
+        contact.refine(jump, solution)
+        return False
+
+    def _evaluate(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
+        """Return the exact jump of a law, and store the law if it is the best so far."""
+        problem = self.solver.problem
+        jump = find_jump(problem.space.law(unknowns, "design"), problem.follower, self.duration)
+        if jump.speed > self.best_law.value:
+            self.best_law = BestLaw(unknowns, jump.speed, active=active)
+            self.solver.on_best(unknowns, jump.speed)
+        return jump
+
+    def _bound(self, contact: ContactRows, speed: float) -> float:
+        """Return a speed above all jump speeds of the class, by (41) of docs/proofs.md.
+
+        The rows are some of those that every law with a higher jump speed satisfies.
+        """
+        solver = self.solver
+        sources = [WorkingRows(solver.static_program(False).blocks), *solver.row_sources(False)]
+        contact.margin = 0.0  # necessary rows: contact is kept, without a margin
+        program = GrowingProgram()
+        for factor in BOUND_FACTORS:
+            contact.fastest = speed * factor
+            for _ in range(MAX_SPEED_ROUNDS):
+                try:
+                    solution = solver.solve_rows([*sources, contact], program)
+                except InfeasibleError as error:
+                    if error.proved:
+                        return contact.fastest
+                    break
+                if solution.bound <= 0.0:
+                    return contact.fastest
+                if not any([source.add_violated(solution) for source in [*sources, contact]]):
+                    break
+        raise DesignError(f"no bound was found up to {to_rpm(contact.fastest):.4g} rpm")

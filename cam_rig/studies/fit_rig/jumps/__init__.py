@@ -1,0 +1,1 @@
+"""Identification of a follower from its jump speeds."""

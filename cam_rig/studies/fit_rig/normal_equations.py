@@ -1,0 +1,29 @@
+"""Inverse of the normal equations of least squares, and directions without information."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cam_rig.units import FloatArray
+
+#: Relative change of the residuals below which a direction is not identifiable.
+NULL_RTOL = 1e-6
+#: Smallest component of a parameter in a direction that contains it.
+MIN_COMPONENT = 0.05
+
+
+def normal_inverse(jacobian: FloatArray) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:
+    """Return (JᵀJ)⁻¹ ``(n, n)``, and groups of parameters with a null direction.
+
+    ``jacobian`` is J with the shape ``(m, n)``.
+    """
+    sizes = np.linalg.norm(jacobian, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    scaled = jacobian / sizes
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    identifiable = values > NULL_RTOL**2 * values.max(initial=0.0)
+    inverse = (vectors[:, identifiable] / values[identifiable]) @ vectors[:, identifiable].T
+    columns = (
+        np.flatnonzero(np.abs(vector) > MIN_COMPONENT) for vector in vectors[:, ~identifiable].T
+    )
+    return inverse / np.outer(sizes, sizes), tuple(tuple(group.tolist()) for group in columns)

@@ -1,0 +1,117 @@
+"""Parameters of a follower in a fit: limits, search variables, and the follower itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.errors import ConfigError
+from cam_rig.units import FloatArray
+
+Follower = FollowerParameters | TwoMassParameters
+
+
+@dataclass(frozen=True)
+class ParameterLimits:
+    """Unit and limits of a parameter of a rig file.
+
+    ``logarithm`` is True if a search uses its logarithm.
+    """
+
+    unit: str
+    low: float
+    high: float
+    logarithm: bool = False
+
+
+#: Limits of the parameters by their keys in a rig file. They exclude values that overflow, and are
+#: far outside those of any follower.
+PARAMETERS = {
+    "mass": ParameterLimits("kg", 1e-6, 1e6, logarithm=True),
+    "spring_stiffness": ParameterLimits("N/m", 1e-6, 1e12, logarithm=True),
+    "preload": ParameterLimits("N", 0.0, 1e9),
+    "damping": ParameterLimits("N*s/m", 0.0, 1e9),
+    "restitution": ParameterLimits("1", 0.0, 0.95),
+    "stem_stiffness": ParameterLimits("N/m", 1.0, 1e15, logarithm=True),
+    "roller_share": ParameterLimits("1", 0.01, 0.99),
+    "stem_damping": ParameterLimits("N*s/m", 0.0, 1e9),
+}
+#: Parameters of one rigid mass.
+ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
+#: Parameters of two masses and a stem.
+TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
+#: Parameters that one rigid mass does not have.
+TWO_MASS_ONLY = ("roller_share", "stem_damping")
+
+
+def check_fixed(fixed: Mapping[str, float], model: str | None) -> None:
+    """Raise an error if a fixed value is outside its limits or not in the model."""
+    for name, value in fixed.items():
+        limits = PARAMETERS[name]
+        if not limits.low <= value <= limits.high:
+            raise ConfigError(
+                f"{name} must be between {limits.low:g} and {limits.high:g} {limits.unit}, got "
+                f"{value:g}"
+            )
+    for name in TWO_MASS_ONLY:
+        if name in fixed and model != "two_mass":
+            raise ConfigError(f"{name} requires two masses and a stem; use --model two_mass")
+
+
+def build_follower(values: dict[str, float], stem_stiffness: float | None) -> Follower:
+    """Return the follower with these values.
+
+    It has two masses if the values contain ``roller_share``. ``stem_stiffness`` (N/m) is that of
+    one mass. It affects only the pulse of a landing.
+    """
+    common = {name: values[name] for name in ("damping", "preload", "restitution")}
+    mass, spring_stiffness = values["mass"], values["spring_stiffness"]
+    if "roller_share" not in values:
+        return FollowerParameters(
+            mass=mass,
+            spring_stiffness=spring_stiffness,
+            stem_stiffness=stem_stiffness,
+            **common,
+        )
+    roller_mass = values["roller_share"] * mass
+    return TwoMassParameters(
+        roller_mass=roller_mass,
+        end_mass=mass - roller_mass,
+        stem_stiffness=values["stem_stiffness"],
+        spring_stiffness=spring_stiffness,
+        stem_damping=values["stem_damping"],
+        **common,
+    )
+
+
+def to_search(name: str, value: float) -> float:
+    """Return a value in the form in which it is searched for."""
+    return float(np.log(value)) if PARAMETERS[name].logarithm else value
+
+
+def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
+    """Return search variables as values by name.
+
+    ``x`` has the shape ``(n,)`` or is longer. The variables after the first n are ignored.
+    """
+    pairs = zip(names, x.tolist(), strict=False)
+    return {n: float(np.exp(v)) if PARAMETERS[n].logarithm else v for n, v in pairs}
+
+
+def parameter_slope(name: str, value: float) -> float:
+    """Return the derivative of a value with respect to its search variable."""
+    return value if PARAMETERS[name].logarithm else 1.0
+
+
+def search_limits(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and upper limits of the search variables, ``(n,)`` each."""
+    low = [to_search(name, PARAMETERS[name].low) for name in names]
+    return np.array(low), np.array([to_search(name, PARAMETERS[name].high) for name in names])
+
+
+def search_scale(name: str, x: float) -> float:
+    """Return the scale of a search variable, to which steps for derivatives are relative."""
+    return 1.0 if PARAMETERS[name].logarithm else max(abs(x), 1.0)

@@ -1,0 +1,1 @@
+"""Identification of a follower from the samples of a run."""

@@ -1,0 +1,90 @@
+"""Covariance of a solution under correlated noise, and directions without information.
+
+Neighbouring samples of a sensor have correlated errors. The covariance is therefore the sandwich
+estimator (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ with the autocorrelation R of the residuals, and not the inverse of
+the curvature JᵀJ of the likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import next_fast_len
+
+from cam_rig.studies.fit_rig.normal_equations import normal_inverse
+from cam_rig.studies.fit_rig.run.likelihood import Likelihood
+from cam_rig.studies.fit_rig.run.search import FitSolution
+from cam_rig.units import FloatArray, autocorrelation
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Covariance ``(n, n)`` of the search variables, and groups with a null direction.
+
+    ``correlation_lengths`` are the lengths, in samples, over which residuals of lift and of force
+    are correlated, the largest of all segments.
+    """
+
+    covariance: FloatArray
+    null_groups: tuple[tuple[int, ...], ...]
+    correlation_lengths: tuple[float, float]
+
+    @property
+    def errors(self) -> FloatArray:
+        """Standard errors, ``(n,)``."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
+
+def sandwich_covariance(solution: FitSolution) -> Uncertainty:
+    """Return the covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ under noise of correlation R."""
+    inverse, null_groups = normal_inverse(solution.jacobian)
+    scores, correlation_lengths = _scores(
+        solution.likelihood, solution.jacobian, solution.residuals
+    )
+    return Uncertainty(inverse @ scores @ inverse, null_groups, correlation_lengths)
+
+
+def variance_inflation(solution: FitSolution, k: int) -> float:
+    """Return the factor by which correlated noise increases a parameter's variance."""
+    plain = normal_inverse(solution.jacobian)[0][k, k]
+    return float(sandwich_covariance(solution).covariance[k, k] / plain) if plain > 0.0 else 1.0
+
+
+def _scores(
+    likelihood: Likelihood, jacobian: FloatArray, residuals: FloatArray
+) -> tuple[FloatArray, tuple[float, float]]:
+    """Return JᵀRJ ``(n, n)``, and the correlation lengths of lift and force residuals.
+
+    R is computed for each segment and quantity separately, as that of stationary noise. The speed
+    errors, the last rows, are independent.
+    """
+    start = jacobian.shape[0] - len(likelihood.segments)
+    total, lengths = jacobian[start:].T @ jacobian[start:], ([1.0], [1.0])
+    start = 0
+    for i in range(len(likelihood.segments)):
+        for values, size in zip(lengths, likelihood.sizes(i), strict=True):
+            part = slice(start, start + size)
+            start += size
+            if size:
+                correlation = autocorrelation(residuals[part])
+                values.append(1.0 + 2.0 * float(correlation[1:].sum()))
+                total += _correlated(jacobian[part], correlation)
+    return total, (max(lengths[0]), max(lengths[1]))
+
+
+def _correlated(jacobian: FloatArray, correlation: FloatArray) -> FloatArray:
+    """Return JᵀRJ of stationary noise by Fourier transform: Σ P |J|².
+
+    P is the power spectrum of ``correlation``.
+    """
+    if correlation.size == 1:
+        return np.asarray(jacobian.T @ jacobian)
+    size = next_fast_len(jacobian.shape[0] + correlation.size, real=True)
+    lags = np.zeros(size)
+    lags[: correlation.size] = correlation
+    lags[size - correlation.size + 1 :] = correlation[:0:-1]
+    power = np.maximum(np.fft.rfft(lags).real, 0.0)  # a truncated one has negative values
+    power[1 : (size + 1) // 2] *= 2.0  # and at the negative frequency
+    lines = np.fft.rfft(jacobian, size, axis=0)
+    return np.asarray(((lines.conj().T * power) @ lines).real / size)

@@ -1,0 +1,70 @@
+"""Zero offset of the force sensor, which it shows while the follower is off the cam."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cam_rig.studies.fit_rig.run.instruments import FORCE_ZERO
+from cam_rig.studies.fit_rig.run.search import Candidate, continue_from
+from cam_rig.units import FloatArray
+
+#: Smallest number of samples in flight that identify the force's zero. With fewer samples a single
+#: one next to a landing decides.
+MIN_FLYING_SAMPLES = 4
+#: Smallest zero of the force that is reported, in standard errors.
+MIN_ZERO_ERRORS = 6.0
+#: Smallest zero of the force that is reported, relative to the preload.
+MIN_ZERO_FRACTION = 0.005
+#: Number of estimates of the force's zero, each with the flights of the previous one.
+ZERO_ROUNDS = 5
+
+
+def add_zero_offset(fit: Candidate) -> Candidate:
+    """Return the candidate with the force sensor's zero, if it has flights.
+
+    In flight the sensor shows its zero. Case: a sensor with an offset, which otherwise is part of
+    the preload (``test_a_sensor_shows_its_zero_in_flight``).
+    """
+    like, in_flight = fit.likelihood, forces_in_flight(fit)
+    start = continue_from(fit, like.free, fit.values, zero_offset=True)
+    if in_flight.size < MIN_FLYING_SAMPLES:
+        return fit
+    x, index = start.x, start.likelihood.instruments.index[FORCE_ZERO]
+    x[index] = float(np.median(in_flight))
+    if "preload" in like.free:
+        k = like.free.index("preload")
+        x[k] = max(0.0, x[k] - x[index])
+    return start
+
+
+def find_zero_in_flight(flying: Candidate) -> float | None:
+    """Return the zero (N) of the force, or None if flights do not identify it.
+
+    Case: two masses fitted to the speeds in contact (``test_a_stem_that_leaves_a_cam_of_arcs``).
+    """
+    like, x, zero = flying.likelihood, flying.x.copy(), 0.0
+    if "preload" not in like.free:
+        return None
+    index, in_flight = like.free.index("preload"), np.empty(0)
+    for _ in range(ZERO_ROUNDS):
+        in_flight = forces_in_flight(Candidate(like, x.copy()))
+        if in_flight.size < MIN_FLYING_SAMPLES:
+            return None
+        zero = float(np.median(in_flight))
+        x[index] = max(0.0, flying.x[index] - zero)
+    error = float(np.abs(in_flight - zero).mean()) / math.sqrt(in_flight.size)
+    return (
+        zero if abs(zero) > MIN_ZERO_ERRORS * error + MIN_ZERO_FRACTION * flying.x[index] else None
+    )
+
+
+def forces_in_flight(fit: Candidate) -> FloatArray:
+    """Return the measured forces (N) at which the follower is off the cam."""
+    flying = [
+        fit.likelihood.samples(i)[1].value[predicted.turn.evaluate(predicted.force.angle)[1] == 0.0]
+        for i, predicted in enumerate(fit.predicted)
+        if predicted is not None
+    ]
+    return np.concatenate([np.empty(0), *flying])

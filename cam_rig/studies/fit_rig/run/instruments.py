@@ -1,0 +1,77 @@
+"""Errors of the instruments as search variables, behind the parameters of the follower."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cam_rig.laws import Law
+from cam_rig.units import TURN, FloatArray
+
+#: Relative error of the sensors' clock, ppm.
+CLOCK = "clock"
+#: Zero offset of the lift, m.
+ZERO = "zero"
+#: Backlash of the lift, m.
+BACKLASH = "backlash"
+#: Zero offset of the force, N.
+FORCE_ZERO = "force_zero"
+#: Logarithm of the natural frequency (Hz) of the force sensor.
+RESONANCE = "sensor_frequency"
+#: Damping ratio of the force sensor.
+RATIO = "sensor_damping"
+#: Instrument errors that all segments share, in their order in the search variables.
+SHARED = (CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO)
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """Positions of the instruments' errors behind the follower's parameters.
+
+    ``first`` is the number of the latter. ``single`` are the names of the errors that all segments
+    share.
+    """
+
+    first: int
+    segments: int
+    single: tuple[str, ...]
+
+    @property
+    def phases(self) -> slice:
+        """Slice of the phases of the segments, rad."""
+        return slice(self.first, self.first + self.segments)
+
+    @property
+    def speeds(self) -> slice:
+        """Slice of the speed errors of the segments, in their standard errors."""
+        return slice(self.first + self.segments, self.first + 2 * self.segments)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Index of each free error of `SHARED`."""
+        return {name: self.speeds.stop + i for i, name in enumerate(self.single)}
+
+    @property
+    def size(self) -> int:
+        """Number of search variables, including the follower's."""
+        return self.first + 2 * self.segments + len(self.single)
+
+
+#: Cam angles (rad) at which the side of a backlash is computed.
+SIDE_ANGLES = np.linspace(0.0, TURN, 4097)
+#: |s'| relative to its maximum, below which the lift is a dwell.
+MIN_SLOPE_FRACTION = 1e-6
+
+
+def backlash_side(law: Law, angle: FloatArray) -> FloatArray:
+    """Return 1 after a rise and -1 after a fall at cam angles (rad).
+
+    This is the side on which backlash is taken up.
+    """
+    slope = law.motion_at(SIDE_ANGLES)[1]
+    moving = np.abs(slope) > MIN_SLOPE_FRACTION * np.abs(slope).max()
+    last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
+    last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
+    return np.asarray(np.sign(slope[last])[np.searchsorted(SIDE_ANGLES, np.mod(angle, TURN)) - 1])

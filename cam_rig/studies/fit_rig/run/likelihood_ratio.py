@@ -1,0 +1,119 @@
+"""Comparison of two solutions by the logarithm of their likelihood ratio.
+
+A search leaves out the forces next to landings. A follower that bounces through the whole turn
+leaves out nearly all forces, including those that contradict it. Two solutions are therefore
+compared by these samples too. The angle of a landing may have a small error, so the residual of a
+sample is its distance from all forces within that error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.studies.fit_rig.run.noise_model import update_noise
+from cam_rig.studies.fit_rig.run.search import GUARD, FitSolution, continue_from
+from cam_rig.units import FloatArray
+
+#: Largest growth of a sum of squares by chance. With twenty parameters, more than a fit has, χ²
+#: exceeds it once in 140 000 cases.
+MAX_CHANCE_SSE = 60.0
+
+
+def contradicts(partial: FitSolution, complete: FitSolution) -> bool:
+    """Return True if the parameters of all segments do not fit some of them.
+
+    The test is the growth of the sum of squares of these segments. If one follower explains both,
+    it grows by about the number of parameters.
+    """
+    partial_likelihood, complete_likelihood = partial.likelihood, complete.likelihood
+    order = [
+        complete_likelihood.segments.index(segment)
+        for segment in partial_likelihood.segments
+        if segment in complete_likelihood.segments
+    ]
+    if len(order) < len(partial_likelihood.segments):
+        return False
+    moved = continue_from(complete, complete_likelihood.free, complete.values, indices=order)
+    new = replace(
+        moved.likelihood,
+        force_masks=partial_likelihood.force_masks,
+        pressing=partial_likelihood.pressing,
+    )
+    new.lift_noise, new.force_noise, new.relative_force_noise = partial_likelihood.noise
+    moved_sse, sse = (float(off @ off) for off in (new.residuals(moved.x), partial.residuals))
+    return moved_sse - sse > MAX_CHANCE_SSE
+
+
+def log_ratio(first: FitSolution, other: FitSolution) -> float:
+    """Return the logarithm of the likelihood ratio of two solutions.
+
+    It uses the segments and samples that both have.
+    """
+    common = [
+        (i, other.segments.index(h)) for i, h in enumerate(first.segments) if h in other.segments
+    ]
+    both = [first.likelihood.force_masks[i] & other.likelihood.force_masks[k] for i, k in common]
+    logs = []
+    for side, solution in enumerate((first, other)):
+        indices = [pair[side] for pair in common]
+        like = replace(solution.likelihood, force_masks=list(solution.likelihood.force_masks))
+        for i, mask in zip(indices, both, strict=True):
+            like.force_masks[i] = mask
+        update_noise(like, like.residuals(solution.x))
+        total = 0.0
+        for i in indices:
+            total -= like.segments[i].lift.value.size * math.log(like.lift_noise)
+            total -= float(np.log(like.force_deviation(i)).sum())
+        logs.append(total)
+    return logs[0] - logs[1]
+
+
+#: Largest square of a residual in a comparison of restitutions: six standard deviations. A sample
+#: on the wrong side of a landing counts no more than this.
+MAX_SQUARE = 36.0
+
+
+def log_ratio_of_all(first: FitSolution, other: FitSolution) -> float:
+    """Return the logarithm of the likelihood ratio, including samples near landings."""
+    ratio = log_ratio(first, other)
+    for i, segment in enumerate(first.segments):
+        if segment in other.segments:
+            ratio += 0.5 * _square_difference(first, i, other, other.segments.index(segment))
+    return ratio
+
+
+def _square_difference(first: FitSolution, i: int, other: FitSolution, k: int) -> float:
+    """Return the difference of the squares of the samples that a solution leaves out."""
+    samples = np.flatnonzero(~(first.likelihood.force_masks[i] & other.likelihood.force_masks[k]))
+    if not samples.size:
+        return 0.0
+    widths = (
+        s.likelihood.landing_errors(s.x, index, GUARD)[samples]
+        for s, index in ((first, i), (other, k))
+    )
+    width = np.maximum(GUARD, np.maximum(*widths))
+    return float(
+        (
+            _squared_distances(other, k, samples, width)
+            - _squared_distances(first, i, samples, width)
+        ).sum()
+    )
+
+
+def _squared_distances(
+    fit: FitSolution, i: int, samples: NDArray[np.intp], width: FloatArray
+) -> FloatArray:
+    """Return squared distances of samples from all forces within ``width`` (rad).
+
+    They are in standard deviations.
+    """
+    like = fit.likelihood
+    low, high = like.force_range_near(fit.x, i, samples, width)
+    value = like.segments[i].force.value[samples]
+    nearest = np.clip(value, low, high)
+    deviation = np.hypot(like.force_noise, like.relative_force_noise * nearest)
+    return np.asarray(np.minimum(((value - nearest) / deviation) ** 2, MAX_SQUARE))

@@ -1,0 +1,167 @@
+"""Start value of the restitution, from a search over its whole range.
+
+Bounces make local maxima of the likelihood, and a search stops in the next one. All restitutions
+are therefore tried before a search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from cam_rig.studies.fit_rig.run.instruments import FORCE_ZERO, ZERO
+from cam_rig.studies.fit_rig.run.likelihood import NO_TURN_RESIDUAL, PredictedSegment
+from cam_rig.studies.fit_rig.run.likelihood_ratio import MAX_SQUARE, log_ratio_of_all
+from cam_rig.studies.fit_rig.run.search import Candidate, FitSolution, continue_from, search
+from cam_rig.units import FloatArray
+
+#: Restitutions that are tried first, over the whole range.
+COARSE_RESTITUTIONS = (1e-3, *(0.025 * k for k in range(1, 37)))
+#: Number of finer steps that are then tried near the best.
+FINE_RESTITUTION_STEPS = 16
+#: Number of Gauss-Newton steps to the phase of a segment with a trial restitution.
+PHASE_STEPS = 4
+#: Step of the angle for their derivatives, rad.
+PHASE_DERIVATIVE_STEP = 1e-6
+#: Squares per sample that noise explains, including a landing next to a sample.
+MAX_NOISE_SQUARES = 1.5
+#: Chi-squared quantile of 95 % for one parameter.
+CHI_SQUARED_95 = 3.84
+
+
+def search_restitution(fit: Candidate, fixed: dict[str, float]) -> FitSolution:
+    """Return a search for the restitution and the other free parameters.
+
+    It starts from the likeliest restitution with the values of the candidate. Case: several local
+    maxima (``test_all_restitutions_are_tried_before_a_search``).
+    """
+    if "restitution" in fixed:
+        return search(continue_from(fit, fit.likelihood.free, fit.values))
+    trials, _, _ = _likely_restitutions(fit)
+    middle = _try_restitution(fit, 0.5 * (trials[0].bounce + trials[-1].bounce))
+    bounce = {"restitution": max(middle.bounce, COARSE_RESTITUTIONS[0])}
+    start = continue_from(fit, fit.smooth, fit.values | bounce)
+    start.x[start.likelihood.instruments.phases] = middle.phases
+    return free_restitution(search(start), (*fit.smooth, "restitution"))
+
+
+def free_restitution(fixed: FitSolution, free: tuple[str, ...]) -> FitSolution:
+    """Return a search with the fixed restitution freed, if it is likelier.
+
+    If bounces are lower than the noise of the lift, no derivative identifies the restitution, and a
+    search drifts. The restitution is then listed as free with its derivatives, at its previous
+    value (``test_a_restitution_without_information_stays_at_its_value``).
+    """
+    released = search(continue_from(fixed, free, fixed.values))
+    if len(released.segments) == len(fixed.segments) and log_ratio_of_all(released, fixed) >= 0.0:
+        return released
+    start = continue_from(fixed, free, fixed.values)
+    masks = [fixed.likelihood.force_masks[i] for i in fixed.steady]
+    pressing = [fixed.likelihood.pressing[i] for i in fixed.steady]
+    new = replace(start.likelihood, force_masks=masks, pressing=pressing)
+    return FitSolution(new, start.x, new.jacobian(start.x), new.residuals(start.x))
+
+
+def estimate_restitution(fit: Candidate) -> tuple[float, float] | None:
+    """Return the restitution and its standard error, with the other parameters fixed.
+
+    The error is half the range of possible values, because the other parameters are not free. The
+    result is None if no restitution explains the flights to their noise. Case: a stem with flights
+    at the fastest speeds (``test_a_stem_that_leaves_a_cam_of_arcs``).
+    """
+    _, possible, step = _likely_restitutions(fit)
+    best = min(possible, key=lambda trial: trial.sse)
+    if best.sse >= MAX_NOISE_SQUARES * best.samples:
+        return None
+    low, high = possible[0].bounce, possible[-1].bounce
+    return 0.5 * (low + high), 0.5 * (high - low + step)
+
+
+def _likely_restitutions(
+    fit: Candidate,
+) -> tuple[list[RestitutionTrial], list[RestitutionTrial], float]:
+    """Return likely restitutions, possible restitutions, and the step between two."""
+    coarse = [_try_restitution(fit, bounce) for bounce in COARSE_RESTITUTIONS]
+    min_sse = min(trial.sse for trial in coarse)
+    indices = [k for k, trial in enumerate(coarse) if trial.sse <= min_sse + MAX_SQUARE]
+    last = len(COARSE_RESTITUTIONS) - 1
+    ends = (
+        COARSE_RESTITUTIONS[max(0, indices[0] - 1)],
+        COARSE_RESTITUTIONS[min(last, indices[-1] + 1)],
+    )
+    fine = [
+        _try_restitution(fit, bounce)
+        for bounce in np.linspace(*ends, FINE_RESTITUTION_STEPS + 1).tolist()
+    ]
+    min_sse = min(trial.sse for trial in fine)
+    likely, possible = (
+        [trial for trial in fine if trial.sse <= min_sse + allowance]
+        for allowance in (CHI_SQUARED_95, MAX_SQUARE)
+    )
+    return likely, possible, (ends[1] - ends[0]) / FINE_RESTITUTION_STEPS
+
+
+class RestitutionTrial(NamedTuple):
+    """Trial of a restitution.
+
+    ``sse`` is the sum of squares over ``samples`` samples. ``phases`` (rad) are those of the
+    segments.
+    """
+
+    bounce: float
+    sse: float
+    phases: FloatArray
+    samples: int
+
+
+def _try_restitution(fit: Candidate, bounce: float) -> RestitutionTrial:
+    """Return the trial of one restitution."""
+    start = continue_from(fit, fit.smooth, fit.values | {"restitution": bounce})
+    new, x = start.likelihood, start.x
+    sse, samples = 0.0, 0
+    for i, segment in enumerate(new.segments):  # all forces, because bounces would hide them
+        predicted = new.predicted(x, i)
+        if predicted is None:
+            samples += segment.lift.value.size + segment.force.value.size
+            sse += NO_TURN_RESIDUAL**2 * segment.force.value.size
+        elif predicted.turn.events:
+            new.pressing[i] = np.abs(predicted.turn.evaluate(predicted.force.angle)[1])
+            samples += segment.lift.value.size + segment.force.value.size
+            x[new.instruments.phases.start + i], segment_sse = _fit_phase(start, i, predicted)
+            sse += segment_sse
+    return RestitutionTrial(bounce, sse, x[new.instruments.phases], samples)
+
+
+def _fit_phase(start: Candidate, i: int, predicted: PredictedSegment) -> tuple[float, float]:
+    """Return the phase (rad) of a segment that fits its turn, and its sum of squares."""
+    phase = float(start.x[start.likelihood.instruments.phases][i])
+    use_lift, shift = start.segments[i].lift.value.size > 0, 0.0
+    for _ in range(PHASE_STEPS):
+        residuals = _signal_residuals(start, i, predicted, shift, use_lift)
+        slopes = (
+            _signal_residuals(start, i, predicted, shift + PHASE_DERIVATIVE_STEP, use_lift)
+            - residuals
+        ) / PHASE_DERIVATIVE_STEP
+        shift -= float(slopes @ residuals) / max(float(slopes @ slopes), 1e-300)
+    squares = [
+        _signal_residuals(start, i, predicted, shift, is_lift) ** 2 for is_lift in (True, False)
+    ]
+    # A landing with an error of less than a sample changes one force completely.
+    return phase + shift, float(sum(np.minimum(part, MAX_SQUARE).sum() for part in squares))
+
+
+def _signal_residuals(
+    start: Candidate, i: int, predicted: PredictedSegment, shift: float, use_lift: bool
+) -> FloatArray:
+    """Return residuals of lift, or force, in standard deviations, ``shift`` rad later."""
+    like, x = start.likelihood, start.x
+    measured = like.samples(i)
+    if use_lift:
+        computed = predicted.turn.evaluate(predicted.lift.angle + shift)[0] + like.single(x, ZERO)
+        return (computed - measured[0].value) / like.lift_noise
+    computed = predicted.turn.evaluate(predicted.force.angle + shift)[1] + like.single(
+        x, FORCE_ZERO
+    )
+    return (computed - measured[1].value) / like.force_deviation(i)

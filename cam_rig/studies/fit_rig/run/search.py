@@ -1,0 +1,180 @@
+"""Maximum likelihood search: least squares of the residuals of periodic turns.
+
+With the noise of `noise_model`, the sum of squares in standard deviations is twice the negative
+logarithm of the likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cam_rig.errors import ConfigError
+from cam_rig.studies.fit_rig.parameters import search_limits
+from cam_rig.studies.fit_rig.run.instruments import RATIO
+from cam_rig.studies.fit_rig.run.likelihood import Likelihood, PredictedSegment
+from cam_rig.studies.fit_rig.run.noise_model import update_noise
+from cam_rig.studies.fit_rig.run.turns import MeasuredSegment
+from cam_rig.units import FloatArray
+
+#: Largest number of searches, each with updated noise and samples next to landings.
+MAX_ROUNDS = 8
+#: Distance (rad) from a landing within which forces are left out of the first search.
+FIRST_GUARD = 0.05
+#: The same distance (rad) in the later searches.
+GUARD = 0.01
+#: Largest number of steps of the first two searches, before the noise is known.
+MAX_FIRST_STEPS = 6
+#: Largest number of steps of the later searches.
+MAX_STEPS = 40
+#: Relative decrease of the sum of squares at which a search stops.
+SSE_RTOL = 3e-7
+#: Smallest and largest damping ratio of a force sensor.
+DAMPING_RATIO_LIMITS = (1e-4, 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Likelihood and its search variables ``(n,)``, from which a search can start."""
+
+    likelihood: Likelihood
+    x: FloatArray
+
+    @property
+    def segments(self) -> tuple[MeasuredSegment, ...]:
+        """Measured segments of the likelihood."""
+        return self.likelihood.segments
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters of the follower, free and fixed."""
+        return self.likelihood.values(self.x)
+
+    @property
+    def smooth(self) -> tuple[str, ...]:
+        """Free parameters except the restitution."""
+        return tuple(name for name in self.likelihood.free if name != "restitution")
+
+    @cached_property
+    def predicted(self) -> tuple[PredictedSegment | None, ...]:
+        """Computed lift and force of each segment, or None without a periodic turn."""
+        return tuple(self.likelihood.predicted(self.x, i) for i in range(len(self.segments)))
+
+    @property
+    def steady(self) -> list[int]:
+        """Indices of the segments with a periodic turn."""
+        return [i for i, predicted in enumerate(self.predicted) if predicted is not None]
+
+    @property
+    def landings(self) -> list[int]:
+        """Number of landings per turn of each segment.
+
+        It is 1 without a periodic turn, because such a follower bounces.
+        """
+        return [
+            1
+            if predicted is None
+            else sum(event.kind == "landing" for event in predicted.turn.events)
+            for predicted in self.predicted
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class FitSolution(Candidate):
+    """Result of a search: Jacobian ``(m, n)`` and residuals ``(m,)``.
+
+    Both are in standard deviations. ``bounce`` is a restitution with its standard error that was
+    estimated separately from the search. ``zero`` (N) is the force that the sensor shows in flights
+    that were left out, or None if it is zero.
+    """
+
+    jacobian: FloatArray
+    residuals: FloatArray
+    bounce: tuple[float, float] | None = None
+    zero: float | None = None
+
+
+def search(start: Candidate) -> FitSolution:
+    """Return the least-squares solution from ``start``.
+
+    The noise and the samples next to landings are updated between searches.
+    """
+    likelihood, x = start.likelihood, start.x
+    bounds = _limits(likelihood, x.size)
+    margin = np.where(np.isfinite(bounds), 1e-9 * np.maximum(1.0, np.abs(bounds)), 0.0)
+    limits_inside = bounds[0] + margin[0], bounds[1] - margin[1]
+    x = np.clip(x, *limits_inside)
+    for i in range(MAX_ROUNDS):
+        masks_changed = likelihood.exclude_landings(x, FIRST_GUARD if i == 0 else GUARD)
+        noise_changed = update_noise(likelihood, likelihood.residuals(x))
+        if i > 1 and not masks_changed and not noise_changed:
+            break
+        result = least_squares(
+            likelihood.residuals,
+            x,
+            likelihood.jacobian,
+            bounds=tuple(bounds),
+            x_scale="jac",
+            ftol=SSE_RTOL,
+            xtol=1e-10,
+            gtol=1e-12,
+            max_nfev=MAX_FIRST_STEPS if i < 2 else MAX_STEPS,
+        )
+        x = np.clip(result.x, *limits_inside)
+    return FitSolution(likelihood, result.x, np.asarray(result.jac), result.fun)
+
+
+def _limits(likelihood: Likelihood, size: int) -> FloatArray:
+    """Return the lower and upper limits of the search variables, ``(2, size)``."""
+    unbounded = np.array([[-np.inf], [np.inf]]) * np.ones(size - len(likelihood.free))
+    bounds = np.hstack([search_limits(likelihood.free), unbounded])
+    if (index := likelihood.instruments.index.get(RATIO)) is not None:
+        bounds[:, index] = DAMPING_RATIO_LIMITS
+    return bounds
+
+
+def continue_from(
+    candidate: Candidate,
+    free: tuple[str, ...],
+    values: dict[str, float],
+    indices: Sequence[int] | None = None,
+    **changes: Any,
+) -> Candidate:
+    """Return a candidate with other free parameters and values.
+
+    ``indices`` are the indices of the segments to use. ``changes`` are changed fields of the
+    likelihood, such as ``backlash``. Segments without a periodic turn are left out.
+    """
+    old = candidate.likelihood
+    steady = [i for i in candidate.steady if indices is None or i in indices]
+    if not steady:
+        raise ConfigError(
+            "at no speed does the motion of the follower repeat from turn to turn; needed: a speed "
+            "below the jump speed"
+        )
+    new = replace(
+        old,
+        segments=tuple(old.segments[i] for i in steady),
+        free=free,
+        fixed={name: value for name, value in values.items() if name not in free},
+        force_masks=[],
+        pressing=[],
+        **changes,
+    )
+    instruments, old_instruments = new.instruments, old.instruments
+    x = new.start(values, 0.0, 0.0)
+    x[instruments.phases] = candidate.x[old_instruments.phases][steady]
+    x[instruments.speeds] = candidate.x[old_instruments.speeds][steady]
+    for name, index in instruments.index.items():
+        x[index] = old.single(candidate.x, name)
+    return Candidate(new, x)
+
+
+def phase_line_matrix(fit: Candidate) -> FloatArray:
+    """Return the columns 1 and ω t at the middle of each segment, ``(n, 2)``."""
+    return np.array([[1.0, h.speed * h.line.middle] for h in fit.segments])
