@@ -134,7 +134,13 @@ def information(
         "message_count": whole.total,
         "topics_with_message_count": [
             {
-                "topic_metadata": _topic_information(topic, namespace),
+                "topic_metadata": {
+                    "name": topic.within(namespace),
+                    "type": topic.type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": offered_qos(topic),
+                    "type_description_hash": type_hash(topic),
+                },
                 "message_count": whole.counts.get(topic.name, 0),
             }
             for topic in all_topics.values()
@@ -166,16 +172,6 @@ def type_hash(topic: Topic) -> str:
     """Return the RIHS01 hash of a topic's type, or empty for an unknown type."""
     types = get_typestore(Stores.ROS2_KILTED)
     return str(types.hash_rihs01(topic.type)) if topic.type in types.types else ""
-
-
-def _topic_information(topic: Topic, namespace: str) -> dict[str, Any]:
-    return {
-        "name": topic.within(namespace),
-        "type": topic.type,
-        "serialization_format": "cdr",
-        "offered_qos_profiles": offered_qos(topic),
-        "type_description_hash": type_hash(topic),
-    }
 
 
 #: Wall-clock time (s) between flushes. A killed recorder loses at most the messages of this time.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,15 +50,13 @@ def read_measured(
     """
     if mapping is None:
         return _read_rig(bag, cam, own_namespace(bag, namespace))
-    measured = read_signals(bag, mapping)
-    signals, begin_ns = measured.signals, measured.begin_ns
-    notes = [*recovery_notes(bag), *measured.notes]
-    for name, signal in signals.items():
-        _require_overlap(bag, name, signal, signals["angle"], begin_ns)
+    run = read_signals(bag, mapping, cam or "")
+    notes = [*recovery_notes(bag), *run.notes]
+    for name in (count.quantity for count in run.counts):
+        signal = getattr(run, name)
+        _require_overlap(bag, name, signal, run.angle, run.begin_ns)
         notes += _gap_words(name, signal)
-    return MeasuredRun(
-        bag, cam or "", **signals, notes=tuple(notes), begin_ns=begin_ns, counts=measured.counts
-    )
+    return replace(run, notes=tuple(notes))
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:

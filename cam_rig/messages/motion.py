@@ -38,8 +38,6 @@ class Instants:
 
     Parameters
     ----------
-    law
-        Law of the mounted cam, with its name.
     index
         Indices of the samples within the tick. All arrays have shape (n,).
     time_ns
@@ -56,7 +54,6 @@ class Instants:
         Lift (m), velocity (m/s) and contact force (N) of the samples.
     """
 
-    law: Law
     index: Indices
     time_ns: Indices
     angle: FloatArray
@@ -109,7 +106,6 @@ def instants_of(
     in_turn = interval.angle + since * (interval.speed + 0.5 * interval.acceleration * since)
     seconds, remainder = np.divmod(grid.first + index, sample_rate)
     return Instants(
-        law=law,
         index=index,
         time_ns=seconds * NS + remainder * NS // sample_rate,
         angle=interval.unwrapped_at(since),

@@ -31,13 +31,13 @@ class Player(ClockSource):
         #: Quantity (such as LAF) that the microphone measures, and the requested one.
         self._quantity = self._requested_quantity = ""
         self._microphone = AsyncParameterClient(self, "microphone")
-        existing = {
+        self._publishers_by_topic = {
             topics.CLOCK: self._clock_publisher,
             topics.CAM_STATE: self._state_publisher,
         }
-        self._publishers_by_topic = {
-            t: existing.get(t) or self.advertise(t) for t in REPLAYED_TOPICS
-        }
+        for topic in REPLAYED_TOPICS:
+            if topic not in self._publishers_by_topic:
+                self._publishers_by_topic[topic] = self.advertise(topic)
         self.publish_factor(None)
         consumers = list(ESSENTIAL)
         self.start_flow(consumers, FlowControl(consumers))

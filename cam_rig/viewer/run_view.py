@@ -277,12 +277,11 @@ def by_origin(numbers: dict[str, Quantity]) -> list[str]:
     """Return a paragraph each for the given, the assumed and the identified numbers."""
     lines = []
     for origin in ORIGINS:
-        texts = [f"{key} {_value(q)}" for key, q in numbers.items() if q.origin == origin]
+        texts = []
+        for key, quantity in numbers.items():
+            values = ", ".join(f"{value:g}" for value in quantity.numbers)
+            unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+            texts += [f"{key} {values}{unit}"] if quantity.origin == origin else []
         if texts:
             lines.append(f"**{origin}:** " + "; ".join(texts))
     return lines
-
-
-def _value(quantity: Quantity) -> str:
-    values = ", ".join(f"{value:g}" for value in quantity.numbers)
-    return values if quantity.unit == "1" else f"{values} {quantity.unit}"

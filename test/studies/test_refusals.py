@@ -30,7 +30,7 @@ REFUSED = [
     (f"{COMPARE} --offset 3", 2, "offset 3°: the rig's bags have exact angles"),
     (f"{COMPARE} --topics angle=/a&lift=/b", 2, "has cams tm21, bezier15; choose one with --cam"),
     (f"{COMPARE} --topics angle=/a&lift=/b --namespace x", 2, "names whole topics"),
-    (f"{COMPARE} --topics angle=/a", 2, "names angle; allowed: the angle and at least one"),
+    (f"{COMPARE} --topics angle=/a", 2, "must name the angle and at least one"),
     (f"{COMPARE} --cam tm12", 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
     (f"{COMPARE} --save a.txt", 2, "a.txt: unknown kind of recording; allowed: .rrd"),
     (f"{COMPARE} --plot a.txt", 2, "unknown kind of picture"),

@@ -20,7 +20,7 @@ from cam_rig.bag.foreign.turns import Counter, count_turns
 from cam_rig.bag.foreign.types import integer_span, types_of
 from cam_rig.bag.reader import readers, topic_list, topics_of
 from cam_rig.errors import BagError, did_you_mean
-from cam_rig.simulation.instruments import ReadingCount, Signal
+from cam_rig.simulation.instruments import MeasuredRun, ReadingCount, Signal
 from cam_rig.units import NS, FloatArray
 
 #: Largest number of readings of one quantity. Each takes 24 bytes.
@@ -132,22 +132,8 @@ def _stamp_ns(message: Any) -> int:
     return max(0, int(stamp.sec) * NS + int(stamp.nanosec))
 
 
-@dataclass(frozen=True, eq=False)
-class ForeignSignals:
-    """Signals by quantity.
-
-    `begin_ns` is the time (ns) from which their times count. `counts` contains the number of
-    readings per quantity, and `notes` one sentence per change.
-    """
-
-    signals: dict[str, Signal]
-    begin_ns: int
-    counts: tuple[ReadingCount, ...]
-    notes: tuple[str, ...]
-
-
-def read_signals(bag: Path, mapping: dict[str, MappedField]) -> ForeignSignals:
-    """Return the signals of a bag.
+def read_signals(bag: Path, mapping: dict[str, MappedField], cam: str = "") -> MeasuredRun:
+    """Return the signals of a bag as the run of one cam.
 
     The angle has all its turns and rises. Raises BagError for a quantity with fewer than two
     readings.
@@ -175,7 +161,10 @@ def read_signals(bag: Path, mapping: dict[str, MappedField]) -> ForeignSignals:
         clock = "of the message's header" if each.headed else "of the bag"
         notes.append(f"{name}: {source}, {size} readings, the time is that {clock}.")
         counts.append(ReadingCount(name, source, size, each.messages))
-    return ForeignSignals(signals, begin_ns, tuple(counts), (*notes, *counted.notes))
+    notes += counted.notes
+    return MeasuredRun(
+        bag, cam, **signals, notes=tuple(notes), begin_ns=begin_ns, counts=tuple(counts)
+    )
 
 
 def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
