@@ -144,7 +144,12 @@ def _steady_start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) ->
     """Return the steady start of a scene's model at a speed (rad/s)."""
     model, parameters = scene.model, MODELS[scene.model].parameters(rig)
     if model == "torsional":
-        return _steady_shaft(law, rig, speed)
+        shaft = shaft_of(rig)
+        if shaft.flywheel_inertia is not None:  # the model itself starts in its steady state
+            return SteadyStart()
+        _, turn_start = steady_state(law, shaft, speed)
+        twist = np.array([turn_start.twist, turn_start.twist_rate])
+        return SteadyStart(vibrating_state(twist))
     if isinstance(parameters, TwoMassParameters):
         response, output = contact_response(law, parameters, speed), force_output(parameters)
         return _steady_in_contact(response, output, 0) or _settle_from_rest(law, rig, scene, speed)
@@ -184,18 +189,6 @@ def _steady_in_contact(
         return None
     max_force = -negated_run.min_output(response.speed)
     return SteadyStart(vibrating_state(response.periodic()), forces=(min_force, max_force))
-
-
-def _steady_shaft(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
-    """Return the steady start of a twisting shaft.
-
-    With a flywheel inertia the model itself starts in its steady state.
-    """
-    shaft = shaft_of(rig)
-    if shaft.flywheel_inertia is not None:
-        return SteadyStart()
-    _, start = steady_state(law, shaft, speed)
-    return SteadyStart(vibrating_state(np.array([start.twist, start.twist_rate])))
 
 
 def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:

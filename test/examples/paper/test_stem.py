@@ -255,7 +255,7 @@ def test_vibration_is_read_in_the_low_dwell(laws, two_mass):
     """The vibration is that in the low dwell, which is less than over the turn."""
     law = laws["poly345"]
     turn = stem_turn(law, Stem(two_mass, BAR), SPEED)
-    assert 0.0 < np.ptp(turn.head[low_dwell(law).holds(turn.angle)]) < np.ptp(turn.head)
+    assert 0.0 < np.ptp(turn.head[low_dwell(law).contains(turn.angle)]) < np.ptp(turn.head)
 
 
 def test_the_script(found, printed_by, monkeypatch):
