@@ -342,24 +342,17 @@ def mean_square_rate(
         piece(matrix, corner_rate * forces[None, :, i], float(duration))
         for i, duration in enumerate(durations)
     ]
-    state = periodic_state(pieces)
-    total = 0.0
+    nodes, node_weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
+    state, total = periodic_state(pieces), 0.0
     for i, solution in enumerate(pieces):
-        times, weights = _quadrature(solution.duration, corner_rate)
+        count = max(4, int(np.ceil(corner_rate * solution.duration)))  # sub-intervals
+        width = solution.duration / count
+        times = ((np.arange(count)[:, None] + 0.5 * (nodes + 1.0)) * width).ravel()
         force = bernstein.evaluate(forces[:, i], times / solution.duration)
         rate = corner_rate * (force - solution.at(state, times)[0])
-        total += float(weights @ rate**2)
+        total += float(np.tile(0.5 * width * node_weights, count) @ rate**2)
         state = solution.end(state)
     return total / float(durations.sum())
-
-
-def _quadrature(duration: float, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return Gauss-Legendre times (s) and weights (s) of a piece."""
-    nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
-    count = max(4, int(np.ceil(rate * duration)))
-    width = duration / count
-    times = (np.arange(count)[:, None] + 0.5 * (nodes + 1.0)) * width
-    return times.ravel(), np.tile(0.5 * width * weights, count)
 
 
 def steady_power(

@@ -77,17 +77,6 @@ MODELS: dict[str, Model] = {
 }
 
 __all__ = [
-    "ANGLE_TOLERANCE",
-    "COLUMNS",
-    "MODELS",
-    "Advance",
-    "Block",
-    "Event",
-    "FollowerParameters",
-    "FollowerState",
-    "Interval",
-    "Model",
-    "Samples",
-    "TwoMassParameters",
-    "wrap",
-]
+    "ANGLE_TOLERANCE", "COLUMNS", "MODELS", "Advance", "Block", "Event", "FollowerParameters",
+    "FollowerState", "Interval", "Model", "Samples", "TwoMassParameters", "wrap",
+]  # fmt: skip

@@ -191,9 +191,12 @@ class StroboscopicMap:
         # The directions of the end mass come first, because they remain free on the cam.
         frame = np.roll(np.eye(self.size), 2, axis=0)[: self.size - 1]
         records, done = np.zeros(turns, TURN_RESULT), 0
+        max_landings = float(self._trajectory.max_events)
         while done < turns:
             part = records[done : done + TURNS_PER_CALL]
-            if self._turn(first, frame, part) < len(part):
+            record = new_record(first, MAX_PHASES)  # `first` is updated to the last state
+            done_now = int(dispatch(run_turns, self._table, record, frame, part, max_landings))
+            if done_now < len(part):
                 raise EndlessEventsError(
                     f"more than {self._trajectory.max_events} landings in a turn at "
                     f"{self.speed:g} rad/s; allowed: {self._trajectory.max_events}"
@@ -237,9 +240,3 @@ class StroboscopicMap:
         else:
             vector[:2] = w - static.length, rate - static.rate
         return records
-
-    def _turn(self, state: NDArray[np.void], frame: FloatArray, turns: NDArray[np.void]) -> int:
-        """Run turns from a state, which is updated, and return the number of turns."""
-        max_landings = float(self._trajectory.max_events)
-        record = new_record(state, MAX_PHASES)
-        return int(dispatch(run_turns, self._table, record, frame, turns, max_landings))

@@ -1,7 +1,7 @@
 """Velocity jumps of a law: the jumps that an interval contains, and their times.
 
 A jump at the border of two intervals belongs to the later one. An interval from angle a to b
-contains the joints in [a − JOINT_SLACK, b − JOINT_SLACK). Exactly one of two adjacent intervals
+contains the joints in [a − ε, b − ε), ε = `JOINT_ATOL_RAD`. Exactly one of two adjacent intervals
 contains each joint, whatever the rounding of its angle. A joint before the start of its interval
 is passed at time 0.
 """

@@ -106,7 +106,7 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
     """
     follower, smaller = cam.follower, "a smaller one is undercut or out of reach"
     checks = [corner_check(law, VELOCITY_JUMP)]
-    least_base = find_min_base_radius(follower, law)
+    min_base = find_min_base_radius(follower, law)
     try:
         plates = discs(follower, law)
     except ReachError as error:
@@ -114,22 +114,22 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
     if any(disc.opposite is not None for disc in plates):
         checks.append(breadth_check(law))
     for disc in plates:
-        disc_checks = _disc_checks(disc, follower, law, least_base)
+        disc_checks = _disc_checks(disc, follower, law, min_base)
         checks += [replace(check, disc=disc.name) for check in disc_checks]
-    if least_base is not None and least_base > 0.0:
+    if min_base is not None and min_base > 0.0:
         base = Extreme(follower.base_radius.si, 0.0)
-        check = Check.at("base radius", base, "more than", least_base, "mm", smaller)
+        check = Check.at("base radius", base, "more than", min_base, "mm", smaller)
         checks.append(replace(check, angle=None, is_fatal=False))
     return checks
 
 
 def _disc_checks(
-    disc: Disc, follower: Follower, law: Law, least_base: float | None
+    disc: Disc, follower: Follower, law: Law, min_base: float | None
 ) -> Iterator[Check]:
     """Yield the checks of one disc."""
     scan = Scan(law, disc.element)
     yield from reach_checks(scan)
-    curvature = list(curvature_checks(scan, follower, least_base))
+    curvature = list(curvature_checks(scan, follower, min_base))
     yield from curvature
     if all(check.passed or not check.is_fatal for check in curvature):
         yield crossing_check(disc, law)

@@ -221,7 +221,7 @@ def sharpest_concave(scan: Scan) -> Extreme | None:
     return Extreme(scan.element.roller - 1.0 / least.value, least.angle)
 
 
-def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -> Iterator[Check]:
+def curvature_checks(scan: Scan, follower: Follower, min_base: float | None) -> Iterator[Check]:
     """Yield the checks of the radius of curvature.
 
     Convex parts are checked for undercut and for the least radius that the cam file requires.
@@ -231,8 +231,8 @@ def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -
     convex = sharpest_convex(scan)
     radius = 0.0 if abs(convex.value) <= CUSP_RATIO * base else convex.value
     remedy = "no base_radius would do: let the spans be longer, the lift less or the roller smaller"
-    if least_base is not None:
-        remedy = f"let base_radius be more than {least_base * 1e3:.5g} mm"
+    if min_base is not None:
+        remedy = f"let base_radius be more than {min_base * 1e3:.5g} mm"
     limit = 0.0 if required is None else required.si
     sharpest = Extreme(radius, convex.angle)
     check = Check.at("convex radius of curvature", sharpest, "more than", limit, "mm", remedy)

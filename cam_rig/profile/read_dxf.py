@@ -129,24 +129,16 @@ def read_dxf(
     entities = (
         _select_visible(document, every) if layer is None else _select_layer(path, every, layer)
     )
-    curves, loose, notes = list[_Curve](), list[_Curve](), list[str]()
+    notes = list[str]()
     if hidden := len(every) - len(entities) if layer is None else 0:
         notes.append(
             f"{hidden} {'entity' if hidden == 1 else 'entities'} ignored: invisible, or on a layer "
             "that is off or frozen (--layer reads them)"
         )
-    for entity in entities:
-        if isinstance(entity, CURVES):
-            try:
-                curve = _read_curve(path, entity, UNITS["length"][unit])
-            except ProfileError:
-                raise
-            except DAMAGE_ERRORS as error:
-                text = str(error) or type(error).__name__
-                raise ProfileError(f"{path}: {_name(entity)} cannot be read ({text})") from None
-            (curves if curve.is_closed else loose).append(curve)
-    chains, ends = _join_chains(loose)
-    curves += chains
+    factor = UNITS["length"][unit]
+    read = [_read_curve(path, entity, factor) for entity in entities if isinstance(entity, CURVES)]
+    chains, ends = _join_chains([curve for curve in read if not curve.is_closed])
+    curves = [curve for curve in read if curve.is_closed] + chains
     if not curves:
         more = "".join(f" {note}" for note in notes)
         raise ProfileError(
@@ -167,11 +159,7 @@ def read_dxf(
         require_size(path, points)
     chosen = set(map(id, outer))
     others = [placement.place(curve.points.T) for curve in curves if id(curve) not in chosen]
-    if any(_is_cam_inside(other, circle) for circle in placed for other in others):
-        raise ProfileError(
-            f"{path}: has a circle around the axis and, inside of it, another curve around the "
-            "axis; allowed: one contour, so read its layer with --layer, or delete the circle"
-        )
+    _require_one_cam(path, placed, others)
     return ContourFile(placed, False, notes)
 
 
@@ -180,12 +168,17 @@ def _is_centred(points: FloatArray) -> bool:
     return bool(np.ptp(np.hypot(*points)) <= MAX_ECCENTRICITY)
 
 
-def _is_cam_inside(points: FloatArray, circle: FloatArray) -> bool:
-    """Return True if a contour inside of a circle around the axis could be that of the cam."""
-    is_inside = np.hypot(*points).max() < np.hypot(*circle).max()
-    return bool(
-        is_inside and _is_centred(circle) and encloses_axis(points) and not _is_centred(points)
-    )
+def _require_one_cam(path: Path, placed: list[FloatArray], others: list[FloatArray]) -> None:
+    """Raise ProfileError if a curve in a circle around the axis could be the contour instead."""
+    for circle in filter(_is_centred, placed):
+        for points in others:
+            is_inside = np.hypot(*points).max() < np.hypot(*circle).max()
+            if is_inside and encloses_axis(points) and not _is_centred(points):
+                raise ProfileError(
+                    f"{path}: has a circle around the axis and, inside of it, another curve around "
+                    "the axis; allowed: one contour, so read its layer with --layer, or delete the "
+                    "circle"
+                )
 
 
 #: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.
@@ -281,7 +274,17 @@ def _select_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXF
 
 
 def _read_curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
-    """Return an entity as a curve; `factor` is the drawing's unit in m."""
+    """Return an entity as a curve. `factor` is the drawing's unit in m."""
+    try:
+        return _convert_to_curve(path, entity, factor)
+    except ProfileError:
+        raise
+    except DAMAGE_ERRORS as error:
+        text = str(error) or type(error).__name__
+        raise ProfileError(f"{path}: {_name(entity)} cannot be read ({text})") from None
+
+
+def _convert_to_curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:
     if isinstance(entity, Spline):
         points = _flatten(path, entity, factor)
         require_size(path, points)

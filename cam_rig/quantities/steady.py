@@ -3,7 +3,7 @@
 While contact is kept, the periodic state is one linear solve, and the smallest and the largest
 force are found between samples, too. A follower that lifts off is turned from rest until a turn no
 longer changes its state. If it does not become steady, the turns after `MAX_FORCE_TURNS` are
-measured and reported as unsettled.
+measured and reported as not steady.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import TransientFilter, simulate, simulate_ticks, step_levels
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: Sample rate (Hz) of turns that are not measured.
-SETTLING_RATE = 1
+#: Sample rate (Hz) of turns that are not measured: the smallest rate.
+UNMEASURED_RATE_HZ = 1
 #: Largest number of samples of a tick, little more than fits in the cache of a core.
 MAX_TICK_SAMPLES = 1 << 15
 #: Row of the contact force in the outputs of a mass on its stem.
@@ -55,12 +55,12 @@ class SteadyStart:
     Parameters
     ----------
     state : state of the follower (None: put down on the cam at rest)
-    settled : False if the turns do not repeat
+    is_steady : False if the turns do not repeat
     forces : smallest and largest contact force of a turn, N, if they are known exactly
     """
 
     state: FollowerState | None = None
-    settled: bool = True
+    is_steady: bool = True
     forces: tuple[float, float] | None = None
 
 
@@ -80,7 +80,7 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
     The row of the measured turns, and True if they repeat.
     """
     start = _steady_start(law, rig, scene, speed)
-    return _row(law, rig, scene, start), start.settled
+    return _row(law, rig, scene, start), start.is_steady
 
 
 def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> SpeedRow:
@@ -114,7 +114,7 @@ def steady_turn(
     start, interval = _steady_start(law, rig, scene, speed), _one_turn(speed)
     model, rate = MODELS[scene.model], max(1, round(samples / interval.duration))
     _, block = model.advance(law, model.parameters(rig), start.state, interval, rate)
-    return block, _row(law, rig, scene, start), start.settled
+    return block, _row(law, rig, scene, start), start.is_steady
 
 
 def _one_turn(speed: float) -> Interval:
@@ -129,12 +129,12 @@ def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
     A tick starts where a speed starts, where it becomes steady, and after `MAX_TICK_SAMPLES`
     samples.
     """
-    settling = TransientFilter(scene.schedule.transient_turns.si)
+    transient = TransientFilter(scene.schedule.transient_turns.si)
     max_duration = MAX_TICK_SAMPLES / scene.sample_rate.si
-    last, settled = None, False
+    last, is_over = None, False
     for state in cam_states(scene):
-        before, settled = settled, settling.is_over(state, steady=True)
-        same = last is not None and (last.speed, before) == (state.speed, settled)
+        before, is_over = is_over, transient.is_over(state, steady=True)
+        same = last is not None and (last.speed, before) == (state.speed, is_over)
         if last is None or not same or state.time_ns - last.time_ns > max_duration * NS:
             yield state
             last = state
@@ -144,7 +144,12 @@ def _steady_start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) ->
     """Return the steady start of a scene's model at a speed (rad/s)."""
     model, parameters = scene.model, MODELS[scene.model].parameters(rig)
     if model == "torsional":
-        return _steady_shaft(law, rig, speed)
+        shaft = shaft_of(rig)
+        if shaft.flywheel_inertia is not None:  # the model itself starts in its steady state
+            return SteadyStart()
+        _, turn_start = steady_state(law, shaft, speed)
+        twist = np.array([turn_start.twist, turn_start.twist_rate])
+        return SteadyStart(vibrating_state(twist))
     if isinstance(parameters, TwoMassParameters):
         response, output = contact_response(law, parameters, speed), force_output(parameters)
         return _steady_in_contact(response, output, 0) or _settle_from_rest(law, rig, scene, speed)
@@ -186,22 +191,10 @@ def _steady_in_contact(
     return SteadyStart(vibrating_state(response.periodic()), forces=(min_force, max_force))
 
 
-def _steady_shaft(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
-    """Return the steady start of a twisting shaft.
-
-    With a flywheel inertia the model itself starts in its steady state.
-    """
-    shaft = shaft_of(rig)
-    if shaft.flywheel_inertia is not None:
-        return SteadyStart()
-    _, start = steady_state(law, shaft, speed)
-    return SteadyStart(vibrating_state(np.array([start.twist, start.twist_rate])))
-
-
 def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
     """Turn a follower from rest until no further turn changes it.
 
-    After `MAX_FORCE_TURNS` turns the start is returned as unsettled.
+    After `MAX_FORCE_TURNS` turns the start is returned as not steady.
     """
     model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
@@ -211,14 +204,14 @@ def _settle_from_rest(law: Law, rig: RigConfig, scene: SceneConfig, speed: float
     state: FollowerState | None = None
     before, change = None, math.inf
     for _ in range(MAX_FORCE_TURNS):
-        end, _block = model.advance(law, parameters, state, interval, SETTLING_RATE)
+        end, _block = model.advance(law, parameters, state, interval, UNMEASURED_RATE_HZ)
         state = replace(end, cam_angle=None, cam_speed=None, pending_impulse=0.0)
         current = _scaled_state(state, scale)
         last, change = change, _difference(current, before)
         if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < FORCE_RTOL):
             return SteadyStart(state)  # remainder of a geometric series
         before = current
-    return SteadyStart(state, settled=False)
+    return SteadyStart(state, is_steady=False)
 
 
 def _scale(law: Law, rig: RigConfig, speed: float) -> tuple[float, float]:

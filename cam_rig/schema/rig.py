@@ -22,15 +22,6 @@ Stiffness = Annotated[Quantity, must_be("stiffness", gt=0.0, ge=1e-9, le=1e15)]
 Damping = Annotated[Quantity, must_be("damping", ge=0.0, le=1e9)]
 Force = Annotated[Quantity, must_be("force", ge=0.0, le=1e9)]
 RollerShare = Annotated[Quantity, must_be("ratio", gt=0.0, ge=1e-6, le=0.99)]
-#: SI units of the follower's numbers. All others are ratios.
-SI_UNITS = {
-    "mass": "kg",
-    "spring_stiffness": "N/m",
-    "stem_stiffness": "N/m",
-    "damping": "N*s/m",
-    "stem_damping": "N*s/m",
-    "preload": "N",
-}
 
 
 class FollowerMechanics(Strict):
@@ -285,11 +276,7 @@ class RigConfig(NamedConfig):
         >>> rig.follower.preload.origin, rig.follower.preload.si
         ('assumed', 45.0)
         """
-        changes = {
-            key: {"assumed": value, "unit": SI_UNITS.get(key, "1"), "source": "with_follower"}
-            for key, value in numbers.items()
-        }
-        return self._replaced(self._data_with(changes))
+        return self._replaced(self._data_with(numbers))
 
     def _data_with(self, numbers: Mapping[str, object]) -> dict[str, Any]:
         """Return the rig as data, with other numbers of its follower.

@@ -91,8 +91,10 @@ class _TickStatistics:
 
     samples: int = 0
     turned: float = 0.0  #: rad
-    force: tuple[float, float] = (-math.inf, math.inf)  #: maximum and minimum, N
-    torque: tuple[float, float] = (-math.inf, math.inf)  #: maximum and minimum, N·m
+    max_force: float = -math.inf  #: N
+    min_force: float = math.inf  #: N
+    max_torque: float = -math.inf  #: N·m
+    min_torque: float = math.inf  #: N·m
     torque_sum: float = 0.0  #: N·m
     landing: float = 0.0  #: largest impulse, N·s
     lift_offs: int = 0
@@ -100,14 +102,16 @@ class _TickStatistics:
 
     def __add__(self, other: _TickStatistics) -> _TickStatistics:
         return _TickStatistics(
-            self.samples + other.samples,
-            self.turned + other.turned,
-            (max(self.force[0], other.force[0]), min(self.force[1], other.force[1])),
-            (max(self.torque[0], other.torque[0]), min(self.torque[1], other.torque[1])),
-            self.torque_sum + other.torque_sum,
-            max(self.landing, other.landing),
-            self.lift_offs + other.lift_offs,
-            max(self.longest, other.longest),
+            samples=self.samples + other.samples,
+            turned=self.turned + other.turned,
+            max_force=max(self.max_force, other.max_force),
+            min_force=min(self.min_force, other.min_force),
+            max_torque=max(self.max_torque, other.max_torque),
+            min_torque=min(self.min_torque, other.min_torque),
+            torque_sum=self.torque_sum + other.torque_sum,
+            landing=max(self.landing, other.landing),
+            lift_offs=self.lift_offs + other.lift_offs,
+            longest=max(self.longest, other.longest),
         )
 
     def row(self, cam: str, speed: float, rate: int, level: float | None) -> SpeedRow:
@@ -118,13 +122,13 @@ class _TickStatistics:
             rpm=round(to_rpm(speed), 9),
             turns=turns,
             level_db=level,
-            peak_force=self.force[0],
-            min_force=self.force[1],
+            peak_force=self.max_force,
+            min_force=self.min_force,
             lift_offs=self.lift_offs / turns,
             flight=self.longest / rate,
             landing=self.landing,
-            peak_torque=self.torque[0],
-            min_torque=self.torque[1],
+            peak_torque=self.max_torque,
+            min_torque=self.min_torque,
             torque_mean=self.torque_sum / self.samples,
         )
 
@@ -178,14 +182,16 @@ class SpeedRows:
         step = tick.start.speed / self._rate
         torque = force * sample(law, angle[0], step, angle.size, SLOPE, np.zeros(1))[0]
         return _TickStatistics(
-            torque.size,
-            turned,
-            (float(force.max()), float(force.min())),
-            (float(torque.max()), float(torque.min())),
-            float(torque.sum()),
-            float(tick.impulse.max()),
-            lift_offs,
-            longest,
+            samples=torque.size,
+            turned=turned,
+            max_force=float(force.max()),
+            min_force=float(force.min()),
+            max_torque=float(torque.max()),
+            min_torque=float(torque.min()),
+            torque_sum=float(torque.sum()),
+            landing=float(tick.impulse.max()),
+            lift_offs=lift_offs,
+            longest=longest,
         )
 
     def rows(self, levels: dict[str, dict[float, float]]) -> tuple[SpeedRow, ...]:

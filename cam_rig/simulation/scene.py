@@ -24,7 +24,6 @@ from cam_rig.schema import (
     PublishedNoise,
     RigConfig,
     SceneConfig,
-    load,
     load_published,
 )
 from cam_rig.schema import load_cam as read_cam
@@ -32,7 +31,6 @@ from cam_rig.schema import load_rig as read_rig
 from cam_rig.schema import load_scene as read_scene
 from cam_rig.schema.load import config_root, has_shipped_motion, resolve_path
 from cam_rig.schema.quantity import Quantity
-from cam_rig.schema.rig import SI_UNITS
 from cam_rig.units import FloatArray, to_rpm
 
 
@@ -62,7 +60,7 @@ def load_cam(cam: str | Path) -> CamConfig:
     >>> cam.lift.si, cam.lift.origin  # m
     (0.05, 'given')
     """
-    return load.load_cam(resolve_path("cams", cam))
+    return read_cam(resolve_path("cams", cam))
 
 
 @check_arguments
@@ -94,7 +92,7 @@ def load_rig(rig: str | Path) -> RigConfig:
     >>> stiffer.follower.spring_stiffness.si
     6000.0
     """
-    return load.load_rig(resolve_path("rigs", rig))
+    return read_rig(resolve_path("rigs", rig))
 
 
 @check_arguments
@@ -151,6 +149,15 @@ RELATIVE_NOTE = (
 )
 #: Text in the source of fitted constants before the model and the follower of the fit.
 FITTED_WITH = "; fitted with "
+#: SI units of the follower's numbers. All others are ratios.
+SI_UNITS = {
+    "mass": "kg",
+    "spring_stiffness": "N/m",
+    "stem_stiffness": "N/m",
+    "damping": "N*s/m",
+    "stem_damping": "N*s/m",
+    "preload": "N",
+}
 #: Relative difference below which two numbers are equal: rounding of a conversion of units.
 VALUE_RTOL = 1e-9
 

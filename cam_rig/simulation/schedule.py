@@ -114,8 +114,12 @@ def _steady_ticks(scene: SceneConfig, speed: float) -> Iterator[Interval]:
 
     They are not stored, because there may be 1e8 ticks.
     """
-    edges = (_ticks_end_ns(scene, speed, i) for i in range(ticks_per_step(scene) + 1))
-    return (_steady_tick(start, end, speed) for start, end in pairwise(edges))
+    start = 0
+    for i in range(1, ticks_per_step(scene) + 1):
+        end, turned = _ticks_end_ns(scene, speed, i), Fraction(speed) * start / NS  # exact angle
+        whole = turned // Fraction(TURN)
+        yield Interval(start, end, float(turned - whole * Fraction(TURN)), speed, 0.0, whole)
+        start = end
 
 
 def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
@@ -126,13 +130,6 @@ def _ticks_end_ns(scene: SceneConfig, speed: float, ticks: int) -> int:
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.schedule.ticks_per_turn
     numerator, denominator = (2 * tick).as_integer_ratio()
     return (ticks * numerator + denominator) // (2 * denominator)
-
-
-def _steady_tick(start_ns: int, stop_ns: int, speed: float) -> Interval:
-    """Return a tick at a speed that is constant since time 0, with an exact angle."""
-    turned = Fraction(speed) * start_ns / NS
-    whole = turned // Fraction(TURN)
-    return Interval(start_ns, stop_ns, float(turned - whole * Fraction(TURN)), speed, 0.0, whole)
 
 
 def _ramp_ticks(scene: SceneConfig, previous_speed: float, speed: float) -> list[Interval]:

@@ -89,8 +89,8 @@ class WholeTurns(Generic[Part]):
     settling: TransientFilter
     _parts: list[Part] = field(default_factory=list, init=False)
     _turned: float = field(default=0.0, init=False)  #: turns of the present step
-    #: First state of the present step, and position at which its next tick must start.
-    _expected: tuple[CamState | None, int] = field(default=(None, 0), init=False)
+    _step: CamState | None = field(default=None, init=False)  #: first state of the present step
+    _stop: int = field(default=0, init=False)  #: end of the last tick, on the scale of `span`
 
     def add(
         self, start: CamState, steady: bool, turned: float, span: tuple[int, int], part: Part
@@ -101,9 +101,9 @@ class WholeTurns(Generic[Part]):
         start and end on any scale of whole numbers on which successive ticks are adjacent.
         """
         settled, first = self.settling.is_over(start, steady), self.settling.first
-        if not settled or self._expected != (first, span[0]):
+        if not settled or (self._step, self._stop) != (first, span[0]):
             self._parts, self._turned = [], 0.0
-        self._expected = first, span[1]
+        self._step, self._stop = first, span[1]
         if not settled:
             return []
         previous, self._turned = self._turned, self._turned + turned / TURN

@@ -29,6 +29,7 @@ from cam_rig.dynamics.events.runs import run_events, start_flight
 from cam_rig.dynamics.interval import (
     Block,
     Event,
+    EventKind,
     FollowerState,
     SampleGrid,
     add_impulses,
@@ -141,7 +142,10 @@ class Trajectory:
             dispatch(run_events, table, record)
             phase_count, event_count = record.counts[0].tolist()
             self._recorded.append(record.phases[:phase_count])
-            self.events += [self._event(*row) for row in record.events[:event_count].tolist()]
+            for code, time, impulse, lost in record.events[:event_count].tolist():
+                kind: EventKind = "landing" if code == EventCode.LANDING else "lift-off"
+                angle = self._turns * TURN + (self.angle + self.speed * time)
+                self.events.append(Event(kind, time, angle, impulse, lost))
             if len(self.events) > max_events:
                 raise EndlessEventsError(
                     f"more than {max_events} events in {duration:g} s at {self.speed:g} rad/s; "
@@ -149,17 +153,6 @@ class Trajectory:
                 )
             room = min(2 * room, MAX_ROOM)
         self.last = self._states(state)[0]
-
-    def _event(self, code: int, time: float, impulse: float, lost: float) -> Event:
-        """Return an event from the fields of its record."""
-        angle = self._turns * TURN + (self.angle + self.speed * time)
-        return Event(
-            kind="landing" if code == EventCode.LANDING else "lift-off",
-            time=time,
-            angle=angle,
-            impulse=impulse,
-            energy_lost=lost,
-        )
 
     def _table(self, duration: float, **follower: Any) -> RunTable:
         """Return the table of a run. ``follower`` are the fields that depend on the model."""

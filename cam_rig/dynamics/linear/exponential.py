@@ -57,7 +57,11 @@ def _respond_long(damping: float, stiffness: float, time: FloatArray) -> Respons
     decay = 0.5 * damping
     square = stiffness - decay**2
     if square > 0.0:
-        return _oscillating(decay, square, stiffness, time)
+        rate = math.sqrt(square)
+        envelope = np.exp(-decay * time)
+        impulse = envelope * np.sin(rate * time) / rate
+        slope = envelope * np.cos(rate * time) - decay * impulse
+        return impulse, slope, (1.0 - slope - 2.0 * decay * impulse) / stiffness
     return _overdamped(decay, math.sqrt(-square), stiffness, time)
 
 
@@ -85,14 +89,6 @@ def _series_terms(damping: float, stiffness: float) -> FloatArray:
     impulse = np.append(step[1:] * order[1:], 0.0)
     rate = np.append(impulse[1:] * order[1:], 0.0)
     return np.stack([impulse, rate, step], axis=1)
-
-
-def _oscillating(decay: float, square: float, stiffness: float, time: FloatArray) -> Response:
-    w = math.sqrt(square)
-    envelope = np.exp(-decay * time)
-    impulse = envelope * np.sin(w * time) / w
-    rate = envelope * np.cos(w * time) - decay * impulse
-    return impulse, rate, (1.0 - rate - 2.0 * decay * impulse) / stiffness
 
 
 def _overdamped(decay: float, root: float, stiffness: float, time: FloatArray) -> Response:

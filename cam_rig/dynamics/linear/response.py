@@ -357,12 +357,18 @@ def sample(
             part = run.part
             u, width = (run.local + offset) / part.length, step / part.length
             samples = SampleRun.of(done, end, u, width)
-            passage = _Passage(samples, offset, run.free)
             if samples.chunk:
                 key = (part.number, samples.chunk, samples.chunks)
-                chunked.setdefault(key, []).append(passage)
-            else:
-                _fill_directly(model, part, passage, step, outputs, out[:, done:end])
+                chunked.setdefault(key, []).append(_Passage(samples, offset, run.free))
+            else:  # few samples
+                ordinates, times = (
+                    polynomial_part(model, part, outputs),
+                    np.arange(float(end - done)),
+                )
+                basis = bernstein.basis(ordinates.shape[1] - 1, samples.at())
+                np.matmul(ordinates, basis.T, out=out[:, done:end])
+                free = free_motion(model.matrix, run.free, offset + step * times)
+                out[:, done:end] += outputs.state @ free
             done = end
     for (number, _, _), passages in chunked.items():
         _fill_in_chunks(model, model.parts[number], passages, step, outputs, out)
@@ -375,22 +381,6 @@ class _Passage(NamedTuple):
     samples: SampleRun
     offset: float  #: time from the state to the first sample, s
     free: FloatArray  #: state less X, ``(n,)``
-
-
-def _fill_directly(
-    model: LinearResponse,
-    part: Part,
-    passage: _Passage,
-    step: float,
-    outputs: Outputs,
-    out: FloatArray,
-) -> None:
-    """Write the few samples of a passage, without chunks."""
-    ordinates = polynomial_part(model, part, outputs)
-    basis = bernstein.basis(ordinates.shape[1] - 1, passage.samples.at())
-    times = passage.offset + step * np.arange(out.shape[1], dtype=np.float64)
-    np.matmul(ordinates, basis.T, out=out)
-    out += outputs.state @ free_motion(model.matrix, passage.free, times)
 
 
 def _fill_in_chunks(

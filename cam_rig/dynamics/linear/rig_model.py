@@ -87,7 +87,9 @@ def frequency_response(
 
 def _matrices(rig: RigConfig, model: str | None) -> tuple[FloatArray, FloatArray, Outputs]:
     """Return A, B, and the outputs displacement, velocity, acceleration and force."""
-    name = _fullest_model(rig) if model is None else model
+    has_two_masses = all(getattr(rig.follower, key) is not None for key in TWO_MASS_KEYS)
+    most_detailed = RIGID if rig.follower.stem_stiffness is None else ELASTIC
+    name = (TWO if has_two_masses else most_detailed) if model is None else model
     if name == RIGID:
         weights = force_weights(FollowerParameters.from_rig(rig), 1.0)
         outputs = Outputs(np.zeros((4, 0)), np.vstack([np.eye(3), weights]), np.zeros(4))
@@ -104,10 +106,3 @@ def _matrices(rig: RigConfig, model: str | None) -> tuple[FloatArray, FloatArray
     state = np.vstack([np.eye(2), response.matrix[1:], force.state])
     law = np.vstack([share[:2], response.drive[1:] + share[2:], force.law])
     return response.matrix, response.drive, Outputs(state, law, np.zeros(4))
-
-
-def _fullest_model(rig: RigConfig) -> str:
-    """Return the most detailed model for which the rig has all numbers."""
-    if all(getattr(rig.follower, key) is not None for key in TWO_MASS_KEYS):
-        return TWO
-    return RIGID if rig.follower.stem_stiffness is None else ELASTIC
