@@ -104,6 +104,28 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
         ordered(STEPS, mirror=True)
 
 
+@pytest.mark.parametrize("missing", [4, 5, 6])
+@pytest.mark.parametrize("step", [1, 2])
+def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
+    """The curvature of a 3-4-5 law is zero at its nose."""
+    half = np.arange(0.0, 90.1, step)
+    x = np.maximum(1.0 - half / 75.0, 0.0)
+    lifts = 0.008 * (10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5)
+    assert "mirrored as requested" in ordered(half, lifts, mirror=True).notes[0]
+    kept = half >= missing
+    with pytest.raises(ConfigError, match=r"so the nose is not reached"):
+        ordered(half[kept], lifts[kept], mirror=True)
+
+
+def test_equal_readings_at_the_nose_are_the_nose():
+    """A dial cannot resolve the flat nose. The end of the table counts as the nose."""
+    half = np.arange(-90.0, 0.1, 1.0)
+    lifts = 1e-5 * np.round(800.0 * (1.0 - (half / 90.0) ** 2) ** 3)
+    assert np.sum(lifts == lifts.max()) > 1
+    found = ordered(half, lifts, mirror=True, resolution=1e-5)
+    assert "mirrored as requested about the nose at 0 deg" in found.notes
+
+
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_half_a_lobe_that_ends_too_early_is_not_mirrored(step, noise):
