@@ -141,9 +141,18 @@ def order_readings(
     if not filled.any():
         raise ConfigError(f"{table.file}: {column.name} has no number; allowed: readings")
     angles, lifts, lines = (np.array(x)[filled] for x in (table.angles, column.lifts, table.lines))
-    rows, notes = _Rows(angles, lifts, lines), []
+    rows, notes = _Rows(angles, lifts, lines), list[str]()
     _require_no_end_mark(table.file, rows)
     _require_return(table.file, column.name, rows)
+    if not column.is_radius and _rests_at_top(rows):
+        if lifts.max() <= LEVEL_RTOL * np.ptp(lifts):
+            lifts = -lifts
+            notes.append("the lifts are negative, and the cam rests longest near 0: signs changed")
+        else:
+            notes.append(
+                "the cam rests longest at the highest reading: if the gauge counts down, the law "
+                "is upside down, so change the signs of the readings"
+            )
     if mirror:
         nose = nose_of_half_lobe(table.file, column.resolution, angles, lifts)
         angles = np.append(angles, 2.0 * nose - angles)
@@ -236,6 +245,28 @@ def _require_return(file: str, name: str, rows: _Rows) -> None:
         )
 
 
+#: Largest distance of a reading from the end of the range that counts as the level there, as a
+#: fraction of the range. It is above the scatter, and a nose without a dwell is short within it.
+LEVEL_RTOL = 0.02
+#: Smallest part of the turn at the highest level of readings of the base circle with the wrong
+#: sign. Few lobes rest as long at their nose.
+MIN_TOP_PART = 0.25
+#: Smallest ratio of this part to that at the lowest level. Laws with two dwells have similar ones.
+MIN_TOP_RATIO = 2.0
+
+
+def _rests_at_top(rows: _Rows) -> bool:
+    """Return True if the cam rests for most of the turn at the highest reading."""
+    order = np.argsort(rows.angles % TURN)
+    angles, lifts = rows.angles[order] % TURN, rows.lifts[order]
+    ahead = np.diff(angles, append=angles[0] + TURN)
+    widths = 0.5 * (ahead + np.roll(ahead, 1)) / TURN
+    margin = LEVEL_RTOL * float(np.ptp(lifts))
+    top = float(np.sum(widths[lifts >= lifts.max() - margin]))
+    bottom = float(np.sum(widths[lifts <= lifts.min() + margin]))
+    return top > max(MIN_TOP_PART, MIN_TOP_RATIO * bottom)
+
+
 # Mean of the readings of each angle.
 
 
@@ -306,7 +337,18 @@ def _cause_of_difference(table: GaugeTable, lines: NDArray[np.int64]) -> str:
             "The lift does not return to its first level after one turn: the gauge has moved, or "
             "a part of the table is missing"
         )
+    broken = _first_out_of_order(table.angles)
     return (
-        "The cam was turned both ways, and there is backlash, or the gauge has slipped: read "
-        "again, in one turning sense"
+        f"The angle of line {table.lines[broken]}, {math.degrees(table.angles[broken]):.6g} deg, "
+        "is out of order: correct it, or leave only one turn in the table. If the cam was turned "
+        "both ways, there is backlash: read again, in one turning sense"
     )
+
+
+def _first_out_of_order(angles: tuple[float, ...]) -> int:
+    """Return the index of the first angle that breaks the order of the others."""
+    steps = np.diff(angles)
+    sense = 1.0 if np.count_nonzero(steps > 0.0) >= np.count_nonzero(steps < 0.0) else -1.0
+    k = int(np.argmax(sense * steps < 0.0))
+    is_next = k > 0 and sense * (angles[k + 1] - angles[k - 1]) < 0.0
+    return k + 1 if is_next or k == 0 else k
