@@ -8,6 +8,7 @@ another unit.
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from dataclasses import dataclass, replace
@@ -129,7 +130,7 @@ QUANTITIES: dict[str, QuantityWords] = {
         "",
         "accel acel beschleun jerk error fehler erreur errore deviat desviac abweich ecart toleran "
         "scatter curvat krumm temper torque moment diamet durchmess comment kommentar remark",
-        "time zeit tiempo temps tempo date note notes id",
+        "time zeit tiempo temps tempo temp date note notes id",
     ),
     "preload": QuantityWords("force", "preload vorspann precarg prechar precaric", "", "spring"),
     "stiffness": QuantityWords(
@@ -203,13 +204,17 @@ MAX_INDEX = 99
 _BRACKETS = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
 _NUMBER = r"(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:e[-+]?\d+)?"
 _TOKEN = re.compile(
-    r"10\s*(?:\^|\*\*)\s*-?\s*\d+|1\s*/\s*10+(?!\d)|min\s*\^?-1|s\^?-1|1/(?:min|s)\b"
-    rf"|{_NUMBER}|[^\W\d_]+|''|[°%\"×*·/^]"
+    r"10\s*(?:\^|\*\*)\s*-?\s*\d+|1\s*/\s*\d+(?:[.,]\d+)?|min\s*\^?-1|s\^?-1|1/(?:min|s)\b"
+    rf"|{_NUMBER}|°[cfk]\b|[^\W\d_]+|''|[°%\"×*·/^]"
 )
 #: Largest number of tokens of the name of a unit, such as ``rad / s``.
 _MAX_UNIT_TOKENS = 3
 #: Tokens before the factor of a unit, as in ``mm x 10``.
-_FACTOR_MARKS = (["x"], ["×"], ["*"], ["^"])
+_FACTOR_MARKS = (["x"], ["×"], ["*"], ["^"], ["/"])
+#: Units of time, which make a length or an angle a speed, as in ``mm/s``.
+_TIMES = frozenset(
+    ("s", "ms", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "h")
+) | {"min", "minute", "minutes"}
 _JOINING = ("of", "an", "a", "de", "di", "von", "d", "x", "×", "*", "·", "=")
 
 
@@ -267,7 +272,8 @@ def parse_heading(text: str) -> Heading:
             words_in_brackets += words
         new_units, words = _take_units(_tokens(_BRACKETS.sub(" ", plain)), alone=not units)
     except ValueError as error:
-        return Heading(text, _quantity(_tokens(plain), units) or "other", None, unclear=str(error))
+        words = [word for word in _tokens(plain) if word not in _TIMES]
+        return Heading(text, _quantity(words, units) or "other", None, unclear=str(error))
     units += new_units
     words += words_in_brackets
     quantity = _quantity(words, units)
@@ -317,7 +323,8 @@ def _take_units(tokens: list[str], alone: bool) -> tuple[list[_Unit], list[str]]
     while i < len(tokens):
         unit, size = _unit_at(tokens, i)
         factor, before = _factor_before(words)
-        last = alone and i + size == len(tokens)
+        divisor, divisor_size = _divisor_after(tokens, i + size) if unit else (1.0, 0)
+        last = alone and i + size + divisor_size == len(tokens)
         if unit is None and tokens[i] in FRACTIONS:
             unit = _fraction_alone(tokens, i)
             size = 1
@@ -331,10 +338,11 @@ def _take_units(tokens: list[str], alone: bool) -> tuple[list[_Unit], list[str]]
             if factor > 1.0:
                 raise ValueError(f"a factor of {factor:g} before {unit.name!r} has two meanings")
             words = before
-        if units and i == end + 1 and tokens[end] == "/":
+        is_rate = units and i == end and unit.dimension == "speed"  # mm s^-1
+        if is_rate or (units and i == end + 1 and tokens[end] == "/"):
             raise ValueError(f"'{units[-1].name}/{unit.name}' is not a known unit")
-        units.append(replace(unit, factor=unit.factor * (factor or 1.0)))
-        i += size
+        units.append(replace(unit, factor=unit.factor * (factor or 1.0) / divisor))
+        i += size + divisor_size
         end = i
     return units, words
 
@@ -343,14 +351,25 @@ def _unit_at(tokens: list[str], i: int) -> tuple[_Unit | None, int]:
     """Return the longest unit that starts at token `i`, and its number of tokens."""
     for size in range(_MAX_UNIT_TOKENS, 0, -1):
         name = "".join(tokens[i : i + size])
-        if size == _MAX_UNIT_TOKENS and len(tokens[i : i + size]) == size:
-            head, _, hundred = name.partition("/")
-            if head in UNITS["length"] and re.fullmatch("10+", hundred):  # mm/100
-                return _Unit(name, "length", UNITS["length"][head] / float(hundred)), size
         for dimension, names in UNITS.items():
             if name in names and i + size <= len(tokens):
                 return _Unit(name, dimension, names[name]), size
     return None, 1
+
+
+def _divisor_after(tokens: list[str], i: int) -> tuple[float, int]:
+    """Return the divisor of a unit before token `i`, as in mm/100, and its number of tokens.
+
+    Raise ValueError for a divisor of 0, and for a quantity per time or unit, as in mm/10 deg.
+    """
+    if tokens[i : i + 1] != ["/"] or not tokens[i + 1 :]:
+        return 1.0, 0
+    value, (after, _) = _number(tokens[i + 1]), _unit_at(tokens, i + 2)
+    if value is None and tokens[i + 1] not in _TIMES:
+        return 1.0, 0
+    if not value or not math.isfinite(value) or (after is not None and after.name not in AMBIGUOUS):
+        raise ValueError(f"{''.join(tokens[i - 1 : i + 3])!r} is not a known unit")
+    return value, 2
 
 
 def _fraction_alone(tokens: list[str], i: int) -> _Unit | None:
@@ -382,9 +401,10 @@ def _number(token: str) -> float | None:
     if token in FRACTIONS:
         return FRACTIONS[token][0]
     if token.startswith("10^"):
-        return float(10.0 ** int(token[3:]))
-    if token.startswith("1/10"):
-        return 1.0 / float(token[2:])
+        return float(f"1e{token[3:]}")
+    if re.fullmatch(rf"1/{_NUMBER}", token):
+        divisor = float(token[2:].replace(",", "."))
+        return 1.0 / divisor if divisor else None
     return float(token.replace(",", ".")) if re.fullmatch(_NUMBER, token) else None
 
 

@@ -20,6 +20,8 @@ LIFTS = {
     INCH: 'lift_in|Lift (in)|lift "|pulgadas alzada|Lift in inches|lift (zoll)|levée en pouces',
     1e-3 * INCH: "Lift (0.001 in)|Lift in thousandths|Tappet lift (thou)|milésimas de pulgada|"
     'Lift (in/1000)|0.001" lift|thousandths of an inch lift|lift 1/1000 inch',
+    INCH / 64.0: "Lift in/64|lift (inch/64)|lift 1/64 in",
+    2e-4: "Lift mm/5|Lift (mm / 5)|lift 1/5 mm",
 }
 ANGLES = {
     DEGREE: "Cam deg|Angle (deg)|θ / °|Nockenwinkel in Grad|Ángulo de leva (grados)|angle [°]|"
@@ -28,6 +30,7 @@ ANGLES = {
     TURN: "angle rev|phase [turns]|vueltas|turns [0..1]",
     TURN / 100.0: "cycle [%]|angle (percent)|Winkel in Prozent",
     TURN / 400.0: "angle gon",
+    0.1 * DEGREE: "angle deg/10|Angle (1/10 deg)|Winkel [°/10]",
 }
 CRANK = (
     "Degrees from centerline (crank)|crank_deg|°KW|Grad Kurbelwinkel|deg CA|angle vilebrequin (°)|"
@@ -37,12 +40,14 @@ NEUTRAL = ["column 2", "Messuhr", "Dial gauge, intake", "A", "value", ""]
 OTHERS = [
     *("lift error mm", "note", "force_N", "time [s]", "temperature", "comment", "foo"),
     *("Durchmesser (in)", "Diameter mm", "Dial indicator 0.001", "Force [N]"),
+    *("Temp [°C]", "v (mm/s)"),
 ]
 UNCLEAR = [
     *("lift [foo]", "Lift 2 mm", "Lift x 100 mm", "Lift (x10-3 mm)", "lift [%]", "angle [mm]"),
     *("lift (divisions)", "lift bob mm", "lift (mm*1000)", "Lift*1000 (mm)", "lift [mm] [in]"),
     *("lift in hundredths", "lift per degree (mm/deg)", "Hub mm x 10", "angle ATDC deg"),
-    *("Lift per inch", "angolo motore (gradi)"),
+    *("Lift per inch", "angolo motore (gradi)", "Lift (mm/s)", "lift in/s", "lift mm/s²"),
+    *("Lift mm/0", "Lift (mm/10 deg)", "Lift (mm) / 5", "lift mm s^-1", "angle deg/s"),
 ]
 
 

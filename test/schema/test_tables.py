@@ -267,7 +267,7 @@ def test_phases(read, heading, last, factor):
     text = "{},lift mm\n0,0.0\n{},1.5\n"
     assert math.degrees(read(text.format(heading, last)).angles[1]) == pytest.approx(factor * last)
     for other in (0.5, 99.17, 180.0):
-        assert f"'phase' has no unit and goes from 0 to {other:g}" in catch_error(
+        assert f"'phase' has no unit of angle and goes from 0 to {other:g}" in catch_error(
             read, text.format("phase", other)
         )
 

@@ -13,6 +13,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws.spline import scatter, scatter_error
 from cam_rig.schema.segment_base import MAX_GAP_DEG, MAX_POINTS, MIN_POINTS
 from cam_rig.studies.fit_cam.gauge_table import GaugeColumn, GaugeTable, widest_gap
+from cam_rig.studies.fit_cam.half_lobe import nose_of_half_lobe
 from cam_rig.units import TURN, FloatArray
 
 #: Largest difference (rad) of two angles that count as the same angle. It is above the rounding of
@@ -140,11 +141,20 @@ def order_readings(
     if not filled.any():
         raise ConfigError(f"{table.file}: {column.name} has no number; allowed: readings")
     angles, lifts, lines = (np.array(x)[filled] for x in (table.angles, column.lifts, table.lines))
-    rows, notes = _Rows(angles, lifts, lines), []
+    rows, notes = _Rows(angles, lifts, lines), list[str]()
     _require_no_end_mark(table.file, rows)
     _require_return(table.file, column.name, rows)
+    if not column.is_radius and _rests_at_top(rows):
+        if lifts.max() <= LEVEL_RTOL * np.ptp(lifts):
+            lifts = -lifts
+            notes.append("the lifts are negative, and the cam rests longest near 0: signs changed")
+        else:
+            notes.append(
+                "the cam rests longest at the highest reading: if the gauge counts down, the law "
+                "is upside down, so change the signs of the readings"
+            )
     if mirror:
-        nose = _nose_of_half_lobe(table.file, column.resolution, rows)
+        nose = nose_of_half_lobe(table.file, column.resolution, angles, lifts)
         angles = np.append(angles, 2.0 * nose - angles)
         lifts, lines = np.tile(lifts, 2), np.tile(lines, 2)
         notes.append(f"mirrored as requested about the nose at {math.degrees(nose) + 0.0:.6g} deg")
@@ -235,80 +245,26 @@ def _require_return(file: str, name: str, rows: _Rows) -> None:
         )
 
 
-# Half a lobe, from its nose to its base circle.
-
-#: Part of the angles at the far end over which its slope is fitted, with at least 2 readings.
-END_FRACTION = 0.03
-#: Part of the lift at the nose over which the parabola is fitted, with at least 3 readings.
-NOSE_FRACTION = 0.02
-#: Largest slope at the far end that counts as rest, as a fraction of the steepest slope. A lobe
-#: that ends at 80 % of its angle has a slope several times as large.
-MAX_END_SLOPE = 0.05
-#: Largest distance of the vertex of the parabola from the last reading, in steps of the angle. Half
-#: a step is possible if the nose is between two readings. A quarter is added for noise.
-MAX_STEPS_TO_NOSE = 0.75
-#: Standard errors of the slopes that are allowed in addition.
-SLOPE_ERRORS = 3.0
+#: Largest distance of a reading from the end of the range that counts as the level there, as a
+#: fraction of the range. It is above the scatter, and a nose without a dwell is short within it.
+LEVEL_RTOL = 0.02
+#: Smallest part of the turn at the highest level of readings of the base circle with the wrong
+#: sign. Few lobes rest as long at their nose.
+MIN_TOP_PART = 0.25
+#: Smallest ratio of this part to that at the lowest level. Laws with two dwells have similar ones.
+MIN_TOP_RATIO = 2.0
 
 
-def _nose_of_half_lobe(file: str, resolution: float, rows: _Rows) -> float:
-    """Return the angle (rad) of the nose of half a lobe.
-
-    Raises ConfigError if the nose is not at the smallest or largest angle of the table, or if the
-    nose or the rest at the far end is missing. `resolution` is the step of the lifts in m.
-    """
-    nose = float(rows.angles[int(np.argmax(rows.lifts))])
-    if nose not in (rows.angles.min(), rows.angles.max()):
-        raise ConfigError(
-            f"{file}: the largest lift is at {math.degrees(nose):.6g} deg, inside the table; "
-            "allowed with --mirror: half a lobe, which starts or ends at its nose"
-        )
-    x, first = np.unique(np.abs(rows.angles - nose), return_index=True)
-    y = rows.lifts[first]
-    if x.size >= MIN_POINTS // 2:  # fewer are rejected later, because of their number
-        noise = max(scatter(x, y), resolution / math.sqrt(12.0))
-        _require_rest_at_end(file, x, y, noise)
-        _require_nose(file, x, y, noise)
-    return nose
-
-
-def _require_rest_at_end(file: str, x: FloatArray, y: FloatArray, noise: float) -> None:
-    """Raise ConfigError if the lift still changes at the far end of half a lobe.
-
-    `x` is the angle (rad) from the nose, `y` the lift (m), `noise` its standard deviation (m).
-    """
-    count = max(2, int(np.sum(x >= x[-1] - END_FRACTION * x[-1])))
-    slope, error = _slope_at_zero(x[-count:] - x[-1], y[-count:], 1, noise)
-    steepest = float(np.max(np.abs((y[count:] - y[:-count]) / (x[count:] - x[:-count]))))
-    if abs(slope) > MAX_END_SLOPE * steepest + SLOPE_ERRORS * error:
-        raise ConfigError(
-            f"{file}: the lift still changes by {abs(slope) * 1e3 * math.radians(1.0):.3g} "
-            f"mm/deg at the end of the half lobe, {abs(slope) / steepest:.2g} of its steepest "
-            "slope; allowed with --mirror: half a lobe from its nose to its base circle"
-        )
-
-
-def _require_nose(file: str, x: FloatArray, y: FloatArray, noise: float) -> None:
-    """Raise ConfigError if the vertex of the nose is far from the reading with the largest lift.
-
-    `x` is the angle (rad) from that reading, `y` the lift (m), `noise` its standard deviation (m).
-    """
-    count = max(3, int(np.sum(y >= y[0] - NOSE_FRACTION * float(np.ptp(y)))))
-    slope, error = _slope_at_zero(x[:count], y[:count], 2, noise)
-    curvature = 2.0 * abs(float(np.polyfit(x[:count], y[:count], 2)[0]))
-    step = float(x[1] - x[0])
-    if slope < -curvature * MAX_STEPS_TO_NOSE * step - SLOPE_ERRORS * error:
-        raise ConfigError(
-            f"{file}: the lift still rises by {-slope * 1e3 * math.radians(1.0):.3g} mm/deg "
-            "at the largest lift, so the nose is not reached; allowed with --mirror: half a lobe "
-            "that contains its nose"
-        )
-
-
-def _slope_at_zero(x: FloatArray, y: FloatArray, degree: int, noise: float) -> tuple[float, float]:
-    """Return the slope at x = 0 of a fitted polynomial, and its standard error."""
-    inverse = np.linalg.pinv(np.vander(x, degree + 1, increasing=True))
-    return float(inverse[1] @ y), noise * float(np.linalg.norm(inverse[1]))
+def _rests_at_top(rows: _Rows) -> bool:
+    """Return True if the cam rests for most of the turn at the highest reading."""
+    order = np.argsort(rows.angles % TURN)
+    angles, lifts = rows.angles[order] % TURN, rows.lifts[order]
+    ahead = np.diff(angles, append=angles[0] + TURN)
+    widths = 0.5 * (ahead + np.roll(ahead, 1)) / TURN
+    margin = LEVEL_RTOL * float(np.ptp(lifts))
+    top = float(np.sum(widths[lifts >= lifts.max() - margin]))
+    bottom = float(np.sum(widths[lifts <= lifts.min() + margin]))
+    return top > max(MIN_TOP_PART, MIN_TOP_RATIO * bottom)
 
 
 # Mean of the readings of each angle.
@@ -381,7 +337,18 @@ def _cause_of_difference(table: GaugeTable, lines: NDArray[np.int64]) -> str:
             "The lift does not return to its first level after one turn: the gauge has moved, or "
             "a part of the table is missing"
         )
+    broken = _first_out_of_order(table.angles)
     return (
-        "The cam was turned both ways, and there is backlash, or the gauge has slipped: read "
-        "again, in one turning sense"
+        f"The angle of line {table.lines[broken]}, {math.degrees(table.angles[broken]):.6g} deg, "
+        "is out of order: correct it, or leave only one turn in the table. If the cam was turned "
+        "both ways, there is backlash: read again, in one turning sense"
     )
+
+
+def _first_out_of_order(angles: tuple[float, ...]) -> int:
+    """Return the index of the first angle that breaks the order of the others."""
+    steps = np.diff(angles)
+    sense = 1.0 if np.count_nonzero(steps > 0.0) >= np.count_nonzero(steps < 0.0) else -1.0
+    k = int(np.argmax(sense * steps < 0.0))
+    is_next = k > 0 and sense * (angles[k + 1] - angles[k - 1]) < 0.0
+    return k + 1 if is_next or k == 0 else k

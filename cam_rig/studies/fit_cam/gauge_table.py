@@ -295,7 +295,7 @@ class _GaugeReader(CellTable):
         if span < MIN_RANGE_RAD or span > MAX_RANGE_DEG or other:
             could_be = f", which could be {other[0]}" if other else ""
             raise self.error(
-                f"{shorten(heading.text)} has no unit and goes from {min(angles):g} to "
+                f"{shorten(heading.text)} has no unit of angle and goes from {min(angles):g} to "
                 f"{max(angles):g}{could_be}; allowed: the unit in the heading, such as deg, rad, "
                 "turn or %, or --counts"
             )

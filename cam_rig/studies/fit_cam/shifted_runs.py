@@ -47,6 +47,9 @@ MIN_SHIFT_ERRORS = 8.0
 MIN_SIGNIFICANCE_RATIO = 0.7
 #: Largest difference of a slip and of its return, in standard errors.
 MAX_RETURN_ERRORS = 4.0
+#: Largest step of the angle from the last to the first reading, in usual steps, over which a jump
+#: of the lift is a drift of the gauge.
+MAX_CLOSING_STEPS = 2.0
 #: Largest residual of the polynomial with the shift, r.m.s. in scatters. It is larger at a kink of
 #: the law.
 MAX_RESIDUAL_SCATTERS = 2.0
@@ -119,6 +122,7 @@ def require_no_slip(readings: Readings) -> None:
     clear = [slip for slip in slips if slip.is_clear(scatter)]
     slip = max(clear, key=lambda slip: slip.significance, default=None)
     if slip is None:
+        _require_small_drift(readings, closing, back)
         return
     if abs(slip.shift + back.shift) > MAX_RETURN_ERRORS * math.hypot(slip.error, back.error):
         return
@@ -130,6 +134,21 @@ def require_no_slip(readings: Readings) -> None:
         "allowed: readings with the same zero, so read again, or correct the lines from "
         f"{after} on"
     )
+
+
+def _require_small_drift(readings: Readings, closing: int, back: Shift) -> None:
+    """Raise ConfigError if the lift jumps between the last and the first reading of the turn.
+
+    A wide gap between them is reported as one.
+    """
+    steps = np.diff(readings.angles, append=readings.angles[0] + TURN)
+    if steps[closing] <= MAX_CLOSING_STEPS * float(np.median(steps)):
+        raise ConfigError(
+            f"{readings.name}: the lift does not return after one turn, by "
+            f"{abs(back.shift) * 1e3:.3g} mm between lines {readings.lines[closing]} and "
+            f"{readings.lines[(closing + 1) % steps.size]}: the gauge has drifted, or a part of "
+            "the table is missing; allowed: the same lift after one turn, so read again"
+        )
 
 
 def _runs(readings: Readings, scatter: float) -> Iterator[Shift]:

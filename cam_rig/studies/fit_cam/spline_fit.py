@@ -39,6 +39,9 @@ WIDENING_FACTOR = 2.0
 #: Largest median distance of readings (deg) that determine the law between them. The peak
 #: acceleration of shipped laws is within 2 % at 5 deg, and within 5 % at 10 deg.
 MAX_CLOSE_STEP_DEG = 5.0
+#: Largest distance of the law beyond the range of its readings, as a fraction of the lift, that is
+#: not reported if it is also within the tolerance.
+MAX_BEYOND_READINGS = 0.01
 #: Smallest distance of a reading from its neighbours, in scatters, above which its residual is
 #: compared with the scatter, and not only with the other residuals. It is below the limit of an
 #: outlier, because the residual of the reading is evaluated as well.
@@ -200,6 +203,7 @@ class SplineFit(Result):
         yield from warn_of_unusual_lift(self.law.lift)
         yield from explain_missing_events(self.law, self.valve_train)
         yield from self._explain_tolerance()
+        yield from self._explain_range()
         step = math.degrees(float(np.median(np.diff(angles))))
         if step > MAX_CLOSE_STEP_DEG:
             yield (
@@ -222,6 +226,17 @@ class SplineFit(Result):
                 f"Not followed: the requested tolerance is {self.requested_tolerance * 1e3:.3g} "
                 f"mm, the readings scatter by {self.scatter * 1e3:.3g} mm. A closer spline would "
                 f"follow their noise; allowed: {lowest * 1e3:.3g} mm or more."
+            )
+
+    def _explain_range(self) -> Iterator[str]:
+        """Yield a sentence on a law that goes far beyond its readings."""
+        lifts, lift = self.readings.lifts, self.law.lift
+        low, high = float(lifts.min()), float(lifts.max())
+        if max(low, lift - high) > max(MAX_BEYOND_READINGS * lift, self.tolerance):
+            yield (
+                f"The law goes from {self.zero * 1e3:.4g} to {(self.zero + lift) * 1e3:.4g} mm of "
+                f"the gauge, the readings from {(self.zero + low) * 1e3:.4g} to "
+                f"{(self.zero + high) * 1e3:.4g} mm: it swings between them, so read the cam finer."
             )
 
     def _list_suspects(self) -> Iterator[str]:

@@ -1,5 +1,7 @@
 """Gauge readings: order, outliers and dwells, and the spline that is fitted to them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,6 +104,67 @@ def test_half_a_lobe_is_mirrored_about_its_nose(sign):
     assert "mirrored as requested about the nose at 0 deg" in found.notes
     with pytest.raises(ConfigError, match=r"inside the table; allowed with --mirror: half a lobe"):
         ordered(STEPS, mirror=True)
+
+
+def test_a_gauge_that_counts_down_is_noted():
+    """Negative lifts change their sign. Other readings that rest at the top give a note."""
+    lobe = 0.008 * np.maximum(1.0 - (CLOSED[:-1] / 60.0 - 3.0) ** 2, 0.0) ** 3
+    assert not any("rests longest" in note for note in ordered(CLOSED[:-1], lobe - 0.008).notes)
+    negative = ordered(CLOSED[:-1], -lobe)
+    assert negative.lifts == pytest.approx(lobe)
+    assert "the lifts are negative, and the cam rests longest near 0: signs changed" in (
+        negative.notes
+    )
+    down = ordered(CLOSED[:-1], 0.0125 - lobe)
+    assert down.lifts == pytest.approx(0.0125 - lobe)
+    assert "if the gauge counts down, the law is upside down" in " ".join(down.notes)
+
+
+def test_a_drift_over_the_turn_is_refused(measured):
+    readings = measured("cycloidal", 180)
+    drifted = replace(readings, lifts=readings.lifts + np.linspace(0.0, 1e-4, 180))
+    with pytest.raises(ConfigError, match=r"not return after one turn, by 0\.\d+ mm between lines"):
+        exclude_outliers(drifted)
+
+
+def test_a_law_that_swings_beyond_coarse_readings_is_reported():
+    angles = np.arange(0.0, 360.0, 15.0)
+    lifts = np.zeros(angles.size)
+    lifts[8:17] = 1e-3 * np.array([0.008, 1.09, 4.669, 7.567, 8.0, 7.567, 4.669, 1.09, 0.008])
+    fit = fit_spline(ordered(angles, lifts))
+    assert any("it swings between them" in sentence for sentence in fit.conclusions())
+
+
+def test_the_first_angle_out_of_order_is_named():
+    """Digits are swapped in line 11, and the second angle of 54 deg has another lift."""
+    degrees = np.arange(0.0, 360.0, 2.0)
+    degrees[9] = 81.0
+    degrees = np.append(degrees, 81.0)
+    degrees[[9, -1]] = 82.0, 358.0
+    with pytest.raises(ConfigError, match=r"The angle of line 11, 82 deg, is out of order"):
+        ordered(degrees, lift(np.arange(0.0, 361.0, 2.0)))
+
+
+@pytest.mark.parametrize("missing", [4, 5, 6])
+@pytest.mark.parametrize("step", [1, 2])
+def test_a_flat_nose_that_is_missing_is_not_mirrored(missing, step):
+    """The curvature of a 3-4-5 law is zero at its nose."""
+    half = np.arange(0.0, 90.1, step)
+    x = np.maximum(1.0 - half / 75.0, 0.0)
+    lifts = 0.008 * (10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5)
+    assert "mirrored as requested" in ordered(half, lifts, mirror=True).notes[0]
+    kept = half >= missing
+    with pytest.raises(ConfigError, match=r"so the nose is not reached"):
+        ordered(half[kept], lifts[kept], mirror=True)
+
+
+def test_equal_readings_at_the_nose_are_the_nose():
+    """A dial cannot resolve the flat nose. The end of the table counts as the nose."""
+    half = np.arange(-90.0, 0.1, 1.0)
+    lifts = 1e-5 * np.round(800.0 * (1.0 - (half / 90.0) ** 2) ** 3)
+    assert np.sum(lifts == lifts.max()) > 1
+    found = ordered(half, lifts, mirror=True, resolution=1e-5)
+    assert "mirrored as requested about the nose at 0 deg" in found.notes
 
 
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 2.0, 5.0])
