@@ -67,6 +67,8 @@ def part_of(file: Path) -> Path:
 
 def is_closed(file: Path) -> bool:
     """Return True if an MCAP file was written to its end."""
+    if file.exists() and not file.is_file():  # a pipe
+        return False
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         tail = len(FOOTER) + 20 + len(MCAP0_MAGIC)
@@ -86,6 +88,19 @@ def is_unclosed(bag: Path) -> bool:
     return bool(files) and not (all(map(is_closed, files)) and (bag / METADATA).exists())
 
 
+def require_regular(bag: Path) -> None:
+    """Raise BagError if a file of a bag is a pipe or a device, for which a reader would wait."""
+    if problem := _why_not_regular(bag):
+        raise BagError(f"{bag}: {problem}")
+
+
+def _why_not_regular(path: Path) -> str | None:
+    patterns = (f"*{SQLITE}", "*.mcap", METADATA)
+    files = [file for each in patterns for file in path.glob(each)] if path.is_dir() else [path]
+    special = [file for file in files if file.exists() and not (file.is_file() or file.is_dir())]
+    return f"{special[0].name} is a pipe or a device; allowed: files" if special else None
+
+
 def require_a_bag(path: Path) -> None:
     """Raise BagError if a path is not a bag and never was a bag."""
     if problem := why_not_a_bag(path):
@@ -100,10 +115,14 @@ def why_not_a_bag(path: Path) -> str | None:
     try:
         if not path.exists():
             return "no such bag"
+        if problem := _why_not_regular(path):
+            return problem
     except OSError as error:
         return f"is not a bag: {error.strerror}"
-    if not path.is_dir():
-        return _why_not_a_bag_file(path)
+    return _why_not_a_bag_folder(path) if path.is_dir() else _why_not_a_bag_file(path)
+
+
+def _why_not_a_bag_folder(path: Path) -> str | None:
     if problems := [_why_not_mcap(file) for file in sorted(path.glob("*.mcap"))]:
         return problems[0] if all(problems) else None
     if any(path.glob(f"*.mcap{PART}")):

@@ -17,6 +17,7 @@ from cam_rig.bag.files import (
     SQLITE,
     is_closed,
     require_a_bag,
+    require_regular,
     sqlite_files,
     sqlite_remedy,
 )
@@ -61,11 +62,13 @@ def list_files(bag: Path) -> Listing:
     Without metadata.yaml the result is all files, in the order of the numbers in their names. If
     `bag` is a file, the result is that file alone.
     """
+    require_regular(bag)
     if not bag.is_dir():
         return Listing((bag,), {})
     existing = [file for ending in STORAGE for file in bag.glob(f"*{ending}")]
     information = _read_metadata(bag / METADATA)
-    names = [Path(name).name for name in information.get("relative_file_paths", [])]
+    listed = [Path(name).name for name in information.get("relative_file_paths", [])]
+    names = list(dict.fromkeys(listed))
     missing = [name for name in names if not (bag / name).exists()]
     if missing == names:  # no metadata.yaml, or all files were renamed
         note = f"{METADATA} lists none of the files; they are read in the order of their numbers."
@@ -82,12 +85,16 @@ def list_files(bag: Path) -> Listing:
     if any(extent.messages == 0 for extent in extents.values()):
         names += [file.name for file in _later(others, names)]
         others = [file for file in others if file.name not in names]
+    repeated = sorted({name for name in names if listed.count(name) > 1})
     counted = {name: extent for name, extent in extents.items() if extent.messages}
     return Listing(
         files=tuple(bag / name for name in names),
         extents=counted,
         total=_total(information),
-        notes=tuple(f"{file.name} is ignored: {METADATA} does not list it." for file in others),
+        notes=(
+            *(f"{file.name} is ignored: {METADATA} does not list it." for file in others),
+            *(f"{name} is read once: {METADATA} lists it several times." for name in repeated),
+        ),
     )
 
 

@@ -11,7 +11,14 @@ from typing import Any
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.bag.connection import CDR, Connection
-from cam_rig.bag.files import SQLITE, UNREADABLE, is_closed, read_error, require_a_bag
+from cam_rig.bag.files import (
+    SQLITE,
+    UNREADABLE,
+    is_closed,
+    read_error,
+    require_a_bag,
+    require_regular,
+)
 from cam_rig.bag.foreign.topic_line import EXAMPLE
 from cam_rig.bag.listing import STORAGE, list_files, require_agreement
 from cam_rig.bag.mcap_file import McapFile
@@ -111,6 +118,7 @@ def readers(bag: Path) -> Iterator[BagReader]:
 
 
 def _sources(bag: Path) -> tuple[Path, ...]:
+    require_regular(bag)
     if bag.is_dir():
         require_plain(bag)
     listing = list_files(bag)

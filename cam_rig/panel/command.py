@@ -272,8 +272,7 @@ def _serve(
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
+    from cam_rig.simulation.inputs import resolve_cam, resolve_rig
 
     for library in ("starlette", "uvicorn", "websockets"):
         require(library)
@@ -285,7 +284,7 @@ def _serve(
     from cam_rig.runner.resources import user_folder
 
     expect_many()
-    cam_configs, rig_config = [load_cam(cam_path(cam)) for cam in cams], load_rig(rig_path(rig))
+    cam_configs, rig_config = [resolve_cam(cam) for cam in cams], resolve_rig(rig, *cams)
     first = cam_configs[0]
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
         runner = BenchRunner(rig_config, folder, out, rerun)

@@ -65,6 +65,9 @@ MAX_POINTS = 1_000_000
 JOIN_DISTANCE = 5e-6
 #: Radii of a circle around the axis differ at most by this distance, m.
 MAX_ECCENTRICITY = 1e-6
+#: Largest radius of a bore with its keyway, as a fraction of the smallest radius of its cam. A
+#: contour inside of its pitch curve is larger: its roller is seldom larger than the cam.
+MAX_BORE_RATIO = 0.5
 #: A closed curve of fewer straight lines is a frame or a keyway, if there are others.
 MIN_LINES = 12
 
@@ -136,9 +139,15 @@ def read_dxf(
             "that is off or frozen (--layer reads them)"
         )
     factor = UNITS["length"][unit]
-    read = [_read_curve(path, entity, factor) for entity in entities if isinstance(entity, CURVES)]
-    chains, ends = _join_chains([curve for curve in read if not curve.is_closed])
-    curves = [curve for curve in read if curve.is_closed] + chains
+    drawn = [_read_curve(path, entity, factor) for entity in entities if isinstance(entity, CURVES)]
+    distinct = _without_duplicates(drawn)
+    if duplicates := len(drawn) - len(distinct):
+        noun = "entity" if duplicates == 1 else "entities"
+        notes.append(f"{duplicates} {noun} ignored: drawn twice")
+    curves = [curve for curve in distinct if curve.is_closed]
+    loose = [curve for curve in distinct if not curve.is_closed]
+    chains, ends = _join_chains(loose)
+    curves += chains
     if not curves:
         more = "".join(f" {note}" for note in notes)
         raise ProfileError(
@@ -159,7 +168,12 @@ def read_dxf(
         require_size(path, points)
     chosen = set(map(id, outer))
     others = [placement.place(curve.points.T) for curve in curves if id(curve) not in chosen]
-    _require_one_cam(path, placed, others)
+    if any(_is_cam_inside(other, outline) for outline in placed for other in others):
+        raise ProfileError(
+            f"{path}: has a closed curve around the axis and, inside of it, another such as a "
+            "contour inside of its pitch curve; allowed: one contour, so read its layer with "
+            "--layer, or delete the other curve"
+        )
     return ContourFile(placed, False, notes)
 
 
@@ -168,17 +182,16 @@ def _is_centred(points: FloatArray) -> bool:
     return bool(np.ptp(np.hypot(*points)) <= MAX_ECCENTRICITY)
 
 
-def _require_one_cam(path: Path, placed: list[FloatArray], others: list[FloatArray]) -> None:
-    """Raise ProfileError if a curve in a circle around the axis could be the contour instead."""
-    for circle in filter(_is_centred, placed):
-        for points in others:
-            is_inside = np.hypot(*points).max() < np.hypot(*circle).max()
-            if is_inside and encloses_axis(points) and not _is_centred(points):
-                raise ProfileError(
-                    f"{path}: has a circle around the axis and, inside of it, another curve around "
-                    "the axis; allowed: one contour, so read its layer with --layer, or delete the "
-                    "circle"
-                )
+def _is_cam_inside(points: FloatArray, outline: FloatArray) -> bool:
+    """Return True if a curve inside of an outline could be the contour of the cam.
+
+    A circle around the axis is not, and neither is a bore with a keyway, which is small. A circle
+    as the outline may be the blank of any cam.
+    """
+    radius, outer = float(np.hypot(*points).max()), np.hypot(*outline)
+    is_large = _is_centred(outline) or radius > MAX_BORE_RATIO * outer.min()
+    is_inside = radius < outer.max()
+    return bool(is_inside and is_large and encloses_axis(points) and not _is_centred(points))
 
 
 #: Errors that ezdxf raises at damaged files: it reads tags before it checks the structure.
@@ -193,12 +206,16 @@ logging.getLogger("ezdxf").addHandler(logging.NullHandler())
 def _read_drawing(path: Path) -> tuple[Drawing, list[DXFEntity]]:
     """Return a drawing and the entities of its model space, those of blocks among them."""
     try:
-        read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
+        data = read_bytes(path, MAX_BYTES)  # rejects large files, pipes and devices
         document = ezdxf.readfile(path)
+        if b"$INSUNITS" not in data:  # ezdxf adds metres to a file without a header
+            document.units = 0
         drawn = [e for e in document.modelspace() if isinstance(e, (*CURVES, Insert))]
         count = _count_entities(document, drawn, {})
         every = disassemble.recursive_decompose(drawn)  # without dimensions and hatches
         entities = list(islice(every, MAX_ENTITIES + 1 if count <= MAX_ENTITIES else 0))
+    except FileNotFoundError:
+        raise ProfileError(f"{path}: no such file") from None
     except DAMAGE_ERRORS as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise ProfileError(f"{path}: cannot be read as DXF ({text})") from None
@@ -271,6 +288,15 @@ def _select_layer(path: Path, entities: list[DXFEntity], layer: str) -> list[DXF
     if layer not in layers:
         raise ProfileError(f"{path}: has no layer {layer!r}; allowed: {', '.join(layers[:20])}")
     return [entity for entity in entities if entity.dxf.get("layer", "0") == layer]
+
+
+def _without_duplicates(curves: list[_Curve]) -> list[_Curve]:
+    """Return the curves without those that are drawn again, in the same or the other direction."""
+    distinct = dict[bytes, _Curve]()
+    for curve in curves:
+        if curve.points[::-1].tobytes() not in distinct:
+            distinct.setdefault(curve.points.tobytes(), curve)
+    return list(distinct.values())
 
 
 def _read_curve(path: Path, entity: DXFGraphic, factor: float) -> _Curve:

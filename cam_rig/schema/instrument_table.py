@@ -30,6 +30,8 @@ MAX_BYTES = 2 * MIB
 HEADING_LINES = 2
 #: Largest number of lines of a file.
 MAX_LINES = 100_000
+#: Largest number of cells of a line. Logs of many channels have fewer than 1000.
+MAX_COLUMNS = 1000
 
 
 def read_lines(
@@ -158,12 +160,19 @@ class CellTable:
         )
 
     def _cells(self, line: int, text: str) -> list[str]:
-        if self.separator == " ":
-            return text.split()
         try:
-            cells = next(csv.reader([text], delimiter=self.separator))
+            cells = (
+                text.split()
+                if self.separator == " "
+                else next(csv.reader([text], delimiter=self.separator))
+            )
         except csv.Error as error:
             raise ConfigError(f"{self.file}: line {line}: cannot be read ({error})") from None
+        if len(cells) > MAX_COLUMNS:
+            raise self.error(
+                f"line {line}: has {len(cells)} columns; allowed: at most {MAX_COLUMNS}, and a "
+                "line for each angle"
+            )
         return [cell.strip() for cell in cells]
 
     def headings(self, width: int) -> list[Heading]:

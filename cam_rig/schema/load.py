@@ -170,13 +170,17 @@ cam_path = partial(resolve_path, "cams")
 rig_path = partial(resolve_path, "rigs")
 
 
-def resolve_rig_path(rig: str | Path, scene: Path) -> Path:
+def resolve_rig_path(rig: str | Path, *files: Path) -> Path:
     """Return the path of the file of a rig that is given by its path or name.
 
-    A name is searched for in the folder of rigs of the scene, then in ``config/rigs``.
+    A name is searched for in the folders of rigs next to those of `files`, which are scenes or
+    cams, then in ``config/rigs``.
     """
     path = resolve_path("rigs", rig)
-    return path if path == Path(rig) else Library.for_scene(scene).path("rigs", str(rig))
+    if path == Path(rig) or not files:
+        return path
+    roots = [file.absolute().parent.parent for file in files]
+    return Library(tuple(dict.fromkeys((*roots, config_root())))).path("rigs", str(rig))
 
 
 def tables_path() -> Path:

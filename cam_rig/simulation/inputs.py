@@ -69,7 +69,7 @@ def resolve_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
     named = read_cams(items)
     files = [source for source, _ in named if isinstance(source, Path)]
-    return cam_set(named, resolve_rig(default_rig(files) if rig is None else rig))
+    return cam_set(named, resolve_rig(default_rig(files) if rig is None else rig, *files))
 
 
 def list_cams(cams: Cams) -> list[str | Path | CamConfig]:
@@ -155,9 +155,15 @@ def build_law(cam: Cam) -> Law:
     return law_of(*_read_cam(cam))
 
 
-def resolve_rig(rig: RequiredRig) -> RigConfig:
-    """Return a rig, read from its file if it is a path or a name."""
-    return rig if isinstance(rig, RigConfig) else load_rig(rig_path(rig))
+def resolve_rig(rig: RequiredRig, *cams: LawOrCam) -> RigConfig:
+    """Return a rig, read from its file if it is a path or a name.
+
+    A name is searched for next to the cams first, then among the shipped rigs.
+    """
+    if isinstance(rig, RigConfig):
+        return rig
+    files = [cam_path(cam) for cam in cams if isinstance(cam, str | Path)]
+    return load_rig(resolve_rig_path(rig, *files))
 
 
 def default_rig(cams: Sequence[Path], default: str = DEFAULT_RIG) -> Path:

@@ -1,5 +1,6 @@
 """Files of a bag that do not agree with metadata.yaml are named in an error."""
 
+import os
 import random
 import shutil
 
@@ -62,6 +63,27 @@ def test_a_copy_is_refused_if_no_metadata_lists_the_files(bag):
     shutil.copy(mcap_files(bag)[0], bag / "bag_0 (copy).mcap")
     with pytest.raises(BagError, match=r"bag_0.mcap and bag_0 \(copy\).mcap have the same"):
         read_counts(bag)
+
+
+def test_a_file_that_is_listed_twice_is_read_once(bag, split):
+    """Its messages count once, as in the total of metadata.yaml."""
+    file, first = bag / "metadata.yaml", mcap_files(bag)[0].name
+    about = yaml.safe_load(file.read_text())
+    about["rosbag2_bagfile_information"]["relative_file_paths"].append(first)
+    file.write_text(yaml.safe_dump(about))
+    assert read_counts(bag) == read_counts(split)
+    note = f"{first} is read once: metadata.yaml lists it several times."
+    assert note in read_recording(bag).notes
+
+
+@pytest.mark.parametrize("name", ["bag_1.mcap", "metadata.yaml"])
+def test_a_pipe_in_a_bag_is_refused(bag, name):
+    """A reader would wait for it."""
+    (bag / name).unlink()
+    os.mkfifo(bag / name)
+    for command in (read_counts, read_recording, examine):
+        with pytest.raises(BagError, match=f"{name} is a pipe or a device; allowed: files"):
+            command(bag)
 
 
 @pytest.mark.parametrize("ending", ["mcap", "db3"])

@@ -12,7 +12,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws.catalogue import list_parametric_laws
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.load import find_scene
-from cam_rig.simulation.inputs import resolve_cams, resolve_scene, scene_speeds
+from cam_rig.simulation.inputs import resolve_cams, resolve_rig, resolve_scene, scene_speeds
 
 from ..conftest import scene_data
 from .conftest import call, data_of, done, shipped, written
@@ -188,6 +188,8 @@ def test_only_rig_next_to_a_cam_is_used_and_named(own, tmp_path):
     assert "next to the cam are 2 rigs; allowed: name one of" in refused.stderr
     named = done("jump", cam, "--rig", tmp_path / "mine" / "rigs" / "mine.yaml")
     assert "Jump speed on rig mine" in named.stderr
+    assert "Jump speed on rig mine" in done("jump", cam, "--rig", "mine").stderr
+    assert resolve_rig("tm21", cam).name == "tm21"
     (tmp_path / "mine" / "rigs" / "other.yaml").unlink()
     result = done("jump", cam)
     assert result.stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}, the only one")

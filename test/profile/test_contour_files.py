@@ -205,7 +205,7 @@ def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
     path = drawing(draw)
     if is_ambiguous:
         with pytest.raises(
-            ProfileError, match=r"a circle around the axis and, inside of it, .*--l"
+            ProfileError, match=r"a closed curve around the axis and, inside of it, .*--l"
         ):
             read_dxf(path, count=1)
     else:
@@ -213,6 +213,39 @@ def test_circle_around_a_cam_is_ambiguous(drawing, is_ambiguous):
         assert "2 closed curves left out: frames, or inside of another" in found.notes
     (cam,) = read_dxf(path, layer="0", count=1).curves
     assert height(cam).max() == pytest.approx(0.070 if is_ambiguous else 0.008, abs=1e-8)
+
+
+def test_contour_inside_of_its_pitch_curve_is_ambiguous(drawing):
+    """The outer of two curves that could be the cam is not measured without notice."""
+
+    def draw(document, ratio=0.8):
+        space = document.modelspace()
+        space.add_ellipse((0, 0), (30.0, 0.0), 0.9, dxfattribs={"layer": "PITCH"})
+        space.add_ellipse((0, 0), (30.0 * ratio, 0.0), 0.9, dxfattribs={"layer": "CAM"})
+
+    path = drawing(draw)
+    with pytest.raises(ProfileError, match=r"such as a contour inside of its pitch curve; .*--l"):
+        read_dxf(path, count=1)
+    (cam,) = read_dxf(path, layer="CAM", count=1).curves
+    assert np.hypot(*cam).max() == pytest.approx(0.024)
+    bore = read_dxf(drawing(lambda document: draw(document, ratio=0.4)), count=1)
+    assert np.hypot(*bore.curves[0]).max() == pytest.approx(0.030)
+
+
+def test_entities_drawn_twice_count_once(drawing):
+    """A line drawn twice, in any direction, does not open the outline."""
+    corners = [(-30.0, -20.0), (30.0, -20.0), (0.0, 40.0)]
+
+    def draw(document):
+        space = document.modelspace()
+        for i, corner in enumerate(corners):
+            space.add_line(corner, corners[i - 1])
+        space.add_line(corners[-1], corners[0])
+        space.add_line(corners[0], corners[-1])
+
+    contour = read_dxf(drawing(draw))
+    assert len(contour.curves) == 1
+    assert "2 entities ignored: drawn twice" in contour.notes
 
 
 def test_hidden_entities_are_ignored(drawing):
@@ -284,6 +317,17 @@ def test_drawing_without_a_contour(drawing):
         read_dxf(drawing(draw))
 
 
+def test_drawing_without_a_header_has_no_unit(tmp_path):
+    """Entities alone, as OpenSCAD writes them, are not read in metres."""
+    path = tmp_path / "entities.dxf"
+    circle = "0\nCIRCLE\n8\n0\n10\n0.0\n20\n0.0\n40\n2.0\n"
+    path.write_text(f"0\nSECTION\n2\nENTITIES\n{circle}0\nENDSEC\n0\nEOF\n")
+    with pytest.raises(ProfileError, match=r"unit .* is not stated; allowed: .* or --unit mm, cm"):
+        read_dxf(path)
+    (outline,) = read_dxf(path, Placement(unit="in")).curves
+    assert np.hypot(*outline) == pytest.approx(0.0508, abs=1e-9)
+
+
 def test_drawing_without_a_unit(drawing):
     """A drawing without a unit needs `--unit`, which cannot replace another unit."""
     circle = in_space("add_circle", (0.0, 0.0), 2.0)
@@ -329,7 +373,7 @@ def test_excessive_files_are_rejected(drawing, tmp_path):
         (tmp_path / "large.dxf", "MiB; allowed: 8 MiB"),
         (tmp_path / "no.dxf", "cannot be read as DXF"),
         (tmp_path / "cut.dxf", r"cannot be read as DXF \(\w+"),
-        (tmp_path / "none.dxf", "cannot be read as DXF"),
+        (tmp_path / "none.dxf", "none.dxf: no such file$"),
     ):
         with pytest.raises(ProfileError, match=words):
             read_dxf(path)

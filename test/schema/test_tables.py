@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema import load_cam
-from cam_rig.schema.instrument_table import MAX_LINES
+from cam_rig.schema.instrument_table import MAX_COLUMNS, MAX_LINES
 from cam_rig.schema.segment_base import read_points
 from cam_rig.studies.fit_cam.gauge_table import TableOptions, read_gauge_table
 from cam_rig.studies.fit_rig.jumps.table import read_jump_table
@@ -302,6 +302,8 @@ def test_files_that_cannot_be_read(read, tmp_path):
     assert "cannot be read" in catch_error(read_gauge_table, tmp_path)
     assert "allowed: 2 MiB" in catch_error(read, b"0 0\n" * 2**20)
     assert f"has {MAX_LINES + 1} lines" in catch_error(read, b"0 0\n" * (MAX_LINES + 1))
+    wide = b",".join([b"0"] * (MAX_COLUMNS + 1)) + b"\n"
+    assert f"line 1: has {MAX_COLUMNS + 1} columns" in catch_error(read, wide)
 
 
 SIGNS = "0123456789.,;\t -e\n\r°\"'#mangle_deglift\u2028\x07"

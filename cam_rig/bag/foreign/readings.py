@@ -13,10 +13,10 @@ from rosbags.typesys.store import Typestore
 
 from cam_rig.acoustics import level_db
 from cam_rig.bag.connection import CDR, Connection
-from cam_rig.bag.files import UNREADABLE, read_error
+from cam_rig.bag.files import UNREADABLE, error_text, read_error
 from cam_rig.bag.foreign.fields import number_at, only_field
 from cam_rig.bag.foreign.topic_line import MappedField
-from cam_rig.bag.foreign.turns import Counter, count_turns
+from cam_rig.bag.foreign.turns import MAX_TIMES, Counter, count_turns
 from cam_rig.bag.foreign.types import integer_span, types_of
 from cam_rig.bag.reader import readers, topic_list, topics_of
 from cam_rig.errors import BagError, did_you_mean
@@ -25,6 +25,13 @@ from cam_rig.units import NS, FloatArray
 
 #: Largest number of readings of one quantity. Each takes 24 bytes.
 MAX_READINGS = 20_000_000
+#: Number of readings of the lift whose median a reading is compared with.
+LIFT_WINDOW = 15
+#: Distance from this median, as a multiple of the lift, of a number that is not a reading. A
+#: follower that bounces stays nearer.
+SENTINEL_RATIO = 5.0
+#: Largest fraction of such numbers that are recognized, on each side of the readings.
+MAX_SENTINELS = 0.01
 
 
 @dataclass
@@ -152,6 +159,8 @@ def read_signals(bag: Path, mapping: dict[str, MappedField], cam: str = "") -> M
     notes, counts = list[str](), list[ReadingCount]()
     for name, each in readings.items():
         notes += selected[name][2]
+        if name == "lift":
+            signals[name] = _drop_sentinels(signals[name], notes)
         is_same_message = each.source.topic == angle.source.topic and each.headed == angle.headed
         if is_same_message and name != "angle":
             signals[name], dropped = _drop_times(signals[name], wrong)
@@ -174,6 +183,7 @@ def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
         located = _locate(bag, mapped, topics)
         by_topic.setdefault(located.topic, []).append(_Readings(bag, located))
     types: dict[Any, Typestore] = {}
+    begin_ns: int | None = None
     try:
         for reader in readers(bag):
             connections = [c for c in reader.connections if c.topic in by_topic and c.msgcount]
@@ -188,7 +198,15 @@ def _read_topics(bag: Path, mapping: dict[str, MappedField]) -> list[_Readings]:
                 key = connection.msgtype, connection.msgdef
                 if key not in types:
                     types[key] = types_of(bag, connection)
-                message = types[key].deserialize_cdr(data, connection.msgtype)
+                begin_ns = log_time if begin_ns is None else begin_ns
+                try:
+                    message = types[key].deserialize_cdr(data, connection.msgtype)
+                except UNREADABLE as error:
+                    raise BagError(
+                        f"{bag}: the message of {connection.topic} at "
+                        f"{(log_time - begin_ns) / NS:.6g} s is damaged or truncated "
+                        f"({error_text(error)}); name another topic, or record it again"
+                    ) from None
                 for readings in by_topic[connection.topic]:
                     readings.take(message, log_time, types[key])
     except UNREADABLE as error:
@@ -215,6 +233,30 @@ def _drop_times(signal: Signal, wrong: FloatArray) -> tuple[Signal, int]:
     is_kept = ~np.isin(signal.time, wrong)
     kept = replace(signal, time=signal.time[is_kept], value=signal.value[is_kept])
     return kept, int(np.count_nonzero(~is_kept))
+
+
+def _drop_sentinels(lift: Signal, notes: list[str]) -> Signal:
+    """Return a lift without numbers such as -999 that a gauge reports instead of a reading.
+
+    They are far from the readings next to them, compared with the range of the lift. A note with
+    their times is added to `notes`.
+    """
+    from scipy.ndimage import median_filter
+
+    smooth = median_filter(lift.value, min(LIFT_WINDOW, lift.value.size), mode="nearest")
+    # a slow recording has few readings per turn, and a long standstill few readings of a lift
+    low, high = np.quantile(lift.value, [MAX_SENTINELS, 1.0 - MAX_SENTINELS])
+    span = max(float(high - low), float(np.ptp(smooth)))
+    wrong = np.flatnonzero(np.abs(lift.value - smooth) > SENTINEL_RATIO * span)
+    if not wrong.size or span == 0.0:
+        return lift
+    times = ", ".join(f"{time:.6g}" for time in lift.time[wrong[:MAX_TIMES]])
+    more = f" and {wrong.size - MAX_TIMES} more" if wrong.size > MAX_TIMES else ""
+    notes.append(
+        f"lift: {wrong.size} wrong readings, at {times} s{more}, were dropped: they are more than "
+        f"{SENTINEL_RATIO:g} times the lift away from the readings next to them."
+    )
+    return _drop_times(lift, lift.time[wrong])[0]
 
 
 def _locate(bag: Path, mapped: MappedField, topics: dict[str, Connection]) -> MappedField:

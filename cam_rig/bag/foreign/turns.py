@@ -25,8 +25,11 @@ MAX_USUAL_STEPS = 3.0
 #: Smallest range of the readings (fraction of the period) at which they can wrap without a long
 #: step.
 MIN_RANGE = 0.75
-#: Largest median step (fraction of the period) at which whole turns can be counted.
-MAX_STEP = 0.4
+#: Largest usual step (fraction of the period) at which whole turns can be counted. With three
+#: readings per turn or fewer, the cam may have turned in either direction.
+MAX_STEP = 0.33
+#: Quantile of the steps that is compared with it: the faster speeds of a run.
+FAST_STEP_QUANTILE = 0.75
 #: Number of steps whose median is the usual step, before and after each step. It must be odd.
 WINDOW_STEPS = 15
 #: Deviation (rad) from the usual step that is never reported as wrong: 7.2°.
@@ -100,11 +103,11 @@ def count_turns(angle: Signal, where: str, counter: Counter | None = None) -> Co
     if the cam does not turn in one direction.
     """
     steps = _Steps(angle, _period(angle.value, counter))
-    if np.median(np.abs(steps.step)) > MAX_STEP * steps.period:
-        degrees = np.degrees(np.median(np.abs(steps.step)))
+    fast_step = float(np.quantile(np.abs(steps.step), FAST_STEP_QUANTILE))
+    if fast_step > MAX_STEP * steps.period:
         raise BagError(
-            f"{where}: the angle must change by less than half a turn between readings, so that "
-            f"turns can be counted, got {degrees:.0f}°; record more readings per turn"
+            f"{where}: {steps.period / fast_step:.2g} readings per turn of the encoder; more than "
+            "3 are needed to count turns, so record more, or an angle that continues after a turn"
         )
     wrong, jumps = steps.find_wrong()
     notes = _wrong_notes(angle, wrong, where)

@@ -174,16 +174,15 @@ def bounce(
 
 def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
     from cam_rig.laws.cam import law_of, require_sprung
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
-    from cam_rig.simulation.inputs import default_rig
+    from cam_rig.schema import load_cam
+    from cam_rig.schema.load import cam_path
+    from cam_rig.simulation.inputs import default_rig, resolve_rig
 
     path = cam_path(cam)
     loaded = load_cam(path)
     require_sprung(path, loaded)
-    return law_of(path, loaded), load_rig(
-        default_rig([path], "tm21") if rig is None else rig_path(rig)
-    )
+    chosen = default_rig([path], "tm21") if rig is None else rig
+    return law_of(path, loaded), resolve_rig(chosen, path)
 
 
 def _values(text: str | None) -> list[float] | None:

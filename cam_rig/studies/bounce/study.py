@@ -122,7 +122,7 @@ def bounce_map(
     >>> [row.motion for row in result.rows]
     ['irregular', 'periodic']
     """
-    law, rig = resolve_law(law), resolve_rig(rig)
+    law, rig = resolve_law(law), resolve_rig(rig, law)
     sweep, swept = _sweep(rig, model, check_speeds(rpm), restitution, parameter, values)
     _check(len(swept), turns, transient_turns, start, continuation)
     _check_kept(out, resume, start)

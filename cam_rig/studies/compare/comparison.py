@@ -97,6 +97,9 @@ QUANTITIES = {
     "lift": DrawnQuantity("lift", "mm", 1e3, "µm", 1e6, looks.LIFT),
     "force": DrawnQuantity("contact force", "N", 1.0, "N", 1.0, looks.FORCE),
 }
+#: Largest noise of an instrument, as a fraction of the range of the model. Gauges and load cells
+#: have less than a tenth of it.
+MAX_NOISE = {"lift": 0.1, "force": 0.5}
 #: Smallest number of readings of a drawn turn, if the run has as many.
 MIN_DRAWN_READINGS = 300
 #: Largest number of readings of a drawn turn.
@@ -162,7 +165,10 @@ def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[Spe
 
 def _speed_departure(step: PairedStep, law: Law) -> SpeedDeparture:
     pairs = {"lift": step.lift, "force": step.force}
-    lift, force = (None if pair is None else departure(pair, step.exact) for pair in pairs.values())
+    lift, force = (
+        None if pair is None else departure(pair, step.exact, MAX_NOISE[name])
+        for name, pair in pairs.items()
+    )
     differs = step.force is not None and force is not None and not step.exact and not force.within
     return SpeedDeparture(
         cam=step.cam,
@@ -303,6 +309,23 @@ def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
         AlignmentNumber(
             "lift_hysteresis", 2.0 * fit.lag if fit.is_significant("lag") else None, "m", from_lift
         ),
+    ]
+
+
+def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
+    """Return a warning for the speed at which a quantity differs most from turn to turn."""
+    parts = [
+        (part.noise / part.scale, row.rpm, name)
+        for row in rows
+        for name in MAX_NOISE
+        if (part := getattr(row, name)) is not None and part.turns_differ
+    ]
+    if not parts:
+        return []
+    noise, rpm, name = max(parts)
+    return [
+        f"The turns at {rpm:.5g} rpm differ from each other by {100 * noise:.2g} % of the {name}, "
+        "r.m.s., which is more than noise: check the angle and its number of counts per turn."
     ]
 
 

@@ -92,7 +92,8 @@ class Departure:
     model was driven exactly. `largest` is the largest deviation with its sign. If there is noise it
     is that of the mean over the turns, per 2° of the turn. `degrees` is its cam angle in the turn.
     `scale` is the range of the model. `turn_variation` is the difference between the model's turns
-    that 5 % of the readings exceed. `exact` is that of `PairedStep`.
+    that 5 % of the readings exceed. `exact` is that of `PairedStep`. `max_noise` is the largest
+    noise that can be that of an instrument, as a fraction of `scale`.
     """
 
     rms: float
@@ -103,6 +104,15 @@ class Departure:
     turn_variation: float
     exact: bool
     readings: int
+    max_noise: float = math.inf
+
+    @property
+    def turns_differ(self) -> bool:
+        """True if the readings differ from turn to turn by more than the noise of an instrument.
+
+        The cam angle is wrong then, or its number of counts per turn.
+        """
+        return not self.varies_by_turn and self.noise > self.max_noise * self.scale
 
     @property
     def systematic(self) -> float:
@@ -117,6 +127,8 @@ class Departure:
         """
         if self.exact:
             return abs(self.largest) <= ROUNDING_RTOL * self.scale
+        if self.turns_differ:
+            return False
         error = NOISE_ERROR_FACTOR / math.sqrt(self.readings)
         allowed = math.sqrt(SYSTEMATIC_NOISE_FRACTION**2 + error) * self.noise
         return self.systematic <= max(allowed, RANGE_RTOL * self.scale)
@@ -135,10 +147,11 @@ class Departure:
         return abs(self.largest) / self.scale if self.scale > 0.0 else math.inf
 
 
-def departure(pair: PairedSignal, exact: bool) -> Departure:
+def departure(pair: PairedSignal, exact: bool, max_noise: float = math.inf) -> Departure:
     """Return the deviation of a signal from the model.
 
     Readings near a jump are left out. `exact` is True if the model was driven sample by sample.
+    `max_noise` is that of `Departure`.
     """
     pair = pair.select(pair.away_from_jumps)
     difference = pair.difference
@@ -150,7 +163,9 @@ def departure(pair: PairedSignal, exact: bool) -> Departure:
         turn_variation = float(np.percentile(np.abs(off_neighbours(pair.angle, pair.model)), 95.0))
     index = int(np.argmax(np.abs(means)))
     largest, degrees = float(means[index]), float(degrees_of_means[index])
-    return Departure(size, noise, largest, degrees, scale, turn_variation, exact, difference.size)
+    return Departure(
+        size, noise, largest, degrees, scale, turn_variation, exact, difference.size, max_noise
+    )
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -23,6 +23,7 @@ from cam_rig.studies.compare.comparison import (
     common_frequency,
     compare_steps,
     largest_deviations,
+    turn_warnings,
     warnings_of,
 )
 from cam_rig.studies.compare.pairs import RecordedPairs, pair_measured
@@ -323,7 +324,8 @@ def _compare_bench(
     run = read_measured(bag, mapping, chosen)
     offset = None if offset_deg is None else math.radians(offset_deg)
     pairs = pair_measured(run, loaded, chosen, offset)
-    rows, notes = compare_steps(pairs.steps(), loaded.laws), (*run.notes, *warnings_of(pairs))
+    rows = compare_steps(pairs.steps(), loaded.laws)
+    notes = (*run.notes, *warnings_of(pairs), *turn_warnings(rows))
     if loaded.no_sound_note:
         notes += (loaded.no_sound_note,)
     alignment = tuple(alignment_numbers(pairs))

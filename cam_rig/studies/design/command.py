@@ -126,14 +126,13 @@ def _config(start: str, goals: dict[str, Any], **others: Any) -> DesignConfig:
 def _run_design(
     config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
 ) -> Result:
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
+    from cam_rig.simulation.inputs import resolve_cam, resolve_rig
     from cam_rig.studies.design.request import DesignRequest, parse_second
     from cam_rig.studies.design.study import front
 
     request = DesignRequest.of_config(config)
     second = None if pareto is None else parse_second(pareto)
-    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
+    cam, rig = resolve_cam(config.start), resolve_rig(config.rig, config.start)
     if second is not None:
         return front(cam, rig, request, second, points, progress)
     name = config.name or (None if out is None else out.stem)

@@ -310,7 +310,7 @@ def design(
     >>> print(f"{result.goal.start:.4f} {result.goal.result:.4f} m/rad^2")
     0.0686 0.0476 m/rad^2
     """
-    cam, rig = resolve_cam(cam), resolve_rig(rig)
+    cam, rig = resolve_cam(cam), resolve_rig(rig, cam)
     request = DesignRequest.of(
         minimise=minimise,
         maximise=maximise,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar
@@ -95,6 +97,22 @@ class ParameterEstimate:
 
     def _with_caution(self, text: str) -> str:
         return text.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
+
+
+#: Usual sizes of followers on a bench, least and greatest, SI. Other values are reported.
+USUAL_VALUES = {"mass": (0.005, 500.0), "spring_stiffness": (10.0, 1e8)}
+
+
+def warn_of_unusual_values(numbers: Iterable[ParameterEstimate]) -> Iterator[str]:
+    """Yield a sentence for each identified parameter outside of `USUAL_VALUES`."""
+    for number in numbers:
+        low, high = USUAL_VALUES.get(number.name, (0.0, math.inf))
+        if number.value is not None and not low <= number.value <= high:
+            yield (
+                f"The {number.name.replace('_', ' ')} of {number.value:.3g} {number.unit} is "
+                f"outside the usual size of a bench, {low:g} to {high:g} {number.unit}: check the "
+                "units of force and lift."
+            )
 
 
 def interval_text(value: float, half: float, unit: str) -> str:

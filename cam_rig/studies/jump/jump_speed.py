@@ -186,7 +186,7 @@ def jump_speed(
     >>> cam_rig.jump_speed("poly345", "paper_table2", preload=preloads).rpm.round(1).tolist()
     [344.9, 413.4, 417.2]
     """
-    law, rig = resolve_law(law), resolve_rig(rig)
+    law, rig = resolve_law(law), resolve_rig(rig, law)
     numbers = {
         "mass": mass,
         "spring_stiffness": spring_stiffness,

@@ -257,11 +257,10 @@ def _resolve_source(
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
         if rig is None:
             rig = default_rig([path] if isinstance(path, Path) else [], CAM_RIG)
-        return law, title, resolve_rig(rig), CAM_MODEL, [*map(float, CAM_RPM)]
-    scene = resolve_scene(source)
+        return law, title, resolve_rig(rig, source), CAM_MODEL, [*map(float, CAM_RPM)]
+    scene = resolve_scene(source, rig)
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
-    chosen = scene.rig if rig is None else resolve_rig(rig)
-    return laws, scene.titles, chosen, scene.scene.model, speeds_of(scene.scene)
+    return laws, scene.titles, scene.rig, scene.scene.model, speeds_of(scene.scene)
 
 
 def _is_cam(source: str | Path) -> bool:

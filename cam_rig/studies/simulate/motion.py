@@ -161,7 +161,7 @@ def simulate(
     >>> [event.kind for event in motion.events][:2]
     ['lift-off', 'landing']
     """
-    law, rig = resolve_law(law), resolve_rig(rig)
+    law, rig = resolve_law(law), resolve_rig(rig, law)
     scene = scene_of("simulate", [CAM], rig, model, [rpm], turns, 0, sample_rate, ramp)
     count = turns * 60.0 / rpm * sample_rate
     if count > MAX_TOTAL_SAMPLES:

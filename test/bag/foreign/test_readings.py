@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cam_rig.bag.foreign.readings import read_signals
@@ -75,6 +76,29 @@ def test_it_is_an_error_if_all_messages_lack_the_joint(tmp_path):
     line = LINE.replace("[cam]", "[cm]")
     with pytest.raises(BagError, match=r"from 0 or one of cam, follower, got 'cm'"):
         read(tmp_path, line, joints=(joints, TIME, both()))
+
+
+def test_a_truncated_message_is_named_with_its_time(tmp_path):
+    """The other messages of the bag are sound."""
+    kind, data = "std_msgs/msg/Float64", TYPES.serialize_cdr(number(0, 1.0), "std_msgs/msg/Float64")
+    with RosbagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topics = [writer.add_connection(name, kind, typestore=TYPES) for name in ("/enc", "/lift")]
+        for i in range(20):
+            for topic in topics:
+                is_cut = i == 7 and topic is topics[1]
+                writer.write(topic, BEGIN + i * NS, data[:7] if is_cut else data)
+    with pytest.raises(BagError, match=r"message of /lift at 7 s is damaged or truncated \("):
+        read_signals(tmp_path / "bag", parse_topics("angle=/enc lift=/lift"))
+
+
+@pytest.mark.parametrize("sentinel", [-999.0, 9.99])
+def test_numbers_that_are_no_lift_are_dropped(tmp_path, sentinel):
+    """A gauge reports them instead of a reading; their times are noted."""
+    lift = LIFT.copy()
+    lift[[50, 51, 300]] = sentinel
+    signals, _, notes = read(tmp_path, joints=(joints, TIME, both(lift=lift)))
+    np.testing.assert_array_equal(signals["lift"].value, np.delete(LIFT, [50, 51, 300]))
+    assert "lift: 3 wrong readings, at 0.2, 0.204, 1.2 s, were dropped" in notes
 
 
 @pytest.mark.parametrize("zero", [[0], [499], [0, 1, 250], range(1, 500, 2)])

@@ -192,7 +192,8 @@ def test_a_counter_that_restarts_at_zero_after_a_pause_continues_forwards(sign):
             r"wrong angles, at .*of 400; record",
         ),
         (np.sin(np.arange(400) / 30.0), "in one direction, got .* first reversal at 47 s"),
-        (np.remainder(3.0 * np.arange(400), TURN), "between readings, .*got 172°"),
+        (np.remainder(3.0 * np.arange(400), TURN), r"2\.1 readings per turn .*more than 3 are"),
+        (np.remainder(TURN / 1.5 * np.arange(400), TURN), r"3 readings per turn .*more than 3"),
     ],
 )
 def test_an_impossible_motion_is_refused_with_its_time(value, error):

@@ -17,6 +17,7 @@ from cam_rig.studies.compare.comparison import (
     common_frequency,
     compare_steps,
     largest_deviations,
+    turn_warnings,
     warnings_of,
 )
 from cam_rig.studies.compare.pairs import RecordedPairs
@@ -64,6 +65,16 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
     for largest in largest_deviations(rows)[:2]:
         assert largest.agreeing == largest.speeds == len(speeds)
     assert list(warnings_of(pairs)) == []
+
+
+def test_turns_that_differ_are_no_noise(scene):
+    """With half of the counts per turn, every other turn has the other half of the lift."""
+    loaded = scene()
+    run = measured(loaded)
+    _, rows = compared(replace(run, angle=replace(run.angle, value=2.0 * run.angle.value)), loaded)
+    assert rows and not any(row.agrees or row.lift.within for row in rows)
+    assert "differ from each other by" in "".join(turn_warnings(rows))
+    assert not turn_warnings(compared(run, loaded)[1])
 
 
 def test_a_heavier_follower_differs_by_more_than_the_noise(scene):

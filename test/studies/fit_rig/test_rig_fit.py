@@ -129,6 +129,19 @@ def test_contact_identifies_no_restitution(law, rig):
     assert any("No parameter" in text for text in fit.conclusions())
 
 
+def test_a_rig_without_a_restitution_is_fitted_and_a_tiny_mass_reported(law, rig):
+    """A force read in kN as N gives a thousandth of the mass."""
+    follower = rig.follower.model_copy(update={"restitution": None})
+    plain = rig.model_copy(update={"follower": follower})
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
+    fit = fit_run(law, run, plain, "one_mass")
+    require_true(fit, rig, "mass", "spring_stiffness")
+    unusual = "outside the usual size of a bench"
+    assert not any(unusual in text for text in fit.conclusions())
+    fit = fit_run(law, with_force(run, 1e-3 * run.force.value), plain, "one_mass")
+    assert sum(unusual in text for text in fit.conclusions()) == 2
+
+
 @pytest.mark.long
 def test_lifts_alone_identify_ratios_to_the_mass(law, rig):
     """Lifts alone identify k/m, c/m and preload/m, and all parameters of a given mass.

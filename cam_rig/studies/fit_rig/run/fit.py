@@ -53,7 +53,13 @@ def fit_run(
     run, segments = measured_segments(run)
     rigid = {name: value for name, value in fixed.items() if name not in TWO_MASS_ONLY}
     purpose = "the start values of the fit", "use another --rig"
-    values = {n: base.need(n, *purpose).si for n in ONE_MASS if n not in rigid} | rigid
+    # a rig without a restitution starts from 0, which affects landings only
+    optional = {"restitution": si_or_none(base.follower.restitution) or 0.0}
+    values = {
+        n: optional[n] if n in optional else base.need(n, *purpose).si
+        for n in ONE_MASS
+        if n not in rigid
+    } | rigid
     progress.start(None, "reading")
     progress.describe("the encoder's zero")
     rough, phase, zero = rough_start(law, segments, values)

@@ -12,7 +12,7 @@ import numpy as np
 from cam_rig.show.result import SI_UNITS, Column, Records
 from cam_rig.show.tables import format_number
 from cam_rig.simulation.instruments import MeasuredRun
-from cam_rig.studies.fit_rig.estimate import RigParameters
+from cam_rig.studies.fit_rig.estimate import RigParameters, warn_of_unusual_values
 from cam_rig.studies.fit_rig.run.models import MIN_BACKLASH_FRACTION
 from cam_rig.studies.fit_rig.run.search import FitSolution
 from cam_rig.units import round_to_error
@@ -184,6 +184,7 @@ class RigFit(RigParameters):
             "The gain of the force sensor and the encoder's clock are assumed to be exact: 100 ppm "
             f"of the clock are 200 ppm of a mass.{note}"
         )
+        yield from warn_of_unusual_values(self.identified)
         yield from _warnings(self)
 
 
