@@ -359,5 +359,5 @@ def test_a_cam_that_is_missing_in_the_scene_is_named(make_loaded_scene):
     other = make_loaded_scene(cams=["cycloidal"])
     run = recorded(other)
     scene = make_loaded_scene(cams=["poly345"])
-    with pytest.raises(ConfigError, match=r"no cam 'cycloidal', which the bag contains.*poly345"):
+    with pytest.raises(ConfigError, match=r"must have the cam 'cycloidal' of the bag.*poly345"):
         list(RecordedPairs(scene).steps(*run))
