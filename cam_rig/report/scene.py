@@ -103,7 +103,7 @@ class SceneStudies:
 
 def _summary_table(scene: SceneStudies) -> DataTable:
     """Return one row per cam: checks, loss of contact, jump speed and levels."""
-    jumps = {row.cam: row.found.rpm for row in scene.jumps.rows}
+    jumps = {row.cam: row.jump.rpm for row in scene.jumps.rows}
     curves = scene.run.noise.curves
 
     def checks(cam: str, passed: bool) -> Cell:

@@ -140,7 +140,7 @@ def _jump(paper: Paper) -> Content:
     found, cam_set = paper.jumps, paper.cam_set
     printed = [row.published_rpm for row in found.rows if row.published_rpm]
     mean = math.sqrt(sum(x**-2 for x in printed) / len(printed))
-    angles = [math.degrees(row.found.angle) for row in found.rows]
+    angles = [math.degrees(row.jump.angle) for row in found.rows]
     follower = TwoMassParameters.from_rig(cam_set.rig)
     values = {
         "jump": found.comparison,

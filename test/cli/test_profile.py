@@ -143,4 +143,4 @@ def test_contour_of_one_cam_is_refused_for_a_conjugate_cam(tmp_path):
     call("tm21", "--out", tmp_path / "a.dxf")
     result = call("conjugate", "--from", tmp_path / "a.dxf")
     assert result.exit_code == 1
-    assert "has 1 closed curve; allowed: 2, one for each contour" in result.stderr
+    assert "must have 2 closed curves, one for each contour" in result.stderr

@@ -40,7 +40,7 @@ def test_error_of_an_invalid_argument():
         (partial(simulate, rpm="450"), f"rpm: is '450' (str); {number}"),
         (partial(simulate, rpm=10**5000), f"rpm: is int of more than 63 bits; {number}"),
         (partial(simulate, rpm=450, turns=None), "turns: is None (NoneType); allowed: a whole"),
-        (partial(simulate, rpm=450, turns=100_000), "make 6.4e+08 samples; allowed: 2e+07"),
+        (partial(simulate, rpm=450, turns=100_000), "may have at most 2e+07 samples, got 6.4e+08"),
         (partial(simulate, rpm=450, model="two mass"), "is 'two mass' (did you mean 'two_mass'"),
         (partial(cam_rig.simulate, "poly34", RIG, rpm=450), "poly34.yaml: no such file (did you"),
         (partial(cam_rig.simulate, "conjugate", RIG, rpm=450), "allowed on a rig: a follower"),
@@ -51,11 +51,14 @@ def test_error_of_an_invalid_argument():
         (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
         (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
         (partial(cam_rig.load_cam, "poly34"), "poly34.yaml: no such file (did you mean 'poly345'"),
-        (partial(cam_rig.contour, CAM, 3), "points: is 3; allowed: 36 to 1000000"),
+        (partial(cam_rig.contour, CAM, 3), "points must be between 36 and 1000000, got 3"),
         (partial(RIG.with_follower, preload=-1.0), "follower.preload: is -1 N; allowed"),
         (partial(RIG.with_follower, preloud=1.0), "follower.preloud: unknown key"),
         (partial(cam_rig.read_bag, "config"), "config: is not a bag"),
-        (partial(cam_rig.read_bag, GOLDEN, "jump_two_mass"), "allowed: the cams of scene jump_two"),
+        (
+            partial(cam_rig.read_bag, GOLDEN, "jump_two_mass"),
+            "the cams must be those of scene jump_two",
+        ),
     ):
         with pytest.raises(cam_rig.CamRigError) as refused:
             call()
@@ -198,7 +201,7 @@ def test_empty_lists_and_matrices_are_refused(valid_arguments, name):
     function, arguments = getattr(cam_rig, name), valid_arguments[name]
     for argument in array_parameters(name):
         for value in ([], np.array([]), np.array([[300.0, 350.0]]), np.full((2, 1), 0.3)):
-            with pytest.raises(errors.ConfigError, match=rf"{argument}: is"):
+            with pytest.raises(errors.ConfigError, match=rf"^{argument}\b"):
                 function(**arguments | {argument: value})
     if "cams" in arguments:
         for value in ([], ()):

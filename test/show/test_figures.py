@@ -110,7 +110,7 @@ def test_jump_speeds_are_marked_at_zero_force(figures, jumps):
     """There is one marker per cam on the zero line, at its computed jump speed."""
     axes = figures["jump"].axes[0]
     marked = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
-    expected = [[row.found.rpm, 0.0] for row in jumps.rows]
+    expected = [[row.jump.rpm, 0.0] for row in jumps.rows]
     np.testing.assert_array_equal(np.concatenate(marked), expected)
 
 
@@ -166,7 +166,7 @@ def test_a_cubic_is_plotted_through_six_speeds_or_more(count: int, curves: int) 
 
 def test_published_jump_speeds_are_marked_on_the_axis(jumps: JumpResult) -> None:
     """Each has a marker at the lower edge, and an inset if two are close."""
-    rows = [replace(row, published_rpm=row.found.rpm + 5.0) for row in jumps.rows]
+    rows = [replace(row, published_rpm=row.jump.rpm + 5.0) for row in jumps.rows]
     (axes,) = jump.figure(replace(jumps, rows=tuple(rows))).axes
     markers = [x for x in axes.lines if x.get_marker() == CARETUP and len(x.get_xdata())]
     assert [float(x.get_xdata()[0]) for x in markers] == [row.published_rpm for row in rows]

@@ -77,7 +77,9 @@ def test_the_level_leaves_out_the_first_turns(law, rig):
     result = cam_rig.sound_level(motion, transient_turns=2)
     mean = 10.0 * np.log10(np.mean(10.0 ** (result.by_turn[2:] / 10.0)))
     assert result.level_db == pytest.approx(mean, abs=1e-9)
-    with pytest.raises(ConfigError, match=r"transient_turns: 4; allowed: 0 to 3, fewer than the 4"):
+    with pytest.raises(
+        ConfigError, match=r"transient_turns must be between 0 and 3, fewer than the 4"
+    ):
         cam_rig.sound_level(motion, transient_turns=4)
 
 

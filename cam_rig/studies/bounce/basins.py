@@ -25,13 +25,13 @@ from cam_rig.studies.bounce.result import EXPONENT
 from cam_rig.units import NS, RPM, FloatArray
 
 #: Turns that each start runs before its motion is classified.
-SETTLE = 200
+TRANSIENT_TURNS = 200
 #: Turns after these that classify the motion.
-KEPT = 40
+CLASSIFIED_TURNS = 40
 #: Default number of starts along each side of the grid.
-GRID = 40
+DEFAULT_GRID = 40
 #: Range of the starts, as a multiple of the range of the motion from the cam.
-REACH = 2.0
+RANGE_FACTOR = 2.0
 #: Relative tolerance of the fastest landing within which two motions are the same.
 LANDING_RTOL = 1e-3
 #: Samples per turn in a phase portrait.
@@ -139,8 +139,8 @@ def _ends(
     """Return the motion in which each gap (m) and rate (m/s) ends, at a speed (rad/s)."""
     turn_map, ends = StroboscopicMap(law, parameters, speed), []
     for start in starts:
-        run = turn_map.run(SETTLE + KEPT, start)
-        motion = motion_of(turn_map, run, KEPT)
+        run = turn_map.run(TRANSIENT_TURNS + CLASSIFIED_TURNS, start)
+        motion = motion_of(turn_map, run, CLASSIFIED_TURNS)
         turns = motion.period or PORTRAIT_TURNS
         end = EndMotion(
             **vars(motion),
@@ -159,7 +159,7 @@ def basins(
     *,
     rpm: float,
     restitution: float | None = None,
-    grid: int = GRID,
+    grid: int = DEFAULT_GRID,
     executor: Executor | None = None,
     progress: Progress = NULL_PROGRESS,
 ) -> Basins:
@@ -204,7 +204,7 @@ def basins(
     [(1, 3.0, 1.0)]
     """
     if grid < 2:
-        raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
+        raise ConfigError(f"grid must be 2 or more starts along each side, got {grid}")
     p, speed = bouncing(rig, restitution), check_speeds(rpm)[0] * RPM
     assert isinstance(p, FollowerParameters)  # gap and rate are the state of one mass
     expect_many()
@@ -234,9 +234,11 @@ def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]
 
     Both ranges are multiples of the range of the motion that starts on the cam.
     """
-    run = turn_map.run(SETTLE + KEPT)
+    run = turn_map.run(TRANSIENT_TURNS + CLASSIFIED_TURNS)
     min_range = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])  # if it stays on the cam
-    ranges = REACH * np.maximum(np.abs(run.states[-KEPT:]).max(axis=0), min_range)
+    ranges = RANGE_FACTOR * np.maximum(
+        np.abs(run.states[-CLASSIFIED_TURNS:]).max(axis=0), min_range
+    )
     return np.linspace(0.0, ranges[0], grid), np.linspace(-ranges[1], ranges[1], grid)
 
 

@@ -26,9 +26,9 @@ from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.units import FloatArray
 
 #: Largest step of a converged Newton iteration, relative to lift and speed.
-CONVERGED = 1e-13
+NEWTON_RTOL = 1e-13
 #: Largest number of Newton iterations.
-ITERATIONS = 20
+MAX_ITERATIONS = 20
 #: Residual below this value is rounding, if a motion stretches small changes strongly.
 ROUNDING_RESIDUAL = 1e-10
 #: First step along a branch, relative to lift and speed.
@@ -40,11 +40,11 @@ MAX_STEP = 5e-3
 #: Largest number of steps along a branch.
 MAX_STEPS = 20_000
 #: Relative step of the swept value for the derivative. It affects the iteration, not the result.
-NUDGE = 1e-7
+VALUE_STEP = 1e-7
 #: Largest difference of equal halves of a period, as a fraction of lift times speed.
 HALF_PERIOD_RTOL = 1e-3
 #: Distances beyond the end of a branch at which another number of landings is searched for.
-BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
+DISTANCES_BEYOND = (1e-8, 1e-7, 1e-6, 1e-5)
 #: Relative tolerance within which two bifurcations are the same.
 BIFURCATION_RTOL = 1e-6
 #: Relative tolerance of the fastest landing within which two motions at one value are the same.
@@ -54,10 +54,15 @@ JUMP_RTOL = 1e-2
 #: Distance to ±1 below which a multiplier passes ±1 at a root. Above it the multiplier jumps.
 PASS_ATOL = 1e-5
 
-#: Kinds of bifurcation, as tables and JSON contain them.
+# Kinds of bifurcation, as tables and JSON contain them. `DESCRIPTIONS` explains each.
 
-LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
-SPIRAL, GRAZE, CORNER, LOST = "Neimark-Sacker", "grazing", "corner", "undetermined"
+LIFT_OFF = "first lift-off"
+FLIP = "period doubling"
+FOLD = "fold"
+SPIRAL = "Neimark-Sacker"
+GRAZE = "grazing"
+CORNER = "corner"
+LOST = "undetermined"
 #: Explanation of each kind, a note below the table of bifurcations.
 DESCRIPTIONS = {
     LIFT_OFF: "on one side the follower stays on the cam; on the other it flies and bounces, and "
@@ -210,7 +215,7 @@ class Family:
             if not low <= self.sweep.value(motion.point) <= high:
                 break
             point = next_point
-            if length > 10.0 * NUDGE:  # a difference over a shorter step would span a corner
+            if length > 10.0 * VALUE_STEP:  # a difference over a shorter step would span a corner
                 by_value = self._by_value(next_point)
             along = self._tangent(motion, by_value, along)
             length = min(1.5 * length, MAX_STEP)
@@ -248,11 +253,11 @@ class Family:
 
         A difference does not extend beyond a graze, where the number of landings changes.
         """
-        step = np.eye(vector.size)[-1] * NUDGE
-        vectors = [vector - step if vector[-1] > NUDGE else vector, vector, vector + step]
+        step = np.eye(vector.size)[-1] * VALUE_STEP
+        vectors = [vector - step if vector[-1] > VALUE_STEP else vector, vector, vector + step]
         reached, motions = zip(*map(self._run, vectors), strict=True)
         first, last = (i if motions[i].landings == motions[1].landings else 1 for i in (0, 2))
-        distance = max(vectors[last][-1] - vectors[first][-1], NUDGE)
+        distance = max(vectors[last][-1] - vectors[first][-1], VALUE_STEP)
         return np.asarray((reached[last] - reached[first]) / distance)
 
     def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
@@ -276,7 +281,7 @@ class Family:
         The plane is normal to ``along``.
         """
         vector, last = start, math.inf
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             reached, motion = self._run(vector)
             residual = np.array([*(reached - vector[:-1]), along @ (vector - start)])
             matrix = np.vstack([self._matrix(motion, by_value), along])
@@ -285,15 +290,15 @@ class Family:
             except np.linalg.LinAlgError:
                 break
             size = float(np.abs(step).max())
-            if size <= CONVERGED or (size <= ROUNDING_RESIDUAL and size >= 0.5 * last):
+            if size <= NEWTON_RTOL or (size <= ROUNDING_RESIDUAL and size >= 0.5 * last):
                 return motion, vector
             if not size < 1.0:
                 break
             vector, last = vector + step, size
         position = self.sweep.words(float(start[-1] * self._scale[-1]))
         raise MotionNotFoundError(
-            f"no motion of period {self.period} is found near {position}; allowed: a start nearer "
-            "to a motion"
+            f"no motion of period {self.period} was found near {position}; use a start nearer to "
+            "a motion"
         )
 
     def _ahead(
@@ -334,9 +339,9 @@ class Family:
         ):
             yield Bifurcation(FLIP, last.point, half_period, last.landings // 2)
             return
-        for beyond in BEYOND:
+        for distance in DISTANCES_BEYOND:
             try:
-                motion = self._run(point + beyond * along)[1]
+                motion = self._run(point + distance * along)[1]
             except DynamicsError:
                 return
             if motion.landings != last.landings:
@@ -369,13 +374,9 @@ class Branch:
             low, high = self.sweep.value(a.point), self.sweep.value(b.point)
             if (low - value) * (high - value) <= 0.0 and low != high:
                 fraction = (value - low) / (high - low)
-                max_landing_speed = a.max_landing_speed + fraction * (
-                    b.max_landing_speed - a.max_landing_speed
-                )
-                if (
-                    abs(max_landing_speed - motion.max_landing_speed)
-                    < LANDING_RTOL * max_landing_speed
-                ):
+                first, last = a.max_landing_speed, b.max_landing_speed
+                speed = first + fraction * (last - first)
+                if abs(speed - motion.max_landing_speed) < LANDING_RTOL * speed:
                     return True
         return False
 
@@ -391,15 +392,19 @@ def branch_through(
 
 
 def branches(
-    law: Law, sweep: Sweep, seen: Sequence[tuple[float, State, int]], low: float, high: float
+    law: Law,
+    sweep: Sweep,
+    starts: Sequence[tuple[float, State, int]],
+    low: float,
+    high: float,
 ) -> tuple[Branch, ...]:
     """Return all branches between two values (SI) that contain given motions.
 
-    ``seen`` lists the value (SI), a state and the period of each motion. A motion starts no branch
-    if the iteration does not find it, or if it is already on a branch.
+    ``starts`` lists the value (SI), a state and the period of each motion. A motion starts no
+    branch if the iteration does not find it, or if it is already on a branch.
     """
     result = list[Branch]()
-    for value, state, period in seen:
+    for value, state, period in starts:
         try:
             motion = Family(law, sweep, period).at(value, state)
         except MotionNotFoundError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import AbstractContextManager
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -16,18 +15,17 @@ from cam_rig.show.command import Dask, Jobs, command
 from cam_rig.show.result import Progress, Result
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
-    from cam_rig.workers import ExecutorPool
-
-    Place = AbstractContextManager[ExecutorPool]
 
 #: Default number of speeds.
-SPEEDS = 121
+DEFAULT_SPEEDS = 121
 #: Lowest default speed, as a multiple of the jump speed.
-FROM = 0.9
+MIN_JUMP_RATIO = 0.9
 #: Highest default speed, as a multiple of the jump speed.
-TO = 1.8
+MAX_JUMP_RATIO = 1.8
 
 
 #: Choices of the options --model, --parameter and --from.
@@ -152,24 +150,45 @@ def bounce(
     if basins:
         if model != Masses.ONE_MASS or out is not None:
             raise ConfigError("--basins requires one mass, and cannot be combined with --out")
-        pool = executor_pool(jobs, dask)
-        return _basins(law, config, speeds, pool, restitution=restitution, progress=progress)
-    find = partial(bounce_map, law, config, rpm=speeds, restitution=restitution, progress=progress)
+        with executor_pool(jobs, dask) as pool:
+            return _find_basins(law, config, speeds, restitution, pool.executor, progress)
     find = partial(
-        find, model=model.value, parameter=parameter.value, values=_values(values), turns=turns
-    )
-    find = partial(
-        find,
+        bounce_map,
+        law,
+        config,
+        rpm=speeds,
+        restitution=restitution,
+        model=model.value,
+        parameter=parameter.value,
+        values=None if values is None else _parse_values(values),
+        turns=turns,
         transient_turns=transient_turns,
         start=start.value,
         continuation=continuation,
         out=out,
         resume=resume,
+        progress=progress,
     )
     if start != Start.REST or (parameter == Parameter.RPM and len(speeds) == 1):
         return find()
-    with executor_pool(jobs, dask) as place:
-        return find(executor=place.executor, workers=place.count)
+    with executor_pool(jobs, dask) as pool:
+        return find(executor=pool.executor, workers=pool.count)
+
+
+def _find_basins(
+    law: Law,
+    rig: RigConfig,
+    speeds: list[float],
+    restitution: float | None,
+    executor: Executor | None,
+    progress: Progress,
+) -> Result:
+    from cam_rig.studies.bounce.basins import basins
+
+    if len(speeds) > 1:
+        raise ConfigError(f"--basins requires one speed, such as --rpm 420; got {len(speeds)}")
+    options: dict[str, Any] = {"executor": executor, "progress": progress}
+    return basins(law, rig, rpm=speeds[0], restitution=restitution, **options)
 
 
 def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
@@ -185,15 +204,13 @@ def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
     return law_of(path, loaded), resolve_rig(chosen, path)
 
 
-def _values(text: str | None) -> list[float] | None:
+def _parse_values(text: str) -> list[float]:
     """Return the numbers of --values."""
     from cam_rig.simulation.inputs import parse_numbers
 
-    if text is None:
-        return None
     if not (values := parse_numbers(text)):
         raise ConfigError(
-            f"--values {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)"
+            f"--values must be 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step), got {text}"
         )
     return values
 
@@ -208,17 +225,8 @@ def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
     jump = Sweep(any_speed).lift_off(law, ()) / RPM
     if not 0.0 < jump < math.inf:
         raise ConfigError(
-            f"cam {law.name!r}: has a jump speed of {jump:g} rpm, around which there are no "
-            "speeds; allowed: --rpm"
+            f"cam {law.name!r} has a jump speed of {jump:g} rpm, around which there is no range "
+            "of speeds; set --rpm"
         )
-    step = jump * (TO - FROM) / (SPEEDS - 1)
-    return [FROM * jump + i * step for i in range(SPEEDS)]
-
-
-def _basins(law: Law, rig: RigConfig, speeds: list[float], pool: Place, **how: Any) -> Result:
-    from cam_rig.studies.bounce.basins import basins
-
-    if len(speeds) > 1:
-        raise ConfigError(f"--basins requires one speed, such as --rpm 420; got {len(speeds)}")
-    with pool as place:
-        return basins(law, rig, rpm=speeds[0], executor=place.executor, **how)
+    step = jump * (MAX_JUMP_RATIO - MIN_JUMP_RATIO) / (DEFAULT_SPEEDS - 1)
+    return [MIN_JUMP_RATIO * jump + i * step for i in range(DEFAULT_SPEEDS)]

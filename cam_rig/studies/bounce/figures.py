@@ -44,7 +44,7 @@ def figure(result: BounceMap) -> Figure:
             axes.axvline(result.lift_off / factor, color="0.3", ls=":", lw=0.9)
     label = f"{name} [{unit}]" if unit else name
     panels[-1].set(xlabel=CAM_SPEED if result.sweep.parameter == SPEED else label)
-    out.suptitle(wrapped(f"{in_words(result.law.name)} on {result.rig.title}, {result.held}"))
+    out.suptitle(wrapped(f"{in_words(result.law.name)} on {result.rig.title}, {result.fixed_text}"))
     out.legend(*panels[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return out
 
@@ -107,7 +107,7 @@ def basin_figure(result: Basins) -> Figure:
     looks = [series_marker(i) for i in range(min(MAX_MOTIONS, len(result.motions)))]
     colours = [look["color"] for look in looks]
     mapped = ListedColormap([*colours, "0.8"])
-    shown = np.minimum(result.ends, len(colours))
+    colour_indices = np.minimum(result.ends, len(colours))
     extent: Any = [
         result.gap[0] * 1e3,
         result.gap[-1] * 1e3,
@@ -115,7 +115,9 @@ def basin_figure(result: Basins) -> Figure:
         result.gap_rate[-1],
     ]
     options: dict[str, Any] = {"origin": "lower", "aspect": "auto", "interpolation": "nearest"}
-    left.imshow(shown, cmap=mapped, vmin=-0.5, vmax=len(colours) + 0.5, extent=extent, **options)
+    left.imshow(
+        colour_indices, cmap=mapped, vmin=-0.5, vmax=len(colours) + 0.5, extent=extent, **options
+    )
     left.set(xlabel="gap at cam angle 0 [mm]", ylabel="rate of the gap there [m/s]")
     left.grid(False)
     for motion, look in zip(result.motions, looks, strict=False):

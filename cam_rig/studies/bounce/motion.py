@@ -1,6 +1,6 @@
 """Motion and Lyapunov exponents of a run of many turns.
 
-A motion is in contact, periodic, irregular or undetermined ("undetermined").
+A motion is in contact, periodic, irregular or undetermined.
 """
 
 from __future__ import annotations
@@ -18,19 +18,22 @@ from cam_rig.units import FloatArray
 
 #: Followers that can bounce: one rigid mass, or a roller and an end mass on an elastic stem.
 Bouncing = FollowerParameters | TwoMassParameters
-#: Names of the two models.
-ONE_MASS, TWO_MASS = "one_mass", "two_mass"
-#: Kinds of motion, as tables and JSON contain them.
-IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED = (
-    "in contact",
-    "periodic",
-    "irregular",
-    "undetermined",
-)
-#: Least number of times that a period must repeat in the kept turns.
+#: Name of the model of one rigid mass.
+ONE_MASS = "one_mass"
+#: Name of the model of two masses and a stem.
+TWO_MASS = "two_mass"
+#: Kind of a motion that does not leave the cam, as tables and JSON contain it.
+IN_CONTACT = "in contact"
+#: Kind of a motion whose turns repeat.
+PERIODIC = "periodic"
+#: Kind of a motion whose largest Lyapunov exponent is positive.
+IRREGULAR = "irregular"
+#: Kind of a motion that neither repeats nor has a positive exponent beyond its error.
+UNDETERMINED = "undetermined"
+#: Least number of times that a period must repeat in the classified turns.
 MIN_REPEATS = 4
 #: Relative rounding error of a state.
-ROUNDING = 1e-16
+STATE_RTOL = 1e-16
 #: Number of blocks of turns over which the growth is averaged.
 BLOCKS = 10
 #: Student's t of `BLOCKS` means, two-sided, at 95 %.
@@ -65,54 +68,53 @@ def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -
     ``restitution`` None selects the value of the rig. A rig without a value is refused.
     """
     if restitution is None:
-        rig.need("restitution", "bouncing", "give --restitution, in Python restitution")
+        rig.need("restitution", "bouncing", "set --restitution, in Python restitution")
     kind = TwoMassParameters if model == TWO_MASS else FollowerParameters
     follower = kind.from_rig(rig)
     return follower if restitution is None else replace(follower, restitution=restitution)
 
 
-def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:
-    """Return the motion in the last ``kept`` turns of a run."""
-    landings, undetermined = run.landings[-kept:], (math.nan,) * run.size
-    if not landings.any() and not run.contact_times[-kept:].all():  # it flies, and did not land
-        return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
+def motion_of(turn_map: StroboscopicMap, run: TurnsRun, turns: int) -> TurnMotion:
+    """Return the motion in the last ``turns`` turns of a run."""
+    landings = run.landings[-turns:]
+    flies_on = not landings.any() and not run.contact_times[-turns:].all()
+    if flies_on or _rounding_grows(run, turn_map.scale, turns):
+        return TurnMotion(UNDETERMINED, None, None, (math.nan,) * run.size, math.nan)
     states = run.states / turn_map.scale
-    if _rounding_grows(run, turn_map.scale, kept):
-        return TurnMotion(UNDETERMINED, None, None, undetermined, math.nan)
-    period = _period(states[-kept:])
+    period = _find_period(states[-turns:])
     if period is None:
-        return _without_period(run.growth[-kept:])
-    apart = np.abs(states[period:] - states[:-period]).max(axis=1)
-    settled = int(np.flatnonzero(apart > PERIOD_RTOL)[-1]) + 1 if (apart > PERIOD_RTOL).any() else 0
-    last, before = (_exponent(run.derivatives[i:][:period]) for i in (-period, -2 * period))
+        return _without_period(run.growth[-turns:])
+    differs = np.abs(states[period:] - states[:-period]).max(axis=1) > PERIOD_RTOL
+    settled = int(np.flatnonzero(differs)[-1]) + 1 if differs.any() else 0
+    last, before = (_largest_exponent(run.derivatives[i:][:period]) for i in (-period, -2 * period))
     error = abs(last - before) if math.isfinite(last) else 0.0
-    exponents = _with_others(last, run.growth[-(kept - kept % period) :].mean(axis=0))
+    exponents = _all_exponents(last, run.growth[-(turns - turns % period) :].mean(axis=0))
     if landings.any():
         return TurnMotion(PERIODIC, period, settled, exponents, error)
     landed = int(np.flatnonzero(run.landings)[-1]) + 1 if run.landings.any() else 0
     return TurnMotion(IN_CONTACT, None, max(settled, landed), exponents, error)
 
 
-def _rounding_grows(run: TurnsRun, scale: FloatArray, kept: int) -> bool:
+def _rounding_grows(run: TurnsRun, scale: FloatArray, turns: int) -> bool:
     """Return True if rounding exceeds `PERIOD_RTOL` between two rests.
 
-    The last ``kept`` turns are evaluated. A rest on the cam removes all earlier differences, so a
+    The last ``turns`` turns are evaluated. A rest on the cam removes all earlier differences, so a
     motion with rests repeats exactly or not at all. The growth of a change from each rest to the
     next decides if this is determined.
     """
     product = None
-    derivatives = run.derivatives[-kept:] / scale[:, None] * scale
-    for rests, derivative in zip(run.contact_times[-kept:] > 0.0, derivatives, strict=True):
+    derivatives = run.derivatives[-turns:] / scale[:, None] * scale
+    for rests, derivative in zip(run.contact_times[-turns:] > 0.0, derivatives, strict=True):
         if rests:
             product = np.eye(scale.size)
         elif product is not None:
             product = derivative @ product
-            if np.abs(product).max() * ROUNDING > PERIOD_RTOL:
+            if np.abs(product).max() * STATE_RTOL > PERIOD_RTOL:
                 return True
     return False
 
 
-def _period(states: FloatArray) -> int | None:
+def _find_period(states: FloatArray) -> int | None:
     """Return the least number of turns after which states repeat, or None.
 
     The states ``(turns, n)`` must repeat in the whole second half of the turns.
@@ -124,7 +126,7 @@ def _period(states: FloatArray) -> int | None:
     return None
 
 
-def _exponent(derivatives: FloatArray) -> float:
+def _largest_exponent(derivatives: FloatArray) -> float:
     """Return ln |μ| per turn of the largest multiplier μ of a period, −∞ for 0."""
     product = np.eye(derivatives.shape[1])
     for derivative in derivatives:
@@ -133,7 +135,7 @@ def _exponent(derivatives: FloatArray) -> float:
     return math.log(largest) / len(derivatives) if largest > 0.0 else -math.inf
 
 
-def _with_others(largest: float, growth: FloatArray) -> tuple[float, ...]:
+def _all_exponents(largest: float, growth: FloatArray) -> tuple[float, ...]:
     """Return all exponents, 1/turn, from the largest and the growth of each direction.
 
     Two directions together grow as areas do. The same applies to a pair of multipliers. The small

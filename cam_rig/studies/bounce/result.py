@@ -27,8 +27,12 @@ from cam_rig.studies.bounce.sweep import (
 )
 from cam_rig.units import RPM, FloatArray
 
-#: Start of each row: on the cam, or in the end state of the row below or above.
-REST, BELOW, ABOVE = "rest", "below", "above"
+#: Start of each row on the cam.
+START_ON_CAM = "rest"
+#: Start of each row in the end state of the row below.
+START_BELOW = "below"
+#: Start of each row in the end state of the row above.
+START_ABOVE = "above"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +70,7 @@ RESTS = Footnote(
 )
 
 
-def _exponent(number: int, row: BounceRow) -> float | None:
+def _nth_exponent(number: int, row: BounceRow) -> float | None:
     """Return an exponent by its number from 1, None if the model has fewer."""
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
@@ -114,7 +118,7 @@ class BounceMap(Result):
                     f"exponent_{i}",
                     "1/turn",
                     hidden=True,
-                    of=partial(_exponent, i),
+                    of=partial(_nth_exponent, i),
                     doc=f"exponent number {i}, of {'either model' if i == 2 else 'two masses'}",
                 )
                 for i in (2, 3, 4)
@@ -197,41 +201,40 @@ class BounceMap(Result):
             f"{kind}: {DESCRIPTIONS[kind]}."
             for kind in dict.fromkeys(item.kind for item in bifurcations)
         )
-        shown = _changes(self.rows) if len(self.rows) > MAX_SHOWN_ROWS else self.rows
+        displayed = _rows_of_change(self.rows) if len(self.rows) > MAX_SHOWN_ROWS else self.rows
         notes: list[Footnote | str] = [RESTS, UNDETERMINED_NOTE]
-        if len(shown) < len(self.rows):
+        if len(displayed) < len(self.rows):
             count = f"{len(self.rows)} {'speeds' if self.sweep.parameter == SPEED else 'rows'}"
-            notes.append(f"{count}; here those at which the motion changes.")
+            notes.append(f"{count}; the table contains those at which the motion changes.")
         tables = [
             self.table(
-                "speeds", self.title, self.rows, *notes, row_filter=lambda row: row in shown
+                "speeds", self.title, self.rows, *notes, row_filter=lambda row: row in displayed
             ),
             self.table("bifurcations", "Where a motion changes", bifurcations, *notes_of_kinds),
             self.table("orbits", "", motions, hidden=True),
         ]
         turns = self.array_table("turns")
-        return [*(replace(item, columns=self._show_swept(item.columns)) for item in tables), turns]
+        parameter = self.sweep.parameter
+
+        def hide(column: Column) -> Column:
+            is_swept = column.key in SWEPT
+            return replace(column, hidden=column.key != parameter) if is_swept else column
+
+        return [*(replace(t, columns=tuple(map(hide, t.columns))) for t in tables), turns]
 
     @property
     def title(self) -> str:
         """Cam, rig, number of masses, and the fixed quantities, as text."""
-        return f"{self.law.name} on rig {self.rig.name}, {self.held}"
+        return f"{self.law.name} on rig {self.rig.name}, {self.fixed_text}"
 
     @property
-    def held(self) -> str:
+    def fixed_text(self) -> str:
         """Fixed quantities and the start of each row, as text."""
         base, parameter = self.sweep.base, self.sweep.parameter
         speed = [] if parameter == SPEED else [f"{base.rpm:g} rpm"]
         restitution = [] if parameter == RESTITUTION else [f"restitution {base.restitution:g}"]
         masses = ["two masses"] if isinstance(base.parameters, TwoMassParameters) else []
         return ", ".join([*masses, *speed, *restitution, START_TEXT[self.start]])
-
-    def _show_swept(self, columns: tuple[Column, ...]) -> tuple[Column, ...]:
-        """Return the columns with only the swept quantity displayed."""
-        parameter = self.sweep.parameter
-        return tuple(
-            replace(c, hidden=c.key != parameter) if c.key in SWEPT else c for c in columns
-        )
 
     @property
     def bifurcations(self) -> list[Bifurcation]:
@@ -264,7 +267,7 @@ class BounceMap(Result):
         return f"BounceMap({self.law.name} on {self.rig.name}: {self.summary()[0]})"
 
 
-def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
+def _rows_of_change(rows: Sequence[BounceRow]) -> list[BounceRow]:
     """Return the first and the last row of each run of rows with equal motion.
 
     Rows are equal in kind of motion, period and rest.
@@ -283,7 +286,9 @@ MAX_SHOWN_ROWS = 40
 #: Kinds of motion in the order of the summary.
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, UNDETERMINED)
 #: Start of each row as text.
-START_TEXT = {REST: "each from the cam"} | {x: f"each from the one {x}" for x in (BELOW, ABOVE)}
+START_TEXT = {START_ON_CAM: "each from the cam"} | {
+    x: f"each from the one {x}" for x in (START_BELOW, START_ABOVE)
+}
 
 
 def _joined(parts: Iterable[FloatArray]) -> FloatArray:

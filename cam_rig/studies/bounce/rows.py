@@ -94,8 +94,8 @@ class BounceRuns:
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
         run = turn_map.run(self.transient_turns + self.turns, start)
         motion = motion_of(turn_map, run, self.turns)
-        shown = 1 if motion.motion == IN_CONTACT else motion.period or self.turns
-        level, spread = self._level(point, turn_map, run, min(shown, LEVEL_TURNS))
+        stored = 1 if motion.motion == IN_CONTACT else motion.period or self.turns
+        level, spread = self._level(point, turn_map, run, min(stored, LEVEL_TURNS))
         return BounceRow(
             **vars(motion),
             point=point,
@@ -103,8 +103,8 @@ class BounceRuns:
             comes_to_rest=bool(run.contact_times[-self.turns :].any()),
             level_db=level,
             level_spread_db=spread,
-            max_landing_speed=run.max_landing_speeds[-shown:],
-            states=run.states[-shown:],
+            max_landing_speed=run.max_landing_speeds[-stored:],
+            states=run.states[-stored:],
         )
 
     def rows(self, values: Sequence[float]) -> list[BounceRow]:
@@ -141,14 +141,19 @@ class BounceRuns:
 # Rows in a folder of Parquet files.
 
 #: Arrow types of the columns that are not floating-point numbers.
-KINDS = {"motion": "string", "period": "int64", "settled": "int64", "comes_to_rest": "bool_"}
+ARROW_TYPES = {"motion": "string", "period": "int64", "settled": "int64", "comes_to_rest": "bool_"}
 #: Columns that are fields of `BounceRow` with the same name.
-PLAIN = (
-    *("motion", "period", "landings_per_turn", "comes_to_rest", "settled"),
-    *("level_db", "level_spread_db"),
+ROW_FIELDS = (
+    "motion",
+    "period",
+    "landings_per_turn",
+    "comes_to_rest",
+    "settled",
+    "level_db",
+    "level_spread_db",
 )
 #: Lists that the figure and the next row need in addition, with their units.
-LISTS = {"max_landing_speed": "m/s", "states": "SI"}
+LIST_UNITS = {"max_landing_speed": "m/s", "states": "SI"}
 
 
 @dataclass(frozen=True)
@@ -167,7 +172,7 @@ def compute_batch(runs: BounceRuns, first: int, last: int) -> BounceBatch:
 
 @dataclass(frozen=True, eq=False)
 class BounceFiles(PointFiles):
-    """Parquet files of rows: ``point``, the columns of ``speeds``, and `LISTS`.
+    """Parquet files of rows: ``point``, the columns of ``speeds``, and `LIST_UNITS`.
 
     An exponent of −∞ is stored as −∞.
     """
@@ -179,11 +184,11 @@ class BounceFiles(PointFiles):
 
         fields, columns = [pa.field("point", pa.int64())], [pa.array(range(rows.first, rows.last))]
         for column in BounceMap.columns["speeds"]:
-            kind = getattr(pa, KINDS.get(column.key, "float64"))()
+            kind = getattr(pa, ARROW_TYPES.get(column.key, "float64"))()
             about = {"unit": column.si_unit, "meaning": column.doc}
             fields.append(pa.field(column.key, kind, metadata=about))
             columns.append(pa.array([column.value(row) for row in rows.rows], kind))
-        for key, unit in LISTS.items():
+        for key, unit in LIST_UNITS.items():
             kind = pa.list_(pa.float64())
             fields.append(pa.field(key, kind, metadata={"unit": unit}))
             columns.append(pa.array([getattr(row, key).ravel() for row in rows.rows], kind))
@@ -202,7 +207,7 @@ class BounceFiles(PointFiles):
                     exponent_error=row["exponent_error"],
                     max_landing_speed=np.array(row["max_landing_speed"]),
                     states=np.array(row["states"]).reshape(-1, len(exponents)),
-                    **{key: row[key] for key in PLAIN},
+                    **{key: row[key] for key in ROW_FIELDS},
                 )
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
 from cam_rig.arguments import check_arguments, to_vector
 from cam_rig.dynamics.events.backend import expect_many
-from cam_rig.dynamics.turn_map import ON_THE_CAM, State
+from cam_rig.dynamics.turn_map import ON_THE_CAM
 from cam_rig.errors import ConfigError
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import NULL_PROGRESS, Progress
@@ -23,7 +22,13 @@ from cam_rig.simulation.inputs import (
 )
 from cam_rig.studies.bounce.branches import Branch, branches
 from cam_rig.studies.bounce.motion import MIN_REPEATS, ONE_MASS, TWO_MASS, bouncing
-from cam_rig.studies.bounce.result import ABOVE, REST, START_TEXT, BounceMap, BounceRow
+from cam_rig.studies.bounce.result import (
+    START_ABOVE,
+    START_ON_CAM,
+    START_TEXT,
+    BounceMap,
+    BounceRow,
+)
 from cam_rig.studies.bounce.rows import BounceFiles, BounceRuns, stored_rows
 from cam_rig.studies.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
 from cam_rig.units import RPM
@@ -48,7 +53,7 @@ def bounce_map(
     values: Speeds | None = None,
     turns: int = 200,
     transient_turns: int = 300,
-    start: str = REST,
+    start: str = START_ON_CAM,
     continuation: bool = False,
     out: str | Path | None = None,
     resume: bool = False,
@@ -125,14 +130,25 @@ def bounce_map(
     law, rig = resolve_law(law), resolve_rig(rig, law)
     sweep, swept = _sweep(rig, model, check_speeds(rpm), restitution, parameter, values)
     _check(len(swept), turns, transient_turns, start, continuation)
-    _check_kept(out, resume, start)
+    if resume and out is None:
+        raise ConfigError("resume requires a folder; add out")
+    if out is not None and start != START_ON_CAM:
+        raise ConfigError(
+            f"--out cannot be combined with --from {start}; use --from {START_ON_CAM}"
+        )
     runs = BounceRuns.of(law, rig, sweep, swept, transient_turns, turns)
     expect_many()
     if out is not None:
         rows = stored_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
     else:
         rows = _compute_rows(runs, start, executor, progress)
-    followed = _follow_motions(runs, rows, progress) if continuation else ()
+    followed: tuple[Branch, ...] = ()
+    if continuation:
+        progress.describe("periodic motions")
+        flying = [row for row in rows if row.period is not None and not row.comes_to_rest]
+        motions = [(sweep.value(row.point), row.end, row.period or 1) for row in flying]
+        low, high = (sweep.value(rows[i].point) for i in (0, -1))
+        followed = branches(law, sweep, motions, low, high)
     return BounceMap(law, rig, sweep, start, sweep.lift_off(law, swept), tuple(rows), followed)
 
 
@@ -141,9 +157,18 @@ def _compute_rows(
 ) -> list[BounceRow]:
     """Return one row per value, each from the cam or from the row before it."""
     progress.start(runs.total, runs.law.name)
-    step, rows = -1 if start == ABOVE else 1, []
-    for row in _from_rest(runs, executor) if start == REST else _continued(runs, step):
-        rows.append(row)
+    rows = list[BounceRow]()
+    if start == START_ON_CAM:
+        size = 1 if executor is None else BATCH_ROWS
+        batches = [runs.values[i : i + size] for i in range(0, runs.total, size)]
+        for batch in (map if executor is None else executor.map)(runs.rows, batches):
+            for row in batch:
+                rows.append(row)
+                progress.advance()
+        return rows
+    step = -1 if start == START_ABOVE else 1
+    for value in runs.values[::step]:
+        rows.append(runs.row(value, rows[-1].end if rows else ON_THE_CAM))
         progress.advance()
     return rows[::step]
 
@@ -158,26 +183,24 @@ def _sweep(
 ) -> tuple[Sweep, list[float]]:
     """Return the swept quantity and its values in SI, in rising order."""
     if model not in (ONE_MASS, TWO_MASS):
-        raise ConfigError(f"model: is {model!r}; allowed: {ONE_MASS}, {TWO_MASS}")
+        raise ConfigError(f"model must be {ONE_MASS} or {TWO_MASS}, got {model!r}")
     if parameter not in SWEPT:
-        raise ConfigError(f"parameter: is {parameter!r}; allowed: {', '.join(SWEPT)}")
+        raise ConfigError(f"parameter must be one of {', '.join(SWEPT)}, got {parameter!r}")
     if parameter == SPEED and values is not None:
-        raise ConfigError("values: is for a swept parameter other than rpm; add --parameter")
+        raise ConfigError("values requires a swept parameter other than rpm; add --parameter")
     if parameter == SPEED:
         swept = sorted(speed * RPM for speed in rpm)
         return Sweep(OperatingPoint(bouncing(rig, restitution, model), swept[0])), swept
     if len(rpm) > 1:
-        raise ConfigError(f"rpm: {parameter} is swept at one speed, got {len(rpm)} speeds")
+        raise ConfigError(f"rpm must be one speed if {parameter} is swept, got {len(rpm)}")
     swept = [] if values is None else sorted(map(float, to_vector("values", values)))
     if not 1 <= len(swept) <= MAX_SPEEDS:
         raise ConfigError(
-            f"values: {parameter} must have 1 to {MAX_SPEEDS} values, got {len(swept)}"
+            f"values must be 1 to {MAX_SPEEDS} values of {parameter}, got {len(swept)}"
         )
     if parameter == RESTITUTION:
         if restitution is not None:
-            raise ConfigError(
-                "restitution: cannot be combined with a swept restitution; use values"
-            )
+            raise ConfigError("restitution cannot be combined with a swept restitution")
         restitution = swept[0]
     sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), parameter)
     for value in swept:  # an invalid value is refused before any row is computed
@@ -185,53 +208,18 @@ def _sweep(
     return sweep, swept
 
 
-def _follow_motions(
-    runs: BounceRuns, rows: Sequence[BounceRow], progress: Progress
-) -> tuple[Branch, ...]:
-    """Follow the periodic motions of some rows over the range of all rows."""
-    progress.describe("periodic motions")
-    sweep = runs.sweep
-    flying = [row for row in rows if row.period is not None and not row.comes_to_rest]
-    motions = [(sweep.value(row.point), row.end, row.period or 1) for row in flying]
-    low, high = (sweep.value(rows[i].point) for i in (0, -1))
-    return branches(runs.law, sweep, motions, low, high)
-
-
 def _check(rows: int, turns: int, transient_turns: int, start: str, continuation: bool) -> None:
     """Raise a `ConfigError` if an argument is out of range."""
     if start not in START_TEXT:
-        raise ConfigError(f"start: is {start!r}; allowed: {', '.join(START_TEXT)}")
+        raise ConfigError(f"start must be one of {', '.join(START_TEXT)}, got {start!r}")
     if turns < MIN_TURNS:
-        raise ConfigError(f"turns: is {turns}; allowed: {MIN_TURNS} or more")
+        raise ConfigError(f"turns must be {MIN_TURNS} or more, got {turns}")
     if transient_turns < 0:
-        raise ConfigError(f"transient_turns: is {transient_turns}; allowed: 0 or more")
+        raise ConfigError(f"transient_turns must be 0 or more, got {transient_turns}")
     if continuation and rows < 2:
-        raise ConfigError("continuation: requires two or more values, such as 385:480:5")
+        raise ConfigError("continuation requires two or more values, such as 385:480:5")
     if transient_turns + turns > MAX_TURNS:
         raise ConfigError(
-            f"turns: {turns} and transient_turns: {transient_turns}; allowed: {MAX_TURNS} in all"
+            f"turns and transient_turns must be at most {MAX_TURNS} together, got "
+            f"{turns + transient_turns}"
         )
-
-
-def _check_kept(out: str | Path | None, resume: bool, start: str) -> None:
-    if resume and out is None:
-        raise ConfigError("resume: without a folder; allowed: with out")
-    if out is not None and start != REST:
-        raise ConfigError(
-            f"--out: keeps rows that begin on the cam, not {start}; allowed: --from {REST}"
-        )
-
-
-def _from_rest(runs: BounceRuns, executor: Executor | None) -> Iterator[BounceRow]:
-    batch = 1 if executor is None else BATCH_ROWS
-    parts = [runs.values[i : i + batch] for i in range(0, runs.total, batch)]
-    for rows in (map if executor is None else executor.map)(runs.rows, parts):
-        yield from rows
-
-
-def _continued(runs: BounceRuns, step: int) -> Iterator[BounceRow]:
-    state: State = ON_THE_CAM
-    for value in runs.values[::step]:
-        row = runs.row(value, state)
-        state = row.end
-        yield row

@@ -23,8 +23,14 @@ from cam_rig.show.result import Column
 from cam_rig.studies.bounce.motion import Bouncing
 from cam_rig.units import RPM, to_rpm
 
-#: Keys of the quantities that can be swept.
-SPEED, RESTITUTION, PRELOAD, MASS = "rpm", "restitution", "preload", "mass"
+#: Key of the cam speed as the swept quantity.
+SPEED = "rpm"
+#: Key of the restitution as the swept quantity.
+RESTITUTION = "restitution"
+#: Key of the preload as the swept quantity.
+PRELOAD = "preload"
+#: Key of the mass as the swept quantity.
+MASS = "mass"
 #: Swept quantities: heading, displayed unit, and its value in SI.
 SWEPT = {
     SPEED: ("speed", "rpm", RPM),

@@ -97,16 +97,16 @@ def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, .
         if term.low < term.high and not quantity.ranges:
             range_quantities = ", ".join(name for name, q in QUANTITIES.items() if q.ranges)
             raise ConfigError(
-                f"{term.key}: is a range; allowed: one speed, a measure for each (a range for "
-                f"{range_quantities})"
+                f"{term.key} must be at one speed; use one measure per speed (ranges are possible "
+                f"for {range_quantities})"
             )
         if quantity.where == "rpm" and not MIN_SPEED <= term.low <= term.high <= MAX_SPEED:
             raise ConfigError(
-                f"{term.key}: no model takes this speed; allowed: {MIN_SPEED / RPM:g} to "
+                f"{term.key}: the speed must be between {MIN_SPEED / RPM:g} and "
                 f"{format_number(MAX_SPEED / RPM)} rpm"
             )
         if CampaignMeasure(term) in measures:
-            raise ConfigError(f"measures: {term.key} stands twice; allowed: each once")
+            raise ConfigError(f"measures: {term.key} is repeated; remove one")
         measures.append(CampaignMeasure(term))
     return tuple(measures)
 
@@ -125,11 +125,13 @@ def parse_limits(
     limits = tuple(parse_limit(text, campaign_quantities(model)) for text in texts)
     for limit in limits:
         if limit.value is None:
-            raise ConfigError(f"limit on {limit.term.key}: start; allowed: a number and its unit")
+            raise ConfigError(
+                f"limit on {limit.term.key} must be a number with its unit, got start"
+            )
         if limit.term not in terms:
             raise ConfigError(
-                f"limit on {limit.term.key}: is not measured; allowed: a limit on "
-                f"{', '.join(term.key for term in terms)}"
+                f"a limit must be on one of the measures {', '.join(term.key for term in terms)}, "
+                f"got {limit.term.key}"
             )
     return limits
 
@@ -217,8 +219,8 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
         name, rig_name = base.cam or scene.cams[0], scene.rig
         if name not in scene.cams:
             raise ConfigError(
-                f"base.cam: is {name!r}; allowed: a cam of scene {scene.name}: "
-                f"{', '.join(scene.cams)}"
+                f"base.cam must be a cam of scene {scene.name} ({', '.join(scene.cams)}), got "
+                f"{name!r}"
             )
     assert name is not None and rig_name is not None  # ensured by the schema
     cam_path = library.file("cams", name)
@@ -231,7 +233,7 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
 def _check(campaign: Campaign) -> Campaign:
     """Return a campaign, or raise a `ConfigError` if its parts do not fit together."""
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
-        raise ConfigError(f"vary.{WAVE}: requires {WAVELENGTH}")
+        raise ConfigError(f"vary.{WAVE} requires {WAVELENGTH}")
     for item in campaign.inputs:
         if item.path == WAVELENGTH:
             for wavelength in ends_of(item).tolist():
@@ -244,9 +246,9 @@ def _check(campaign: Campaign) -> Campaign:
                 raise ConfigError(f"{term.key}: {error}") from None
     if campaign.total > MAX_POINTS:
         raise ConfigError(
-            f"plan: has {format_number(campaign.total)} points; allowed: up to "
-            f"{format_number(MAX_POINTS)}; remedy: several campaigns, each with a seed and a "
-            "folder of its own"
+            f"the plan may have at most {format_number(MAX_POINTS)} points, got "
+            f"{format_number(campaign.total)}; use several campaigns, each with its own seed and "
+            "folder"
         )
     return campaign
 

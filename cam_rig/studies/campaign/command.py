@@ -48,13 +48,13 @@ class CampaignProgress(Progress):
         """Count written points and update the display."""
         self._done += steps
         self._bar.advance(steps)
-        now = time.monotonic()
+        time_s = time.monotonic()
         if self._start is None:  # excludes the start-up time of the workers
-            self._start = now, self._done
-        remaining, is_due = self._total - self._done, now - self._last_log >= LOG_PERIOD_S
+            self._start = time_s, self._done
+        remaining, is_due = self._total - self._done, time_s - self._last_log >= LOG_PERIOD_S
         if is_due:
-            self._last_log, self._size = now, format_size(*self._dataset.size())
-        seconds, points, rate = now - self._start[0], self._done - self._start[1], ""
+            self._last_log, self._size = time_s, format_size(*self._dataset.size())
+        seconds, points, rate = time_s - self._start[0], self._done - self._start[1], ""
         if points and seconds > 0.0:
             rate = (
                 f"{points / seconds:.3g} points/s, {format_time(remaining * seconds / points)} left"
@@ -150,14 +150,16 @@ def _run(
         if damaged:
             say(damaged)
         if dataset.missing():
-            with pool() as place:
+            with pool() as workplace:
                 reporter = CampaignProgress(dataset, progress)
-                compute_missing(dataset, measure_batch, place.executor, place.count, reporter)
+                compute_missing(
+                    dataset, measure_batch, workplace.executor, workplace.count, reporter
+                )
     result = CampaignResult(dataset)
     if result.failed == result.points:
         raise DynamicsError(
-            f"{planned.config.name}: {result.failures}; the rows in {folder} have the reason of "
-            "each; remedy: other numbers in the study's vary"
+            f"{planned.config.name}: {result.failures}; the rows in {folder} contain all reasons; "
+            "change the numbers of the study"
         )
     return result
 
@@ -168,7 +170,9 @@ def _with_resume_command(resume_command: str) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as interrupt:
-        interrupt.args = (f"{interrupt}; what is finished stays, go on with: {resume_command}",)
+        interrupt.args = (
+            f"{interrupt}; finished points are stored, continue with: {resume_command}",
+        )
         raise
     except (OutputError, RunError) as error:
-        raise type(error)(f"{error}; go on with: {resume_command}") from None
+        raise type(error)(f"{error}; continue with: {resume_command}") from None

@@ -75,10 +75,10 @@ def _rotate(word: int) -> int:
     return (word << 32 | word >> 32) & 0xFFFFFFFFFFFFFFFF
 
 
-def _hash(words: Indices, key: int) -> Indices:
-    """Return SplitMix64 hashes of words under a key, equal on all platforms."""
+def _hash(values: Indices, key: int) -> Indices:
+    """Return SplitMix64 hashes of values under a key, equal on all platforms."""
     with np.errstate(over="ignore"):
-        z = (words ^ np.uint64(key)) * np.uint64(GOLDEN) + np.uint64(GOLDEN)
+        z = (values ^ np.uint64(key)) * np.uint64(GOLDEN) + np.uint64(GOLDEN)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return np.asarray(z ^ (z >> np.uint64(31)))
@@ -139,8 +139,8 @@ class InputDraws:
             self._mixing = np.linalg.cholesky(matrix).tolist()
         except np.linalg.LinAlgError:
             raise ConfigError(
-                "correlated: no numbers have these correlations together (their matrix is not "
-                "positive definite); allowed: smaller coefficients"
+                "correlated: the matrix of the correlations must be positive definite; use smaller "
+                "coefficients"
             ) from None
 
     def rows(self, first: int, last: int) -> FloatArray:

@@ -116,18 +116,17 @@ def input_of(
         roots = sorted({key.split(".")[0] for key in numbers})
         hint = _hint(path, numbers)
         raise ConfigError(
-            f"vary.{path}: the base has no such number{hint}; allowed: a number of "
-            f"{', '.join(roots)} by its path, such as rig.follower.preload"
+            f"vary.{path}: the base has no such number{hint}; use the path of a number of "
+            f"{', '.join(roots)}, such as rig.follower.preload"
         )
     base, dimension = numbers[path]
     if variation.unit == PERCENT:
         if base == 0.0:
-            raise ConfigError(f"vary.{path}: is 0 in the base; allowed: a unit, and no percents")
+            raise ConfigError(f"vary.{path} is 0 in the base, so it cannot vary in %; use a unit")
     elif variation.unit not in UNITS[dimension]:
-        article = "an" if dimension[0] in "aeiou" else "a"
         raise ConfigError(
-            f"vary.{path}: has unit {variation.unit!r}, not {article} {dimension}; allowed: %, "
-            f"{', '.join(UNITS[dimension])}"
+            f"vary.{path}: the unit must be one of %, {', '.join(UNITS[dimension])}, got "
+            f"{variation.unit!r}"
         )
     return CampaignInput(path, base, dimension, variation)
 
@@ -186,15 +185,15 @@ LONGEST = TURN
 #: Degree of the pieces that approximate sines.
 DEGREE = 5
 #: Coefficients of the blend 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷.
-_STEP = np.array([35.0, -84.0, 70.0, -20.0])
+_BLEND_COEFFICIENTS = np.array([35.0, -84.0, 70.0, -20.0])
 
 
 def require_wavelength(wavelength: float) -> None:
     """Raise a `ConfigError` if a wavelength (rad) is out of range."""
     if not SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9):
         raise ConfigError(
-            f"profile.waviness.wavelength: is {math.degrees(wavelength):.6g} deg; allowed: "
-            f"{math.degrees(SHORTEST):.6g} to {math.degrees(LONGEST):.6g} deg"
+            f"profile.waviness.wavelength must be between {math.degrees(SHORTEST):.6g} and "
+            f"{math.degrees(LONGEST):.6g} deg, got {math.degrees(wavelength):.6g}"
         )
 
 
@@ -268,9 +267,9 @@ class ProfileErrors:
         next_turn = _sine(self.waviness, wavelength, self.waviness_phase, angle - TURN)
         t = np.clip((angle - (TURN - closing)) / closing, 0.0, 1.0)
         powers = np.stack([t**k for k in range(2, 8)])
-        step = _STEP @ powers[2:]
-        slope = (_STEP * [4, 5, 6, 7]) @ powers[1:5] / closing
-        curvature = (_STEP * [12, 20, 30, 42]) @ powers[:4] / closing**2
+        step = _BLEND_COEFFICIENTS @ powers[2:]
+        slope = (_BLEND_COEFFICIENTS * [4, 5, 6, 7]) @ powers[1:5] / closing
+        curvature = (_BLEND_COEFFICIENTS * [12, 20, 30, 42]) @ powers[:4] / closing**2
         gap = next_turn - blend
         blend[0] += step * gap[0]
         blend[1] += step * gap[1] + slope * gap[0]

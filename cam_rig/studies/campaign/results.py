@@ -42,8 +42,8 @@ SHARE_ERROR = 0.1
 #: Note on intervals below the table of quantiles.
 
 INTERVALS = (
-    "Intervals are of 95 %, for independent draws; of a Latin hypercube or Sobol's sequence they "
-    "are on the safe side."
+    "Intervals of 95 % assume independent draws; they are conservative for a Latin hypercube or a "
+    "Sobol sequence."
 )
 
 
@@ -97,8 +97,8 @@ class MeasureRow:
     item: Any
 
 
-def _of(key: str, unit: str = "", shown: str = ".6g", heading: str = "") -> Column:
-    return Column(key, unit, shown, heading, f"item.{key}")
+def _item_column(key: str, unit: str = "", spec: str = ".6g", heading: str = "") -> Column:
+    return Column(key, unit, spec, heading, f"item.{key}")
 
 
 #: Column of the measure of a row.
@@ -132,8 +132,8 @@ class CampaignResult(Result):
             MEASURE,
             Column("probability", "%", "g", "quantile", of="item.probability"),
             Column("value", "", ".6g", of="item.value", missing="–"),
-            _of("low", heading="from"),
-            _of("high", heading="to"),
+            _item_column("low", heading="from"),
+            _item_column("high", heading="to"),
             UNIT,
             Column("needed_draws", "", "d", "needs draws", "item.needed"),
             Column("found", of=lambda row: not math.isnan(row.item.value), hidden=True),
@@ -152,14 +152,14 @@ class CampaignResult(Result):
         ),
         "shares": (
             *MEASURE_COLUMNS,
-            _of("first", "1", ".3f", "alone"),
-            _of("first_error", "1", ".3f", "±"),
-            _of("total", "1", ".3f", "in all"),
-            _of("total_error", "1", ".3f", "± "),
+            _item_column("first", "1", ".3f", "alone"),
+            _item_column("first_error", "1", ".3f", "±"),
+            _item_column("total", "1", ".3f", "in all"),
+            _item_column("total_error", "1", ".3f", "± "),
         ),
         "local_derivatives": (
             *MEASURE_COLUMNS,
-            _of("value", "SI", heading="there"),
+            _item_column("value", "SI", heading="there"),
             Column(
                 "derivative", "", ".6g", "rpm each SI unit", "item.derivative",
                 _rpm(lambda _: 1.0), "none", doc="in data rad/s each SI unit",
@@ -228,7 +228,7 @@ class CampaignResult(Result):
             remaining = sum(count for _, count in reasons[MAX_REASONS:])
             named.append(f"{pluralize(len(reasons) - MAX_REASONS, 'other reason')} ({remaining})")
         return (
-            f"{self.failed} of {pluralize(self.points, 'point')} could not be made: "
+            f"{self.failed} of {pluralize(self.points, 'point')} could not be computed: "
             f"{', '.join(named)}"
         )
 
@@ -278,14 +278,14 @@ class CampaignResult(Result):
         values = self.values(measure)
         if plan.kind != "shares" or values.size != self.campaign.total:
             raise ConfigError(
-                f"shares: of a finished campaign whose plan is shares; this one's is {plan.kind}"
+                f"shares require a finished campaign whose plan is shares, got {plan.kind}"
             )
         invalid = int((~np.isfinite(values)).sum())
         if invalid:
             raise ConfigError(
-                f"shares of {measure.term.key}: {pluralize(invalid, 'point')} without a finite "
-                "value"
-                f"{f' ({self.failures})' if self.failures else ''}; allowed: inputs that vary less"
+                f"shares of {measure.term.key} require a finite value of every point, got "
+                f"{pluralize(invalid, 'point')} without one"
+                f"{f' ({self.failures})' if self.failures else ''}; let the inputs vary less"
             )
         paths = [item.path for item in self.campaign.inputs]
         return saltelli_shares(values, paths, self.campaign.seed)
@@ -343,7 +343,7 @@ class CampaignResult(Result):
             if (needed := points_needed(shares, points)) != points:
                 text = f"For shares within ±{SHARE_ERROR:g} plan.points must be about {needed}."
                 notes.append(Footnote(text, partial(_has_measure, measure)))
-        first = "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped."
+        first = "Alone: first order. In all: with interactions. ±: 95 %, bootstrapped."
         caption = "Shares of the variance of {title}"
         return self.table("shares", caption, rows, first, *notes, group_by="title")
 
@@ -398,11 +398,15 @@ def order_interval(count: int, probability: float) -> tuple[int, int]:
     return low, int(binom.ppf(1.0 - 0.5 * MISSED, count, probability))
 
 
-def proportion(kept: int, count: int) -> tuple[float, float, float]:
-    """Return the share ``kept`` of ``count`` independent draws, and its 95 % interval."""
-    low = float(beta.ppf(0.5 * MISSED, kept, count - kept + 1)) if kept else 0.0
-    high = float(beta.ppf(1.0 - 0.5 * MISSED, kept + 1, count - kept)) if kept < count else 1.0
-    return (kept / count if count else np.nan), low, high
+def proportion(successes: int, count: int) -> tuple[float, float, float]:
+    """Return the share ``successes`` of ``count`` independent draws, and its 95 % interval."""
+    low = float(beta.ppf(0.5 * MISSED, successes, count - successes + 1)) if successes else 0.0
+    high = (
+        float(beta.ppf(1.0 - 0.5 * MISSED, successes + 1, count - successes))
+        if successes < count
+        else 1.0
+    )
+    return (successes / count if count else np.nan), low, high
 
 
 def saltelli_shares(values: FloatArray, paths: list[str], seed: int) -> tuple[InputShare, ...]:

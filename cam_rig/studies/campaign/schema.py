@@ -21,17 +21,17 @@ MAX_COUNT = 100_000
 MAX_INPUTS = 100
 
 
-def _file(text: str) -> str:
+def _check_file(text: str) -> str:
     if not (is_path(text) or NAME.fullmatch(text)):
         raise ValueError(
-            f"is {text!r}; allowed: a name of small letters, digits and _, or the path of a .yaml "
-            "file, relative to the study's folder"
+            "must be a name of lower-case letters, digits and _, or the path of a .yaml file "
+            f"relative to the study's folder, got {text!r}"
         )
     return text
 
 
 #: Name of a shipped file, or path of a file.
-FileOrName = Annotated[str, AfterValidator(_file)]
+FileOrName = Annotated[str, AfterValidator(_check_file)]
 Finite = Annotated[FiniteFloat, Field(strict=True)]
 Spread = Annotated[FiniteFloat, Field(strict=True, ge=0.0)]
 PlanKind = Literal["grid", "latin_hypercube", "sobol", "shares"]
@@ -62,7 +62,7 @@ class Variation(Strict):
         named = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(named) != 1:
             raise ValueError(
-                f"has {' and '.join(named) or 'none'}; allowed: exactly one of {', '.join(kinds)}"
+                f"must have exactly one of {', '.join(kinds)}, got {' and '.join(named) or 'none'}"
             )
         for key, owners in (
             ("mean", ("normal", "uniform")),
@@ -70,21 +70,21 @@ class Variation(Strict):
             ("count", ("range",)),
         ):
             if getattr(self, key) is not None and named[0] not in owners:
-                raise ValueError(f"{key}: requires {' or '.join(owners)}, got {named[0]}")
+                raise ValueError(f"{key} requires {' or '.join(owners)}, got {named[0]}")
         if self.range is not None and not self.range[0] < self.range[1]:
-            raise ValueError(f"range: is {list(self.range)}; allowed: rising, low before high")
+            raise ValueError(f"range must be rising, got {list(self.range)}")
         if self.values is not None and len(set(self.values)) != len(self.values):
-            raise ValueError(f"values: {self.values} has a number twice; allowed: each once")
+            raise ValueError(f"values must differ from each other, got {self.values}")
         return self
 
     @model_validator(mode="after")
-    def _known_unit(self) -> Variation:
-        known_units = {unit for units in UNITS.values() for unit in units}
-        if self.unit not in known_units | {PERCENT}:
-            allowed = ", ".join(sorted(known_units - {"1"}))
-            raise ValueError(f"has unit {self.unit!r}; allowed: % or one of {allowed}")
+    def _check_unit(self) -> Variation:
+        units = {unit for group in UNITS.values() for unit in group}
+        if self.unit not in units | {PERCENT}:
+            allowed = ", ".join(sorted(units - {"1"}))
+            raise ValueError(f"unit must be % or one of {allowed}, got {self.unit!r}")
         if self.unit == PERCENT and self.mean is not None:
-            raise ValueError("mean: is the base's number where the unit is %; allowed: no mean")
+            raise ValueError("mean cannot be combined with the unit %; remove it")
         return self
 
 
@@ -102,9 +102,9 @@ class CampaignBase(Strict):
     model: Model | None = None
 
     @model_validator(mode="after")
-    def _whole(self) -> CampaignBase:
+    def _check_base(self) -> CampaignBase:
         if self.scene is None and (self.cam is None or self.rig is None):
-            raise ValueError("needs a scene, or a cam and a rig")
+            raise ValueError("requires a scene, or a cam and a rig")
         if self.scene is not None and (self.rig is not None or self.model is not None):
             raise ValueError("a scene has its rig and model, so it can be combined with cam only")
         return self
@@ -130,11 +130,11 @@ class CampaignPlan(Strict):
     @model_validator(mode="after")
     def _points(self) -> CampaignPlan:
         if self.kind == "grid" and self.points is not None:
-            raise ValueError("points: those of a grid are set by values and counts; allowed: none")
+            raise ValueError("points cannot be combined with a grid, which has values and counts")
         if self.kind != "grid" and self.points is None:
-            raise ValueError(f"points: missing; required by {self.kind}")
+            raise ValueError(f"points is missing; {self.kind} requires it")
         if self.kind == "shares" and self.points is not None and self.points & (self.points - 1):
-            raise ValueError(f"points: is {self.points}; allowed for shares: a power of 2")
+            raise ValueError(f"points must be a power of 2 for shares, got {self.points}")
         return self
 
 
@@ -155,14 +155,15 @@ class CampaignConfig(Strict):
         kind = self.plan.kind
         for path, variation in self.vary.items():
             if kind != "grid" and variation.count is not None:
-                raise ValueError(f"vary.{path}.count: is of a grid; this plan is {kind}")
+                raise ValueError(f"vary.{path}.count requires a grid, got {kind}")
             if kind == "grid" and variation.values is None and variation.count is None:
                 raise ValueError(
-                    f"vary.{path}: allowed on a grid: values, or a range with its count"
+                    f"vary.{path} must have values, or a range with its count, on a grid"
                 )
         if self.correlated and kind in ("grid", "shares"):
             raise ValueError(
-                f"correlated: {kind} needs independent inputs; allowed: sobol or latin_hypercube"
+                f"correlated cannot be combined with {kind}, which requires independent inputs; "
+                "use sobol or latin_hypercube"
             )
         return self
 
@@ -173,9 +174,9 @@ class CampaignConfig(Strict):
             unknown = [path for path in pair.inputs if path not in self.vary]
             if unknown or pair.inputs[0] == pair.inputs[1]:
                 raise ValueError(
-                    f"correlated: {list(pair.inputs)}; allowed: two of {', '.join(self.vary)}"
+                    f"correlated must be two of {', '.join(self.vary)}, got {list(pair.inputs)}"
                 )
             if frozenset(pair.inputs) in pairs:
-                raise ValueError(f"correlated: {list(pair.inputs)} stands twice; allowed: once")
+                raise ValueError(f"correlated: {list(pair.inputs)} is repeated; remove one")
             pairs.add(frozenset(pair.inputs))
         return self

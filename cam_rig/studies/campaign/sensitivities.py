@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from cam_rig.studies.campaign.results import CampaignResult
 
 #: Imaginary step of the derivatives.
-STEP = 1e-30
+IMAGINARY_STEP = 1e-30
 #: Least distance (rad) of the loss of contact from the end of a run for a derivative.
 END_DISTANCE = 1e-6
 #: Numbers of the follower in a rig that determine the two masses.
@@ -79,7 +79,7 @@ def contact_force(
     series = taylor_series(top, np.array([free.stiffness, free.damping, 1.0]), law.degree + 1)
     forced = np.stack([np.tensordot(series, s[k : k + law.degree + 1], 1) for k in (0, 1)])
     piece = law.piece(touched)
-    free_state = _free_state(law, free, forced, speed, angle, duration)
+    free_state = _free_vibration_state(law, free, forced, speed, angle, duration)
     u = np.array([(touched - law.breaks[piece]) / law.spans[piece]])
     basis = bernstein.basis(law.degree, u)[0]
     state = forced[:, :, piece] @ basis + free_state
@@ -109,7 +109,7 @@ def _derivatives(law: Law, ordinates: NDArray[Any]) -> NDArray[Any]:
     return np.stack([bernstein.elevate(row, law.degree) for row in rows])
 
 
-def _free_state(
+def _free_vibration_state(
     law: Law,
     free: _FreeVibration,
     forced: NDArray[Any],
@@ -183,13 +183,13 @@ def jump_sensitivities(
     touch, numbers = touch_of(law, follower, duration), _numbers(point.rig)
 
     def slope(changed: Mapping[str, complex], rows: NDArray[Any], speed: complex) -> float:
-        return contact_force(law, rows, changed, speed, touch.angle, duration).imag / STEP
+        return contact_force(law, rows, changed, speed, touch.angle, duration).imag / IMAGINARY_STEP
 
     profile = "profile."
     errors = ProfileErrors.of(
         {path.removeprefix(profile): x for path, x in inputs.items() if path.startswith(profile)}
     )
-    by_speed = slope(numbers, law.ordinates, complex(touch.speed, STEP))
+    by_speed = slope(numbers, law.ordinates, complex(touch.speed, IMAGINARY_STEP))
     sensitivities = []
     for path, value in inputs.items():
         root, _, name = path.rpartition(".")
@@ -198,7 +198,7 @@ def jump_sensitivities(
             moved = _numbers(point.rig, name)
             derivative = -slope(moved, law.ordinates, touch.speed) / by_speed
         elif (ordinates := _error_slope(path, errors, law)) is not None:
-            rows = law.ordinates + 1j * STEP * ordinates
+            rows = law.ordinates + 1j * IMAGINARY_STEP * ordinates
             derivative = -slope(numbers, rows, touch.speed) / by_speed
         sensitivities.append(JumpSensitivity(path, value, derivative))
     return tuple(sensitivities)
@@ -226,7 +226,7 @@ def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
     """Return the numbers of the two masses, one of which has the imaginary step."""
     numbers = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
     if moved:
-        numbers[moved] += 1j * STEP
+        numbers[moved] += 1j * IMAGINARY_STEP
     mass, share = numbers.pop("mass"), numbers.pop("roller_share")
     return {**numbers, "roller_mass": mass * share, "end_mass": mass - mass * share}
 

@@ -28,9 +28,9 @@ RAISED = 0.06
 #: Marks of the cam angle in degrees.
 DEGREES = {float(angle): f"{angle}°" for angle in range(0, 361, 90)}
 #: Room right of a chart for half of the last mark, as a fraction of its width.
-RIGHT = 0.1
+RIGHT_MARGIN = 0.1
 #: Room below a chart for its marks, as a fraction of its height.
-BELOW = 0.16
+BOTTOM_MARGIN = 0.16
 
 
 def save_real_run(comparison: RunComparison, path: Path) -> None:
@@ -73,7 +73,9 @@ def _view(
         title = f"{text}: difference [{difference_unit}]"
         if is_rounding(_largest(rows, quantity)):
             title = f"{text}: {EQUAL}"
-    return axes.view(real_run_entity(rows[0].cam, quantity, chart), title, RIGHT, BELOW)
+    return axes.view(
+        real_run_entity(rows[0].cam, quantity, chart), title, RIGHT_MARGIN, BOTTOM_MARGIN
+    )
 
 
 def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:

@@ -65,14 +65,14 @@ def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> 
     `speeds` are in rpm, and `peaks` in Hz or None. Returns None if the frequency changes with the
     speed, because a natural frequency of a sensor does not.
     """
-    known = [(speed, peak) for speed, peak in zip(speeds, peaks, strict=True) if peak is not None]
-    if len(known) < 2:
+    peaked = [(speed, peak) for speed, peak in zip(speeds, peaks, strict=True) if peak is not None]
+    if len(peaked) < 2:
         return None
-    middle = float(np.median([peak for _, peak in known]))
-    common = [speed for speed, peak in known if abs(peak - middle) <= FREQUENCY_RTOL * middle]
+    middle = float(np.median([peak for _, peak in peaked]))
+    common = [speed for speed, peak in peaked if abs(peak - middle) <= FREQUENCY_RTOL * middle]
     if (
         len(common) < 2
-        or 2 * len(common) <= len(known)
+        or 2 * len(common) <= len(peaked)
         or max(common) < (1.0 + MIN_SPEED_RANGE) * min(common)
     ):
         return None

@@ -164,8 +164,8 @@ class RecordedPairs:
         if cam not in self.loaded.laws:
             cams = list(self.loaded.laws)
             raise ConfigError(
-                f"{self.loaded.scene_file}: has no cam {cam!r}, which the bag contains; allowed: "
-                f"a scene that has it; this one has {', '.join(cams)}{did_you_mean(cam, cams)}"
+                f"{self.loaded.scene_file}: the scene must have the cam {cam!r} of the bag, got "
+                f"{', '.join(cams)}{did_you_mean(cam, cams)}"
             )
         return True
 

@@ -83,23 +83,31 @@ NOTES = (
     ),
 )
 #: Display units in tables with one unit per row. Other quantities have SI units.
-DISPLAY_UNITS = {"lift": "µm", "lift_zero": "mm", "lift_hysteresis": "µm", "event_delay": "ms"}
-DISPLAY_UNITS |= {"cam_angle_offset": "°", "angle_residual": "°", "sensor_stamp_delay": "ms"}
-DISPLAY_UNITS |= {"sensor_clock_drift": "ppm", "uneven_speed": "%", "excluded_time": "%"}
+DISPLAY_UNITS = {
+    "lift": "µm",
+    "lift_zero": "mm",
+    "lift_hysteresis": "µm",
+    "event_delay": "ms",
+    "cam_angle_offset": "°",
+    "angle_residual": "°",
+    "sensor_stamp_delay": "ms",
+    "sensor_clock_drift": "ppm",
+    "uneven_speed": "%",
+    "excluded_time": "%",
+}
 
 
-def _shown_unit(row: LargestDeviation | AlignmentNumber) -> str:
+def _display_unit(row: LargestDeviation | AlignmentNumber) -> str:
     return DISPLAY_UNITS.get(row.quantity, row.unit)
 
 
-def _shown_value(digits: str) -> Callable[[Any], Cell]:
+def _value_cell(digits: str) -> Callable[[Any], Cell]:
     def cell(row: Any) -> Cell:
         if row.value is None:
             return None
-        unit = _shown_unit(row)
-        return format_number(
-            row.value / (1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]), digits
-        )
+        unit = _display_unit(row)
+        factor = 1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]
+        return format_number(row.value / factor, digits)
 
     return cell
 
@@ -160,8 +168,8 @@ class RunComparison(Result):
         ),
         "largest": (
             Column("quantity", cell=lambda row: row.quantity.replace("_", " ")),
-            Column("value", heading="largest deviation", cell=_shown_value("+.3g")),
-            Column("unit", cell=_shown_unit),
+            Column("value", heading="largest deviation", cell=_value_cell("+.3g")),
+            Column("unit", cell=_display_unit),
             Column("rpm", "rpm", ".5g", "at"),
             Column("angle", "°", ".0f", "θ", doc="cam angle in the turn"),
             Column("relative", "%", ".3g", "of the range"),
@@ -170,8 +178,8 @@ class RunComparison(Result):
         ),
         "alignment": (
             Column("quantity", cell=lambda row: row.quantity.replace("_", " ")),
-            Column("value", cell=_shown_value(".4g")),
-            Column("unit", cell=_shown_unit),
+            Column("value", cell=_value_cell(".4g")),
+            Column("unit", cell=_display_unit),
             Column("origin", of="origin.value"),
         ),
         "readings": (
@@ -275,11 +283,12 @@ def compare(
     if topics is None:
         if offset_deg is not None:
             raise ConfigError(
-                f"offset {offset_deg:g}°: the rig's bags have exact angles; allowed: with --topics"
+                f"an offset of {offset_deg:g}° requires --topics, because bags of the rig have "
+                "exact angles"
             )
         return _compare_recording(Path(bag), loaded, cam, namespace)
     if namespace is not None:
-        raise ConfigError(f"namespace {namespace}: --topics names whole topics; allowed: one")
+        raise ConfigError("namespace cannot be combined with --topics, which has whole topic names")
     return _compare_bench(Path(bag), loaded, topics, cam, offset_deg)
 
 
@@ -300,11 +309,11 @@ def _compare_recording(
     if not rows:
         label = "" if cam is None else f" of cam {cam}"
         raise BagError(
-            f"{bag}: contains no settled turn{label} at a steady speed; run one whole step"
+            f"{bag} must contain a settled turn{label} at a steady speed; run one whole step"
         )
     notes = recovery_notes(bag)
     if pairs.lost:
-        notes.append(f"{pairs.lost} ticks have no samples in the bag: they are left out.")
+        notes.append(f"{pairs.lost} ticks without samples in the bag are left out.")
     return RunComparison(bag, loaded, tuple(rows), tuple(notes))
 
 

@@ -18,7 +18,7 @@ from cam_rig.studies.contact.surfaces import Measure, measured, peak_pressure, p
 from cam_rig.units import FloatArray
 
 #: Number of samples of a turn.
-POINTS = 1440
+CURVE_POINTS = 1440
 #: Number of base radii of a curve.
 RADII = 36
 #: Smallest base radius of a curve, relative to that of the cam.
@@ -72,7 +72,7 @@ def figure(result: ContactResult) -> Figure:
 
 
 def _over_turn(panels: FloatArray, row: CamContact, style: dict[str, Any]) -> None:
-    motion_touch = row.case.at(turn_angles(POINTS))
+    motion_touch = row.case.at(turn_angles(CURVE_POINTS))
     surfaces, degrees = row.case.surfaces, np.degrees(motion_touch[0].angle)
     name = f"{short(row.case.cam.title)} ({row.case.cam.follower.type.replace('_', ' ')})"
     panels[0].plot(degrees, 1e-6 * surfaces.pressure(*motion_touch), label=name, **style)

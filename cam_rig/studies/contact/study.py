@@ -122,7 +122,7 @@ def _follower(row: CamContact) -> str:
     return kind + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
 
 
-def _bound(key: str, heading: str) -> Column:
+def _bound_column(key: str, heading: str) -> Column:
     def cell(row: CamContact) -> Cell:
         value = getattr(row.bounds, key)
         if value is None:
@@ -182,10 +182,10 @@ class ContactResult(Result):
         "bounds": (
             CAM,
             Column("base_radius", "mm", ".4g", of="cam.follower.base_radius.si"),
-            _bound("curvature", "least by curvature"),
-            _bound("pressure_angle", "least by pressure angle"),
-            _bound("pressure", "least by Hertz pressure"),
-            _bound("sliding", "greatest by sliding"),
+            _bound_column("curvature", "least by curvature"),
+            _bound_column("pressure_angle", "least by pressure angle"),
+            _bound_column("pressure", "least by Hertz pressure"),
+            _bound_column("sliding", "greatest by sliding"),
             Column(
                 "governing",
                 heading="largest lower bound",
@@ -324,9 +324,9 @@ def contact_stress(
     ['poly345']
     """
     if not 0.0 <= rpm <= MAX_RPM:
-        raise ConfigError(f"rpm: is {rpm:g} rpm; allowed: 0 to {MAX_RPM:g} rpm")
+        raise ConfigError(f"rpm must be between 0 and {MAX_RPM:g} rpm, got {rpm:g}")
     if pressure_angle is not None and not 1.0 <= math.degrees(pressure_angle) <= 89.0:
         raise ConfigError(
-            f"pressure_angle: is {math.degrees(pressure_angle):g}°; allowed: 1° to 89°"
+            f"pressure_angle must be between 1° and 89°, got {math.degrees(pressure_angle):g}°"
         )
     return compare_contacts(resolve_cams(cams, rig), rpm, pressure_angle)

@@ -152,9 +152,9 @@ def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float
     hollow = case.scan.greatest(lambda touch: -1.0 / touch.radius)
     if hollow.value * case.surfaces.radius >= 1.0:
         raise ProfileError(
-            f"cam {cam.name!r}: contact.tip_radius is {case.surfaces.radius * 1e3:.5g} mm; "
-            f"allowed: less than the cam's concave radius of curvature, {1e3 / hollow.value:.5g} mm"
-            f" at {np.degrees(hollow.angle):.4g}°"
+            f"cam {cam.name!r}: contact.tip_radius must be less than the cam's concave radius of "
+            f"curvature, {1e3 / hollow.value:.5g} mm at {np.degrees(hollow.angle):.4g}°, got "
+            f"{case.surfaces.radius * 1e3:.5g}"
         )
     return case
 

@@ -126,8 +126,8 @@ class SoundFit(Result):
         rig, file = self.scene.rig, self.scene.rig_file
         if rig.calibrated_on != self.cam:
             raise ConfigError(
-                f"{file}: radiation.calibrated_on is {rig.calibrated_on!r}, the levels are of "
-                f"{self.cam!r}; allowed: the same, so write that name into the file first"
+                f"{file}: radiation.calibrated_on must be {self.cam!r}, the cam of the levels, got "
+                f"{rig.calibrated_on!r}; write that name into the file first"
             )
         # Five digits: far finer than the residual supports, and the file stays readable.
         numbers: dict[tuple[str | int, ...], float] = {
@@ -190,8 +190,8 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     if not CORNERS[0] * (1.0 + AT_LIMIT) < corner < CORNERS[1] * (1.0 - AT_LIMIT):
         raise DynamicsError(
             f"levels of {name} do not determine the corner frequency: it is outside "
-            f"{CORNERS[0]:g} to {CORNERS[1]:g} Hz; allowed: levels over a wider range of speeds, "
-            "or without a background that the rig file leaves out"
+            f"{CORNERS[0]:g} to {CORNERS[1]:g} Hz; measure levels over a wider range of speeds, or "
+            "enter their background in the rig file"
         )
     rows = zip(*table.T.tolist(), fitted.levels(measured.turns).tolist(), strict=True)
     return SoundFit(
@@ -208,24 +208,26 @@ def _require_levels(table: FloatArray, loaded: LoadedScene) -> None:
     """Check the number of speeds, and the ranges of speeds and levels."""
     if table.ndim != 2 or table.shape[1] != 2 or len(np.unique(table[:, 0])) < MIN_SPEEDS:
         raise ConfigError(
-            f"levels: is an array of shape {table.shape}; allowed: (n, 2), each row a speed in rpm "
-            f"and a level in dB, {MIN_SPEEDS} or more different speeds"
+            f"levels must have the shape (n, 2), each row a speed in rpm and a level in dB, with "
+            f"{MIN_SPEEDS} or more different speeds, got {table.shape}"
         )
     for rpm, level in table.tolist():
         if not SPEEDS[0] <= rpm <= SPEEDS[1]:
             raise ConfigError(
-                f"levels: a speed is {rpm:g} rpm; allowed: {SPEEDS[0]:g} to {SPEEDS[1]:.6g} rpm"
+                f"levels: the speeds must be between {SPEEDS[0]:g} and {SPEEDS[1]:.6g} rpm, got "
+                f"{rpm:g}"
             )
         if not LEVELS[0] <= level <= LEVELS[1]:
             raise ConfigError(
-                f"levels: {level:g} dB at {rpm:g} rpm; allowed: {LEVELS[0]:g} to {LEVELS[1]:g} dB"
+                f"levels must be between {LEVELS[0]:g} and {LEVELS[1]:g} dB, got {level:g} at "
+                f"{rpm:g} rpm"
             )
         background = level_db(math.sqrt(loaded.radiation.background_power(rpm * RPM)))
         if level <= background:
             raise ConfigError(
-                f"levels: {level:g} dB at {rpm:g} rpm is not above the background {background:.2f} "
-                f"dB of rig {loaded.rig.name}; allowed: a level above it, or the background of "
-                "this measurement in the rig file"
+                f"levels must be above the background {background:.2f} dB of rig "
+                f"{loaded.rig.name}, got {level:g} dB at {rpm:g} rpm; enter the background of this "
+                "measurement in the rig file"
             )
 
 
@@ -235,9 +237,7 @@ def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
     if cam or name in loaded.cams:
         return name
     if len(loaded.cams) > 1:
-        raise ConfigError(
-            f"--cam: is missing; allowed: one of the scene's cams, {', '.join(loaded.cams)}"
-        )
+        raise ConfigError(f"--cam is required: one of the scene's cams {', '.join(loaded.cams)}")
     return next(iter(loaded.cams))
 
 
@@ -250,8 +250,8 @@ def _published_cam(loaded: LoadedScene, name: str, table: FloatArray) -> Publish
     for speed in speeds.tolist():
         if loss_intervals(law, follower, speed):
             raise DynamicsError(
-                f"cam {law.name!r} loses contact at {to_rpm(speed):.0f} rpm; allowed for a fit: a "
-                "cam that keeps contact at every measured speed"
+                f"cam {law.name!r} must keep contact at every measured speed, but it loses contact "
+                f"at {to_rpm(speed):.0f} rpm"
             )
     return PublishedCam(name, SteadyTurns(law, follower, speeds), table[:, 1])
 
@@ -264,14 +264,16 @@ def read_levels(path: Path) -> FloatArray:
     lines, _ = read_lines(path, "speed and level")
     table = CellTable(path.name, lines)
     if table.first is None or table.first == 0:
-        raise table.error("has no heading over its numbers; allowed: a heading, such as rpm, dB")
+        raise table.error("the columns must have a heading, such as rpm, dB")
     headings = table.headings(len(table.rows[table.first][1]))
     columns, factors = [], []
     for name, default in (("speed", RPM), ("level", 1.0)):
         matches = [i for i, heading in enumerate(headings) if heading.quantity == name]
         if len(matches) != 1:
             texts = ", ".join(heading.text for heading in headings)
-            raise table.error(f"columns are {texts}; allowed: one {name}, such as rpm, and dB")
+            raise table.error(
+                f"the table must have one column of the {name}, such as rpm and dB, got {texts}"
+            )
         columns += matches
         factors.append(headings[matches[0]].factor or default)
     table.require_clear(headings, columns)

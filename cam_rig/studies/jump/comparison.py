@@ -78,10 +78,10 @@ class JumpRow:
     ----------
     cam : str
         Name of the cam.
-    found : Jump
+    jump : Jump
         Jump from rest, in steady state or along a ramp.
     steady : Jump, optional
-        Jump in steady state, if `found` is a jump from rest.
+        Jump in steady state, if `jump` is a jump from rest.
     published_rpm, published_time : float, optional
         Published jump speed in rpm and time in s.
     role : str
@@ -94,7 +94,7 @@ class JumpRow:
     """
 
     cam: str
-    found: Jump
+    jump: Jump
     steady: Jump | None = None
     published_rpm: float | None = None
     published_time: float | None = None
@@ -110,14 +110,14 @@ class JumpRow:
         """
         if self.ramp is not None:
             return None
-        return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0
+        return None if self.published_rpm is None else self.jump.rpm / self.published_rpm - 1.0
 
     @property
     def turns(self) -> tuple[float, float] | None:
         """Number of turns before contact is lost, found and published, or None."""
         if self.published_time is None or self.published_rpm is None:
             return None
-        ours = self.found.time * self.found.rpm / 60.0
+        ours = self.jump.time * self.jump.rpm / 60.0
         return ours, self.published_time * self.published_rpm / 60.0
 
 
@@ -161,13 +161,13 @@ class JumpResult(Result):
         "jump": (
             Column("cam"),
             Column("role", heading="use", cell=lambda row: "" if row.ramp else row.role),
-            Column("rpm", "rpm", ".2f", "jump speed", "found.rpm"),
+            Column("rpm", "rpm", ".2f", "jump speed", "jump.rpm"),
             Column("published_rpm", "rpm", "g", "paper"),
             Column("difference", "%", "+.2f"),
             Column("steady_rpm", "rpm", ".2f", "steady state", "steady.rpm"),
             Column("rigid_rpm", "rpm", ".1f", "rigid"),
-            Column("angle", "°", ".1f", "cam angle", "found.angle"),
-            Column("time", "s", ".3f", of="found.time"),
+            Column("angle", "°", ".1f", "cam angle", "jump.angle"),
+            Column("time", "s", ".3f", of="jump.time"),
             Column("published_time", "s", ".2f", "paper"),
         ),
         "run": (
@@ -194,7 +194,7 @@ class JumpResult(Result):
     @property
     def rpm(self) -> dict[str, float]:
         """Jump speeds in rpm by cam."""
-        return {row.cam: row.found.rpm for row in self.rows}
+        return {row.cam: row.jump.rpm for row in self.rows}
 
     @property
     def follower(self) -> str:
@@ -223,7 +223,7 @@ class JumpResult(Result):
             return None
         found_range, published_range = ((min(t), max(t)) for t in zip(*turns, strict=True))
         printed = [row for row in self.rows if row.published_rpm is not None]
-        ranked = sorted(printed, key=lambda row: row.found.rpm)
+        ranked = sorted(printed, key=lambda row: row.jump.rpm)
         same = ranked == sorted(printed, key=lambda row: row.published_rpm or 0.0)
         ranges = found_range, published_range
         return Comparison(rms_difference(compared), len(compared), bool(fitted), same, *ranges)
@@ -331,7 +331,7 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     """
     if not MIN_RAMP <= rate / RPM * (1.0 + 1e-12) <= MAX_RAMP * (1.0 + 2e-12):
         raise ConfigError(
-            f"the ramp is {rate / RPM:g} rpm/s; allowed: {MIN_RAMP:g} to {MAX_RAMP:g} rpm/s"
+            f"the ramp must be between {MIN_RAMP:g} and {MAX_RAMP:g} rpm/s, got {rate / RPM:g}"
         )
     two = isinstance(parameters, TwoMassParameters)
     advance = MODELS["two_mass" if two else "one_mass"].advance

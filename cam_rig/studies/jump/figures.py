@@ -50,9 +50,9 @@ def figure(result: JumpResult) -> Figure:
     rows, cam_set = result.rows, result.cam_set
     parameters = follower_of(cam_set.rig)
     last = 1.08 * max(result.rpm.values())
-    rpm = np.linspace(0.35 * min(result.rpm.values()), last, POINTS)
+    rpm = np.linspace(0.35 * min(result.rpm.values()), last, CURVE_POINTS)
     rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
-    insets = [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    insets = [row for row in rows if INSET[0] < row.jump.rpm < INSET[1]]
     out = empty(4.8 if len(insets) > 1 else 3.4)
     axes = out.subplots()
     panels = [axes]
@@ -64,9 +64,9 @@ def figure(result: JumpResult) -> Figure:
         panels.append(_inset(axes, 0.12 * force_scale))
     force_axes(axes, rpm)
     for row in rows:
-        speeds = rpm[rpm < MAX_SPEED_RATIO * row.found.rpm]
+        speeds = rpm[rpm < MAX_SPEED_RATIO * row.jump.rpm]
         forces = min_force(cam_set.laws[row.cam], parameters, result.duration, speeds * RPM)
-        label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
+        label = f"{title_of(cam_set.titles, row.cam)}: {row.jump.rpm:.2f}"
         for panel in panels:
             panel.plot(speeds, forces, label=label, **line(row.cam))
             _mark(panel, row)
@@ -93,7 +93,7 @@ def _inset(axes: Axes, force: float) -> Axes:
 def _mark(axes: Axes, row: JumpRow) -> None:
     """Mark the jump speed, and the published speed at the foot of the axes."""
     ink = colour(row.cam)
-    axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
+    axes.plot(row.jump.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
     low, high = axes.get_xlim()
     if row.published_rpm is not None and low < row.published_rpm < high:
         foot = axes.get_xaxis_transform()
@@ -128,7 +128,7 @@ def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
 
 
 #: Number of speeds of a curve.
-POINTS = 400
+CURVE_POINTS = 400
 
 
 def force_axes(axes: Axes, rpm: FloatArray) -> None:
@@ -144,7 +144,7 @@ def jump_speed_figure(result: JumpSpeed) -> Figure:
     law, parameters = result.law, follower_of(result.rig)
     out = empty(3.4)
     axes = out.subplots()
-    rpm = np.linspace(0.35 * result.rpm, 1.08 * result.rpm, POINTS)
+    rpm = np.linspace(0.35 * result.rpm, 1.08 * result.rpm, CURVE_POINTS)
     axes.plot(rpm, min_force(law, parameters, result.duration, rpm * RPM), **line(law.name))
     label = f"jump speed {result.rpm:.2f} rpm"
     axes.plot(result.rpm, 0.0, "o", color=colour(law.name), label=label)

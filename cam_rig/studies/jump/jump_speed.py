@@ -208,7 +208,7 @@ def _jump_speeds(
         arrays = np.broadcast_arrays(*columns)
     except ValueError:
         sizes = ", ".join(f"{name} {np.size(x)}" for name, x in numbers.items())
-        raise ConfigError(f"the arrays have {sizes} numbers; allowed: as many each") from None
+        raise ConfigError(f"the arrays must have the same size, got {sizes}") from None
     rows = []
     for values in zip(*(array.tolist() for array in arrays), strict=True):
         rows.append(_rig_jump(law, rig, duration, dict(zip(numbers, values, strict=True))))

@@ -65,7 +65,7 @@ def jump_speeds(
     [414.5]
     """
     if sum((steady, ramp is not None, from_rest is not None)) > 1:
-        raise ConfigError("steady, ramp and from rest are three kinds of run; allowed: one of them")
+        raise ConfigError("steady, ramp and from rest cannot be combined; use one of them")
     published, cam_set = load_tables(tables_path()), resolve_cams(cams, rig)
     duration = None if steady else REST_DURATION_S if from_rest is None else from_rest
     return find_jumps(cam_set, references(cam_set, published), duration, ramp, progress)

@@ -43,7 +43,7 @@ LABEL_STYLE: Style = {"textcoords": "offset points", "bbox": BOX}
 @styled
 def figure(cam: CamConfig, law: Law) -> Figure:
     """Return the figure of a cam's law with its segments and control points."""
-    out = _draw_panels(law, _marked_joints(cam, law), cam.title)
+    out = _draw_panels(law, _visible_joints(cam, law), cam.title)
     _control_points(out.axes[0], cam)
     _names(out.axes[0], cam)
     return out
@@ -96,7 +96,7 @@ def _draw_panels(law: Law, marked: list[Joint], title: str) -> Figure:
     return out
 
 
-def _marked_joints(cam: CamConfig, law: Law) -> list[Joint]:
+def _visible_joints(cam: CamConfig, law: Law) -> list[Joint]:
     """Return the joints at starts of segments, and others that are not smooth."""
     starts = np.degrees(segment_angles(cam))
     return [

@@ -186,7 +186,5 @@ def list_laws(family: str | None = None) -> LawsResult:
         return LawsResult(tuple(by_name.values()), free=True)
     if family not in by_name:
         hint = did_you_mean(family, by_name)
-        raise ConfigError(
-            f"--family {family!r}: no such family{hint}; allowed: {', '.join(by_name)}"
-        )
+        raise ConfigError(f"--family must be one of {', '.join(by_name)}, got {family!r}{hint}")
     return LawsResult((by_name[family],), free=False)

@@ -283,11 +283,11 @@ def law_summary(
     """
     requested = [names] if isinstance(names, str | Path | CamConfig) else list(names)
     if not requested:
-        raise ConfigError("names: is an empty list; allowed: a cam or a rise, or several")
+        raise ConfigError("names must contain at least one cam or rise")
     texts = [str(name) for name in requested if not isinstance(name, CamConfig)]
     if texts and _are_rises(texts, rises):
         if len(texts) < len(requested):
-            raise ConfigError(f"{texts[0]!r} is a rise; allowed: cams with cams, rises with rises")
+            raise ConfigError(f"cams and rises cannot be combined, got the rise {texts[0]!r}")
         return RisesResult(tuple(texts))
     cams = []
     for source in requested:
@@ -305,7 +305,7 @@ def _are_rises(names: Sequence[str], rises: bool) -> bool:
     cams = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
     for i, name in enumerate(names):
         if name in names[:i]:
-            raise ConfigError(f"{name!r} is named twice; allowed: each law once")
+            raise ConfigError(f"{name!r} is repeated; remove one")
         if not _is_cam(name, cams) and name not in NAMED_RISES:
             hint = did_you_mean(name, [*cams, *NAMED_RISES])
             raise ConfigError(
@@ -318,8 +318,8 @@ def _are_rises(names: Sequence[str], rises: bool) -> bool:
     if cam is not None:
         other = next((f"{name!r} is a rise" for name in names if not _is_cam(name, cams)), None)
         raise ConfigError(
-            f"{cam!r} is a cam and not a rise, {other or '--rises requires rises'}; allowed: cams "
-            f"with cams, rises with rises; rises: {', '.join(NAMED_RISES)}"
+            f"{cam!r} is a cam, {other or 'and --rises requires rises'}; cams and rises cannot be "
+            f"combined; the rises are {', '.join(NAMED_RISES)}"
         )
     return True
 

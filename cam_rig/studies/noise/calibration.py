@@ -136,7 +136,10 @@ def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 _POLE = (1e-4, 20.0)
-_LOW_MODE, _HIGH_MODE = (1e-4, 12.0, 0.4), (1e-4, 50.0, 0.4)
+#: Start of the first mode: gain, frequency and damping ratio.
+_LOW_MODE = (1e-4, 12.0, 0.4)
+#: Start of the second mode.
+_HIGH_MODE = (1e-4, 50.0, 0.4)
 STRUCTURES = (
     Structure("low-pass", _low_pass, _POLE),
     Structure("one mode", _modes, _LOW_MODE),

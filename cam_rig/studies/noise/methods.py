@@ -210,7 +210,7 @@ class PairCrossing:
     method: str
     between: tuple[str, str]
     published_rpm: float
-    found: Crossing
+    computed: Crossing
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,7 +105,7 @@ def _response(i: int) -> Callable[[Method], float | None]:
     return lambda method: method.acoustics.response[i] if method.acoustics.response else None
 
 
-def _crossing(hidden: bool, before: str = "", of: str = "found") -> tuple[Column, ...]:
+def _crossing(hidden: bool, before: str = "", of: str = "computed") -> tuple[Column, ...]:
     """Return the columns of a crossing of two regressions and of its bootstrap."""
     kinds = (
         ("crossing", ".1f", "regressions", "rpm", "nowhere"),

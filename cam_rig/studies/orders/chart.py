@@ -24,9 +24,9 @@ WIDTH = 160.0
 #: Titles of the charts.
 CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
 #: Room right of a chart for half of the last mark, as a fraction of the width.
-RIGHT = 0.12
+RIGHT_MARGIN = 0.12
 #: Room below a chart for its marks, as a fraction of the width.
-BELOW = 0.1
+BOTTOM_MARGIN = 0.1
 #: Colour map from dark to bright, RGB from 0 to 255, with even steps of lightness.
 SCALE = np.array(
     [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=np.float64
@@ -70,8 +70,11 @@ def entity(study: CamOrders, quantity: str, chart: str) -> str:
 
 
 def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
-    name, below = f"{QUANTITIES[quantity]}: {CHARTS[chart]}", BELOW * axes.width / axes.height
-    return axes.view(entity(study, quantity, chart), name, RIGHT, below)
+    name, below = (
+        f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
+        BOTTOM_MARGIN * axes.width / axes.height,
+    )
+    return axes.view(entity(study, quantity, chart), name, RIGHT_MARGIN, below)
 
 
 def _ray_axes(study: CamOrders) -> Axes:

@@ -113,8 +113,8 @@ def steady_force(law: Law, model: str, rig: RigConfig, speed: float) -> SteadyFo
     """
     if model not in BUILDERS:
         raise ConfigError(
-            f"model {model}: its force is no closed form of the cam angle; allowed for orders: "
-            f"{', '.join(BUILDERS)}"
+            f"orders require a model with a force in closed form: {', '.join(BUILDERS)}, got "
+            f"{model}"
         )
     if model == "one_mass" and rig.follower.restitution is None:
         # Without a landing the force does not depend on the restitution.
@@ -143,7 +143,7 @@ def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
         )
         trajectory.run(None)
         contacts = [(x.begin, x.end) for x in trajectory.phases if x.flight is None]
-        repetition = _repeated(contacts, turn)
+        repetition = _find_repetition(contacts, turn)
         if repetition is not None:
             break
     start, turns = repetition or ((run - 1) * turn, 1)
@@ -157,7 +157,7 @@ def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
     return SteadyForce(speed, turns, tuple(pieces), landings, repetition is not None)
 
 
-def _repeated(contacts: list[tuple[float, float]], turn: float) -> tuple[float, int] | None:
+def _find_repetition(contacts: list[tuple[float, float]], turn: float) -> tuple[float, int] | None:
     """Return a time (s) and the number of turns after which the contact repeats.
 
     Returns None if it does not repeat.

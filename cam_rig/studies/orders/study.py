@@ -235,7 +235,7 @@ def order_spectrum(
     10
     """
     if not 1 <= orders <= MAX_ORDERS:
-        raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
+        raise ConfigError(f"orders must be between 1 and {MAX_ORDERS}, got {orders}")
     laws, titles, chosen, own_model, own_rpm = _resolve_source(source, cam, rig)
     speeds = own_rpm if rpm is None else check_speeds(rpm)
     rad_s = [speed * RPM for speed in speeds]
@@ -251,7 +251,7 @@ def _resolve_source(
     """Return laws and titles by cam, rig, model, and speeds in rpm, of a scene or cam."""
     if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
         if cam is not None:
-            raise ConfigError(f"--cam {cam}: {source} is a cam; allowed: with a scene")
+            raise ConfigError(f"--cam requires a scene, got the cam {source}")
         ((path, loaded),) = read_cams([source])
         require_sprung(path, loaded)
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
@@ -274,8 +274,8 @@ def _is_cam(source: str | Path) -> bool:
             return True
         names = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
         raise ConfigError(
-            f"{source}: no such cam or scene{did_you_mean(str(source), names)}; allowed: a file, "
-            "or a name in config/cams or config/scenes"
+            f"{source}: no such cam or scene{did_you_mean(str(source), names)}; use a file, or a "
+            "name in config/cams or config/scenes"
         )
     data = read_yaml(path)
     return isinstance(data, dict) and "segments" in data

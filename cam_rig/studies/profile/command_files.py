@@ -83,13 +83,13 @@ class Request:
         """Raise a `ConfigError` for options that cannot be combined."""
         files = self.out is not None or self.source is not None or drawing
         if files and cams != 1:
-            raise ConfigError(f"{cams} cams for one file; allowed: one cam with --out or --plot")
+            raise ConfigError(f"--out and --plot require one cam, got {cams}")
         if (self.pitch or self.cutter is not None) and self.out is None:
             raise ConfigError("--pitch and --cutter need --out FILE, the file to write")
         if self.pitch and self.cutter is not None:
             raise ConfigError("--pitch cannot be combined with --cutter")
         if self.cutter is not None and not 0.0 < self.cutter < 1e5:
-            raise ConfigError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
+            raise ConfigError(f"--cutter must be above 0 mm, got {self.cutter:g}")
         kind = "" if self.out is None or self.source else self.out.suffix.lower()
         for name, value, suffixes in (
             ("tolerance", self.tolerance, DRAWINGS),
@@ -100,7 +100,7 @@ class Request:
                 raise ConfigError(f"--{name} requires {needed}")
         if self.tolerance is not None and not self.tolerance >= MIN_TOLERANCE_UM:
             raise ConfigError(
-                f"--tolerance is {self.tolerance:g} µm; allowed: at least {MIN_TOLERANCE_UM:g} µm"
+                f"--tolerance must be at least {MIN_TOLERANCE_UM:g} µm, got {self.tolerance:g}"
             )
         if self.source is None and (
             self.placement != UNPLACED or self.layer is not None or self.align
@@ -125,18 +125,18 @@ def make_placement(unit: str | None, axis: str, zero: float, mirrored: bool) -> 
     try:
         x, y = (float(word) * 1e-3 for word in axis.split(","))
     except ValueError:
-        raise ConfigError(f"--axis: is {axis!r}; allowed: two numbers, such as 120,80") from None
+        raise ConfigError(f"--axis must be two numbers, such as 120,80, got {axis!r}") from None
     if not all(map(math.isfinite, (x, y, zero))):
-        raise ConfigError(f"--axis {axis} --zero {zero:g}: allowed: finite numbers")
+        raise ConfigError(f"--axis and --zero must be finite, got {axis} and {zero:g}")
     return Placement(unit, (x, y), math.radians(zero), mirrored)
 
 
-def _check_suffix(path: Path, allowed: tuple[str, ...]) -> None:
+def _check_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
     """Raise a `ConfigError` if the suffix of a path is not allowed."""
-    if (suffix := path.suffix.lower()) not in allowed:
+    if (suffix := path.suffix.lower()) not in suffixes:
         step = suffix in (".step", ".stp")
         hint = " (no STEP: import the DXF into CAD and extrude it)" if step else ""
-        raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
+        raise ConfigError(f"{path} must end in {' or '.join(suffixes)}{hint}")
 
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
@@ -309,9 +309,9 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
         file = read_contour_table(request.source, request.placement)
     if len(file.curves) != len(plates):
         raise OutputError(
-            f"{request.source}: has {pluralize(len(file.curves), 'closed curve')}; allowed: "
-            f"{len(plates)}, one for each contour of a {cam.follower.type} follower; --layer reads "
-            "one layer"
+            f"{request.source}: the file must have {pluralize(len(plates), 'closed curve')}, one "
+            f"for each contour of a {cam.follower.type} follower, got {len(file.curves)}; --layer "
+            "reads one layer"
         )
     try:
         curves = [closed_curve(points) for points in file.curves]

@@ -178,7 +178,7 @@ def contour(cam: Cam, points: int = 3600) -> CamContour:
     Profile thesis, §2.2.3.
     """
     if not MIN_POINTS <= points <= MAX_POINTS:
-        raise ConfigError(f"points: is {points}; allowed: {MIN_POINTS} to {MAX_POINTS}")
+        raise ConfigError(f"points must be between {MIN_POINTS} and {MAX_POINTS}, got {points}")
     cam = resolve_cam(cam)
     law = build_law(cam)
     cam_contours = contours(cam.follower, law, points)

@@ -172,7 +172,9 @@ def profile_figure(result: ProfileResult) -> Figure:
 def contour_figure(contour: CamContour, positions: int = POSITIONS) -> Figure:
     """Return the figure of a contour with 3 to 720 positions of the follower."""
     if not MIN_POSITIONS <= positions <= MAX_POSITIONS:
-        raise ConfigError(f"positions: is {positions}; allowed: {MIN_POSITIONS} to {MAX_POSITIONS}")
+        raise ConfigError(
+            f"positions must be between {MIN_POSITIONS} and {MAX_POSITIONS}, got {positions}"
+        )
     return figure(contour.cam, contour.law, contour.checks, positions)
 
 

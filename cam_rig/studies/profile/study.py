@@ -221,5 +221,5 @@ def _resolve(cams: Sequence[str | Path | CamConfig], every: bool) -> list[Path |
     if every:
         sources += sorted((load.config_root() / "cams").glob("*.yaml"))
     if not sources:
-        raise ConfigError("no cam is named; allowed: cam files, names in config/cams, or --all")
+        raise ConfigError("at least one cam file, name in config/cams, or --all is required")
     return sources

@@ -56,13 +56,10 @@ def listen(
     from cam_rig.studies.simulate.sound import listen as record
 
     if out.suffix.lower() != ".wav":
-        raise ConfigError(f"{out}: unknown kind of sound file; allowed: .wav")
+        raise ConfigError(f"the sound file must end in .wav, got {out}")
     check_writable(out)
     if seconds is not None and rpm is None:
-        raise ConfigError(
-            f"--seconds is {seconds:g} without --rpm; allowed: both, or neither for the times of "
-            "the scene's schedule"
-        )
+        raise ConfigError("--seconds requires --rpm")
     loaded = audition(resolve_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
     result = record(loaded, RATE, out, progress)
     with atomic_write(out) as part, wave.open(str(part), "wb") as file:

@@ -166,8 +166,9 @@ def simulate(
     count = turns * 60.0 / rpm * sample_rate
     if count > MAX_TOTAL_SAMPLES:
         raise ConfigError(
-            f"turns: {turns} at {rpm:g} rpm and {sample_rate} Hz make {count:.3g} samples; "
-            f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
+            f"the motion may have at most {MAX_TOTAL_SAMPLES:g} samples, got {count:.3g} in "
+            f"{turns} turns at {rpm:g} rpm and {sample_rate} Hz; use fewer turns or a lower "
+            "sample_rate"
         )
     require_continuous(law)
     follower_model = MODELS[scene.model]

@@ -45,8 +45,9 @@ def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
             pressures.update([value])
     if unknown := {state.cam for state in states} - set(loaded.laws):
         raise BagError(
-            f"{bag}: contains {', '.join(sorted(unknown))}; allowed: the cams of scene "
-            f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
+            f"{bag}: the cams must be those of scene {loaded.scene.name} "
+            f"({', '.join(loaded.laws)}), got {', '.join(sorted(unknown))}; use the scene of the "
+            "run"
         )
     rate = int(loaded.scene.sample_rate.si)
     ticks = tuple(

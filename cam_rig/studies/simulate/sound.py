@@ -129,8 +129,8 @@ def sound_level(motion: FollowerMotion, *, transient_turns: int = 1) -> SoundLev
     ticks = [tick for tick in _measured_ticks(motion) if tick.steady]
     if not 0 <= transient_turns < len(ticks):
         raise ConfigError(
-            f"transient_turns: {transient_turns!r}; allowed: 0 to {len(ticks) - 1}, fewer than the "
-            f"{len(ticks)} turns of the motion"
+            f"transient_turns must be between 0 and {len(ticks) - 1}, fewer than the {len(ticks)} "
+            f"turns of the motion, got {transient_turns!r}"
         )
     levels = step_levels(ticks, transient_turns)[CAM]
     by_turn = level_db(np.array([tick.pressure for tick in ticks]))

@@ -201,7 +201,9 @@ class SceneRun(Result):
         blocks = [tick.rows for tick in self.blocks() if tick.is_of(cam, rpm)]
         if not blocks:
             steps = {f"{t.start.cam} at {to_rpm(t.start.speed):g} rpm": None for t in self.ticks}
-            raise ConfigError(f"samples: {cam} at {rpm:g} rpm; allowed: {', '.join(steps)}")
+            raise ConfigError(
+                f"the samples must be of one of {', '.join(steps)}, got {cam} at {rpm:g} rpm"
+            )
         rows = np.hstack(blocks)
         rows.setflags(write=False)
         return Samples(rows)

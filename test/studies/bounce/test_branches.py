@@ -85,7 +85,7 @@ def test_a_fold_is_located_to_a_millionth(four, family):
     states = [nearest(four, fold.point.rpm + 0.02, stable).state for stable in (True, False)]
     motions = [family.at(speed, state) for state in states]
     assert [motion.stable for motion in motions] == [True, False]
-    with pytest.raises(MotionNotFoundError, match="no motion of period 1 is found near 418"):
+    with pytest.raises(MotionNotFoundError, match="no motion of period 1 was found near 418"):
         family.at(fold.point.rpm * RPM * (1.0 - BESIDE), motions[0].state)
 
 

@@ -47,7 +47,7 @@ def test_a_long_table_shows_only_changes():
     result = done("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
     shown = result.stdout + result.stderr
     assert shown.count("in contact ") == 2
-    assert "50 speeds; here those at which the motion changes." in " ".join(shown.split())
+    assert "50 speeds; the table contains those at which" in " ".join(shown.split())
 
 
 # -- stored rows: equal to computed rows, also after an interruption; other rows are refused
@@ -122,8 +122,8 @@ def test_resume_computes_only_missing_rows(tm21, tmp_path, monkeypatch):
         ({}, "allowed: resume to continue"),
         ({"resume": True, "restitution": 0.6}, r"restitution is 0\.6, was 0\.7"),
         ({"resume": True, "law": "poly345"}, "law is poly345"),
-        ({"start": "below"}, "out: keeps rows that begin on the cam, not below"),
-        ({"resume": True, "out": None}, "resume: without a folder"),
+        ({"start": "below"}, "out cannot be combined with start below"),
+        ({"resume": True, "out": None}, "resume requires a folder"),
     ],
 )
 def test_invalid_stored_maps_are_refused(laws, rig, tmp_path, how, words):

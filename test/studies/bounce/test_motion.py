@@ -13,7 +13,7 @@ from cam_rig.studies.bounce.motion import (
     IRREGULAR,
     PERIODIC,
     UNDETERMINED,
-    _period,
+    _find_period,
     bouncing,
     motion_of,
 )
@@ -65,7 +65,7 @@ def test_a_period_that_rounding_decides_is_not_reported(laws, rig, name, restitu
             laws[name], replace(follower, spring_stiffness=float(stiffness)), speed
         )
         run = turn_map.run(600)
-        periods.append(_period(run.states[-200:] / turn_map.scale))
+        periods.append(_find_period(run.states[-200:] / turn_map.scale))
         motions.append(motion_of(turn_map, run, 200).motion)
     assert periods[0] != periods[1]
     assert motions == [UNDETERMINED, UNDETERMINED]
@@ -79,7 +79,7 @@ def test_restitution_of_the_caller_replaces_that_of_the_rig(rig):
     del data["follower"]["restitution"]
     incomplete = type(rig).model_validate(data)
     assert bouncing(incomplete, 0.4).restitution == 0.4
-    with pytest.raises(ConfigError, match=r"by bouncing; .* or give --restitution"):
+    with pytest.raises(ConfigError, match=r"by bouncing; .* or set --restitution"):
         bouncing(incomplete, None)
 
 
@@ -138,5 +138,5 @@ def test_data_has_one_row_per_start(two):
 
 
 def test_a_grid_below_two_is_refused(two):
-    with pytest.raises(ConfigError, match="grid: is 1; allowed: 2 or more"):
+    with pytest.raises(ConfigError, match="grid must be 2 or more"):
         basins(two.law, two.rig, rpm=420, grid=1)

@@ -10,7 +10,7 @@ import cam_rig
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.studies.bounce.branches import Family
 from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC, UNDETERMINED
-from cam_rig.studies.bounce.result import ABOVE
+from cam_rig.studies.bounce.result import START_ABOVE
 from cam_rig.studies.bounce.sweep import MASS, PRELOAD, RESTITUTION
 from cam_rig.units import RPM
 
@@ -89,7 +89,7 @@ def test_a_follower_that_never_lands_is_undetermined(tm21, rig):
 
 def test_a_map_at_the_speed_of_a_fold(tm21, rig):
     """The map has a result at the very speed of a fold."""
-    how = {"restitution": 0.7, "turns": 40, "transient_turns": 100, "start": ABOVE}
+    how = {"restitution": 0.7, "turns": 40, "transient_turns": 100, "start": START_ABOVE}
     result = cam_rig.bounce_map(tm21.law, rig, rpm=[418.8029066, 430], **how)
     assert result.rows[0].motion in (PERIODIC, UNDETERMINED, IRREGULAR)
     assert result.rows[1].motion == PERIODIC
@@ -102,19 +102,19 @@ SWEPT_RESTITUTION = {"parameter": RESTITUTION}
     ("how", "error", "words"),
     [
         ({"rpm": []}, ConfigError, "rpm: is empty; allowed"),
-        ({"turns": 19}, ConfigError, "turns: is 19; allowed: 20 or more"),
-        ({"transient_turns": -1}, ConfigError, "transient_turns: is -1; allowed: 0 or more"),
-        ({"start": "left"}, ConfigError, "start: is 'left'; allowed: rest, below, above"),
+        ({"turns": 19}, ConfigError, "turns must be 20 or more, got 19"),
+        ({"transient_turns": -1}, ConfigError, "transient_turns must be 0 or more, got -1"),
+        ({"start": "left"}, ConfigError, "start must be one of rest, below, above, got 'left'"),
         ({"restitution": 1.0}, DynamicsError, r"restitution is 1\.0; allowed"),
         ({"rpm": [-3.0]}, ConfigError, "rpm: is -3 rpm; allowed: 1 to"),
         ({"rpm": "fast"}, ConfigError, "rpm: is 'fast'"),
         (
             {"parameter": "lift"},
             ConfigError,
-            "parameter: is 'lift'; allowed: rpm, restitution, preload",
+            "parameter must be one of rpm, restitution, preload",
         ),
-        ({"values": [1.0]}, ConfigError, "values: is for a swept parameter other than rpm"),
-        ({"parameter": MASS}, ConfigError, "values: mass must have 1 to"),
+        ({"values": [1.0]}, ConfigError, "values requires a swept parameter other than rpm"),
+        ({"parameter": MASS}, ConfigError, "values must be 1 to"),
         ({"parameter": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
         ({"parameter": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
         (
@@ -122,14 +122,18 @@ SWEPT_RESTITUTION = {"parameter": RESTITUTION}
             DynamicsError,
             r"is 1\.0; allowed",
         ),
-        (SWEPT_RESTITUTION | {"values": [0.5]}, ConfigError, "restitution: cannot be combined"),
+        (SWEPT_RESTITUTION | {"values": [0.5]}, ConfigError, "restitution cannot be combined"),
         (
             {"parameter": MASS, "values": [1.0], "rpm": [1, 2]},
             ConfigError,
-            "mass is swept at one speed, got 2",
+            "rpm must be one speed if mass is swept, got 2",
         ),
         ({"model": "two_mass"}, ConfigError, "stem_damping: are missing; needed by two masses"),
-        ({"model": "torsional"}, ConfigError, "is 'torsional'; allowed: one_mass, two_mass"),
+        (
+            {"model": "torsional"},
+            ConfigError,
+            "model must be one_mass or two_mass, got 'torsional'",
+        ),
     ],
 )
 def test_refusals(tm21, rig, how, error, words):

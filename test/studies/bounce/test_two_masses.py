@@ -17,7 +17,7 @@ from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass import Separation
 from cam_rig.studies.bounce.branches import FOLD, Family, MotionNotFoundError
 from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC
-from cam_rig.studies.bounce.result import ABOVE
+from cam_rig.studies.bounce.result import START_ABOVE
 from cam_rig.studies.bounce.sweep import MASS, PRELOAD, OperatingPoint, Sweep
 from cam_rig.units import RPM
 
@@ -182,7 +182,7 @@ def test_rows_from_above_start_in_the_state_above(law, paper_rig):
         "restitution": 0.5,
         "turns": 20,
         "transient_turns": 20,
-        "start": ABOVE,
+        "start": START_ABOVE,
     }
     slow, fast = cam_rig.bounce_map(law, paper_rig, rpm=[400, 450], **how).rows
     end = StroboscopicMap(law, slow.point.parameters, 400 * RPM).run(40, fast.end).states[-1]

@@ -132,7 +132,7 @@ def test_contradicting_correlations_are_refused(study):
         for i, j, r in ((0, 1, 0.9), (1, 2, 0.9), (0, 2, -0.9))
     ]
     vary = {path: {"uniform": 1, "unit": "%"} for path in paths}
-    with pytest.raises(ConfigError, match="no numbers have these correlations"):
+    with pytest.raises(ConfigError, match="must be positive definite"):
         study(vary=vary, correlated=pairs).draws
 
 

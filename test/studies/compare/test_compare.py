@@ -75,7 +75,7 @@ def test_the_scene_needs_only_the_chosen_cam(make_loaded_scene):
     settings = {"model": "one_mass", "transient_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
-    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag contains" in refused.stderr
+    assert refused.exit_code == 2 and "must have the cam 'tm21' of the bag" in refused.stderr
     rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import TransferFunction, lsim
 
-from cam_rig.errors import BagError
+from cam_rig.errors import BagError, ConfigError
 from cam_rig.simulation.instruments import Signal
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import simulate, simulate_ticks
@@ -363,3 +363,12 @@ def test_lost_messages_are_left_out_and_the_others_agree(make_loaded_scene):
     assert rows[0].force.largest == 0.0
     # The follower is placed on the cam again after the loss, and settles within a turn.
     assert rows[1].turns < 7.0 and abs(rows[1].force.largest) < 1e-6 * rows[1].force.scale
+
+
+def test_a_cam_that_is_missing_in_the_scene_is_named(make_loaded_scene):
+    """The error lists the cams of the scene."""
+    other = make_loaded_scene(cams=["cycloidal"])
+    run = recorded(other)
+    scene = make_loaded_scene(cams=["poly345"])
+    with pytest.raises(ConfigError, match=r"must have the cam 'cycloidal' of the bag.*poly345"):
+        list(RecordedPairs(scene).steps(*run))

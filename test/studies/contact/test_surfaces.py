@@ -119,7 +119,7 @@ def test_a_tip_with_a_radius_above_the_concave_radius_is_refused():
 
     The message contains radius, limit and angle.
     """
-    with pytest.raises(ProfileError, match=r"tip_radius is 90 mm; allowed: less than .* mm at \d"):
+    with pytest.raises(ProfileError, match=r"tip_radius must be less than .* mm at \d.*got 90"):
         case_of("oscillating_point", base=20.0, tip_radius=(90.0, "mm"))
 
 

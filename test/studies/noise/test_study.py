@@ -136,7 +136,7 @@ def test_every_crossing_of_the_published_curves_has_a_counterpart(methods):
             assert abs((one - two)(pair.published_rpm)) < 1e-9
         speeds = sorted(pair.published_rpm for pair in method.pairs)
         assert speeds == pytest.approx([210.2, 334.8, 360.3], abs=0.05)
-        found = {pair.between: pair.found for pair in method.pairs}
+        found = {pair.between: pair.computed for pair in method.pairs}
         assert found["tm21", "bezier15"] == method.crossing
         assert found["poly345", "bezier15"].rpm is None  # here neither is louder below
         assert found["poly345", "bezier15"].missing > 0.5
