@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("hangup_enabled")
 PRELUDE = """
 import signal, sys, threading, time
 from contextlib import ExitStack, contextmanager
-from cam_rig.interrupts import Interrupted, handle_signals, interruptible, raised
+from cam_rig.interrupts import Interrupted, handle_signals, interruptible, raise_signals
 
 def send_signal(number=signal.SIGTERM):
     signal.raise_signal(number)
@@ -45,7 +45,7 @@ def run(script: str, folder: Path) -> tuple[int, list[str], str]:
 #: Frame of most scenes: prints the interrupt that its body raises.
 SCENE = """
 try:
-    with raised():
+    with raise_signals():
         {}
         print("never")
 except Interrupted as error:
@@ -62,7 +62,7 @@ def import_again():
     import slow
     print("imported", slow.done)
 try:
-    with raised():
+    with raise_signals():
         import slow
         print("never")
 except Interrupted:
@@ -79,7 +79,7 @@ except Interrupted:
     "the resource of an ExitStack is removed": (
         """
 try:
-    with raised(), ExitStack() as stack:
+    with raise_signals(), ExitStack() as stack:
         stack.enter_context(resource(enter=send_signal))
         print("never")
 except Interrupted:
@@ -148,7 +148,7 @@ class Lost:
     ),
     "a command that catches the interrupt ends with its exit code": (
         """
-with raised():
+with raise_signals():
     try:
         send_signal()
     except KeyboardInterrupt:
@@ -189,7 +189,7 @@ def test_a_library_that_never_returns_is_ended(tmp_path: Path) -> None:
 import ctypes, os
 lock, held = ctypes.CDLL(None).pthread_mutex_lock, ctypes.byref((ctypes.c_char * 64)())
 lock(held)
-with raised():
+with raise_signals():
     threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGTERM)).start()
     lock(held)
 """
@@ -226,7 +226,7 @@ for number in (signal.SIGHUP, signal.SIGINT):
 handle_signals()
 send_signal(signal.SIGHUP)
 print("on")
-with raised():
+with raise_signals():
     send_signal(signal.SIGINT)
 """
     code, printed, errors = run(script, tmp_path)

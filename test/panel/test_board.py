@@ -7,7 +7,6 @@ import shlex
 
 import numpy as np
 import pytest
-from cam_rig.schema.quantity_data import Quantity
 from shapely import Point, Polygon
 
 import cam_rig
@@ -16,6 +15,7 @@ from cam_rig.panel.board.board import MAX_RPM, Board
 from cam_rig.panel.board.drawable import evaluate_full, level
 from cam_rig.profile.read_dxf import read_dxf
 from cam_rig.schema.load import config_root
+from cam_rig.schema.quantity import Quantity
 
 from ..cli.conftest import done
 from .conftest import with_moved_ordinate

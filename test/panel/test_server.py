@@ -463,7 +463,7 @@ def test_a_design_that_fails_reports_the_reason(panel):
     (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
     with panel.page(BOARD) as page:
         assert design(panel, "frame")[0] == 202
-        assert "its follower is constant_breadth" in received(page, "design")["design"]["message"]
+        assert "got constant_breadth" in received(page, "design")["design"]["message"]
 
 
 @pytest.mark.long

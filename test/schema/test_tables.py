@@ -358,7 +358,7 @@ def test_wrong_jump_speeds_raise_an_error_of_one_line(read_jumps):
         ("1,2\n3,4\n", "must have a heading"),
         ("mass_kg,rpm\n1,-5\n", "line 2: the speed must be above 0"),
         ("mass_kg,rpm\n2,300\n1,x\n", "line 3: rpm is 'x'"),
-        ("rpm,drehzahl\n300,300\n", "are both columns of the"),
+        ("rpm,drehzahl\n300,300\n", "are both the speed; remove one"),
     ):
         message = catch_error(read_jumps, text)
         assert expected in message and "separator seen" in message

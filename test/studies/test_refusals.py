@@ -34,7 +34,7 @@ REFUSED = [
         2,
         "namespace cannot be combined with --topics",
     ),
-    (f"{COMPARE} --topics angle=/a", 2, "names angle; allowed: the angle and at least one"),
+    (f"{COMPARE} --topics angle=/a", 2, "must name the angle and at least one"),
     (f"{COMPARE} --cam tm12", 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
     (f"{COMPARE} --save a.txt", 2, "a.txt: unknown kind of recording; allowed: .rrd"),
     (f"{COMPARE} --plot a.txt", 2, "unknown kind of picture"),
