@@ -92,6 +92,6 @@ def test_a_command_without_a_loopback_interface_fails_with_the_remedy(command, t
     done = ended(*ISOLATED, *arguments, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("cam-rig: the loopback interface 127.0.0.1 is")
-    assert done.stderr.rstrip().endswith("so: ip link set lo up")
+    assert done.stderr.rstrip().endswith("start it with: ip link set lo up")
     assert done.stdout == ""
     assert list(tmp_path.iterdir()) == []
