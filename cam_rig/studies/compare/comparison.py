@@ -329,6 +329,8 @@ def turn_warnings(rows: Iterable[SpeedDeparture]) -> list[str]:
     ]
 
 
+#: Largest drift between two clocks, s/s. Quartz clocks differ by less than a fifth of it.
+MAX_CLOCK_DRIFT = 1e-3
 #: Largest ratio between measured and modelled lift range that causes no warning on cam or unit.
 MAX_RANGE_RATIO = 2.0
 
@@ -341,6 +343,12 @@ def warnings_of(pairs: MeasuredPairs) -> Iterator[str]:
         yield (
             f"The lift {reason}, so the cam angle is assumed to be the angle measured: "
             "set the offset with --offset."
+        )
+    if abs(pairs.alignment.drift) > MAX_CLOCK_DRIFT:
+        yield (
+            f"The lift turns {100 * abs(pairs.alignment.drift):.2g} % "
+            f"{'faster' if pairs.alignment.drift > 0.0 else 'slower'} than the angle, which is "
+            "more than two clocks differ: check the number of counts per turn."
         )
     if pairs.run.force is not None and pulls(pairs.run.force.value):
         yield (

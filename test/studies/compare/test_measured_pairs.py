@@ -74,7 +74,12 @@ def test_turns_that_differ_are_no_noise(scene):
     _, rows = compared(replace(run, angle=replace(run.angle, value=2.0 * run.angle.value)), loaded)
     assert rows and not any(row.agrees or row.lift.within for row in rows)
     assert "differ from each other by" in "".join(turn_warnings(rows))
-    assert not turn_warnings(compared(run, loaded)[1])
+    pairs, rows = compared(run, loaded)
+    assert not turn_warnings(rows) and "counts per turn" not in "".join(warnings_of(pairs))
+    pairs, _ = compared(
+        replace(run, angle=replace(run.angle, value=1.01 * run.angle.value)), loaded
+    )
+    assert "The lift turns 0.99 % slower than the angle" in "".join(warnings_of(pairs))
 
 
 def test_a_heavier_follower_differs_by_more_than_the_noise(scene):
