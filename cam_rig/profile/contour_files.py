@@ -127,7 +127,8 @@ def read_contour_table(path: Path, placement: Placement = UNPLACED) -> ContourFi
     notes += more
     discs = table.discs(headings)
     if is_polar:
-        angle_factor, more = table.angle_factor(headings[first])
+        table.require_no_minutes(headings, first)
+        angle_factor, more = table.angle_factor(headings[first], numbers[0].tolist())
         notes += more
         angle, radius = angle_factor * numbers[0], factor * numbers[1]
         order = table.order(angle, radius, discs)
@@ -201,12 +202,12 @@ class _ContourTable(CellTable):
             )
         return heading.factor, []
 
-    def angle_factor(self, heading: Heading) -> tuple[float, list[str]]:
+    def angle_factor(self, heading: Heading, angles: list[float]) -> tuple[float, list[str]]:
         """Return the factor of angles to the cam angle in rad, and notes."""
         factor, notes = heading.factor, []
         if factor is None:
-            factor = TURN / 360.0
-            notes.append(f"no unit of angle in {heading.text!r}: deg assumed")
+            factor, unit = self.guess_angle_unit(heading, angles)
+            notes.append(f"no unit of angle in {heading.text!r}: {unit} assumed")
         if heading.is_crank:
             factor *= 0.5
             notes.append(

@@ -14,6 +14,7 @@ from pathlib import Path
 from cam_rig.errors import ConfigError
 from cam_rig.files import MIB, read_bytes, shorten
 from cam_rig.schema.headings import Heading, parse_heading
+from cam_rig.units import TURN
 
 #: Separators of cells, and their names in messages.
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
@@ -24,6 +25,30 @@ GROUPED = re.compile(r"[-+−]?[1-9]\d{0,2}[.,]\d{3}")
 LARGE_INTEGER = re.compile(r"[-+−]?[1-9]\d+")
 #: Text of the number of an empty cell.
 NOTHING = "nan"
+#: Smallest range of angles without a unit that means rad: three quarters of a turn. A table of a
+#: smaller range could be in another unit.
+MIN_RANGE_RAD = 0.75 * TURN
+#: Largest range of angles without a unit that means rad: one turn, and a step of the readings.
+MAX_RANGE_RAD = 1.02 * TURN
+#: Largest range of angles without a unit that means deg: four turns, of cam or crank.
+MAX_RANGE_DEG = 1440.0
+#: Units of which one turn has the given number. A range near it does not mean deg.
+OTHER_UNITS_PER_TURN = {100.0: "percent", 400.0: "gon"}
+#: Relative tolerance of a range that is one turn in another unit. A table without its closing
+#: reading lacks one step, 0.5 % of 200 steps.
+OTHER_UNITS_RTOL = 0.005
+#: Words in the heading of an angle in turns, from 0 to 1.
+PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
+#: Smallest range of such an angle without a unit that means turns. A smaller range could be of
+#: another unit.
+MIN_PHASE_RANGE = 0.75
+#: Largest range of such an angle without a unit that means turns: one turn, and a step.
+MAX_PHASE_RANGE = 1.02
+#: Smallest range of such an angle without a unit that means deg. A smaller range could be of
+#: percent.
+MIN_PHASE_RANGE_DEG = 250.0
+#: Heading of minutes of arc in a column next to the degrees.
+MINUTES = re.compile(r"\W*(?:min|mins|minutes?|minuten|minutos?|minuti|arcmin|['′])\W*", re.I)
 #: Largest size of a file in bytes, more than a million characters of numbers.
 MAX_BYTES = 2 * MIB
 #: Largest number of lines of a heading: names, and units under them.
@@ -204,6 +229,39 @@ class CellTable:
                     f"the heading {shorten(headings[i].text)} is unclear, because "
                     f"{headings[i].unclear}; allowed: words of the quantity, and its unit"
                 )
+
+    def guess_angle_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
+        """Return factor (rad) and name of the unit that the range of angles indicates."""
+        span = max(angles) - min(angles)
+        is_phase = PHASE_WORDS.search(heading.text) is not None
+        if is_phase and MIN_PHASE_RANGE <= span <= MAX_PHASE_RANGE:
+            return TURN, "turn"
+        if MIN_RANGE_RAD <= span <= MAX_RANGE_RAD:
+            return 1.0, "rad"
+        other = [
+            name
+            for turn, name in OTHER_UNITS_PER_TURN.items()
+            if abs(span - turn) <= OTHER_UNITS_RTOL * turn
+        ]
+        if is_phase and MAX_RANGE_RAD < span < MIN_PHASE_RANGE_DEG:
+            other = other or ["percent" if span <= 100.0 else "a part of a turn in deg"]
+        if span < MIN_RANGE_RAD or span > MAX_RANGE_DEG or other:
+            could_be = f", which could be {other[0]}" if other else ""
+            raise self.error(
+                f"{shorten(heading.text)} has no unit of angle and goes from {min(angles):g} to "
+                f"{max(angles):g}{could_be}; allowed: the unit in the heading, such as deg, rad, "
+                "turn or %, or --counts"
+            )
+        return TURN / 360.0, "deg"
+
+    def require_no_minutes(self, headings: list[Heading], angle: int) -> None:
+        """Raise ConfigError if the column after the angle contains its minutes of arc."""
+        after = headings[angle + 1 : angle + 2]
+        if after and MINUTES.fullmatch(after[0].text):
+            raise self.error(
+                f"{shorten(after[0].text)} next to {shorten(headings[angle].text)} looks like "
+                "minutes of arc; allowed: the angle in one column, degrees + minutes / 60"
+            )
 
     def numbers(
         self, line: int, cells: list[str], headings: list[Heading], used: list[int]

@@ -6,7 +6,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -20,37 +20,22 @@ from cam_rig.show.tables import pluralize
 from cam_rig.units import TURN, FloatArray
 
 Shaft = Literal["cam", "crank"]
-#: Smallest range of angles without a unit that means rad: three quarters of a turn. A table of a
-#: smaller range could be in another unit.
-MIN_RANGE_RAD = 0.75 * TURN
-#: Largest range of angles without a unit that means rad: one turn, and a step of the readings.
-MAX_RANGE_RAD = 1.02 * TURN
-#: Largest range of angles without a unit that means deg: four turns, of cam or crank.
-MAX_RANGE_DEG = 1440.0
-#: Units of which one turn has the given number. A range near it does not mean deg.
-OTHER_UNITS_PER_TURN = {100.0: "percent", 400.0: "gon"}
-#: Relative tolerance of a range that is one turn in another unit. A table without its closing
-#: reading lacks one step, 0.5 % of 200 steps.
-OTHER_UNITS_RTOL = 0.005
-#: Words in the heading of an angle in turns, from 0 to 1.
-PHASE_WORDS = re.compile("phase|fase|cycle|zyklus|ciclo|takt", re.I)
-#: Smallest range of such an angle without a unit that means turns. A smaller range could be of
-#: another unit.
-MIN_PHASE_RANGE = 0.75
-#: Largest range of such an angle without a unit that means turns: one turn, and a step.
-MAX_PHASE_RANGE = 1.02
-#: Smallest range of such an angle without a unit that means deg. A smaller range could be of
-#: percent.
-MIN_PHASE_RANGE_DEG = 250.0
 #: Longest range without readings (rad) if the heading does not identify an angle. Line numbers,
 #: such as 1 to 120, leave a longer range.
 MAX_GAP_OF_ASSUMED_ANGLES = 0.25 * TURN
-#: Statement of the base radius or diameter in a line before the numbers.
-BASE_RADIUS = re.compile(
-    r"(?:base|grundkreis|primitiv\w*)[\s_-]*(?:circle|kreis)?[\s_-]*(?P<length>radius|diameter|radio|"
-    r"halbmesser|durchmesser)\W*(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-z\"]+)",
+#: Statement of a radius or diameter of the base circle or the roller in a line before the numbers.
+STATED_LENGTH = re.compile(
+    r"(?P<part>base|grundkreis|primitiv\w*|roller|rollen?|galet|rodillo|rullo)[\s_-]*"
+    r"(?:circle|kreis)?[\s_-]*"
+    r"(?P<length>radius|radio|rayon|raggio|halbmesser|diameter|diam|dia|durchmesser|diámetro|"
+    r"diametro|diamètre|ø)(?![^\W\d])(?:\W*[(\[](?P<bracket>[a-z\"]+)[)\]])?[^\w-]*"
+    r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[a-zµμ\"]*)",
     re.I,
 )
+#: Words of the roller in such a statement.
+ROLLER_WORDS = ("roll", "galet", "rodillo", "rullo")
+#: Beginnings of the words of a diameter in such a statement.
+DIAMETER_WORDS = ("dia", "diá", "durch", "ø")
 
 
 @dataclass(frozen=True)
@@ -94,7 +79,8 @@ class GaugeTable:
     """Contents of a file of readings: cam angles in rad, and columns of lifts.
 
     `lines` are the line numbers of the file. The notes are sentences about its interpretation.
-    `base_radius` is in m, None if the file does not state it.
+    `stated` contains the lengths in m that the file states: "base radius" and "roller radius", each
+    with the note on it.
     """
 
     file: str
@@ -102,7 +88,7 @@ class GaugeTable:
     columns: tuple[GaugeColumn, ...]
     lines: tuple[int, ...]
     notes: tuple[str, ...]
-    base_radius: float | None = None
+    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
 
 def read_gauge_table(path: Path, options: TableOptions | None = None) -> GaugeTable:
@@ -128,7 +114,9 @@ class _GaugeReader(CellTable):
         used = [angle, *lifts]
         is_assumed = headings[angle].quantity == "other"
         self.require_clear(headings, lifts if is_assumed else used)
+        self.require_no_minutes(headings, angle)
         body, skipped = self._body(used)
+        self._require_one_heading(headings, used)
         texts = [self.numbers(line, cells, headings, used) for line, cells in body]
         for (line, _), row in zip(body, texts, strict=True):
             if row[angle] == NOTHING:
@@ -143,14 +131,14 @@ class _GaugeReader(CellTable):
         columns = [self._column(headings[i], [row[i] for row in texts]) for i in lifts]
         notes = [self.describe_format(body, used), *notes, *unit_notes]
         notes += _notes_on_lifts([headings[i] for i in lifts], columns)
-        base_radius, stated = self._stated_base_radius(comments)
+        stated, ignored = self._stated_lengths(comments, headings[lifts[0]])
         return GaugeTable(
             file=self.file,
             angles=tuple(factor * value for value in angles),
             columns=tuple(columns),
             lines=tuple(line for line, _ in body),
-            notes=(*notes, *skipped, *stated),
-            base_radius=base_radius,
+            notes=(*notes, *skipped, *ignored),
+            stated=stated,
         )
 
     def _body(self, used: list[int]) -> tuple[list[tuple[int, list[str]]], list[str]]:
@@ -167,6 +155,21 @@ class _GaugeReader(CellTable):
         first = shorten(" ".join(dict(rows)[text[0]]))
         more = f" and {len(text) - 1} more" if len(text) > 1 else ""
         return body, [f"line {text[0]}{more} without a number skipped: {first}"]
+
+    def _require_one_heading(self, headings: list[Heading], used: list[int]) -> None:
+        """Raise ConfigError for a second heading whose columns have another meaning."""
+        for line, cells in self.rows[self.first :]:
+            if len(cells) != len(headings) or count_numbers(cells):
+                continue
+            for i in used:
+                other, first = parse_heading(cells[i]), headings[i]
+                is_unit = other.factor is not None and not other.unclear
+                if is_unit and (other.quantity, other.factor) != (first.quantity, first.factor):
+                    raise self.error(
+                        f"line {line}: a second heading with another unit or quantity, "
+                        f"{shorten(cells[i])} below {shorten(first.text)}; allowed: one table in "
+                        "a file, so put the other into its own file"
+                    )
 
     def _assign(
         self, headings: list[Heading], options: TableOptions
@@ -247,7 +250,7 @@ class _GaugeReader(CellTable):
                 )
             factor = TURN / options.counts
         elif factor is None:
-            factor, unit = self._guess_unit(heading, angles)
+            factor, unit = self.guess_angle_unit(heading, angles)
             notes.append(f"no unit of angle in {heading.text!r}: {unit} assumed")
         if options.shaft == "cam" and heading.is_crank:
             notes.append(f"{heading.text!r} taken as the angle of the cam, as requested")
@@ -277,48 +280,31 @@ class _GaugeReader(CellTable):
                 "readings; allowed: a heading such as angle_deg, or --counts if it counts steps"
             )
 
-    def _guess_unit(self, heading: Heading, angles: list[float]) -> tuple[float, str]:
-        """Return factor (rad) and name of the unit that the range of angles indicates."""
-        span = max(angles) - min(angles)
-        is_phase = PHASE_WORDS.search(heading.text) is not None
-        if is_phase and MIN_PHASE_RANGE <= span <= MAX_PHASE_RANGE:
-            return TURN, "turn"
-        if MIN_RANGE_RAD <= span <= MAX_RANGE_RAD:
-            return 1.0, "rad"
-        other = [
-            name
-            for turn, name in OTHER_UNITS_PER_TURN.items()
-            if abs(span - turn) <= OTHER_UNITS_RTOL * turn
-        ]
-        if is_phase and MAX_RANGE_RAD < span < MIN_PHASE_RANGE_DEG:
-            other = other or ["percent" if span <= 100.0 else "a part of a turn in deg"]
-        if span < MIN_RANGE_RAD or span > MAX_RANGE_DEG or other:
-            could_be = f", which could be {other[0]}" if other else ""
-            raise self.error(
-                f"{shorten(heading.text)} has no unit of angle and goes from {min(angles):g} to "
-                f"{max(angles):g}{could_be}; allowed: the unit in the heading, such as deg, rad, "
-                "turn or %, or --counts"
-            )
-        return TURN / 360.0, "deg"
+    def _stated_lengths(
+        self, comments: list[tuple[int, str]], lift: Heading
+    ) -> tuple[dict[str, tuple[float, str]], list[str]]:
+        """Return the radii (m) from lines before the numbers, and notes on ignored statements.
 
-    def _stated_base_radius(
-        self, comments: list[tuple[int, str]]
-    ) -> tuple[float | None, list[str]]:
-        """Return the base radius (m) from a line before the numbers, and a note.
-
-        It is None, without a note, if the lines do not state it.
+        A number without a unit is in the unit of the lifts.
         """
         title = [(line, " ".join(cells)) for line, cells in self.rows[: self.first]]
+        stated, ignored = dict[str, tuple[float, str]](), list[str]()
         for line, text in sorted([*title, *comments]):
-            match = BASE_RADIUS.search(text)
-            if match is None:
-                continue
-            unit = parse_heading(f"radius [{match['unit']}]").factor
-            if unit is not None:
-                half = 0.5 if match["length"].lower() in ("diameter", "durchmesser") else 1.0
-                radius = half * unit * float(match["number"].replace(",", "."))
-                return radius, [f"base radius {radius * 1e3:.6g} mm, stated in line {line}"]
-        return None, []
+            for match in STATED_LENGTH.finditer(text):
+                part = "roller" if match["part"].lower().startswith(ROLLER_WORDS) else "base"
+                unit, note = match["unit"] or match["bracket"] or "", f"stated in line {line}"
+                factor = parse_heading(f"radius [{unit}]").factor
+                if factor is None and unit:
+                    ignored.append(f"line {line} not used: {unit!r} is no unit of length")
+                    continue
+                if factor is None:
+                    factor = 1e-3 if lift.factor is None else lift.factor
+                    note += " without a unit: that of the lifts assumed"
+                half = 0.5 if match["length"].lower().startswith(DIAMETER_WORDS) else 1.0
+                radius = half * factor * float(match["number"].replace(",", "."))
+                name = f"{part} radius"
+                stated.setdefault(name, (radius, f"{name} {radius * 1e3:.6g} mm, {note}"))
+        return stated, ignored
 
 
 def widest_gap(angles: FloatArray) -> tuple[float, float]:

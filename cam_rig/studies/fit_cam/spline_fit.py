@@ -80,6 +80,8 @@ class SplineFit(Result):
         Assumptions in the written cam file that no reading supports.
     base_radius
         Base radius in m from an option or from the table, otherwise None.
+    roller_radius
+        Radius of the roller in m from an option or from the table, otherwise None.
     valve_train
         Valve train of the valve events.
     """
@@ -147,6 +149,7 @@ class SplineFit(Result):
     notes: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
     base_radius: float | None = None
+    roller_radius: float | None = None
     valve_train: ValveTrain = field(default_factory=ValveTrain)
 
     @property

@@ -78,18 +78,28 @@ class FitRequest:
             order_readings(table, column, self.reverse, self.mirror) for table, column in selected
         ]
         notes = self._notes(tables, readings)
-        stated = [table.base_radius for table in tables if table.base_radius is not None]
-        base_radius = stated[0] if self.base_radius is None and stated else self.base_radius
+        base_radius, base_notes = _given_or_stated(tables, "base radius", self.base_radius)
+        roller_radius, roller_notes = _given_or_stated(
+            tables,
+            "roller radius",
+            self.roller_radius,
+            not self.followers or "roller" in self.followers,
+        )
+        notes += [*base_notes, *roller_notes]
         is_radius = base_radius is None and selected[0][1].is_radius
         if self.shape == "arcs":
-            arcs = self._fit_arcs(readings, base_radius, is_radius)
+            arcs = self._fit_arcs(readings, base_radius, roller_radius, is_radius)
             return replace(arcs, notes=tuple(notes))
         spline = fit_spline(readings[0], self.tolerance)
         if is_radius:
             base_radius = spline.zero
             notes.append(f"base radius {base_radius * 1e3:.6g} mm, the smallest of the radii")
         return replace(
-            spline, notes=tuple(notes), base_radius=base_radius, valve_train=self.valve_train
+            spline,
+            notes=tuple(notes),
+            base_radius=base_radius,
+            roller_radius=roller_radius,
+            valve_train=self.valve_train,
         )
 
     def files(self, fit: SplineFit | ArcsFit, name: str) -> CamFiles:
@@ -104,7 +114,7 @@ class FitRequest:
             fitted = [column.kind for column in fit.fitted_columns]
             first = next(follower for follower in FOLLOWER_ORDER if follower in fitted)
             return arcs_cam(name, fit, kind or first)
-        return spline_cam(name, fit, kind or "roller", fit.base_radius, self.roller_radius)
+        return spline_cam(name, fit, kind or "roller", fit.base_radius, fit.roller_radius)
 
     def _require_compatible(self, file_count: int) -> None:
         """Raise ConfigError for arguments that apply only to the other shape."""
@@ -160,19 +170,23 @@ class FitRequest:
         return notes
 
     def _fit_arcs(
-        self, readings: list[Readings], base_radius: float | None, is_radius: bool
+        self,
+        readings: list[Readings],
+        base_radius: float | None,
+        roller_radius: float | None,
+        is_radius: bool,
     ) -> ArcsFit:
         """Return the fit of arcs. The zero of readings that are radii is the base radius."""
         columns = tuple(subtract_zero(column) for column in readings)
         if is_radius:
             base_radius = columns[0].zero
         lift = max(float(column.lifts.max()) for column in columns)
-        roller = 0.5 * lift if self.roller_radius is None else self.roller_radius
+        roller = 0.5 * lift if roller_radius is None else roller_radius
         if "point" in self.followers:
             roller = 0.0
-        given: GivenRadii = None if self.roller_radius is None else "roller"
+        given: GivenRadii = None if roller_radius is None else "roller"
         if base_radius is not None:  # without a roller, it is the only unknown radius
-            given = "base" if self.roller_radius is None and roller else "both"
+            given = "base" if roller_radius is None and roller else "both"
         base = 3.0 * lift if base_radius is None else base_radius
         return fit_arcs(columns, self._flats(len(columns)), roller, base, given, self.flank)
 
@@ -189,6 +203,18 @@ class FitRequest:
                 f"each of {column_count} columns of lifts"
             )
         return (None,) * column_count
+
+
+def _given_or_stated(
+    tables: list[GaugeTable], name: str, given: float | None, is_used: bool = True
+) -> tuple[float | None, list[str]]:
+    """Return the given length (m), or that stated in the first such table, and notes on it."""
+    stated = [(table.file, *table.stated[name]) for table in tables if name in table.stated]
+    if given is None and is_used and stated:
+        file, length, note = stated[0]
+        return length, [f"{file}: {note}"]
+    reason = "another is given" if given is not None else "the follower is no roller"
+    return given, [f"{file}: {note}, not used: {reason}" for file, _, note in stated]
 
 
 class FitOptions(TypedDict, total=False):
