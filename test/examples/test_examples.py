@@ -22,7 +22,7 @@ LEFT = {
     "fit_cam.py": ("farthest from the truth", {"fit_cam.png", "lifts.csv"}),
     "jump_speed.py": ("rpm", {"jump_speed.png"}),
     "own_law.py": ("checks that fail: none", {"own_cam.png", "own_law.png"}),
-    "own_rig.py": ("follower.preload: is -5 N; allowed: ", {"bench.yaml", "default_rig.png"}),
+    "own_rig.py": ("follower.preload: is -5 N; allowed: ", {"bench.yaml", "own_rig.png"}),
     "read_bag.py": ("complete: True", {"read_bag.png"}),
     "simulated_bench.py": ("out/bench: /encoder, /lvdt, /cell", {"bench"}),
     "sweep.py": ("contact is lost from", {"sweep.png"}),
