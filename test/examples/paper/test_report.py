@@ -49,7 +49,7 @@ def fewer(monkeypatch):
     monkeypatch.setattr(flywheel, "INERTIAS", (flywheel.SHOWN, flywheel.INERTIAS[-1]))
     monkeypatch.setattr(sections, "BOUNCE_SPEEDS", 11)
     monkeypatch.setattr(readings, "SPEEDS", 32)
-    monkeypatch.setattr(readings, "POINTS", 640)
+    monkeypatch.setattr(readings, "TURN_SAMPLES", 640)
     monkeypatch.setattr(factorial, "EVENTS", (105.0, 135.0))
     monkeypatch.setattr(factorial, "GENTLE", (110.0, 130.0))
     monkeypatch.setattr(report, "ProcessPoolExecutor", Here)
